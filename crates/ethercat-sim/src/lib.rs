@@ -1,0 +1,4 @@
+//! EtherCAT SubDevices and segments simulated at frame level.
+#![forbid(unsafe_code)]
+
+pub mod pdi;

@@ -1,0 +1,50 @@
+//! The line between the simulated ESC (hardware) and the application that runs behind it (firmware).
+//!
+//! Everything that a SubDevice's firmware does passes through a [`Pdi`], as on the real chip: the built-in
+//! applications ([`Application`]) as well as a foreign one in another process.
+
+use omnibase_ethercat_wire::HostTime;
+
+/// The AL event request word (register 0x0220), which the ESC returns with every PDI access.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AlEvent(pub u32);
+
+/// The process-data interface: the firmware's view of the ESC's 64 KiB of registers and memory.
+///
+/// Reads and writes have the chip's side effects: reading AL control clears its event, reading the last byte of
+/// a written mailbox empties it, writing the last byte of a read mailbox fills it, buffers swap, and so on.
+/// Addresses that are not writable from this side are left alone.
+pub trait Pdi {
+    /// Reads `data.len()` bytes from `address`; returns the AL event word.
+    fn read(&mut self, address: u16, data: &mut [u8]) -> AlEvent;
+    /// Writes `data` to `address`; returns the AL event word.
+    fn write(&mut self, address: u16, data: &[u8]) -> AlEvent;
+}
+
+/// Firmware that runs in the simulation.
+///
+/// The segment calls [`Application::run`] when the AL event word became non-zero, when SYNC0 or SYNC1 fired, and
+/// at the instant that the last call asked for. Same calls, same bits: no clock, no randomness of its own.
+pub trait Application: Send {
+    /// The device got power: forget everything.
+    fn power_on(&mut self, pdi: &mut dyn Pdi, now: HostTime);
+
+    /// Does what is due at `now`; returns when it wants to run again even if nothing happens (`None`: never).
+    fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime>;
+
+    /// A fault that only firmware can have; unknown ones are ignored and `false` comes back.
+    fn inject(&mut self, fault: &ApplicationFault, now: HostTime) -> bool;
+}
+
+/// Faults of the application behind the ESC.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ApplicationFault {
+    /// Report this AL status code and fall back to SAFE-OP (or below).
+    AlError(u16),
+    /// A drive fault with this error code (object 0x603F) and an emergency.
+    DriveFault(u16),
+    /// Mailbox requests stay unanswered while `true`.
+    MailboxSilence(bool),
+    /// The firmware does nothing at all while `true`.
+    Frozen(bool),
+}

@@ -1,0 +1,59 @@
+//! The link to the segment: two functions.
+
+use crate::time::HostTime;
+
+/// The link itself is gone. A frame that doesn't come back isn't an error of the link.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LinkError {
+    /// The interface is down or its cable is out.
+    #[error("the link is down")]
+    Down,
+    /// The operating system refused; `code` is its error number.
+    #[error("{operation} failed with operating system error {code}")]
+    System {
+        /// What was tried.
+        operation: &'static str,
+        /// `errno`.
+        code: i32,
+    },
+    /// The frame is longer than Ethernet carries.
+    #[error("frame of {found} bytes is longer than {limit}")]
+    FrameTooLong {
+        /// The largest frame.
+        limit: usize,
+        /// The frame's length.
+        found: usize,
+    },
+}
+
+/// Sends and receives whole Ethernet frames, without the checksum.
+///
+/// Recording, fault injection and replay are wrappers of a link.
+pub trait Link {
+    /// Hands one frame over; doesn't wait for the answer.
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError>;
+
+    /// The next frame that arrived, copied into `buffer` (at least [`crate::frame::MAX_FRAME`] bytes); its length.
+    ///
+    /// Waits until `deadline`, then gives `None`; a deadline in the past looks once and doesn't wait. Frames
+    /// come in the order of their arrival, foreign ones included: matching is the caller's work.
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError>;
+}
+
+impl<L: Link + ?Sized> Link for &mut L {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        (**self).send(frame)
+    }
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        (**self).receive(buffer, deadline)
+    }
+}
+
+impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        (**self).send(frame)
+    }
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        (**self).receive(buffer, deadline)
+    }
+}
