@@ -65,6 +65,9 @@ pub const FLAG_MAILBOX_DLL: u8 = 1 << 2;
 /// [`General::flags`]: identification by AL status code.
 pub const FLAG_IDENT_AL_STATUS: u8 = 1 << 3;
 
+/// [`SyncManager::enable`]: the SyncManager is to be enabled.
+pub const SM_ENABLE: u8 = 1 << 0;
+
 /// Who made the device, which one, which revision, which piece.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Identity {
@@ -133,26 +136,38 @@ pub struct General {
     pub order: u8,
     /// String index of the name.
     pub name: u8,
+    /// Reserved.
+    pub reserved: u8,
     /// Bits `COE_*`.
     pub coe_details: u8,
     /// FoE is there.
     pub foe_details: u8,
     /// EoE is there.
     pub eoe_details: u8,
+    /// SoE channels, reserved by now.
+    pub soe_channels: u8,
+    /// DS402 channels, reserved by now.
+    pub ds402_channels: u8,
+    /// Sysman class, reserved by now.
+    pub sysman_class: u8,
     /// Bits `FLAG_*`.
     pub flags: u8,
     /// Current drawn from the EBUS, mA; negative feeds.
     pub ebus_current_ma: i16,
-    /// Two bits... as the standard packs them: four bits per port, port 0 lowest: 0 none, 1 MII, 3 EBUS.
+    /// Group index once more (ETG.2010 pads here).
+    pub group_again: u16,
+    /// Four bits per port, port 0 lowest: 0 none, 1 MII, 2 reserved, 3 EBUS, 4 fast hot connect.
     pub physical_ports: u16,
     /// Register address at which the device shows its identification (0 none).
     pub identification_address: u16,
+    /// What follows, reserved (twelve bytes in the standard's layout).
+    pub rest: Vec<u8>,
 }
 
 /// What an FMMU is for (category 40).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FmmuUsage {
-    /// Not used.
+    /// Not used (0; 0xFF, which pads odd counts, is `Other`).
     Unused,
     /// Outputs.
     Outputs,
@@ -292,6 +307,44 @@ pub struct Image {
     pub other: Vec<OtherCategory>,
 }
 
+impl Default for Header {
+    /// Zeros, layout version 1, an EEPROM of 2 KiB.
+    fn default() -> Self {
+        Header {
+            pdi_control: 0,
+            pdi_configuration: 0,
+            sync_pulse_length: 0,
+            pdi_configuration_2: 0,
+            alias: 0,
+            checksum: 0,
+            identity: Identity::default(),
+            bootstrap_mailbox: MailboxArea::default(),
+            mailbox: MailboxArea::default(),
+            mailbox_protocols: 0,
+            size_kibit_less_one: 15,
+            version: 1,
+            raw: [0; HEADER],
+        }
+    }
+}
+
+impl Default for Image {
+    /// A default header and nothing else.
+    fn default() -> Self {
+        Image {
+            header: Header::default(),
+            strings: Vec::new(),
+            general: None,
+            fmmus: Vec::new(),
+            sync_managers: Vec::new(),
+            tx_pdos: Vec::new(),
+            rx_pdos: Vec::new(),
+            dc_modes: Vec::new(),
+            other: Vec::new(),
+        }
+    }
+}
+
 impl Image {
     /// The string of a standard's index as text, bad bytes replaced; `None` for index 0 or one that isn't there.
     pub fn string(&self, index: u8) -> Option<String> {
@@ -334,3 +387,6 @@ pub fn checksum(first_words: &[u8; 14]) -> u8 {
         (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 != 0 { (crc << 1) ^ 0x07 } else { crc << 1 })
     })
 }
+
+#[cfg(test)]
+mod tests;
