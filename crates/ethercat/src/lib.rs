@@ -1,2 +1,25 @@
-//! Under construction.
+//! An EtherCAT MainDevice without an operating system in it.
+//!
+//! Set-up and cyclic exchange are different types: [`SubDevice`]s are found, configured and brought to PRE-OP by
+//! code that may allocate and wait; what runs in the cycle does neither.
+//!
+//! - [`procedure`]: how a protocol that takes several datagrams is written without a link or a clock in it.
+//! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it.
+//! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
+//! - [`fmmu`]: one FMMU's registers.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), no_std)]
+extern crate alloc;
+
+pub mod config;
+pub mod fmmu;
+pub mod procedure;
+pub mod start_up;
+pub mod subdevice;
+
+pub use omnibase_ethercat_wire as wire;
+
+pub use config::{DcConfig, Match, SubDeviceConfig};
+pub use procedure::{Answer, Next, Procedure, Request};
+pub use start_up::{StartUpList, StartUpStep};
+pub use subdevice::SubDevice;

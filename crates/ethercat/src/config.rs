@@ -1,0 +1,144 @@
+//! What the user asks of each SubDevice; the default cycles any SubDevice as its SII describes it.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use crate::start_up::SdoWrite;
+use crate::subdevice::{Direction, MailboxConfig};
+use crate::wire::coe::ObjectAddress;
+
+/// Which SubDevice a configuration is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Match {
+    /// The one at this position, from 0.
+    Position(u16),
+    /// The one with this alias.
+    Alias(u16),
+}
+
+/// Who must be there. What is `None` isn't compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExpectedIdentity {
+    /// Vendor.
+    pub vendor_id: Option<u32>,
+    /// Product code.
+    pub product_code: Option<u32>,
+    /// Revision.
+    pub revision: Option<u32>,
+    /// Serial number.
+    pub serial: Option<u32>,
+}
+
+/// One PDO to be written, entry by entry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PdoConfig {
+    /// 0x16xx (outputs) or 0x1Axx (inputs).
+    pub index: u16,
+    /// Objects and their lengths in bits, in order; index 0 is a gap. `None` keeps what the device has.
+    pub entries: Option<Vec<(ObjectAddress, u8)>>,
+}
+
+/// What one SyncManager shall carry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SyncManagerPdos {
+    /// Which SyncManager.
+    pub sync_manager: u8,
+    /// Its direction.
+    pub direction: Direction,
+    /// PDOs assigned to it, in order.
+    pub pdos: Vec<PdoConfig>,
+    /// Where it was asked, in the user's words; given back in errors.
+    pub origin: Option<String>,
+}
+
+/// Synchronisation by distributed clocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DcConfig {
+    /// No SYNC events; the clock runs all the same.
+    #[default]
+    Off,
+    /// SYNC0.
+    Sync0 {
+        /// Period, ns.
+        cycle_ns: u32,
+        /// Shift against multiples of the cycle, ns.
+        shift_ns: i32,
+    },
+    /// SYNC0 and SYNC1.
+    Sync0And1 {
+        /// Period of SYNC0, ns.
+        cycle_ns: u32,
+        /// Shift of SYNC0 against multiples of the cycle, ns.
+        shift_ns: i32,
+        /// Register 0x09A4: delay of SYNC1 after SYNC0 where below the cycle, ns.
+        sync1_cycle_ns: u32,
+    },
+}
+
+/// How the application is synchronised: objects 0x1C32 and 0x1C33, subindex 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SyncMode {
+    /// 0.
+    FreeRun,
+    /// 1 for outputs; 0x22 for inputs where there are outputs, else 1.
+    SyncManagerEvent,
+    /// 2.
+    Sync0,
+}
+
+/// Watchdogs; what is `None` stays as the device has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WatchdogConfig {
+    /// Register 0x0400: units of 40 ns, less 2.
+    pub divider: Option<u16>,
+    /// Register 0x0410: multiples of the divided clock; 0 switches off.
+    pub pdi: Option<u16>,
+    /// Register 0x0420: multiples of the divided clock; 0 switches off.
+    pub process_data: Option<u16>,
+}
+
+/// Everything that the user asks of one SubDevice.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SubDeviceConfig {
+    /// A name of the user's, for messages.
+    pub name: Option<String>,
+    /// Which SubDevice; `None` takes the place in the list as position.
+    pub place: Option<Match>,
+    /// Who must be there.
+    pub identity: ExpectedIdentity,
+    /// SDOs sent in PRE-OP before the mapping, in order.
+    pub sdos: Vec<SdoWrite>,
+    /// PDO map; empty keeps what the device has.
+    pub pdos: Vec<SyncManagerPdos>,
+    /// Synchronisation by clocks.
+    pub dc: DcConfig,
+    /// Written to 0x1C32 and 0x1C33 where given.
+    pub sync_mode: Option<SyncMode>,
+    /// Write 0x0980 (SYNC unit under the control of the MainDevice); some drives refuse it.
+    pub cyclic_control: CyclicControl,
+    /// Watchdogs.
+    pub watchdogs: WatchdogConfig,
+    /// Whether LRW may touch it; `None` decides from register 0x0008 and the SII.
+    pub lrw: Option<LrwPermission>,
+    /// Mailboxes in place of the SII's.
+    pub mailbox: Option<MailboxConfig>,
+}
+
+/// Whether register 0x0980 is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CyclicControl {
+    /// Written; a refusal is tolerated.
+    #[default]
+    Write,
+    /// Left alone.
+    Leave,
+}
+
+/// Whether LRW datagrams may touch a SubDevice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LrwPermission {
+    /// They may.
+    Allowed,
+    /// They may not: LRD and LWR only.
+    Barred,
+}

@@ -1,0 +1,88 @@
+//! Everything that takes one SubDevice from INIT to OP, as data.
+//!
+//! The first bring-up and a later recovery of one SubDevice run the same list.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::time::Duration;
+
+use crate::wire::AlState;
+use crate::wire::coe::ObjectAddress;
+
+/// Whether a SubDevice may refuse a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// It is an error.
+    IsError,
+    /// It is taken as an answer: some devices bar this register.
+    IsTolerated,
+}
+
+/// Whether what was written is read back and compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadBack {
+    /// Read and compared; a difference is an error.
+    Compare,
+    /// Not read (write-only objects, commands).
+    Skip,
+}
+
+/// One SDO to be written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SdoWrite {
+    /// The object.
+    pub object: ObjectAddress,
+    /// Its value, little endian.
+    pub data: Vec<u8>,
+    /// The whole object from this subindex in one transfer.
+    pub access: SdoAccess,
+    /// Whether to compare afterwards.
+    pub read_back: ReadBack,
+    /// Where it was asked, in the user's words ("robot.toml line 12"); given back in errors.
+    pub origin: Option<String>,
+}
+
+/// One entry, or the whole object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SdoAccess {
+    /// One subindex.
+    Entry,
+    /// Complete access.
+    Complete,
+}
+
+/// One step of a SubDevice's start-up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StartUpStep {
+    /// Write registers and check the working counter.
+    Registers {
+        /// First register.
+        register: u16,
+        /// Bytes.
+        data: Vec<u8>,
+        /// What it programs, for messages.
+        what: &'static str,
+        /// Whether it may be refused.
+        refusal: Refusal,
+    },
+    /// Write the offset (0x0920) that makes the local clock show the segment's time, as measured at the moment.
+    ClockOffset,
+    /// Write one SDO.
+    Sdo(SdoWrite),
+    /// Arm SYNC0 (and SYNC1) as the configuration says; the clock must be locked and process data must flow.
+    ArmSync,
+    /// Ask for a state and wait for it.
+    State {
+        /// The state.
+        state: AlState,
+        /// The longest wait.
+        timeout: Duration,
+    },
+}
+
+/// The steps in their order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StartUpList {
+    /// The steps.
+    pub steps: Vec<StartUpStep>,
+}

@@ -1,0 +1,290 @@
+//! What is known about one SubDevice.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use crate::config::SubDeviceConfig;
+use crate::fmmu::Fmmu;
+use crate::start_up::StartUpList;
+use crate::wire::coe::ObjectAddress;
+use crate::wire::register;
+use crate::wire::sii::{self, Identity, SyncManagerUsage};
+
+/// What registers 0x0000 to 0x0009 say about the SubDevice controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Esc {
+    /// Type (0x0000).
+    pub kind: u8,
+    /// Revision (0x0001).
+    pub revision: u8,
+    /// Build (0x0002).
+    pub build: u16,
+    /// FMMUs that exist; none above is ever used.
+    pub fmmu_count: u8,
+    /// SyncManagers that exist; none above is ever used.
+    pub sync_manager_count: u8,
+    /// Process-data memory, KiB.
+    pub ram_kib: u8,
+    /// Two bits per port: 0 not there, 1 not configured, 2 EBUS, 3 MII.
+    pub port_descriptor: u8,
+    /// Feature bits, `register::FEATURE_*`.
+    pub features: u16,
+}
+
+impl Esc {
+    /// Reads the ten bytes from register 0x0000; `None` where there are fewer.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let &[kind, revision, build_low, build_high, fmmus, sync_managers, ram, ports, low, high, ..] = bytes
+        else {
+            return None;
+        };
+        Some(Esc {
+            kind,
+            revision,
+            build: u16::from_le_bytes([build_low, build_high]),
+            fmmu_count: fmmus.min(16),
+            sync_manager_count: sync_managers.min(16),
+            ram_kib: ram,
+            port_descriptor: ports,
+            features: u16::from_le_bytes([low, high]),
+        })
+    }
+
+    /// Whether the feature bits of `mask` are all set.
+    pub fn has(&self, mask: u16) -> bool {
+        self.features & mask == mask
+    }
+
+    /// Whether FMMUs can start and end within a byte.
+    pub fn maps_bits(&self) -> bool {
+        !self.has(register::FEATURE_FMMU_BYTEWISE)
+    }
+}
+
+/// What a port is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PortKind {
+    /// Not there.
+    #[default]
+    None,
+    /// There, not configured.
+    Unconfigured,
+    /// EBUS.
+    Ebus,
+    /// MII, RGMII or RMII: an Ethernet connector.
+    Mii,
+}
+
+/// One of the four ports, as registers 0x0007 and 0x0110 show it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Port {
+    /// What it is made of.
+    pub kind: PortKind,
+    /// A physical link is there.
+    pub link: bool,
+    /// Frames leave and arrive here (the loop is open and a partner answers).
+    pub communicates: bool,
+}
+
+/// Where a SubDevice hangs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parent {
+    /// Position of the SubDevice before it in the tree.
+    pub position: u16,
+    /// The parent's port.
+    pub port: u8,
+}
+
+/// A stretch of a SubDevice's memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryArea {
+    /// Address of the first byte.
+    pub start: u16,
+    /// Bytes.
+    pub length: u16,
+}
+
+/// Both mailboxes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MailboxConfig {
+    /// From the MainDevice to the SubDevice (SM0).
+    pub write: MemoryArea,
+    /// From the SubDevice to the MainDevice (SM1).
+    pub read: MemoryArea,
+    /// Protocols, bits `sii::PROTOCOL_*`.
+    pub protocols: u16,
+}
+
+impl MailboxConfig {
+    /// Whether the SubDevice speaks CoE.
+    pub fn speaks_coe(&self) -> bool {
+        self.protocols & sii::PROTOCOL_COE != 0
+    }
+}
+
+/// The way that process data go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Direction {
+    /// From the MainDevice.
+    Outputs,
+    /// To the MainDevice.
+    Inputs,
+}
+
+/// One object (or a gap) in a PDO.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MappedObject {
+    /// The object; index 0 is a gap.
+    pub object: ObjectAddress,
+    /// Its length in the process data, bits.
+    pub bit_length: u8,
+    /// CoE data type, where the SII gives one.
+    pub data_type: Option<u8>,
+    /// Its name, where the SII gives one.
+    pub name: Option<String>,
+}
+
+/// One PDO as it is mapped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MappedPdo {
+    /// 0x16xx (outputs) or 0x1Axx (inputs).
+    pub index: u16,
+    /// Its name, where the SII gives one.
+    pub name: Option<String>,
+    /// What it maps, in order.
+    pub entries: Vec<MappedObject>,
+}
+
+impl MappedPdo {
+    /// Sum of the entries' lengths, bits.
+    pub fn bit_length(&self) -> u32 {
+        self.entries.iter().map(|entry| u32::from(entry.bit_length)).sum()
+    }
+}
+
+/// A place in the logical address space (32-bit byte address), to the bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LogicalBits {
+    /// Byte address of the first bit.
+    pub address: u32,
+    /// First bit in that byte, 0 to 7.
+    pub start_bit: u8,
+    /// Bits.
+    pub bit_length: u32,
+}
+
+/// A SyncManager as it is programmed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SyncManager {
+    /// Which one.
+    pub index: u8,
+    /// Its memory; a length of 0 leaves it switched off.
+    pub area: MemoryArea,
+    /// Control byte (0x0804 + 8n).
+    pub control: u8,
+    /// Switched on.
+    pub enabled: bool,
+    /// What it is for.
+    pub usage: SyncManagerUsage,
+    /// PDOs assigned to it, in order; empty for mailboxes.
+    pub pdos: Vec<MappedPdo>,
+    /// Its process data in the logical address space; `None` for mailboxes, for a length of 0, and before the
+    /// process image is planned.
+    pub logical: Option<LogicalBits>,
+}
+
+impl SyncManager {
+    /// The way of its process data; `None` for mailboxes and unused ones.
+    pub fn direction(&self) -> Option<Direction> {
+        match self.usage {
+            SyncManagerUsage::Outputs => Some(Direction::Outputs),
+            SyncManagerUsage::Inputs => Some(Direction::Inputs),
+            _ => None,
+        }
+    }
+
+    /// Bits of process data mapped to it.
+    pub fn bit_length(&self) -> u32 {
+        self.pdos.iter().map(MappedPdo::bit_length).sum()
+    }
+
+    /// Its eight registers from 0x0800 + 8n.
+    pub fn registers(&self) -> [u8; 8] {
+        let [start_low, start_high] = self.area.start.to_le_bytes();
+        let [length_low, length_high] = self.area.length.to_le_bytes();
+        [start_low, start_high, length_low, length_high, self.control, 0, u8::from(self.enabled), 0]
+    }
+}
+
+/// A SubDevice's distributed clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcClock {
+    /// Bits of its system time.
+    pub width: DcWidth,
+    /// Propagation delay from the reference clock (0x0928), ns.
+    pub delay_ns: u32,
+    /// System time minus local time (0x0920), ns, wrapping.
+    pub offset_ns: u64,
+}
+
+/// Width of a distributed clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DcWidth {
+    /// 32 bits: wraps every 4.29 s.
+    Bits32,
+    /// 64 bits.
+    Bits64,
+}
+
+/// One SubDevice: what was found, what was asked, and what was made of it.
+#[derive(Clone, Debug)]
+pub struct SubDevice {
+    /// Place in the order in which frames pass, from 0.
+    pub position: u16,
+    /// Station address that the MainDevice gave it.
+    pub station_address: u16,
+    /// Alias (0x0012); 0 in the device is `None` here.
+    pub alias: Option<u16>,
+    /// Vendor, product, revision, serial from the SII.
+    pub identity: Identity,
+    /// Name from the SII; empty where it has none.
+    pub name: String,
+    /// Its controller.
+    pub esc: Esc,
+    /// Its four ports.
+    pub ports: [Port; 4],
+    /// The port through which frames arrive.
+    pub entry_port: u8,
+    /// Where it hangs; `None` for the first.
+    pub parent: Option<Parent>,
+    /// Its mailboxes, where it has any.
+    pub mailbox: Option<MailboxConfig>,
+    /// Bits `sii::COE_*` from the SII.
+    pub coe_details: u8,
+    /// The SII as far as it was read; tables for those who ask.
+    pub sii: sii::Image,
+    /// All its SyncManagers, by rising index.
+    pub sync_managers: Vec<SyncManager>,
+    /// FMMUs in use, element n is FMMU n.
+    pub fmmus: Vec<Fmmu>,
+    /// Whether LRW may touch it (register 0x0008 bit 9, SII General flag, configuration).
+    pub lrw_allowed: bool,
+    /// Its clock, where it has one.
+    pub dc: Option<DcClock>,
+    /// What the user asked of it.
+    pub config: SubDeviceConfig,
+    /// Everything that takes it from INIT to OP.
+    pub start_up: StartUpList,
+}
+
+impl SubDevice {
+    /// Bits of process data in `direction`.
+    pub fn bit_length(&self, direction: Direction) -> u32 {
+        self.process_data(direction).map(SyncManager::bit_length).sum()
+    }
+
+    /// Its SyncManagers with process data in `direction`, length 0 left out.
+    pub fn process_data(&self, direction: Direction) -> impl Iterator<Item = &SyncManager> {
+        self.sync_managers.iter().filter(move |sm| sm.direction() == Some(direction) && sm.bit_length() > 0)
+    }
+}
