@@ -1,1 +1,29 @@
-//! TBD
+//! Linux under the bus: packet sockets, clocks, the real-time thread.
+//!
+//! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame; works everywhere.
+//! - [`PacketRing`]: frames through rings that are mapped into the process; with busy polling the receive needs
+//!   no system call at all.
+//! - [`MonotonicClock`]: the clock that runners own.
+//! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
+//! - [`interface`]: which network interfaces there are, and whether their cables are in.
+//! - [`CountingAllocator`] and [`Namespace`]: for tests and benches that count allocations or need a cable.
+//!
+//! All `unsafe` of the project stands here, each block with the reason why it is sound. Nothing here knows what a
+//! frame means.
+
+mod allocator;
+mod clock;
+pub mod interface;
+mod namespace;
+mod packet_ring;
+mod packet_socket;
+mod raw;
+pub mod real_time;
+
+pub use allocator::CountingAllocator;
+pub use clock::MonotonicClock;
+pub use interface::LinkState;
+pub use namespace::{Namespace, NamespaceError};
+pub use packet_ring::{PacketRing, Waiting};
+pub use packet_socket::PacketSocket;
+pub use raw::{DropCounts, OpenError};

@@ -1,0 +1,75 @@
+//! The host's monotonic clock.
+
+use omnibase_ethercat_wire::{Clock, HostTime};
+use rustix::io::Errno;
+use rustix::thread::clock_nanosleep_absolute;
+use rustix::time::{ClockId, Timespec, clock_gettime};
+
+/// `CLOCK_MONOTONIC`: never set back, not stepped by time synchronisation.
+///
+/// Reading it needs no system call (vDSO). Sleeping is to an absolute instant, so that lateness doesn't add up.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MonotonicClock;
+
+impl MonotonicClock {
+    /// What has to be added to [`HostTime`] to get nanoseconds since 1970-01-01 UTC, for time stamps in recordings.
+    pub fn unix_offset_ns(&self) -> u64 {
+        nanoseconds(clock_gettime(ClockId::Realtime)).saturating_sub(self.now().0)
+    }
+}
+
+impl Clock for MonotonicClock {
+    #[inline]
+    fn now(&self) -> HostTime {
+        HostTime(nanoseconds(clock_gettime(ClockId::Monotonic)))
+    }
+
+    fn sleep_until(&mut self, instant: HostTime) {
+        if instant <= self.now() {
+            return;
+        }
+        let request = timespec(instant.0);
+        // A signal handler may cut the sleep short; the contract is "at the instant or later".
+        while clock_nanosleep_absolute(ClockId::Monotonic, &request) == Err(Errno::INTR) {}
+    }
+}
+
+/// Nanoseconds of a time that isn't negative.
+#[inline]
+pub(crate) fn nanoseconds(time: Timespec) -> u64 {
+    (time.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(time.tv_nsec as u64)
+}
+
+/// The kernel's form of `nanoseconds`.
+#[inline]
+pub(crate) fn timespec(nanoseconds: u64) -> Timespec {
+    Timespec { tv_sec: (nanoseconds / 1_000_000_000) as i64, tv_nsec: (nanoseconds % 1_000_000_000) as _ }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn never_goes_back_and_sleeps_at_least_to_the_instant() {
+        let mut clock = MonotonicClock;
+        let start = clock.now();
+        let wanted = HostTime(start.0 + 50_000);
+        clock.sleep_until(wanted);
+        assert!(clock.now() >= wanted);
+        clock.sleep_until(start);
+    }
+
+    #[test]
+    fn nanoseconds_and_kernel_time_are_inverse() {
+        for value in [0, 1, 999_999_999, 1_000_000_000, 1_773_540_979_389_182_856] {
+            assert_eq!(nanoseconds(timespec(value)), value);
+        }
+    }
+
+    #[test]
+    fn unix_offset_leads_to_this_century() {
+        let unix_ns = MonotonicClock.now().0 + MonotonicClock.unix_offset_ns();
+        assert!(unix_ns > 946_684_800_000_000_000, "after 2000-01-01");
+    }
+}
