@@ -183,6 +183,15 @@ fn too_long_frames_are_refused_and_received_ones_dropped() {
     });
 }
 
+/// Waits until the near end has this state: the kernel works changes of a carrier off in its own time.
+fn wait_for(state: LinkState) {
+    let deadline = soon();
+    while interface::link_state(Namespace::NEAR) != state {
+        assert!(MonotonicClock.now() < deadline, "{state:?} did not come within 5 s");
+        std::thread::yield_now();
+    }
+}
+
 #[test]
 fn a_pulled_cable_is_a_link_that_is_down_and_comes_back() {
     let Some(namespace) = Namespace::for_test("a_pulled_cable_is_a_link_that_is_down") else { return };
@@ -190,23 +199,21 @@ fn a_pulled_cable_is_a_link_that_is_down_and_comes_back() {
         namespace.run(|| {
             let mut link = open(port, Namespace::NEAR);
             let mut buffer = [0; 2048];
-            assert_eq!(interface::link_state(Namespace::NEAR), LinkState::Up);
+            wait_for(LinkState::Up);
 
             namespace.ip("link set veth1 down").unwrap();
-            assert_eq!(interface::link_state(Namespace::NEAR), LinkState::NoCarrier);
+            wait_for(LinkState::NoCarrier);
             let waited = link.receive(&mut buffer, HostTime(MonotonicClock.now().0 + 1_000_000));
             assert_eq!(waited, Err(LinkError::Down), "{port}: no carrier");
 
             namespace.ip("link set veth0 down").unwrap();
-            assert_eq!(interface::link_state(Namespace::NEAR), LinkState::Off);
+            wait_for(LinkState::Off);
             assert_eq!(link.send(frame(7, 10).bytes()), Err(LinkError::Down), "{port}: switched off");
 
             namespace.ip("link set veth0 up").unwrap();
             namespace.ip("link set veth1 up").unwrap();
             let mut far = PacketSocket::open(Namespace::FAR).unwrap();
-            while interface::link_state(Namespace::NEAR) != LinkState::Up {
-                std::thread::yield_now();
-            }
+            wait_for(LinkState::Up);
             link.send(frame(8, 10).bytes()).unwrap();
             assert_eq!(far.receive(&mut buffer, soon()), Ok(Some(38)), "{port}");
             assert_eq!(buffer[17], 8, "{port}: the frame that was refused while down must not leave later");
