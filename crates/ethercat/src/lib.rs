@@ -7,12 +7,14 @@
 //! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it.
 //! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
 //! - [`fmmu`]: one FMMU's registers.
+//! - [`mailbox`]: the one owner of a SubDevice's mailbox: SDOs, SDO Information, emergencies.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), no_std)]
 extern crate alloc;
 
 pub mod config;
 pub mod fmmu;
+pub mod mailbox;
 pub mod procedure;
 pub mod start_up;
 pub mod subdevice;

@@ -1,0 +1,243 @@
+//! What can be asked of a SubDevice's mailbox, and how it can end.
+
+use crate::start_up::SdoAccess;
+use crate::wire::coe::{AbortCode, ObjectAddress, info};
+use crate::wire::mailbox::error_text;
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+
+/// How long one message waits for its answer where nothing else is said.
+pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Which of the SubDevice's object lists is meant (ETG.1000.6, "SDO Information").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub enum ObjectList {
+    /// Every object.
+    All = 1,
+    /// Objects that can be mapped into an RxPDO.
+    RxMappable = 2,
+    /// Objects that can be mapped into a TxPDO.
+    TxMappable = 3,
+    /// Objects to keep for replacing a device.
+    Backup = 4,
+    /// Objects that are used as parameters at start.
+    Settings = 5,
+}
+
+/// What a [`MailboxRequest`] asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// Read an object.
+    Upload {
+        /// The object.
+        object: ObjectAddress,
+        /// One entry or all.
+        access: SdoAccess,
+    },
+    /// Write the request's data to an object.
+    Download {
+        /// The object.
+        object: ObjectAddress,
+        /// One entry or all.
+        access: SdoAccess,
+    },
+    /// The lengths of the five object lists: five `u16`.
+    ListLengths,
+    /// The indices of one object list: `u16` each.
+    List(ObjectList),
+    /// An object's description, see [`super::ObjectDescription`].
+    DescribeObject {
+        /// Its index.
+        index: u16,
+    },
+    /// An entry's description, see [`super::EntryDescription`].
+    DescribeEntry {
+        /// The entry.
+        object: ObjectAddress,
+        /// Which values to describe too, bits of [`super::EntryDescription`]; 0 for none.
+        value_info: u8,
+    },
+}
+
+impl Operation {
+    pub(super) fn list_type(self) -> u16 {
+        match self {
+            Operation::List(list) => list as u16,
+            _ => info::LIST_LENGTHS,
+        }
+    }
+}
+
+impl fmt::Display for Operation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Operation::Upload { object, access: SdoAccess::Entry } => write!(f, "SDO read of {object}"),
+            Operation::Upload { object, access: SdoAccess::Complete } => {
+                write!(f, "SDO read of {object} with complete access")
+            }
+            Operation::Download { object, access: SdoAccess::Entry } => write!(f, "SDO write to {object}"),
+            Operation::Download { object, access: SdoAccess::Complete } => {
+                write!(f, "SDO write to {object} with complete access")
+            }
+            Operation::ListLengths => f.write_str("reading the lengths of the object lists"),
+            Operation::List(list) => write!(f, "reading object list {}", *list as u16),
+            Operation::DescribeObject { index } => write!(f, "reading the description of object {index:04x}"),
+            Operation::DescribeEntry { object, .. } => write!(f, "reading the description of entry {object}"),
+        }
+    }
+}
+
+/// A request, with the buffer that carries its data in or its result out.
+///
+/// Nothing is allocated while it runs: an answer longer than the buffer's capacity is refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MailboxRequest {
+    /// What is asked.
+    pub operation: Operation,
+    /// A download's data, or (after success) the result of everything else.
+    pub data: Vec<u8>,
+    /// How long each message waits for its answer; a transfer of many segments may take longer in all.
+    pub timeout: Duration,
+}
+
+impl MailboxRequest {
+    /// Reads one entry into `buffer`, whose capacity is the most that is accepted.
+    pub fn upload(object: ObjectAddress, buffer: Vec<u8>) -> Self {
+        MailboxRequest::new(Operation::Upload { object, access: SdoAccess::Entry }, buffer)
+    }
+
+    /// Writes `data` to one entry.
+    pub fn download(object: ObjectAddress, data: Vec<u8>) -> Self {
+        MailboxRequest::new(Operation::Download { object, access: SdoAccess::Entry }, data)
+    }
+
+    /// Any operation with its buffer.
+    pub fn new(operation: Operation, buffer: Vec<u8>) -> Self {
+        MailboxRequest { operation, data: buffer, timeout: DEFAULT_TIMEOUT }
+    }
+
+    /// The same request with another timeout for each message.
+    pub fn with_timeout(self, timeout: Duration) -> Self {
+        MailboxRequest { timeout, ..self }
+    }
+}
+
+/// A request that has ended; gives its buffer back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Completion {
+    /// The request; on success its `data` is the result.
+    pub request: MailboxRequest,
+    /// How it ended.
+    pub result: Result<(), MailboxError>,
+}
+
+/// What a request was waiting for when its time ran out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waiting {
+    /// For the SubDevice to take the previous message out of its mailbox.
+    MailboxEmpty,
+    /// For the answer.
+    Answer,
+    /// For a reply that got lost to be given again.
+    Repeat,
+}
+
+impl fmt::Display for Waiting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Waiting::MailboxEmpty => "the SubDevice to empty its receive mailbox",
+            Waiting::Answer => "the answer",
+            Waiting::Repeat => "a lost answer to be repeated",
+        })
+    }
+}
+
+/// Why a mailbox request failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MailboxError {
+    /// The SubDevice doesn't answer at its station address at all.
+    #[error("the SubDevice did not answer at its station address for {after:?}")]
+    Unreachable {
+        /// How long it was tried.
+        after: Duration,
+    },
+    /// The SubDevice is there, its mailbox is silent.
+    #[error("timeout after {after:?} waiting for {waiting}")]
+    Timeout {
+        /// For what.
+        waiting: Waiting,
+        /// How long.
+        after: Duration,
+    },
+    /// The SubDevice aborted the transfer.
+    #[error("{object} aborted: {code}")]
+    Aborted {
+        /// The object.
+        object: ObjectAddress,
+        /// Its reason.
+        code: AbortCode,
+    },
+    /// The SubDevice refused an SDO Information request.
+    #[error("SDO Information refused: {code}")]
+    InfoRefused {
+        /// Its reason.
+        code: AbortCode,
+    },
+    /// The SubDevice sent a mailbox error reply.
+    #[error("mailbox error 0x{detail:04x}: {}", error_text(*.detail))]
+    Refused {
+        /// Detail code.
+        detail: u16,
+    },
+    /// A segment came with the wrong toggle bit.
+    #[error("{object}: segment behind byte {offset} came with the wrong toggle bit")]
+    Toggle {
+        /// The object.
+        object: ObjectAddress,
+        /// Bytes transferred before it.
+        offset: usize,
+    },
+    /// The bytes don't add up to the announced size.
+    #[error("{object}: {announced} bytes were announced, {received} came")]
+    SizeMismatch {
+        /// The object.
+        object: ObjectAddress,
+        /// Announced size.
+        announced: usize,
+        /// Bytes that came.
+        received: usize,
+    },
+    /// The answer doesn't fit into the request's buffer.
+    #[error("the answer has at least {needed} bytes, the buffer holds {limit}")]
+    TooLong {
+        /// Bytes needed, as far as known.
+        needed: usize,
+        /// The buffer's capacity.
+        limit: usize,
+    },
+    /// The data to write is longer than an SDO can announce.
+    #[error("{found} bytes are more than an SDO can carry")]
+    DataTooLong {
+        /// Bytes to write.
+        found: usize,
+    },
+    /// A fragment of an SDO Information answer is missing.
+    #[error("fragments left: expected {expected}, found {found}")]
+    FragmentLost {
+        /// Fragments that should have been left.
+        expected: u16,
+        /// Fragments that the message says are left.
+        found: u16,
+    },
+    /// An answer belongs to the request but makes no sense.
+    #[error("malformed answer: {what}")]
+    Malformed {
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The mailbox was reset while the request ran: the SubDevice lost power or went to INIT.
+    #[error("the mailbox was reset")]
+    Reset,
+}
