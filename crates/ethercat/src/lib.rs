@@ -12,16 +12,25 @@
 #![cfg_attr(not(test), no_std)]
 extern crate alloc;
 
+pub mod bus;
 pub mod config;
+pub mod eeprom;
+pub mod error;
 pub mod fmmu;
 pub mod mailbox;
 pub mod procedure;
+pub mod scan;
 pub mod start_up;
+pub mod state;
 pub mod subdevice;
+pub mod topology;
+pub mod transaction;
 
 pub use omnibase_ethercat_wire as wire;
 
+pub use bus::{Bus, BusOptions, Warning};
 pub use config::{DcConfig, Match, SubDeviceConfig};
+pub use error::SetUpError;
 pub use procedure::{Answer, Next, Procedure, Request};
 pub use start_up::{StartUpList, StartUpStep};
 pub use subdevice::SubDevice;

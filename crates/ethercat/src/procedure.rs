@@ -3,6 +3,7 @@
 //! The set-up drives many procedures at once and packs their datagrams into few frames; the cycle drives one in
 //! its spare datagram. Neither knows what a procedure is about.
 
+use crate::error::Found;
 use crate::wire::{Address, Command, HostTime};
 
 /// One datagram that a procedure wants sent.
@@ -51,6 +52,17 @@ pub enum Answer<'a> {
         /// The datagram's data.
         data: &'a [u8],
     },
+}
+
+impl<'a> Answer<'a> {
+    /// The data, where the working counter is `expected`; else what came instead.
+    pub fn data(self, expected: u16) -> Result<&'a [u8], Found> {
+        match self {
+            Answer::Returned { working_counter, data } if working_counter == expected => Ok(data),
+            Answer::Returned { working_counter, .. } => Err(Found::WorkingCounter(working_counter)),
+            Answer::Lost => Err(Found::Nothing),
+        }
+    }
 }
 
 /// A protocol as a state machine: asked for datagrams, given their answers, never waiting itself.

@@ -6,6 +6,8 @@ use alloc::vec::Vec;
 use crate::config::SubDeviceConfig;
 use crate::fmmu::Fmmu;
 use crate::start_up::StartUpList;
+use crate::state::Application;
+use crate::transaction::Target;
 use crate::wire::coe::ObjectAddress;
 use crate::wire::register;
 use crate::wire::sii::{self, Identity, SyncManagerUsage};
@@ -251,6 +253,8 @@ pub struct SubDevice {
     pub name: String,
     /// Its controller.
     pub esc: Esc,
+    /// Whether an application answers its state requests.
+    pub application: Application,
     /// Its four ports.
     pub ports: [Port; 4],
     /// The port through which frames arrive.
@@ -278,6 +282,11 @@ pub struct SubDevice {
 }
 
 impl SubDevice {
+    /// Its position and station address.
+    pub fn target(&self) -> Target {
+        Target { position: self.position, station: self.station_address }
+    }
+
     /// Bits of process data in `direction`.
     pub fn bit_length(&self, direction: Direction) -> u32 {
         self.process_data(direction).map(SyncManager::bit_length).sum()

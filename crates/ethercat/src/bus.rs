@@ -1,0 +1,144 @@
+//! A segment while it is being set up: everything may wait and allocate here.
+
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::eeprom::{SiiExtent, SiiReader};
+use crate::error::SetUpError;
+use crate::state::{StateChange, StateTimeouts};
+use crate::subdevice::SubDevice;
+use crate::transaction::{Access, Target, TransactionOptions, Transactor};
+use crate::wire::{AlState, Clock, Link, register};
+
+/// The most SubDevices that one segment may have.
+pub const MAX_SUBDEVICES: u16 = 1000;
+
+/// How the set-up works.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusOptions {
+    /// Frames: time-out and retries.
+    pub transaction: TransactionOptions,
+    /// The longest waits for states.
+    pub timeouts: StateTimeouts,
+}
+
+/// Something that doesn't stop the set-up but that a person should know.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Warning {
+    /// Several SubDevices have the same alias, so that none of them can be found by it.
+    DuplicateAlias {
+        /// The alias.
+        alias: u16,
+        /// Who has it.
+        positions: Vec<u16>,
+    },
+    /// Frames enter a SubDevice at another port than 0: its cables are swapped.
+    EntersAtPort {
+        /// The SubDevice.
+        position: u16,
+        /// The port.
+        port: u8,
+    },
+    /// The EEPROM could be read but not all of it makes sense.
+    Eeprom {
+        /// The SubDevice.
+        position: u16,
+        /// What, and where in the image.
+        problem: crate::wire::sii::Problem,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Warning::DuplicateAlias { alias, positions } => {
+                write!(f, "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it")
+            }
+            Warning::EntersAtPort { position, port } => {
+                write!(f, "frames enter SubDevice {position} at port {port}, not 0: are its cables swapped?")
+            }
+            Warning::Eeprom { position, problem } => {
+                write!(f, "SubDevice {position}: EEPROM: {problem}")
+            }
+        }
+    }
+}
+
+/// A segment while it is being set up.
+#[derive(Debug)]
+pub struct Bus<L, C> {
+    pub(crate) transactor: Transactor<L, C>,
+    pub(crate) options: BusOptions,
+    pub(crate) subdevices: Vec<SubDevice>,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+impl<L: Link, C: Clock> Bus<L, C> {
+    /// A segment behind `link`, nothing known of it yet.
+    pub fn new(link: L, clock: C, options: BusOptions) -> Self {
+        let transactor = Transactor::new(link, clock, options.transaction);
+        Bus { transactor, options, subdevices: Vec::new(), warnings: Vec::new() }
+    }
+
+    /// The SubDevices found by [`Bus::scan`], by position.
+    pub fn subdevices(&self) -> &[SubDevice] {
+        &self.subdevices
+    }
+
+    /// What a person should know, as found so far.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
+    }
+
+    /// The exchange below: counters, link and clock.
+    pub fn transactor(&mut self) -> &mut Transactor<L, C> {
+        &mut self.transactor
+    }
+
+    /// The whole EEPROM of the SubDevice at `position`, as bytes.
+    ///
+    /// The EEPROM is taken from the SubDevice's application for the time of the reading.
+    pub fn read_sii(&mut self, position: u16) -> Result<Vec<u8>, SetUpError> {
+        let target = self.target(position)?;
+        for value in [2, 0] {
+            self.transactor.perform_one(Access::write(
+                "taking the EEPROM",
+                target,
+                register::SII_CONFIG,
+                &[value],
+            ))?;
+        }
+        let read = self.transactor.drive(&mut [SiiReader::new(target, SiiExtent::Whole)])?;
+        self.transactor.perform_one(Access::write(
+            "giving the EEPROM back",
+            target,
+            register::SII_CONFIG,
+            &[1],
+        ))?;
+        Ok(read.into_iter().collect::<Result<Vec<_>, _>>()?.swap_remove(0))
+    }
+
+    /// Takes the SubDevices at `positions` to `state` side by side; the first that fails is the error.
+    pub fn request_state(&mut self, positions: &[u16], state: AlState) -> Result<(), SetUpError> {
+        let timeout = self.options.timeouts.of(state);
+        let mut changes = Vec::with_capacity(positions.len());
+        for &position in positions {
+            let application = self.subdevice(position)?.application;
+            changes.push(StateChange::new(self.target(position)?, application, state, timeout));
+        }
+        for result in self.transactor.drive(&mut changes)? {
+            result?;
+        }
+        Ok(())
+    }
+
+    /// The SubDevice at `position`.
+    pub fn subdevice(&self, position: u16) -> Result<&SubDevice, SetUpError> {
+        let count = self.subdevices.len();
+        self.subdevices.get(usize::from(position)).ok_or(SetUpError::NoSuchPosition { position, count })
+    }
+
+    pub(crate) fn target(&self, position: u16) -> Result<Target, SetUpError> {
+        self.subdevice(position).map(SubDevice::target)
+    }
+}

@@ -1,0 +1,334 @@
+//! Reading SubDevices' EEPROM (the SII) through registers 0x0502 to 0x050F.
+
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+
+use crate::error::Found;
+use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::transaction::Target;
+use crate::wire::HostTime;
+use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
+use crate::wire::register;
+use crate::wire::sii;
+
+/// The most that is ever read: the address space of the largest EEPROM that devices have.
+pub const MAX_BYTES: usize = 64 * 1024;
+/// Read at least as far as this, whatever size the image announces: some announce none.
+const LEAST_LIMIT: usize = 2048;
+/// Where the EEPROM's size stands, bytes.
+const SIZE_AT: usize = 0x3E * 2;
+
+const BUSY: u16 = 1 << 15;
+const WRITE_ENABLE_ERROR: u16 = 1 << 14;
+const NOT_ACKNOWLEDGED: u16 = 1 << 13;
+const READS_EIGHT_BYTES: u16 = 1 << 6;
+const COMMAND_READ: u16 = 1 << 8;
+
+/// The longest time that one read may keep the interface busy.
+const BUSY_LIMIT: Duration = Duration::from_secs(1);
+/// Pause before a busy interface is asked again.
+const BUSY_PAUSE: Duration = Duration::from_micros(100);
+/// Pause after the EEPROM did not acknowledge.
+const NACK_PAUSE: Duration = Duration::from_millis(1);
+/// Reads in a row that the EEPROM may leave unacknowledged.
+const NACK_LIMIT: u32 = 50;
+/// Datagrams in a row that may be lost or have a wrong working counter.
+const FAILURE_LIMIT: u32 = 4;
+
+/// How much is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SiiExtent {
+    /// The fixed part, and the categories that set-up needs; others are passed over.
+    Needed,
+    /// Every byte of the announced size, 64 KiB at most.
+    Whole,
+}
+
+/// Why an EEPROM could not be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EepromError {
+    /// The SubDevice.
+    pub position: u16,
+    /// The word that was to be read.
+    pub word: u32,
+    /// What happened.
+    pub cause: EepromFailure,
+}
+
+/// What went wrong with an EEPROM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EepromFailure {
+    /// The SubDevice did not answer.
+    NoAnswer(Found),
+    /// The interface stayed busy for this long.
+    Busy(Duration),
+    /// The EEPROM did not acknowledge; the last value of register 0x0502.
+    NotAcknowledged {
+        /// Register 0x0502.
+        status: u16,
+    },
+}
+
+impl fmt::Display for EepromError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "SubDevice {}: reading EEPROM word 0x{:04x}: ", self.position, self.word)?;
+        match self.cause {
+            EepromFailure::NoAnswer(found) => write!(f, "{found} where working counter 1 was expected"),
+            EepromFailure::Busy(limit) => write!(f, "the interface stayed busy for {limit:?}"),
+            EepromFailure::NotAcknowledged { status } => {
+                write!(f, "the EEPROM did not acknowledge (register 0x0502 is 0x{status:04x})")
+            }
+        }
+    }
+}
+
+impl core::error::Error for EepromError {}
+
+/// What the next datagram is.
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// Look whether the interface is free.
+    Free,
+    /// Order the read.
+    Order,
+    /// Fetch status and data.
+    Fetch,
+}
+
+/// What is being read.
+#[derive(Clone, Copy, Debug)]
+enum Part {
+    Header,
+    CategoryHeader,
+    CategoryBody { end: usize },
+    Skip { end: usize },
+    Rest { end: usize },
+}
+
+/// Reads one SubDevice's EEPROM; ends with the bytes of an image.
+#[derive(Debug)]
+pub struct SiiReader {
+    target: Target,
+    extent: SiiExtent,
+    /// What was kept so far.
+    image: Vec<u8>,
+    /// Byte in the EEPROM that is read next; always even.
+    cursor: usize,
+    part: Part,
+    phase: Phase,
+    wait_until: Option<HostTime>,
+    busy_since: Option<HostTime>,
+    failures: u32,
+    nacks: u32,
+    /// Bytes of the last read, and where they stand.
+    fetched: (usize, [u8; 8], usize),
+    outcome: Option<Result<(), EepromFailure>>,
+}
+
+impl SiiReader {
+    /// A reader of the SubDevice `target`, whose EEPROM belongs to the MainDevice at present.
+    pub fn new(target: Target, extent: SiiExtent) -> Self {
+        SiiReader {
+            target,
+            extent,
+            image: Vec::with_capacity(512),
+            cursor: 0,
+            part: Part::Header,
+            phase: Phase::Free,
+            wait_until: None,
+            busy_since: None,
+            failures: 0,
+            nacks: 0,
+            fetched: (0, [0; 8], 0),
+            outcome: None,
+        }
+    }
+
+    fn limit(&self) -> usize {
+        let announced = (usize::from(u16_at(&self.image, SIZE_AT)) + 1) * 128;
+        match self.extent {
+            SiiExtent::Needed => announced.clamp(LEAST_LIMIT, MAX_BYTES),
+            SiiExtent::Whole => announced.clamp(sii::HEADER, MAX_BYTES),
+        }
+    }
+
+    fn part_end(&self) -> usize {
+        match self.part {
+            Part::Header => sii::HEADER,
+            Part::CategoryHeader => self.cursor + 4,
+            Part::CategoryBody { end } | Part::Skip { end } | Part::Rest { end } => end,
+        }
+    }
+
+    /// Takes what the last read holds for the present part, and goes on to the next part where it is complete.
+    fn take_fetched(&mut self) {
+        while self.outcome.is_none() {
+            let (start, bytes, length) = self.fetched;
+            let end = self.part_end();
+            if let Part::Skip { .. } = self.part {
+                self.cursor = end;
+            } else if let Part::CategoryHeader = self.part {
+                // Decided as a whole, so that a header is never kept without its body.
+                let Some(from) = self.cursor.checked_sub(start).filter(|from| from + 4 <= length) else {
+                    return;
+                };
+                let (kind, words) = (u16_at(&bytes, from), usize::from(u16_at(&bytes, from + 2)));
+                self.begin_category(kind, words);
+                continue;
+            } else if self.cursor < end {
+                let Some(from) = self.cursor.checked_sub(start).filter(|&from| from < length) else {
+                    return;
+                };
+                let taken = (length - from).min(end - self.cursor);
+                self.image.extend_from_slice(&bytes[from..from + taken]);
+                self.cursor += taken;
+                if self.cursor < end {
+                    return;
+                }
+            }
+            self.begin_part();
+        }
+    }
+
+    fn begin_part(&mut self) {
+        let limit = self.limit();
+        self.part = match (self.part, self.extent) {
+            (Part::Header, SiiExtent::Whole) => Part::Rest { end: limit },
+            (Part::Rest { .. }, _) => {
+                self.outcome = Some(Ok(()));
+                return;
+            }
+            _ => Part::CategoryHeader,
+        };
+        if let (Part::Rest { end }, true) = (self.part, self.cursor >= limit) {
+            debug_assert!(self.cursor >= end);
+            self.outcome = Some(Ok(()));
+        } else if matches!(self.part, Part::CategoryHeader) && self.cursor + 4 > limit {
+            self.end_image();
+        }
+    }
+
+    fn begin_category(&mut self, kind: u16, words: usize) {
+        if kind == sii::CATEGORY_END {
+            self.end_image();
+            return;
+        }
+        self.cursor += 4;
+        let end = (self.cursor + words * 2).min(MAX_BYTES);
+        let needed = matches!(
+            kind,
+            sii::CATEGORY_STRINGS
+                | sii::CATEGORY_GENERAL
+                | sii::CATEGORY_FMMU
+                | sii::CATEGORY_SYNC_MANAGERS
+                | sii::CATEGORY_TX_PDO
+                | sii::CATEGORY_RX_PDO
+                | sii::CATEGORY_DC
+        );
+        if !needed {
+            self.part = Part::Skip { end };
+            return;
+        }
+        let mut header = [0; 4];
+        put_u16(&mut header, 0, kind);
+        put_u16(&mut header, 2, words as u16);
+        self.image.extend_from_slice(&header);
+        self.part = Part::CategoryBody { end };
+    }
+
+    fn end_image(&mut self) {
+        self.image.extend_from_slice(&sii::CATEGORY_END.to_le_bytes());
+        self.outcome = Some(Ok(()));
+    }
+
+    fn word(&self) -> u32 {
+        (self.cursor / 2) as u32
+    }
+
+    fn take_status(&mut self, data: &[u8], now: HostTime) {
+        let status = u16_at(data, 0);
+        if status & BUSY != 0 {
+            let since = *self.busy_since.get_or_insert(now);
+            if now - since >= BUSY_LIMIT {
+                self.outcome = Some(Err(EepromFailure::Busy(BUSY_LIMIT)));
+            }
+            self.wait_until = Some(now + BUSY_PAUSE);
+            return;
+        }
+        self.busy_since = None;
+        if let Phase::Free = self.phase {
+            self.phase = Phase::Order;
+            return;
+        }
+        let address = u32_at(data, 2);
+        if status & (NOT_ACKNOWLEDGED | WRITE_ENABLE_ERROR) != 0 || address != self.word() {
+            self.nacks += 1;
+            if self.nacks >= NACK_LIMIT {
+                self.outcome = Some(Err(EepromFailure::NotAcknowledged { status }));
+            }
+            self.phase = Phase::Order;
+            self.wait_until = Some(now + NACK_PAUSE);
+            return;
+        }
+        self.nacks = 0;
+        let length = if status & READS_EIGHT_BYTES != 0 { 8 } else { 4 };
+        let mut bytes = [0; 8];
+        bytes[..length].copy_from_slice(&data[6..6 + length]);
+        self.fetched = (self.cursor, bytes, length);
+        self.phase = Phase::Order;
+        self.take_fetched();
+    }
+}
+
+impl Procedure for SiiReader {
+    type Output = Result<Vec<u8>, EepromError>;
+
+    fn next(&mut self, now: HostTime) -> Next<Self::Output> {
+        if let Some(outcome) = self.outcome.take() {
+            let (position, word) = (self.target.position, self.word());
+            return Next::Done(match outcome {
+                Ok(()) => Ok(core::mem::take(&mut self.image)),
+                Err(cause) => Err(EepromError { position, word, cause }),
+            });
+        }
+        if let Some(instant) = self.wait_until {
+            if now < instant {
+                return Next::WaitUntil(instant);
+            }
+            self.wait_until = None;
+        }
+        let station = self.target.station;
+        Next::Send(match self.phase {
+            Phase::Free => Request::read(station, register::SII_CONTROL, 2),
+            Phase::Order => Request::write(station, register::SII_CONTROL, 6),
+            Phase::Fetch => Request::read(station, register::SII_CONTROL, 14),
+        })
+    }
+
+    fn fill(&self, data: &mut [u8]) {
+        if let Phase::Order = self.phase {
+            put_u16(data, 0, COMMAND_READ);
+            put_u32(data, 2, self.word());
+        }
+    }
+
+    fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
+        let data = match answer.data(1) {
+            Ok(data) => data,
+            Err(found) => {
+                self.failures += 1;
+                if self.failures >= FAILURE_LIMIT {
+                    self.outcome = Some(Err(EepromFailure::NoAnswer(found)));
+                }
+                self.wait_until = Some(now + NACK_PAUSE);
+                return;
+            }
+        };
+        self.failures = 0;
+        match self.phase {
+            Phase::Order => self.phase = Phase::Fetch,
+            Phase::Free | Phase::Fetch => self.take_status(data, now),
+        }
+    }
+}

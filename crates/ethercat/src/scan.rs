@@ -1,0 +1,337 @@
+//! Finding the SubDevices: reset, count, addresses, controllers, EEPROMs, topology.
+
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+
+use crate::bus::{Bus, MAX_SUBDEVICES, Warning};
+use crate::config::SubDeviceConfig;
+use crate::eeprom::{SiiExtent, SiiReader};
+use crate::error::{Found, SetUpError};
+use crate::start_up::StartUpList;
+use crate::state::{Application, StateChange};
+use crate::subdevice::{Esc, Port, SubDevice};
+use crate::topology;
+use crate::transaction::{Access, Expect, Target};
+use crate::wire::bytes::u16_at;
+use crate::wire::sii::Image;
+use crate::wire::{AlState, Clock, Link, LinkError, register};
+
+/// Station address of the first SubDevice.
+const FIRST_STATION: u16 = 0x1001;
+/// Counts that must agree one after another, and how often that is tried.
+const COUNT_ATTEMPTS: u32 = 10;
+/// Pause after the ports were opened: a link needs it to be taken into the path of frames.
+const PORT_PAUSE: Duration = Duration::from_millis(2);
+
+/// Why no SubDevice was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoSubDevices {
+    /// The interface has no link.
+    LinkDown,
+    /// Frames came back exactly as they were sent: the cable is looped, or leads to a hub or switch.
+    Reflected,
+    /// Frames of another MainDevice arrived, none of our own.
+    AnotherMainDevice,
+    /// Nothing came back.
+    NothingBack,
+    /// Frames passed a SubDevice but none counted them.
+    Unanswered,
+}
+
+impl fmt::Display for NoSubDevices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            NoSubDevices::LinkDown => "the link is down (cable out, or no power at the other end)",
+            NoSubDevices::Reflected => {
+                "own frames came back unchanged (the cable leads to no SubDevice: a loop, a hub or a switch)"
+            }
+            NoSubDevices::AnotherMainDevice => {
+                "frames of another MainDevice arrived, none of our own came back"
+            }
+            NoSubDevices::NothingBack => "nothing came back (wrong interface, or the segment has no power)",
+            NoSubDevices::Unanswered => "frames came back, but their working counter was 0",
+        })
+    }
+}
+
+/// What the controllers' registers said of one SubDevice.
+struct Identified {
+    target: Target,
+    esc: Esc,
+    alias: Option<u16>,
+    ports: [Port; 4],
+    application: Application,
+}
+
+impl<L: Link, C: Clock> Bus<L, C> {
+    /// Resets the whole segment to INIT and finds out what is there. Any earlier knowledge is dropped.
+    pub fn scan(&mut self) -> Result<&[SubDevice], SetUpError> {
+        self.subdevices.clear();
+        self.warnings.clear();
+        match self.find_all() {
+            Err(SetUpError::Link(LinkError::Down)) => Err(SetUpError::NoSubDevices(NoSubDevices::LinkDown)),
+            Err(other) => Err(other),
+            Ok(()) => Ok(&self.subdevices),
+        }
+    }
+
+    fn find_all(&mut self) -> Result<(), SetUpError> {
+        self.count()?;
+        self.open_ports()?;
+        let count = self.count()?;
+        self.reset_to_init(count)?;
+        let targets = self.give_addresses(count)?;
+        let identified = self.identify(&targets)?;
+        self.wait_for_init(&identified)?;
+        self.reset_registers(&identified)?;
+        let ports: Vec<_> = identified.iter().map(|one| one.ports).collect();
+        let parents = topology::find_parents(&ports)?;
+        let images = self.read_images(&targets)?;
+        for ((one, image), parent) in identified.into_iter().zip(images).zip(parents) {
+            let entry_port = topology::entry_port(&one.ports);
+            if entry_port != 0 {
+                let position = one.target.position;
+                self.warnings.push(Warning::EntersAtPort { position, port: entry_port });
+            }
+            self.subdevices.push(SubDevice {
+                position: one.target.position,
+                station_address: one.target.station,
+                alias: one.alias,
+                identity: image.header.identity,
+                name: image.name().unwrap_or_default(),
+                esc: one.esc,
+                application: one.application,
+                ports: one.ports,
+                entry_port,
+                parent,
+                mailbox: None,
+                coe_details: image.general.as_ref().map_or(0, |general| general.coe_details),
+                sii: image,
+                sync_managers: Vec::new(),
+                fmmus: Vec::new(),
+                lrw_allowed: false,
+                dc: None,
+                config: SubDeviceConfig::default(),
+                start_up: StartUpList::default(),
+            });
+        }
+        self.warn_of_duplicate_aliases();
+        Ok(())
+    }
+
+    /// Counts until two counts agree.
+    fn count(&mut self) -> Result<u16, SetUpError> {
+        let before = self.transactor.counters;
+        let mut last = None;
+        for _ in 0..COUNT_ATTEMPTS {
+            let mut found = None;
+            let read = Access::broadcast_read("counting", register::TYPE, 1, Expect::Any);
+            match self.transactor.perform_one(read) {
+                Ok(Access { found: Found::WorkingCounter(count), .. }) => found = Some(count),
+                Ok(_) | Err(SetUpError::Access(_)) => {}
+                Err(other) => return Err(other),
+            }
+            match found {
+                Some(count) if count > MAX_SUBDEVICES => {
+                    return Err(SetUpError::TooManySubDevices { limit: MAX_SUBDEVICES, found: count });
+                }
+                Some(count) if count > 0 && last == found => return Ok(count),
+                None if last.is_none() => break,
+                _ => last = found,
+            }
+        }
+        let counters = self.transactor.counters;
+        Err(match last {
+            Some(0) => SetUpError::NoSubDevices(NoSubDevices::Unanswered),
+            Some(last) => SetUpError::UnstableCount { last, attempts: COUNT_ATTEMPTS },
+            None if counters.reflected > before.reflected => {
+                SetUpError::NoSubDevices(NoSubDevices::Reflected)
+            }
+            None if counters.foreign > before.foreign => {
+                SetUpError::NoSubDevices(NoSubDevices::AnotherMainDevice)
+            }
+            None => SetUpError::NoSubDevices(NoSubDevices::NothingBack),
+        })
+    }
+
+    /// Opens the loops: what a MainDevice before this one closed is part of the segment.
+    fn open_ports(&mut self) -> Result<(), SetUpError> {
+        let open = "opening the ports";
+        self.transactor.perform(&mut [Access::broadcast_write(
+            open,
+            register::DL_CONTROL_PORTS,
+            &[0],
+            Expect::AtLeast(1),
+        )])?;
+        self.transactor.pause(PORT_PAUSE);
+        Ok(())
+    }
+
+    /// Everything that every controller has.
+    fn reset_to_init(&mut self, count: u16) -> Result<(), SetUpError> {
+        let all = Expect::Exactly(count);
+        let init_and_acknowledge = (AlState::Init.bits() | AlState::ERROR).to_le_bytes();
+        let init = AlState::Init.bits().to_le_bytes();
+        let write = Access::broadcast_write;
+        self.transactor.perform(&mut [
+            write("asking for INIT", register::AL_CONTROL, &init_and_acknowledge, all),
+            write("opening the ports", register::DL_CONTROL_PORTS, &[0], all),
+            write("switching the alias off", register::DL_CONTROL_ALIAS, &[0], all),
+            write("masking events", register::ECAT_EVENT_MASK, &[0, 0], all),
+            write("clearing the error counters", register::RX_ERROR_COUNTERS, &[0; 8], all),
+        ])?;
+        // Without the acknowledge bit, so that its echo in an emulated status is gone again.
+        self.transactor.perform(&mut [write("asking for INIT", register::AL_CONTROL, &init, all)])?;
+        for value in [2, 0] {
+            self.transactor.perform(&mut [write(
+                "taking the EEPROM",
+                register::SII_CONFIG,
+                &[value],
+                all,
+            )])?;
+        }
+        Ok(())
+    }
+
+    fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {
+        let targets: Vec<Target> =
+            (0..count).map(|position| Target { position, station: FIRST_STATION + position }).collect();
+        let mut writes: Vec<_> = targets
+            .iter()
+            .map(|target| {
+                let station = target.station.to_le_bytes();
+                Access::write_at(
+                    "giving the station address",
+                    target.position,
+                    register::STATION_ADDRESS,
+                    &station,
+                )
+            })
+            .collect();
+        self.transactor.perform(&mut writes)?;
+        let mut reads: Vec<_> = targets
+            .iter()
+            .map(|target| {
+                Access::read_at(
+                    "reading the station address back",
+                    target.position,
+                    register::STATION_ADDRESS,
+                    2,
+                )
+            })
+            .collect();
+        self.transactor.perform(&mut reads)?;
+        for (target, read) in targets.iter().zip(&reads) {
+            let found = u16_at(&read.data, 0);
+            if found != target.station {
+                let (position, expected) = (target.position, target.station);
+                return Err(SetUpError::StationAddress { position, expected, found });
+            }
+        }
+        Ok(targets)
+    }
+
+    fn identify(&mut self, targets: &[Target]) -> Result<Vec<Identified>, SetUpError> {
+        const READS: usize = 4;
+        let mut reads = Vec::with_capacity(targets.len() * READS);
+        for &target in targets {
+            reads.push(Access::read("reading the controller's type", target, register::TYPE, 10));
+            reads.push(Access::read("reading the alias", target, register::STATION_ALIAS, 2));
+            reads.push(Access::read("reading DL status", target, register::DL_STATUS, 2));
+            let mut emulation =
+                Access::read("reading the configuration", target, register::ESC_CONFIGURATION, 1);
+            // Not every controller lets it be read.
+            emulation.expect = Expect::Any;
+            reads.push(emulation);
+        }
+        self.transactor.perform(&mut reads)?;
+        let mut identified = Vec::with_capacity(targets.len());
+        for (&target, reads) in targets.iter().zip(reads.chunks_exact(READS)) {
+            let esc = Esc::read(&reads[0].data).unwrap_or_default();
+            let emulated = reads[3].found == Found::WorkingCounter(1) && reads[3].data[0] & 1 != 0;
+            identified.push(Identified {
+                target,
+                esc,
+                alias: Some(u16_at(&reads[1].data, 0)).filter(|&alias| alias != 0),
+                ports: topology::read_ports(esc.port_descriptor, u16_at(&reads[2].data, 0)),
+                application: if emulated { Application::Emulated } else { Application::Controller },
+            });
+        }
+        Ok(identified)
+    }
+
+    fn wait_for_init(&mut self, identified: &[Identified]) -> Result<(), SetUpError> {
+        let timeout = self.options.timeouts.init;
+        let mut changes: Vec<_> = identified
+            .iter()
+            .map(|one| StateChange::new(one.target, one.application, AlState::Init, timeout))
+            .collect();
+        for result in self.transactor.drive(&mut changes)? {
+            result?;
+        }
+        Ok(())
+    }
+
+    /// Everything of which not every controller has the same: the working counters are known by now.
+    fn reset_registers(&mut self, identified: &[Identified]) -> Result<(), SetUpError> {
+        let having = |has: &dyn Fn(&Esc) -> bool| {
+            Expect::AtLeast(identified.iter().filter(|one| has(&one.esc)).count() as u16)
+        };
+        let mut writes = Vec::new();
+        let mut write = |what, register, data: &[u8], expect| {
+            if expect != Expect::AtLeast(0) {
+                writes.push(Access::broadcast_write(what, register, data, expect));
+            }
+        };
+        for number in 0..16u16 {
+            let expect = having(&|esc| u16::from(esc.fmmu_count) > number);
+            write("clearing an FMMU", register::FMMU + number * register::FMMU_SIZE, &[0; 16], expect);
+        }
+        for number in 0..16u16 {
+            let expect = having(&|esc| u16::from(esc.sync_manager_count) > number);
+            write("clearing a SyncManager", register::SM + number * register::SM_SIZE, &[0; 8], expect);
+        }
+        let clocks = having(&|esc| esc.has(register::FEATURE_DC));
+        write("switching SYNC off", register::DC_ACTIVATION, &[0], clocks);
+        write("clearing SYNC0's cycle", register::DC_SYNC0_CYCLE, &[0; 4], clocks);
+        write("clearing the clock's offset", register::DC_SYSTEM_TIME_OFFSET, &[0; 8], clocks);
+        write("clearing the clock's delay", register::DC_SYSTEM_TIME_DELAY, &[0; 4], clocks);
+        write("setting the clock's filters", register::DC_FILTER_DEPTHS, &0x0C00u16.to_le_bytes(), clocks);
+        write(
+            "starting the clock's control",
+            register::DC_SPEED_COUNTER_START,
+            &0x1000u16.to_le_bytes(),
+            clocks,
+        );
+        self.transactor.perform(&mut writes)
+    }
+
+    fn read_images(&mut self, targets: &[Target]) -> Result<Vec<Image>, SetUpError> {
+        let mut readers: Vec<_> =
+            targets.iter().map(|&target| SiiReader::new(target, SiiExtent::Needed)).collect();
+        let mut images = Vec::with_capacity(targets.len());
+        for (bytes, target) in self.transactor.drive(&mut readers)?.into_iter().zip(targets) {
+            let position = target.position;
+            let (image, problems) =
+                Image::parse(&bytes?).map_err(|cause| SetUpError::Sii { position, cause })?;
+            let warnings = problems.into_iter().map(|problem| Warning::Eeprom { position, problem });
+            self.warnings.extend(warnings);
+            images.push(image);
+        }
+        Ok(images)
+    }
+
+    fn warn_of_duplicate_aliases(&mut self) {
+        let mut aliases: Vec<u16> = self.subdevices.iter().filter_map(|one| one.alias).collect();
+        aliases.sort_unstable();
+        let mut duplicates: Vec<u16> =
+            aliases.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0]).collect();
+        duplicates.dedup();
+        for alias in duplicates {
+            let having = self.subdevices.iter().filter(|one| one.alias == Some(alias));
+            let positions = having.map(|one| one.position).collect();
+            self.warnings.push(Warning::DuplicateAlias { alias, positions });
+        }
+    }
+}
