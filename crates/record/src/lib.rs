@@ -1,2 +1,26 @@
-//! Under construction.
+//! Recording what passes over the bus, and reading it back.
+//!
+//! - [`PcapngWriter`]: frames with nanosecond times and directions, as Wireshark reads them.
+//! - [`RecordingLink`]: a link that records what passes through it, into any [`FrameSink`].
+//! - [`BackgroundRecorder`]: a sink for the cyclic thread: a lock-free ring, and a thread that writes the file.
+//! - [`Capture`]: the frames of a pcapng or pcap file, of any bytes, as far as they can be read.
 #![forbid(unsafe_code)]
+
+mod background;
+mod capture;
+mod pcapng;
+mod recording_link;
+
+pub use background::{BackgroundRecorder, Recorded};
+pub use capture::{Capture, CaptureError, CapturedFrame, Warning};
+pub use pcapng::PcapngWriter;
+pub use recording_link::{FrameSink, RecordingLink};
+
+/// Which way a frame went, seen from the recording host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// It came in.
+    Inbound,
+    /// It was sent.
+    Outbound,
+}
