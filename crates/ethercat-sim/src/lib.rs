@@ -1,4 +1,21 @@
 //! EtherCAT SubDevices and segments simulated at frame level.
+//!
+//! Hardware half: what the ESC chip and the cables do.
+//!
+//! - [`esc`]: one ESC, with registers, SyncManagers, FMMUs, SII interface, watchdogs and distributed clock.
+//! - [`segment`]: SubDevices and the cables between them; frames go in and come back.
+//! - [`fault`]: what can go wrong on request.
+//! - [`sim_link`]: a segment in the process, on virtual time, as a link of a MainDevice.
+//! - [`pdi`]: the line between the chip and the firmware behind it.
 #![forbid(unsafe_code)]
 
+pub mod esc;
+pub mod fault;
 pub mod pdi;
+pub mod segment;
+pub mod sim_link;
+
+pub use esc::EscConfig;
+pub use fault::{Fault, FaultError};
+pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
+pub use sim_link::{SimLink, VirtualClock, in_process};

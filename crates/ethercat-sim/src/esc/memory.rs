@@ -1,0 +1,139 @@
+//! Process-data memory, and the SyncManagers that guard it.
+
+use super::sync_manager::{Access, Side};
+use super::{Esc, REGISTERS};
+use omnibase_ethercat_wire::register::al_event;
+
+/// Who guards an address.
+enum Guard {
+    /// Nobody.
+    Free,
+    /// This SyncManager, by the addresses through which it is accessed.
+    Window(usize),
+    /// A SyncManager's second or third buffer.
+    Hidden,
+}
+
+impl Esc {
+    /// Reads registers and memory from `address` on; bytes that aren't there or denied stay as they are.
+    /// Returns whether any byte was read.
+    pub(super) fn read_bytes(&mut self, side: Side, address: u16, data: &mut [u8], now: u64) -> bool {
+        let start = usize::from(address);
+        if start >= REGISTERS {
+            return self.read_memory(side, start, data);
+        }
+        let split = data.len().min(REGISTERS - start);
+        let (registers, memory) = data.split_at_mut(split);
+        let read = self.read_registers(side, start, registers, now);
+        read | (!memory.is_empty() && self.read_memory(side, REGISTERS, memory))
+    }
+
+    /// Writes registers and memory from `address` on; returns whether any byte was written.
+    pub(super) fn write_bytes(&mut self, side: Side, address: u16, data: &[u8], now: u64) -> bool {
+        let start = usize::from(address);
+        if start >= REGISTERS {
+            return self.write_memory(side, start, data, now);
+        }
+        let (registers, memory) = data.split_at(data.len().min(REGISTERS - start));
+        let written = self.write_registers(side, start, registers, now);
+        written | (!memory.is_empty() && self.write_memory(side, REGISTERS, memory, now))
+    }
+
+    /// Who guards `at`, and up to where (at most `end`).
+    fn guard(&self, at: usize, end: usize) -> (Guard, usize) {
+        let mut free_until = end;
+        for (n, manager) in self.sync_managers.iter().enumerate() {
+            if !manager.active() {
+                continue;
+            }
+            let window = manager.window();
+            if window.contains(&at) {
+                return (Guard::Window(n), end.min(window.end));
+            }
+            let occupied = manager.occupied();
+            if occupied.contains(&at) {
+                return (Guard::Hidden, end.min(occupied.end));
+            }
+            if window.start > at {
+                free_until = free_until.min(window.start);
+            }
+        }
+        (Guard::Free, free_until)
+    }
+
+    fn read_memory(&mut self, side: Side, start: usize, data: &mut [u8]) -> bool {
+        let end = (start + data.len()).min(self.memory.len());
+        let (mut at, mut read) = (start, false);
+        while at < end {
+            let (guard, stop) = self.guard(at, end);
+            let part = &mut data[at - start..stop - start];
+            match guard {
+                Guard::Free => {
+                    part.copy_from_slice(&self.memory[at..stop]);
+                    read = true;
+                }
+                Guard::Window(n) => {
+                    let access = self.sync_managers[n].read(side, at, part, &self.memory);
+                    read |= self.accessed(n, side, access);
+                }
+                Guard::Hidden => {}
+            }
+            at = stop;
+        }
+        read
+    }
+
+    fn write_memory(&mut self, side: Side, start: usize, data: &[u8], now: u64) -> bool {
+        let end = (start + data.len()).min(self.memory.len());
+        let (mut at, mut written) = (start, false);
+        while at < end {
+            let (guard, stop) = self.guard(at, end);
+            let part = &data[at - start..stop - start];
+            match guard {
+                Guard::Free => {
+                    self.memory[at..stop].copy_from_slice(part);
+                    written = true;
+                }
+                Guard::Window(n) => {
+                    let access = self.sync_managers[n].write(side, at, part, &mut self.memory);
+                    written |= self.accessed(n, side, access);
+                    if access == Access::Completed && self.sync_managers[n].triggers_watchdog() {
+                        self.watchdog.trigger(now);
+                        self.show_watchdog();
+                    }
+                }
+                Guard::Hidden => {}
+            }
+            at = stop;
+        }
+        written
+    }
+
+    /// Events and status after SyncManager `n` was accessed; whether bytes moved.
+    fn accessed(&mut self, n: usize, side: Side, access: Access) -> bool {
+        if access == Access::Denied {
+            return false;
+        }
+        self.show_sync_manager(n);
+        if side == Side::Ecat && access == Access::Completed && self.sync_managers[n].pdi_event() {
+            self.raise(al_event::sync_manager(n as u8));
+        }
+        true
+    }
+
+    /// What the writer left last at `address`, for writes of single bits.
+    pub(super) fn latest_bytes(&self, address: u16, data: &mut [u8]) {
+        let start = usize::from(address);
+        let end = (start + data.len()).min(self.memory.len());
+        let mut at = start;
+        while at < end {
+            let (guard, stop) = self.guard(at, end);
+            let part = &mut data[at - start..stop - start];
+            match guard {
+                Guard::Free | Guard::Hidden => part.copy_from_slice(&self.memory[at..stop]),
+                Guard::Window(n) => self.sync_managers[n].latest(at, part, &self.memory),
+            }
+            at = stop;
+        }
+    }
+}

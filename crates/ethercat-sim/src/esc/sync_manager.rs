@@ -1,0 +1,196 @@
+//! A SyncManager: guards an area of memory so that both sides see whole messages (ESC datasheet, "SyncManager").
+
+use core::ops::Range;
+
+/// Who accesses the memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The MainDevice, by frames.
+    Ecat,
+    /// The firmware, by the process-data interface.
+    Pdi,
+}
+
+/// What an access did to a SyncManager beside moving bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Not allowed now; no byte moved, the working counter stays.
+    Denied,
+    /// Bytes moved within an open buffer.
+    Partial,
+    /// The first byte was touched: the other side's event is acknowledged.
+    Opened,
+    /// The last byte was touched: the buffer changed hands.
+    Completed,
+}
+
+/// Control register bit 4: tell the MainDevice.
+const CONTROL_ECAT_EVENT: u8 = 1 << 4;
+/// Control register bit 5: tell the firmware.
+const CONTROL_PDI_EVENT: u8 = 1 << 5;
+/// Control register bit 6: writes trigger the process-data watchdog.
+const CONTROL_WATCHDOG: u8 = 1 << 6;
+const STATUS_WRITE_EVENT: u8 = 1 << 0;
+const STATUS_READ_EVENT: u8 = 1 << 1;
+const STATUS_FULL: u8 = 1 << 3;
+
+/// State of one SyncManager.
+#[derive(Clone, Debug, Default)]
+pub struct SyncManager {
+    start: u16,
+    length: u16,
+    control: u8,
+    active: bool,
+    /// Mailbox mode: a message waits to be read.
+    full: bool,
+    /// Buffered mode: the buffer written last; none was since activation where `None`.
+    latest: Option<u8>,
+    /// Buffer that is being written.
+    writing: Option<u8>,
+    /// Buffer that is being read.
+    reading: Option<u8>,
+    written_event: bool,
+    read_event: bool,
+}
+
+impl SyncManager {
+    /// Takes over the registers; an activation starts with empty buffers.
+    pub fn configure(&mut self, registers: &[u8]) {
+        let (enabled, deactivated) = (registers[6] & 1 != 0, registers[7] & 1 != 0);
+        let start = u16::from_le_bytes([registers[0], registers[1]]);
+        let length = u16::from_le_bytes([registers[2], registers[3]]);
+        let active = enabled && !deactivated && length > 0;
+        if active != self.active
+            || start != self.start
+            || length != self.length
+            || registers[4] != self.control
+        {
+            *self = SyncManager { start, length, control: registers[4], active, ..SyncManager::default() };
+        }
+    }
+
+    /// Whether it guards its area now.
+    pub fn active(&self) -> bool {
+        self.active
+    }
+
+    /// The addresses through which its area is accessed.
+    pub fn window(&self) -> Range<usize> {
+        usize::from(self.start)..usize::from(self.start) + usize::from(self.length)
+    }
+
+    /// All memory that it occupies: three buffers in buffered mode.
+    pub fn occupied(&self) -> Range<usize> {
+        let buffers = if self.mailbox() { 1 } else { 3 };
+        usize::from(self.start)..usize::from(self.start) + buffers * usize::from(self.length)
+    }
+
+    fn mailbox(&self) -> bool {
+        self.control & 3 == 2
+    }
+
+    /// The side that writes.
+    pub fn writer(&self) -> Side {
+        if (self.control >> 2) & 3 == 1 { Side::Ecat } else { Side::Pdi }
+    }
+
+    /// Whether completed writes trigger the process-data watchdog.
+    pub fn triggers_watchdog(&self) -> bool {
+        self.control & CONTROL_WATCHDOG != 0 && self.writer() == Side::Ecat
+    }
+
+    /// The status register (offset 5).
+    pub fn status(&self) -> u8 {
+        let mut status = 0;
+        if self.written_event {
+            status |= STATUS_WRITE_EVENT;
+        }
+        if self.read_event {
+            status |= STATUS_READ_EVENT;
+        }
+        if self.full {
+            status |= STATUS_FULL;
+        }
+        status |= if self.active && !self.mailbox() { self.latest.unwrap_or(3) << 4 } else { 0x30 };
+        if self.reading.is_some() {
+            status |= 1 << 6;
+        }
+        if self.writing.is_some() {
+            status |= 1 << 7;
+        }
+        status
+    }
+
+    /// Whether the firmware has something to do: its side of the buffer changed hands.
+    pub fn pdi_event(&self) -> bool {
+        let event = if self.writer() == Side::Ecat { self.written_event } else { self.read_event };
+        event && self.control & CONTROL_PDI_EVENT != 0
+    }
+
+    /// Whether the MainDevice has something to do.
+    pub fn ecat_event(&self) -> bool {
+        let event = if self.writer() == Side::Ecat { self.read_event } else { self.written_event };
+        event && self.control & CONTROL_ECAT_EVENT != 0
+    }
+
+    /// Writes `data` at `address`, inside the window.
+    pub fn write(&mut self, side: Side, address: usize, data: &[u8], memory: &mut [u8]) -> Access {
+        if side != self.writer() || (self.mailbox() && self.full) || self.occupied().end > memory.len() {
+            return Access::Denied;
+        }
+        let opened = address == usize::from(self.start);
+        if opened {
+            self.writing = Some(if self.mailbox() { 0 } else { self.free_buffer() });
+            self.read_event = false;
+        }
+        let Some(buffer) = self.writing else { return Access::Denied };
+        let at = address + usize::from(buffer) * usize::from(self.length);
+        memory[at..at + data.len()].copy_from_slice(data);
+        if address + data.len() == self.window().end {
+            self.writing = None;
+            self.written_event = true;
+            self.full = self.mailbox();
+            self.latest = Some(buffer);
+            return Access::Completed;
+        }
+        if opened { Access::Opened } else { Access::Partial }
+    }
+
+    /// Reads at `address`, inside the window, into `data`.
+    pub fn read(&mut self, side: Side, address: usize, data: &mut [u8], memory: &[u8]) -> Access {
+        if side == self.writer() || self.occupied().end > memory.len() || (self.mailbox() && !self.full) {
+            return Access::Denied;
+        }
+        let opened = address == usize::from(self.start);
+        if opened {
+            self.reading = self.latest;
+            if self.latest.is_some() {
+                self.written_event = false;
+            }
+        }
+        let Some(buffer) = self.reading else { return Access::Denied };
+        let at = address + usize::from(buffer) * usize::from(self.length);
+        data.copy_from_slice(&memory[at..at + data.len()]);
+        if address + data.len() == self.window().end {
+            self.reading = None;
+            self.read_event = true;
+            self.full = false;
+            return Access::Completed;
+        }
+        if opened { Access::Opened } else { Access::Partial }
+    }
+
+    /// The bytes at `address` as the writer left them last, for writes of single bits.
+    pub fn latest(&self, address: usize, data: &mut [u8], memory: &[u8]) {
+        let buffer = usize::from(self.writing.or(self.latest).unwrap_or(0));
+        let at = address + buffer * usize::from(self.length);
+        if at + data.len() <= memory.len() {
+            data.copy_from_slice(&memory[at..at + data.len()]);
+        }
+    }
+
+    /// A buffer that neither holds the newest data nor is being read.
+    fn free_buffer(&self) -> u8 {
+        (0..3).find(|&buffer| Some(buffer) != self.latest && Some(buffer) != self.reading).unwrap_or(0)
+    }
+}

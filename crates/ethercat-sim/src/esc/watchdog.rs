@@ -1,0 +1,58 @@
+//! The process-data watchdog (registers 0x0400, 0x0420, 0x0440, 0x0442).
+
+/// Divider after power-on: (2498 + 2) · 40 ns = 100 us.
+pub const DIVIDER_DEFAULT: u16 = 0x09C2;
+/// Process-data watchdog time after power-on: 1000 · 100 us = 100 ms.
+pub const TIME_DEFAULT: u16 = 0x03E8;
+
+/// Counts down from the last process data.
+#[derive(Clone, Debug)]
+pub struct Watchdog {
+    time_ns: u64,
+    expires_at: Option<u64>,
+}
+
+impl Default for Watchdog {
+    fn default() -> Self {
+        let mut watchdog = Watchdog { time_ns: 0, expires_at: None };
+        watchdog.configure(DIVIDER_DEFAULT, TIME_DEFAULT);
+        watchdog
+    }
+}
+
+impl Watchdog {
+    /// Takes over the divider (units of 40 ns, plus 2) and the time (multiples of the divided clock; 0: off).
+    pub fn configure(&mut self, divider: u16, time: u16) {
+        self.time_ns = (u64::from(divider) + 2) * 40 * u64::from(time);
+        if self.time_ns == 0 {
+            self.expires_at = None;
+        }
+    }
+
+    /// Whether it is switched on.
+    pub fn enabled(&self) -> bool {
+        self.time_ns > 0
+    }
+
+    /// Process data came.
+    pub fn trigger(&mut self, now: u64) {
+        if self.time_ns > 0 {
+            self.expires_at = Some(now + self.time_ns);
+        }
+    }
+
+    /// When it expires, if nothing comes.
+    pub fn expires_at(&self) -> Option<u64> {
+        self.expires_at
+    }
+
+    /// Whether it ran until now.
+    pub fn running(&self) -> bool {
+        self.expires_at.is_some()
+    }
+
+    /// Stops it after it expired.
+    pub fn expire(&mut self) {
+        self.expires_at = None;
+    }
+}

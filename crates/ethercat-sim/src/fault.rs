@@ -1,0 +1,72 @@
+//! Faults on request.
+
+use crate::pdi::ApplicationFault;
+use core::time::Duration;
+
+/// Something that goes wrong with one SubDevice, its cables or its firmware.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Supply voltage off: its links go down and its registers forget everything.
+    PowerOff,
+    /// Supply voltage on: it starts as from the factory, with what its SII holds.
+    PowerOn,
+    /// Off now, and on again after a while.
+    PowerCycle {
+        /// How long it stays off.
+        off_for: Duration,
+    },
+    /// The cable at this port is cut: both ends lose their link.
+    CableCut {
+        /// Port 0 to 3.
+        port: u8,
+    },
+    /// The cable at this port is whole again.
+    CableRestored {
+        /// Port 0 to 3.
+        port: u8,
+    },
+    /// The next frames that arrive at this port are damaged: they are counted and destroyed.
+    CrcErrors {
+        /// Port 0 to 3.
+        port: u8,
+        /// Number of frames.
+        frames: u32,
+    },
+    /// The firmware misbehaves.
+    Application(ApplicationFault),
+}
+
+impl From<ApplicationFault> for Fault {
+    fn from(fault: ApplicationFault) -> Self {
+        Fault::Application(fault)
+    }
+}
+
+/// Why a fault could not be injected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FaultError {
+    /// No such SubDevice.
+    #[error("no SubDevice at position {position}, the segment has {count}")]
+    NoSuchSubDevice {
+        /// Position asked for.
+        position: usize,
+        /// SubDevices there.
+        count: usize,
+    },
+    /// No cable is plugged into that port.
+    #[error("no cable at port {port} of the SubDevice at position {position}")]
+    NoCable {
+        /// Position of the SubDevice.
+        position: usize,
+        /// Its port.
+        port: u8,
+    },
+    /// The firmware does not know this fault.
+    #[error("the firmware of the SubDevice at position {position} does not know {fault:?}")]
+    UnknownToApplication {
+        /// Position of the SubDevice.
+        position: usize,
+        /// The fault.
+        fault: ApplicationFault,
+    },
+}

@@ -1,0 +1,243 @@
+//! Cables between SubDevices, and the way that a frame takes through them.
+
+/// What a SubDevice's entry port is plugged into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parent {
+    /// The MainDevice's network interface.
+    MainDevice,
+    /// Another SubDevice nearer to the MainDevice.
+    SubDevice {
+        /// Its position.
+        position: usize,
+        /// Its port, 0 to 3.
+        port: u8,
+    },
+}
+
+/// The cable through which a SubDevice is reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// The end nearer to the MainDevice.
+    pub parent: Parent,
+    /// The SubDevice's own port; usually 0.
+    pub entry_port: u8,
+    /// What the cable delays a frame in one direction, ns (about 5 ns a metre).
+    pub cable_delay_ns: u32,
+}
+
+/// Why SubDevices and cables don't make a segment.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TopologyError {
+    /// One attachment for each SubDevice is needed.
+    #[error("{sub_devices} SubDevices, but {attachments} attachments")]
+    Count {
+        /// SubDevices given.
+        sub_devices: usize,
+        /// Attachments given.
+        attachments: usize,
+    },
+    /// A parent that isn't there.
+    #[error("the SubDevice at position {position} hangs on position {parent}, which is not before it")]
+    NoSuchParent {
+        /// Position of the child.
+        position: usize,
+        /// Position named as its parent.
+        parent: usize,
+    },
+    /// A port that the chip doesn't have.
+    #[error("the SubDevice at position {position} has no port {port}")]
+    NoSuchPort {
+        /// Position of the SubDevice.
+        position: usize,
+        /// The port.
+        port: u8,
+    },
+    /// Two cables in one port.
+    #[error("port {port} of the SubDevice at position {position} has two cables")]
+    PortTaken {
+        /// Position of the SubDevice.
+        position: usize,
+        /// The port.
+        port: u8,
+    },
+    /// The first SubDevice, and only it, hangs on the MainDevice.
+    #[error(
+        "the SubDevice at position {position} must not be attached to the MainDevice, only position 0 is, and it must be"
+    )]
+    MainDeviceCable {
+        /// Position of the SubDevice.
+        position: usize,
+    },
+    /// Frames pass the SubDevices in another order than they are listed.
+    #[error(
+        "a frame passes SubDevice {found} as number {position}: list the SubDevices in the order of the frame's way"
+    )]
+    Order {
+        /// Position on the frame's way.
+        position: usize,
+        /// Index in the list.
+        found: usize,
+    },
+}
+
+/// One end of a cable: SubDevice and port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Plug {
+    pub position: usize,
+    pub port: u8,
+}
+
+/// A cable; its upper end is the MainDevice where `upper` is `None`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cable {
+    pub upper: Option<Plug>,
+    pub lower: Plug,
+    pub delay_ns: u32,
+    pub cut: bool,
+}
+
+/// All cables, and which one is in which port.
+#[derive(Debug)]
+pub(crate) struct Cables {
+    pub cables: Vec<Cable>,
+    /// Index of the cable in each port of each SubDevice.
+    pub at: Vec<[Option<usize>; 4]>,
+}
+
+impl Cables {
+    /// Plugs everything together; `has_port` tells which ports a SubDevice has.
+    pub fn new(
+        attachments: &[Attachment],
+        has_port: impl Fn(usize, u8) -> bool,
+    ) -> Result<Self, TopologyError> {
+        let mut at = vec![[None; 4]; attachments.len()];
+        let mut cables = Vec::with_capacity(attachments.len());
+        let mut plug_in = |plug: Plug, cable: usize| {
+            let Plug { position, port } = plug;
+            if !has_port(position, port) {
+                return Err(TopologyError::NoSuchPort { position, port });
+            }
+            match at[position][usize::from(port)].replace(cable) {
+                Some(_) => Err(TopologyError::PortTaken { position, port }),
+                None => Ok(()),
+            }
+        };
+        for (position, attachment) in attachments.iter().enumerate() {
+            let upper = match attachment.parent {
+                Parent::MainDevice if position == 0 => None,
+                Parent::MainDevice => return Err(TopologyError::MainDeviceCable { position }),
+                Parent::SubDevice { .. } if position == 0 => {
+                    return Err(TopologyError::MainDeviceCable { position });
+                }
+                Parent::SubDevice { position: parent, .. }
+                    if parent >= attachments.len() || parent == position =>
+                {
+                    return Err(TopologyError::NoSuchParent { position, parent });
+                }
+                Parent::SubDevice { position: parent, port } => Some(Plug { position: parent, port }),
+            };
+            let lower = Plug { position, port: attachment.entry_port };
+            plug_in(lower, cables.len())?;
+            if let Some(upper) = upper {
+                plug_in(upper, cables.len())?;
+            }
+            cables.push(Cable { upper, lower, delay_ns: attachment.cable_delay_ns, cut: false });
+        }
+        Ok(Cables { cables, at })
+    }
+}
+
+/// A frame's arrival at a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Arrival {
+    pub position: usize,
+    pub port: u8,
+    /// From the moment at which the frame left the MainDevice, ns.
+    pub at_ns: u64,
+    /// Processing units passed before.
+    pub passed: usize,
+}
+
+/// A frame's passage through a processing unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Passage {
+    pub position: usize,
+    /// From the moment at which the frame left the MainDevice, ns.
+    pub at_ns: u64,
+    /// Port 0 is closed by itself: a frame that comes here twice is caught.
+    pub port_0_closed: bool,
+}
+
+/// The way of a frame through the segment.
+#[derive(Debug, Default)]
+pub(crate) struct Way {
+    pub passages: Vec<Passage>,
+    pub arrivals: Vec<Arrival>,
+    /// When it is back at the MainDevice; `None` where it never is.
+    pub back_ns: Option<u64>,
+}
+
+/// What the way depends on beside the cables.
+pub(crate) trait Ports {
+    /// Whether frames turn back inside the chip at this port.
+    fn closed(&self, plug: Plug) -> bool;
+    /// Whether a frame can leave through this cable.
+    fn carries(&self, cable: &Cable) -> bool;
+    /// Delay from port to port inside this SubDevice, ns.
+    fn forward_delay_ns(&self, position: usize) -> u64;
+}
+
+impl Way {
+    /// Follows a frame from the MainDevice until it is back or lost.
+    pub fn follow(cables: &Cables, ports: &impl Ports) -> Way {
+        let mut way = Way::default();
+        let Some(first) = cables.cables.first().filter(|cable| ports.carries(cable)) else { return way };
+        let mut plug = first.lower;
+        let mut at_ns = u64::from(first.delay_ns);
+        // A tree is passed once in each direction; more means that control bits made a ring.
+        for _ in 0..=2 * cables.cables.len() + 2 {
+            // What arrives at a closed port is destroyed there.
+            if ports.closed(plug) {
+                return way;
+            }
+            let passed = way.passages.len();
+            way.arrivals.push(Arrival { position: plug.position, port: plug.port, at_ns, passed });
+            let leaving = way.cross(ports, plug, at_ns);
+            at_ns += ports.forward_delay_ns(plug.position);
+            let Some(index) = cables.at[leaving.position][usize::from(leaving.port)] else { return way };
+            let cable = &cables.cables[index];
+            if !ports.carries(cable) {
+                return way;
+            }
+            at_ns += u64::from(cable.delay_ns);
+            plug = match cable.upper {
+                None => {
+                    way.back_ns = Some(at_ns);
+                    return way;
+                }
+                Some(upper) if cable.lower == leaving => upper,
+                Some(_) => cable.lower,
+            };
+        }
+        way
+    }
+
+    /// Crosses a chip in the order 0, processing unit, 3, 1, 2, 0; returns the port by which the frame leaves.
+    fn cross(&mut self, ports: &impl Ports, entry: Plug, at_ns: u64) -> Plug {
+        let position = entry.position;
+        let mut port = entry.port;
+        if port == 0 {
+            self.passages.push(Passage { position, at_ns, port_0_closed: false });
+        }
+        loop {
+            port = [3, 2, 0, 1][usize::from(port)];
+            let plug = Plug { position, port };
+            if !ports.closed(plug) {
+                return plug;
+            }
+            if port == 0 {
+                self.passages.push(Passage { position, at_ns, port_0_closed: true });
+            }
+        }
+    }
+}
