@@ -1,0 +1,363 @@
+//! The rigid body on its wheels, advanced step by step.
+
+mod check;
+
+use crate::contact::{self, Mass, Regime, STICTION_M_S, STICTION_RAD_S};
+use crate::load::{Carried, LoadShare};
+use crate::pose::{Pose, Twist, Wrench};
+use crate::wheel::{Grip, WheelParameters, WheelState};
+use check::{check_body, check_payload, check_support, check_wheel};
+
+pub use check::BodyError;
+
+/// Time constant with which the normal loads follow the acceleration: tread and frame are not rigid in pitch and roll.
+/// An assumption (a natural frequency of some 30 Hz); much below it the loads are the static ones.
+pub const LOAD_TRANSFER_S: f64 = 0.005;
+
+/// The body without payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyParameters {
+    /// Mass, wheels included.
+    pub mass_kg: f64,
+    /// Inertia about the vertical through the centre of mass, wheels included.
+    pub yaw_inertia_kg_m2: f64,
+    /// Centre of mass in `base_link`.
+    pub center_of_mass_m: [f64; 2],
+    /// Height of the centre of mass over the floor.
+    pub center_of_mass_height_m: f64,
+}
+
+/// A load that stands on the body and moves with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Payload {
+    /// Mass.
+    pub mass_kg: f64,
+    /// Inertia about the vertical through its own centre of mass.
+    pub yaw_inertia_kg_m2: f64,
+    /// Its centre of mass in `base_link`.
+    pub position_m: [f64; 2],
+    /// Height of its centre of mass over the floor.
+    pub height_m: f64,
+}
+
+/// Body and payload as one rigid body.
+#[derive(Clone, Copy, Debug)]
+struct Total {
+    carried: Carried,
+    yaw_inertia_kg_m2: f64,
+}
+
+/// A wheel's parameters in the form that a step needs.
+#[derive(Clone, Copy, Debug)]
+struct Mounted {
+    inertia: f64,
+    viscous: f64,
+    coulomb: f64,
+    rolling: f64,
+    /// Friction along the force direction while sticking and while sliding.
+    grip: [f64; 2],
+    roller: f64,
+    creep: f64,
+}
+
+/// The body on its wheels: torques in, motion out.
+///
+/// State and solution are the truth of the simulation. A step is semi-implicit Euler in the velocities (frictions at the
+/// end of the step, see [`contact`]) with the mean velocity of the step along an exact arc for the pose: exact
+/// for constant torques, first order in the step otherwise.
+#[derive(Clone, Debug)]
+pub struct Body {
+    parameters: BodyParameters,
+    payload: Payload,
+    total: Total,
+    positions: Vec<[f64; 2]>,
+    mounted: Vec<Mounted>,
+    share: LoadShare,
+    rows: Vec<contact::Wheel>,
+    wheels: Vec<WheelState>,
+    /// Velocity of the centre of mass in the body's axes, and yaw rate.
+    velocity: [f64; 3],
+    acceleration: [f64; 2],
+    pose: Pose,
+    push: Wrench,
+}
+
+impl Body {
+    /// A body at rest at the origin.
+    pub fn new(parameters: BodyParameters, wheels: &[WheelParameters]) -> Result<Self, BodyError> {
+        check_body(&parameters)?;
+        for (i, wheel) in wheels.iter().enumerate() {
+            check_wheel(i, wheel)?;
+        }
+        let payload = Payload::default();
+        let total = Total::of(&parameters, &payload);
+        let positions: Vec<[f64; 2]> = wheels.iter().map(|w| w.position_m).collect();
+        let share =
+            LoadShare::new(&positions, total.carried).ok_or(BodyError::NoSupport { wheels: wheels.len() })?;
+        check_support(&share, &total)?;
+        let mut body = Self {
+            parameters,
+            payload,
+            total,
+            positions,
+            mounted: wheels.iter().map(Mounted::of).collect(),
+            share,
+            rows: wheels.iter().map(row_of).collect(),
+            wheels: vec![WheelState::default(); wheels.len()],
+            velocity: [0.0; 3],
+            acceleration: [0.0; 2],
+            pose: Pose::default(),
+            push: Wrench::default(),
+        };
+        body.place_rows();
+        for (i, wheel) in body.wheels.iter_mut().enumerate() {
+            wheel.normal_load_n = body.share.static_n[i];
+        }
+        Ok(body)
+    }
+
+    /// Puts another payload in the place of the present one, gently: it already moves with the body.
+    ///
+    /// Refused, and nothing changed, where the machine would tip over.
+    pub fn set_payload(&mut self, payload: Payload) -> Result<(), BodyError> {
+        check_payload(&payload)?;
+        let total = Total::of(&self.parameters, &payload);
+        let mut share = self.share.clone();
+        if !share.update(&self.positions, total.carried) {
+            return Err(BodyError::NoSupport { wheels: self.positions.len() });
+        }
+        check_support(&share, &total)?;
+        let twist = self.twist_in_body();
+        self.payload = payload;
+        self.total = total;
+        self.share = share;
+        self.place_rows();
+        self.set_twist(twist);
+        Ok(())
+    }
+
+    /// Pushes the body from outside until the next call; every value must be finite.
+    pub fn set_push(&mut self, push: Wrench) {
+        self.push = push;
+    }
+
+    /// Puts the body somewhere, without moving it there.
+    pub fn set_pose(&mut self, pose: Pose) {
+        self.pose = pose;
+    }
+
+    /// Gives the body a velocity at once; the wheels keep theirs.
+    pub fn set_twist(&mut self, twist: Twist) {
+        let [cx, cy] = self.total.carried.center_m;
+        self.velocity = [twist.vx_m_s - twist.w_rad_s * cy, twist.vy_m_s + twist.w_rad_s * cx, twist.w_rad_s];
+    }
+
+    /// Gives a wheel a speed at once; an index without a wheel is ignored.
+    pub fn set_wheel_speed(&mut self, index: usize, speed_rad_s: f64) {
+        if let (Some(row), Some(wheel)) = (self.rows.get_mut(index), self.wheels.get_mut(index)) {
+            row.speed = speed_rad_s;
+            wheel.speed_rad_s = speed_rad_s;
+        }
+    }
+
+    /// Where the body is.
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// How it moves.
+    pub fn twist_in_body(&self) -> Twist {
+        let [vx, vy, w] = self.velocity;
+        let [cx, cy] = self.total.carried.center_m;
+        Twist { vx_m_s: vx + w * cy, vy_m_s: vy - w * cx, w_rad_s: w }
+    }
+
+    /// The wheels, in the order given.
+    pub fn wheels(&self) -> &[WheelState] {
+        &self.wheels
+    }
+
+    /// The payload that it carries.
+    pub fn payload(&self) -> Payload {
+        self.payload
+    }
+
+    /// Mass with payload.
+    pub fn mass_kg(&self) -> f64 {
+        self.total.carried.mass_kg
+    }
+
+    /// Inertia about the vertical through the common centre of mass, with payload.
+    pub fn yaw_inertia_kg_m2(&self) -> f64 {
+        self.total.yaw_inertia_kg_m2
+    }
+
+    /// Kinetic energy of body and wheels.
+    pub fn kinetic_energy_j(&self) -> f64 {
+        let [vx, vy, w] = self.velocity;
+        let body = self.mass_kg() * (vx * vx + vy * vy) + self.yaw_inertia_kg_m2() * w * w;
+        let wheels: f64 = self
+            .mounted
+            .iter()
+            .zip(&self.wheels)
+            .map(|(m, s)| m.inertia * s.speed_rad_s * s.speed_rad_s)
+            .sum();
+        0.5 * (body + wheels)
+    }
+
+    /// Advances by `step_s` (50 to 250 us give good results) with one motor torque per wheel, in the wheels' order;
+    /// a wheel without a torque turns freely.
+    pub fn step(&mut self, torques_n_m: &[f64], step_s: f64) {
+        let rate = 1.0 / step_s;
+        let before = self.velocity;
+        // In axes that turn with the body a free body's velocity turns back by the angle of the step.
+        let (sin, cos) = sin_cos(before[2] * step_s);
+        let start = [before[0] * cos + before[1] * sin, before[1] * cos - before[0] * sin, before[2]];
+        let (heading_sin, heading_cos) = self.pose.heading_rad.sin_cos();
+        let mass = self.mass(start, (heading_sin, heading_cos), rate);
+        for (i, (row, mounted)) in self.rows.iter_mut().zip(&self.mounted).enumerate() {
+            let load = self.share.load_n(i, self.acceleration);
+            self.wheels[i].normal_load_n = load;
+            prepare(row, mounted, load, &before);
+            row.stiffness = mounted.inertia * rate + mounted.viscous;
+            row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
+        }
+        self.velocity = contact::solve(&mass, &mut self.rows, start);
+        let follow = step_s / (LOAD_TRANSFER_S + step_s);
+        for (filtered, (after, start)) in self.acceleration.iter_mut().zip(self.velocity.iter().zip(&start)) {
+            *filtered += follow * ((after - start) * rate - *filtered);
+        }
+        self.move_wheels(step_s);
+        self.move_body(before, (heading_sin, heading_cos), step_s);
+    }
+
+    fn mass(&self, start: [f64; 3], (sin, cos): (f64, f64), rate: f64) -> Mass {
+        let m = self.total.carried.mass_kg * rate;
+        let j = self.total.yaw_inertia_kg_m2 * rate;
+        let push = self.push;
+        Mass {
+            stiffness: [m, m, j],
+            drive: [
+                m * start[0] + push.fx_n * cos + push.fy_n * sin,
+                m * start[1] + push.fy_n * cos - push.fx_n * sin,
+                j * start[2] + push.moment_n_m,
+            ],
+        }
+    }
+
+    fn move_wheels(&mut self, step_s: f64) {
+        for (row, wheel) in self.rows.iter().zip(&mut self.wheels) {
+            wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
+            wheel.speed_rad_s = row.speed;
+            [wheel.force_along_n, wheel.force_across_n] = row.forces(&self.velocity);
+            wheel.slip_m_s = row.slip_along(&self.velocity, row.speed);
+            wheel.roller_m_s = row.slip_across(&self.velocity, row.speed);
+            wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };
+        }
+    }
+
+    /// Moves the pose along the arc of the step's mean twist.
+    fn move_body(&mut self, before: [f64; 3], (sin, cos): (f64, f64), step_s: f64) {
+        let mean = [0, 1, 2].map(|i| 0.5 * (before[i] + self.velocity[i]));
+        let [cx, cy] = self.total.carried.center_m;
+        let (dx, dy, turn) =
+            ((mean[0] + mean[2] * cy) * step_s, (mean[1] - mean[2] * cx) * step_s, mean[2] * step_s);
+        // The chord of the arc, in the axes at its start: sin(a)/a and (1 − cos(a))/a as series; a step turns little.
+        let square = turn * turn;
+        let ahead = 1.0 - square / 6.0 * (1.0 - square / 20.0);
+        let aside = 0.5 * turn * (1.0 - square / 12.0 * (1.0 - square / 30.0));
+        let (x, y) = (ahead * dx - aside * dy, aside * dx + ahead * dy);
+        self.pose.x_m += cos * x - sin * y;
+        self.pose.y_m += sin * x + cos * y;
+        self.pose.heading_rad += turn;
+    }
+
+    /// Levers of the contacts about the present centre of mass.
+    fn place_rows(&mut self) {
+        let [cx, cy] = self.total.carried.center_m;
+        for (row, position) in self.rows.iter_mut().zip(&self.positions) {
+            let (x, y) = (position[0] - cx, position[1] - cy);
+            row.along[2] = x * row.along[1] - y * row.along[0];
+            row.across[2] = x * row.across[1] - y * row.across[0];
+        }
+    }
+}
+
+/// Sine and cosine of the small angle of one step: series that are exact to rounding below 0.03 rad.
+fn sin_cos(angle: f64) -> (f64, f64) {
+    if angle.abs() > 0.03 {
+        return angle.sin_cos();
+    }
+    let square = angle * angle;
+    (
+        angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))),
+        1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))),
+    )
+}
+
+/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
+fn prepare(row: &mut contact::Wheel, mounted: &Mounted, load_n: f64, velocity: &[f64; 3]) {
+    let along = mounted.grip[usize::from(row.grip.regime != Regime::Stick)];
+    let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
+    let travel = (hub_a * hub_a + hub_t * hub_t).sqrt();
+    row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
+    row.roller.set(mounted.roller * load_n, STICTION_M_S);
+    row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
+}
+
+impl Total {
+    fn of(body: &BodyParameters, payload: &Payload) -> Self {
+        let (a, b) = (body.mass_kg, payload.mass_kg);
+        let mass_kg = a + b;
+        let mix = |x: f64, y: f64| (a * x + b * y) / mass_kg;
+        let (p, q) = (body.center_of_mass_m, payload.position_m);
+        let apart = (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]);
+        Self {
+            carried: Carried {
+                mass_kg,
+                center_m: [mix(p[0], q[0]), mix(p[1], q[1])],
+                height_m: mix(body.center_of_mass_height_m, payload.height_m),
+            },
+            yaw_inertia_kg_m2: body.yaw_inertia_kg_m2 + payload.yaw_inertia_kg_m2 + a * b / mass_kg * apart,
+        }
+    }
+}
+
+impl Mounted {
+    fn of(wheel: &WheelParameters) -> Self {
+        let contact = &wheel.contact;
+        let roller = contact.roller_resistance;
+        // The circle of friction: what the roller takes across is missing along.
+        let along = |friction: f64| (friction * friction - roller * roller).max(0.0).sqrt();
+        Self {
+            inertia: wheel.inertia_kg_m2,
+            viscous: wheel.bearing_viscous_n_m_s,
+            coulomb: wheel.bearing_coulomb_n_m,
+            rolling: contact.rolling_resistance * wheel.radius_m,
+            grip: [along(contact.static_friction), along(contact.sliding_friction)],
+            roller,
+            creep: contact.creep,
+        }
+    }
+}
+
+fn unit(direction: [f64; 2]) -> [f64; 2] {
+    let length = direction[0].hypot(direction[1]);
+    [direction[0] / length, direction[1] / length]
+}
+
+fn row_of(wheel: &WheelParameters) -> contact::Wheel {
+    let rolling = unit(wheel.rolling_direction);
+    let along = unit(wheel.force_direction);
+    let across = [-along[1], along[0]];
+    contact::Wheel {
+        along: [along[0], along[1], 0.0],
+        arm_along: wheel.radius_m * (along[0] * rolling[0] + along[1] * rolling[1]),
+        across: [across[0], across[1], 0.0],
+        arm_across: wheel.radius_m * (across[0] * rolling[0] + across[1] * rolling[1]),
+        ..contact::Wheel::default()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,316 @@
+//! One step of stick and slip, solved for the velocities at its end.
+//!
+//! With the normal loads known, the velocities at the end of a step minimise a convex function: the kinetic distance
+//! to where the torques alone would bring the machine, plus the work of all dry frictions (J. J. Moreau's time-stepping
+//! in velocities). Each friction is a force that opposes a slip speed `s`, `−clamp(k·s, ±limit)`: a very steep line (or
+//! the creep of the tread) while it sticks, constant while it slides. Every wheel's speed couples only with the body's
+//! three velocities, so each Newton step is one 3×3 system; started from the last step's sticking and sliding contacts
+//! it mostly is the only one. Where plain Newton steps wander, an exact line search makes them converge.
+
+/// Slip speed below which a contact counts as sticking. A thousandth of a micrometre a second: it only makes the
+/// equations solvable where more contacts stick than there are velocities; a machine that sticks everywhere is put to rest.
+pub(crate) const STICTION_M_S: f64 = 1e-9;
+/// The same for the friction about an axle.
+pub(crate) const STICTION_RAD_S: f64 = 1e-8;
+
+/// Relative tolerance of the border between sticking and sliding: rounding of a slip speed at 1 m/s is 1e-16 m/s.
+const BORDER: f64 = 1e-5;
+const PLAIN_STEPS: u32 = 8;
+const SEARCH_STEPS: u32 = 60;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Regime {
+    #[default]
+    Stick,
+    Forward,
+    Backward,
+}
+
+/// One dry friction: the force `−clamp(slope·s, ±limit)` against the slip speed `s`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Friction {
+    limit: f64,
+    /// Slip speed at which the limit is reached.
+    width: f64,
+    slope: f64,
+    pub(crate) regime: Regime,
+}
+
+impl Friction {
+    pub(crate) fn set(&mut self, limit: f64, width: f64) {
+        self.limit = limit;
+        self.width = width;
+        self.slope = limit / width;
+    }
+
+    /// Resistance (the force's negative) as the line `constant + slope·s` of the present regime.
+    fn line(&self) -> (f64, f64) {
+        match self.regime {
+            Regime::Stick => (0.0, self.slope),
+            Regime::Forward => (self.limit, 0.0),
+            Regime::Backward => (-self.limit, 0.0),
+        }
+    }
+
+    fn resistance(&self, slip: f64) -> f64 {
+        (self.slope * slip).clamp(-self.limit, self.limit)
+    }
+
+    /// The regime at a slip speed; the borders belong to both sides, so that rounding can't make it flicker.
+    fn regime_at(&self, slip: f64) -> Regime {
+        let relative = match self.regime {
+            Regime::Stick => 1.0 + BORDER,
+            Regime::Forward | Regime::Backward => 1.0 - BORDER,
+        };
+        if slip.abs() <= self.width * relative {
+            Regime::Stick
+        } else if slip > 0.0 {
+            Regime::Forward
+        } else {
+            Regime::Backward
+        }
+    }
+
+    /// Takes the regime at `slip`, but never jumps from one sliding direction to the other; `true` if it changed.
+    fn follow(&mut self, slip: f64) -> bool {
+        let wanted = self.regime_at(slip);
+        let next = match (self.regime, wanted) {
+            (Regime::Forward, Regime::Backward) | (Regime::Backward, Regime::Forward) => Regime::Stick,
+            (_, wanted) => wanted,
+        };
+        // Without a limit there is no force, whatever the regime.
+        let changed = next != self.regime && self.limit > 0.0;
+        self.regime = next;
+        changed
+    }
+}
+
+/// One wheel in the equations of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wheel {
+    /// Slip along the force direction is `along·v − arm_along·speed`.
+    pub(crate) along: [f64; 3],
+    pub(crate) arm_along: f64,
+    /// Slip across it is `across·v − arm_across·speed`.
+    pub(crate) across: [f64; 3],
+    pub(crate) arm_across: f64,
+    /// Spin inertia over step, plus viscous friction.
+    pub(crate) stiffness: f64,
+    /// Spin inertia over step times speed before, plus motor torque.
+    pub(crate) drive: f64,
+    pub(crate) grip: Friction,
+    pub(crate) roller: Friction,
+    pub(crate) axle: Friction,
+    pub(crate) speed: f64,
+    /// Speed by the last Newton step.
+    pub(crate) candidate: f64,
+}
+
+/// The body in the equations of a step: mass, mass and yaw inertia over step, and their momentum over step with forces.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Mass {
+    pub(crate) stiffness: [f64; 3],
+    pub(crate) drive: [f64; 3],
+}
+
+pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Wheel {
+    pub(crate) fn slip_along(&self, v: &[f64; 3], speed: f64) -> f64 {
+        dot(&self.along, v) - self.arm_along * speed
+    }
+
+    pub(crate) fn slip_across(&self, v: &[f64; 3], speed: f64) -> f64 {
+        dot(&self.across, v) - self.arm_across * speed
+    }
+
+    /// Forces of the floor on the wheel, along and across.
+    pub(crate) fn forces(&self, v: &[f64; 3]) -> [f64; 2] {
+        [
+            -self.grip.resistance(self.slip_along(v, self.speed)),
+            -self.roller.resistance(self.slip_across(v, self.speed)),
+        ]
+    }
+
+    fn follow(&mut self, v: &[f64; 3]) -> bool {
+        let (along, across) = (self.slip_along(v, self.candidate), self.slip_across(v, self.candidate));
+        let grip = self.grip.follow(along);
+        let roller = self.roller.follow(across);
+        let axle = self.axle.follow(self.candidate);
+        grip | roller | axle
+    }
+
+    /// Whether friction holds the wheel, on its axle and on the floor.
+    fn at_rest(&self) -> bool {
+        self.grip.limit > 0.0
+            && self.axle.limit > 0.0
+            && self.grip.regime == Regime::Stick
+            && self.roller.regime == Regime::Stick
+            && self.axle.regime == Regime::Stick
+    }
+}
+
+/// Solves the step; leaves each wheel's speed in `speed` and returns the body's velocities.
+pub(crate) fn solve(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
+    let mut v = start;
+    let mut settled = false;
+    for _ in 0..PLAIN_STEPS {
+        v = newton(mass, wheels);
+        let mut changed = false;
+        for wheel in wheels.iter_mut() {
+            changed |= wheel.follow(&v);
+        }
+        if !changed {
+            settled = true;
+            break;
+        }
+    }
+    if settled {
+        wheels.iter_mut().for_each(|wheel| wheel.speed = wheel.candidate);
+    } else {
+        v = search(mass, wheels, start);
+    }
+    if wheels.iter().all(Wheel::at_rest) {
+        wheels.iter_mut().for_each(|wheel| wheel.speed = 0.0);
+        return [0.0; 3];
+    }
+    v
+}
+
+/// Solves the equations with every friction on the line of its regime; wheel speeds go to `candidate`.
+fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
+    let [mut h00, mut h11, mut h22] = mass.stiffness;
+    let (mut h01, mut h02, mut h12) = (0.0, 0.0, 0.0);
+    let mut rhs = mass.drive;
+    for wheel in wheels.iter() {
+        let (grip, grip_slope) = wheel.grip.line();
+        let (roller, roller_slope) = wheel.roller.line();
+        let (axle, axle_slope) = wheel.axle.line();
+        let (a, t) = (&wheel.along, &wheel.across);
+        // The wheel's own equation gives speed = (drive' + coupling·v)/d; put into the body's equations so that the
+        // steep slopes never appear as a difference of large numbers.
+        let e = wheel.stiffness + axle_slope;
+        let stick_a = wheel.arm_along * wheel.arm_along * grip_slope;
+        let stick_t = wheel.arm_across * wheel.arm_across * roller_slope;
+        let inverse = 1.0 / (e + stick_a + stick_t);
+        let drive = wheel.drive - axle + wheel.arm_along * grip + wheel.arm_across * roller;
+        let aa = grip_slope * (e + stick_t) * inverse;
+        let tt = roller_slope * (e + stick_a) * inverse;
+        let pull_a = grip_slope * wheel.arm_along * inverse;
+        let pull_t = roller_slope * wheel.arm_across * inverse;
+        let at = -pull_a * wheel.arm_across * roller_slope;
+        let push_a = pull_a * drive - grip;
+        let push_t = pull_t * drive - roller;
+        let (m0, m1, m2) = (aa * a[0] + at * t[0], aa * a[1] + at * t[1], aa * a[2] + at * t[2]);
+        let (n0, n1, n2) = (at * a[0] + tt * t[0], at * a[1] + tt * t[1], at * a[2] + tt * t[2]);
+        h00 += a[0] * m0 + t[0] * n0;
+        h01 += a[0] * m1 + t[0] * n1;
+        h02 += a[0] * m2 + t[0] * n2;
+        h11 += a[1] * m1 + t[1] * n1;
+        h12 += a[1] * m2 + t[1] * n2;
+        h22 += a[2] * m2 + t[2] * n2;
+        rhs[0] += a[0] * push_a + t[0] * push_t;
+        rhs[1] += a[1] * push_a + t[1] * push_t;
+        rhs[2] += a[2] * push_a + t[2] * push_t;
+    }
+    // LDLᵀ of a positive definite matrix: no pivoting needed.
+    let d0 = 1.0 / h00;
+    let (l10, l20) = (h01 * d0, h02 * d0);
+    let d1 = 1.0 / (h11 - l10 * h01);
+    let s12 = h12 - l10 * h02;
+    let l21 = s12 * d1;
+    let d2 = 1.0 / (h22 - l20 * h02 - l21 * s12);
+    let y0 = rhs[0];
+    let y1 = rhs[1] - l10 * y0;
+    let y2 = rhs[2] - l20 * y0 - l21 * y1;
+    let v2 = y2 * d2;
+    let v1 = y1 * d1 - l21 * v2;
+    let v0 = y0 * d0 - l10 * v1 - l20 * v2;
+    let v = [v0, v1, v2];
+    for wheel in wheels.iter_mut() {
+        let (grip, grip_slope) = wheel.grip.line();
+        let (roller, roller_slope) = wheel.roller.line();
+        let (axle, axle_slope) = wheel.axle.line();
+        let pull = wheel.arm_along * (grip + grip_slope * dot(&wheel.along, &v))
+            + wheel.arm_across * (roller + roller_slope * dot(&wheel.across, &v));
+        let resistance = wheel.stiffness
+            + axle_slope
+            + wheel.arm_along * wheel.arm_along * grip_slope
+            + wheel.arm_across * wheel.arm_across * roller_slope;
+        wheel.candidate = (wheel.drive - axle + pull) / resistance;
+    }
+    v
+}
+
+/// Newton's method with exact line search on the convex function; used where plain steps cycle between regimes.
+fn search(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
+    let mut v = start;
+    for _ in 0..SEARCH_STEPS {
+        let mut changed = false;
+        for wheel in wheels.iter_mut() {
+            wheel.candidate = wheel.speed;
+            for (friction, slip) in [
+                (&mut wheel.grip, dot(&wheel.along, &v) - wheel.arm_along * wheel.speed),
+                (&mut wheel.roller, dot(&wheel.across, &v) - wheel.arm_across * wheel.speed),
+                (&mut wheel.axle, wheel.speed),
+            ] {
+                friction.regime = friction.regime_at(slip);
+            }
+        }
+        let target = newton(mass, wheels);
+        for wheel in wheels.iter() {
+            changed |= wheel.grip.regime_at(wheel.slip_along(&target, wheel.candidate)) != wheel.grip.regime
+                || wheel.roller.regime_at(wheel.slip_across(&target, wheel.candidate)) != wheel.roller.regime
+                || wheel.axle.regime_at(wheel.candidate) != wheel.axle.regime;
+        }
+        let t = if changed { minimum_along(mass, wheels, &v, &target) } else { 1.0 };
+        for i in 0..3 {
+            v[i] += t * (target[i] - v[i]);
+        }
+        for wheel in wheels.iter_mut() {
+            wheel.speed += t * (wheel.candidate - wheel.speed);
+        }
+        if !changed {
+            return target;
+        }
+    }
+    v
+}
+
+/// Where on the way from the present velocities (0) to the Newton step's (1) the convex function is least.
+fn minimum_along(mass: &Mass, wheels: &[Wheel], v: &[f64; 3], target: &[f64; 3]) -> f64 {
+    let slope = |t: f64| -> f64 {
+        let at = [0, 1, 2].map(|i| v[i] + t * (target[i] - v[i]));
+        let mut sum: f64 =
+            (0..3).map(|i| (mass.stiffness[i] * at[i] - mass.drive[i]) * (target[i] - v[i])).sum();
+        for wheel in wheels {
+            let change = wheel.candidate - wheel.speed;
+            let speed = wheel.speed + t * change;
+            let direction = [0, 1, 2].map(|i| target[i] - v[i]);
+            sum += (wheel.stiffness * speed - wheel.drive + wheel.axle.resistance(speed)) * change;
+            sum += wheel.grip.resistance(wheel.slip_along(&at, speed)) * wheel.slip_along(&direction, change);
+            sum += wheel.roller.resistance(wheel.slip_across(&at, speed))
+                * wheel.slip_across(&direction, change);
+        }
+        sum
+    };
+    if slope(1.0) <= 0.0 {
+        return 1.0;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    // 60 halvings reach the last bit of a number below one.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if slope(middle) > 0.0 {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests;

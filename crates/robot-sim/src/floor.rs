@@ -1,0 +1,63 @@
+//! Friction between a wheel's tread and the floor.
+
+/// Standard gravity (ISO 80000-3).
+pub const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// What happens where a wheel touches the floor; dimensionless figures, each a ratio to the normal load.
+///
+/// Along its force direction a contact sticks until the force reaches `static_friction` times the load, then slides
+/// with `sliding_friction` times the load against the slip (Coulomb). Across it the rollers turn, against
+/// `roller_resistance` times the load. The wheel as a whole rolls against `rolling_resistance` times load times radius.
+///
+/// Elastic treads creep before they slide: the slip speed is `creep` times travelling speed times the ratio of force to
+/// load (Carter's law for small ratios, K. L. Johnson, *Contact Mechanics*, 1985, chapter 8: `creep = a/(2R)` with
+/// the half-width `a` of the contact and the radius `R`). A standing contact doesn't creep.
+///
+/// # Where the default figures come from
+/// They describe cast polyurethane rollers on a dry, hard floor, and were taken from the literature as they stand there:
+///
+/// | figure | default | source |
+/// |---|---|---|
+/// | `static_friction` | 0.50 | tables of elastomer friction range from 0.20 (hard cast polyurethane, 82 Shore A) to 0.69 (rubber, 60 Shore A) at 20 °C, and 0.75 for tyres on dry concrete (Noon 1994); the middle is taken |
+/// | `sliding_friction` | 0.45 | nine tenths of the static figure: elastomers fall little when sliding begins |
+/// | `rolling_resistance` | 0.009 | Duda et al., *Sensors* 2025, 25(16), 5026, doi:10.3390/s25165026, omni wheel on industrial concrete: smallest mean resistance 1.04 N under 117.7 N |
+/// | `roller_resistance` | 0.030 | same work: mean resistance up to 10.34 N under 215.8 N (0.048) when rolling askew; between that and the straight figure |
+/// | `creep` | 0.025 | Carter with Hertz's half-width: 350 N on a 25 mm wide tread of 0.1 m radius and 50 MPa (92 Shore A) gives a = 5.2 mm |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Largest force along the force direction while sticking, over normal load.
+    pub static_friction: f64,
+    /// Force along the force direction while sliding, over normal load; at most `static_friction`.
+    pub sliding_friction: f64,
+    /// Moment against the wheel's rolling, over normal load times radius.
+    pub rolling_resistance: f64,
+    /// Force against the rollers' turning, over normal load; at most `sliding_friction`.
+    pub roller_resistance: f64,
+    /// Slip ratio over ratio of force to load, for forces well below sliding; 0 is a rigid tread.
+    pub creep: f64,
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self {
+            static_friction: 0.50,
+            sliding_friction: 0.45,
+            rolling_resistance: 0.009,
+            roller_resistance: 0.030,
+            creep: 0.025,
+        }
+    }
+}
+
+impl Contact {
+    /// A rigid tread that rolls without any loss: what kinematics textbooks assume, up to the friction limit.
+    pub fn ideal(friction: f64) -> Self {
+        Self {
+            static_friction: friction,
+            sliding_friction: friction,
+            rolling_resistance: 0.0,
+            roller_resistance: 0.0,
+            creep: 0.0,
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The simulated robot: a rigid body on omni or mecanum wheels, driven by motors with limits.
+//!
+//! Written apart from the controllers' own model, so that a mistake there doesn't cancel out here: nothing in this
+//! crate knows `platform`, an estimator or a controller. In the order in which a reader needs them:
+//!
+//! - [`floor`]: friction between tread and floor, with the sources of the default figures
+//! - [`wheel`]: a wheel's geometry and inertia, and what the simulation tells about it
+//! - [`body`]: the rigid body with its payload, advanced step by step; [`load`] shares the weight among the wheels
+//!   and [`contact`] solves one step with stick and slip
+//!
+//! The planar model leaves out the roll and pitch motion (only its load transfer is there), the spin inertia of the
+//! rollers, and the way the contact point wanders from roller to roller.
+//!
+//! Same input, same bits: no clock, no randomness, and nothing is allocated after construction.
+#![forbid(unsafe_code)]
+
+pub mod body;
+pub mod contact;
+pub mod floor;
+pub mod load;
+pub mod pose;
+pub mod wheel;
+
+pub use body::{Body, BodyError, BodyParameters, Payload};
+pub use floor::Contact;
+pub use pose::{Pose, Twist, Wrench};
+pub use wheel::{Grip, WheelParameters, WheelState};
