@@ -3,9 +3,18 @@
 
 use libfuzzer_sys::fuzz_target;
 use omnibase_ethercat_wire::Command;
-use omnibase_ethercat_wire::frame::{DATAGRAM_HEADER, Datagrams, FrameBuilder};
+use omnibase_ethercat_wire::frame::{DATAGRAM_HEADER, Datagrams, ETHERNET_HEADER, FrameBuilder};
 
 fuzz_target!(|bytes: &[u8]| {
+    read(bytes);
+    // Once more behind headers that are right, so that the datagrams get the fuzzer's attention.
+    let mut frame = FrameBuilder::new().bytes()[..ETHERNET_HEADER].to_vec();
+    frame.extend_from_slice(&(0x1000 | bytes.len().min(0x7FF) as u16).to_le_bytes());
+    frame.extend_from_slice(bytes);
+    read(&frame);
+});
+
+fn read(bytes: &[u8]) {
     let Ok(datagrams) = Datagrams::new(bytes) else { return };
     let mut rebuilt = FrameBuilder::new();
     for datagram in datagrams {
@@ -21,4 +30,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert_eq!(again.data, datagram.data);
         }
     }
-});
+}
