@@ -5,13 +5,20 @@ use core::fmt;
 
 use crate::eeprom::{SiiExtent, SiiReader};
 use crate::error::SetUpError;
+use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ObjectList, Operation, list_indices};
+use crate::procedure::Procedure;
+use crate::start_up::SdoAccess;
 use crate::state::{StateChange, StateTimeouts};
 use crate::subdevice::SubDevice;
 use crate::transaction::{Access, Target, TransactionOptions, Transactor};
+use crate::wire::coe::ObjectAddress;
 use crate::wire::{AlState, Clock, Link, register};
 
 /// The most SubDevices that one segment may have.
 pub const MAX_SUBDEVICES: u16 = 1000;
+
+/// The largest object that is read.
+const READ_LIMIT: usize = 64 * 1024;
 
 /// How the set-up works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,13 +78,15 @@ pub struct Bus<L, C> {
     pub(crate) options: BusOptions,
     pub(crate) subdevices: Vec<SubDevice>,
     pub(crate) warnings: Vec<Warning>,
+    /// Mailboxes by position; `None` where a SubDevice has none, or none yet.
+    pub(crate) mailboxes: Vec<Option<Mailbox>>,
 }
 
 impl<L: Link, C: Clock> Bus<L, C> {
     /// A segment behind `link`, nothing known of it yet.
     pub fn new(link: L, clock: C, options: BusOptions) -> Self {
         let transactor = Transactor::new(link, clock, options.transaction);
-        Bus { transactor, options, subdevices: Vec::new(), warnings: Vec::new() }
+        Bus { transactor, options, subdevices: Vec::new(), warnings: Vec::new(), mailboxes: Vec::new() }
     }
 
     /// The SubDevices found by [`Bus::scan`], by position.
@@ -136,6 +145,72 @@ impl<L: Link, C: Clock> Bus<L, C> {
     pub fn subdevice(&self, position: u16) -> Result<&SubDevice, SetUpError> {
         let count = self.subdevices.len();
         self.subdevices.get(usize::from(position)).ok_or(SetUpError::NoSuchPosition { position, count })
+    }
+
+    /// Puts one request through a SubDevice's mailbox and waits for its end; gives the result's bytes.
+    ///
+    /// The mailbox works from PRE-OP on. The request's buffer limits the length of what is accepted.
+    pub fn request(&mut self, position: u16, request: MailboxRequest) -> Result<Vec<u8>, SetUpError> {
+        self.target(position)?;
+        let operation = request.operation;
+        let now = self.transactor.clock.now();
+        let Some(mailbox) = self.mailboxes.get_mut(usize::from(position)).and_then(Option::as_mut) else {
+            return Err(SetUpError::NoCoe { position, operation });
+        };
+        if mailbox.is_busy() {
+            // What an error of the link left unfinished is nobody's any more.
+            mailbox.reset();
+            let _ = mailbox.next(now);
+        }
+        if mailbox.start(request, now).is_err() {
+            return Err(SetUpError::NoCoe { position, operation });
+        }
+        let completion = self.transactor.drive(core::slice::from_mut(mailbox))?.pop().flatten();
+        let failed = |cause| SetUpError::Request { position, operation, cause };
+        match completion {
+            Some(completion) => completion.result.map(|()| completion.request.data).map_err(failed),
+            None => Err(failed(MailboxError::Reset)),
+        }
+    }
+
+    /// Reads an object, an entry or the whole of it.
+    pub fn sdo_read(
+        &mut self,
+        position: u16,
+        object: ObjectAddress,
+        access: SdoAccess,
+    ) -> Result<Vec<u8>, SetUpError> {
+        let operation = Operation::Upload { object, access };
+        self.request(position, MailboxRequest::new(operation, Vec::with_capacity(READ_LIMIT)))
+    }
+
+    /// Writes an entry of an object.
+    pub fn sdo_write(&mut self, position: u16, object: ObjectAddress, data: &[u8]) -> Result<(), SetUpError> {
+        self.request(position, MailboxRequest::download(object, data.to_vec())).map(drop)
+    }
+
+    /// The indices of all objects.
+    pub fn object_list(&mut self, position: u16) -> Result<Vec<u16>, SetUpError> {
+        let operation = Operation::List(ObjectList::All);
+        let data = self.request(position, MailboxRequest::new(operation, Vec::with_capacity(READ_LIMIT)))?;
+        Ok(list_indices(&data).collect())
+    }
+
+    /// What an object is: the bytes that [`crate::mailbox::ObjectDescription::read`] makes sense of.
+    pub fn describe_object(&mut self, position: u16, index: u16) -> Result<Vec<u8>, SetUpError> {
+        let operation = Operation::DescribeObject { index };
+        self.request(position, MailboxRequest::new(operation, Vec::with_capacity(READ_LIMIT)))
+    }
+
+    /// What an entry is: the bytes that [`crate::mailbox::EntryDescription::read`] makes sense of.
+    pub fn describe_entry(
+        &mut self,
+        position: u16,
+        object: ObjectAddress,
+        value_info: u8,
+    ) -> Result<Vec<u8>, SetUpError> {
+        let operation = Operation::DescribeEntry { object, value_info };
+        self.request(position, MailboxRequest::new(operation, Vec::with_capacity(READ_LIMIT)))
     }
 
     pub(crate) fn target(&self, position: u16) -> Result<Target, SetUpError> {

@@ -2,8 +2,14 @@
 
 use core::fmt;
 
+use crate::clock_setup::DcError;
+use crate::configure::Mismatch;
 use crate::eeprom::EepromError;
+use crate::fmmu::FmmuError;
+use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
+use crate::mapping::MappingError;
 use crate::scan::NoSubDevices;
+use crate::start_up::StartUpError;
 use crate::state::StateError;
 use crate::topology::TopologyError;
 use crate::wire::sii::ImageTooShort;
@@ -128,4 +134,45 @@ pub enum SetUpError {
     /// A state was not reached.
     #[error(transparent)]
     State(#[from] StateError),
+    /// What is there isn't what is configured.
+    #[error(transparent)]
+    Mismatch(#[from] Mismatch),
+    /// A mailbox can't be used.
+    #[error("SubDevice {position}: {cause}")]
+    Mailbox {
+        /// The SubDevice.
+        position: u16,
+        /// Why.
+        cause: UnusableMailbox,
+    },
+    /// A SubDevice has no mailbox that speaks CoE, or isn't in a state in which it works.
+    #[error("SubDevice {position}: {operation} was asked, but it has no CoE mailbox in its present state")]
+    NoCoe {
+        /// The SubDevice.
+        position: u16,
+        /// What was asked.
+        operation: Operation,
+    },
+    /// A mailbox request failed.
+    #[error("SubDevice {position}: {operation}: {cause}")]
+    Request {
+        /// The SubDevice.
+        position: u16,
+        /// What was asked.
+        operation: Operation,
+        /// Why it failed.
+        cause: MailboxError,
+    },
+    /// A step of a SubDevice's start-up failed.
+    #[error(transparent)]
+    StartUp(#[from] StartUpError),
+    /// A PDO map can't be used.
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
+    /// FMMUs don't suffice.
+    #[error(transparent)]
+    Fmmu(#[from] FmmuError),
+    /// The distributed clocks say what can't be.
+    #[error(transparent)]
+    Dc(#[from] DcError),
 }

@@ -3,28 +3,41 @@
 //! Set-up and cyclic exchange are different types: [`SubDevice`]s are found, configured and brought to PRE-OP by
 //! code that may allocate and wait; what runs in the cycle does neither.
 //!
-//! - [`procedure`]: how a protocol that takes several datagrams is written without a link or a clock in it.
-//! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it.
+//! Set-up, in the order in which it happens:
+//!
+//! - [`bus`]: a segment while it is being set up; [`scan`] finds what is there, [`configure`] makes of it what is
+//!   asked, [`clock_setup`] makes the clocks run together.
+//! - [`transaction`]: datagrams in frames, matched, repeated, their working counters checked.
+//! - [`eeprom`], [`topology`], [`state`], [`sync_manager`], [`mapping`], [`fmmu`], [`watchdog`]: one matter each.
 //! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
-//! - [`fmmu`]: one FMMU's registers.
+//! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it; [`error`].
+//!
+//! Used by set-up and cycle alike:
+//!
+//! - [`procedure`]: how a protocol that takes several datagrams is written without a link or a clock in it.
 //! - [`mailbox`]: the one owner of a SubDevice's mailbox: SDOs, SDO Information, emergencies.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), no_std)]
 extern crate alloc;
 
 pub mod bus;
+pub mod clock_setup;
 pub mod config;
+pub mod configure;
 pub mod eeprom;
 pub mod error;
 pub mod fmmu;
 pub mod mailbox;
+pub mod mapping;
 pub mod procedure;
 pub mod scan;
 pub mod start_up;
 pub mod state;
 pub mod subdevice;
+pub mod sync_manager;
 pub mod topology;
 pub mod transaction;
+pub mod watchdog;
 
 pub use omnibase_ethercat_wire as wire;
 

@@ -2,9 +2,13 @@
 //!
 //! The first bring-up and a later recovery of one SubDevice run the same list.
 
+mod runner;
+
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::time::Duration;
+
+pub use runner::{StartUpError, StartUpFailure, StartUpRunner};
 
 use crate::wire::AlState;
 use crate::wire::coe::ObjectAddress;
@@ -36,6 +40,9 @@ pub struct SdoWrite {
     pub data: Vec<u8>,
     /// The whole object from this subindex in one transfer.
     pub access: SdoAccess,
+    /// Whether the SubDevice may abort it: with [`ReadBack::Compare`] this says that the object must have the
+    /// value, whoever gave it.
+    pub refusal: Refusal,
     /// Whether to compare afterwards.
     pub read_back: ReadBack,
     /// Where it was asked, in the user's words ("robot.toml line 12"); given back in errors.
@@ -65,8 +72,12 @@ pub enum StartUpStep {
         /// Whether it may be refused.
         refusal: Refusal,
     },
-    /// Write the offset (0x0920) that makes the local clock show the segment's time, as measured at the moment.
-    ClockOffset,
+    /// Measure and write the offset (0x0920) that makes the local clock show the segment's time. The first
+    /// bring-up does this for all clocks at once, from one latched frame.
+    ClockOffset {
+        /// Propagation delay from the reference clock, ns.
+        delay_ns: u32,
+    },
     /// Write one SDO.
     Sdo(SdoWrite),
     /// Arm SYNC0 (and SYNC1) as the configuration says; the clock must be locked and process data must flow.
@@ -85,4 +96,15 @@ pub enum StartUpStep {
 pub struct StartUpList {
     /// The steps.
     pub steps: Vec<StartUpStep>,
+}
+
+impl StartUpStep {
+    /// Whether process data must flow before it: arming SYNC, SAFE-OP and OP.
+    pub fn needs_cycle(&self) -> bool {
+        match self {
+            StartUpStep::ArmSync => true,
+            StartUpStep::State { state, .. } => matches!(state, AlState::SafeOp | AlState::Op),
+            _ => false,
+        }
+    }
 }

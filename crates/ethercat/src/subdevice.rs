@@ -227,6 +227,8 @@ pub struct DcClock {
     pub delay_ns: u32,
     /// System time minus local time (0x0920), ns, wrapping.
     pub offset_ns: u64,
+    /// Local times at which the last latched frame passed ports 0 to 3 (0x0900), ns, wrapping.
+    pub receive_times_ns: [u32; 4],
 }
 
 /// Width of a distributed clock.
@@ -285,6 +287,11 @@ impl SubDevice {
     /// Its position and station address.
     pub fn target(&self) -> Target {
         Target { position: self.position, station: self.station_address }
+    }
+
+    /// Whether its controller has a distributed clock.
+    pub fn has_clock(&self) -> bool {
+        self.esc.has(register::FEATURE_DC)
     }
 
     /// Bits of process data in `direction`.

@@ -1,0 +1,393 @@
+//! From what was found and what is asked to SubDevices in PRE-OP, ready for SAFE-OP.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::bus::Bus;
+use crate::clock_setup;
+use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
+use crate::error::SetUpError;
+use crate::fmmu;
+use crate::mailbox::{Mailbox, UnusableMailbox};
+use crate::mapping::{self, MappingReader};
+use crate::start_up::{Refusal, StartUpRunner, StartUpStep};
+use crate::subdevice::SubDevice;
+use crate::sync_manager;
+use crate::watchdog;
+use crate::wire::sii::{self, Identity, SyncManagerUsage};
+use crate::wire::{AlState, Clock, Link, register};
+
+/// What was expected isn't what was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Mismatch {
+    /// More or fewer SubDevices than configurations.
+    Count {
+        /// SubDevices that are configured.
+        expected: usize,
+        /// SubDevices that are there.
+        found: usize,
+        /// The first that has no partner, in words.
+        first: String,
+    },
+    /// Another device than expected.
+    Identity {
+        /// Where.
+        position: u16,
+        /// The configuration's name.
+        name: Option<String>,
+        /// Who was expected.
+        expected: ExpectedIdentity,
+        /// Who is there.
+        found: Identity,
+        /// Where the expected one is instead, if anywhere.
+        elsewhere: Option<u16>,
+    },
+    /// No SubDevice has this alias.
+    NoSuchAlias {
+        /// The alias.
+        alias: u16,
+        /// The configuration's name.
+        name: Option<String>,
+    },
+    /// Several SubDevices have this alias.
+    AmbiguousAlias {
+        /// The alias.
+        alias: u16,
+        /// Who has it.
+        positions: Vec<u16>,
+    },
+    /// There is no SubDevice at this position.
+    NoSuchPosition {
+        /// The position.
+        position: u16,
+        /// SubDevices that are there.
+        count: usize,
+        /// The configuration's name.
+        name: Option<String>,
+    },
+    /// Two configurations are for the same SubDevice.
+    ConfiguredTwice {
+        /// The SubDevice.
+        position: u16,
+    },
+    /// SYNC is asked of a SubDevice without a clock.
+    NoClock {
+        /// The SubDevice.
+        position: u16,
+        /// The configuration's name.
+        name: Option<String>,
+    },
+}
+
+fn quoted(name: &Option<String>) -> String {
+    name.as_ref().map_or_else(String::new, |name| alloc::format!(" ({name})"))
+}
+
+impl fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mismatch::Count { expected, found, first } => {
+                write!(f, "{expected} SubDevices are configured, {found} are there: {first}")
+            }
+            Mismatch::Identity { position, name, expected, found, elsewhere } => {
+                write!(f, "SubDevice {position}{}: expected", quoted(name))?;
+                let fields = [
+                    ("vendor", expected.vendor_id, found.vendor_id),
+                    ("product", expected.product_code, found.product_code),
+                    ("revision", expected.revision, found.revision),
+                    ("serial", expected.serial, found.serial),
+                ];
+                for (field, expected, found) in fields {
+                    match expected {
+                        Some(expected) if expected != found => {
+                            write!(f, " {field} 0x{expected:08x} but found 0x{found:08x},")?;
+                        }
+                        _ => {}
+                    }
+                }
+                match elsewhere {
+                    Some(elsewhere) => write!(f, " the expected device is at position {elsewhere}"),
+                    None => f.write_str(" the expected device is nowhere in the segment"),
+                }
+            }
+            Mismatch::NoSuchAlias { alias, name } => {
+                write!(f, "no SubDevice has alias 0x{alias:04x}{}", quoted(name))
+            }
+            Mismatch::AmbiguousAlias { alias, positions } => {
+                write!(f, "alias 0x{alias:04x} is asked for, but SubDevices {positions:?} all have it")
+            }
+            Mismatch::NoSuchPosition { position, count, name } => {
+                write!(f, "SubDevice {position}{} is configured, the segment has {count}", quoted(name))
+            }
+            Mismatch::ConfiguredTwice { position } => {
+                write!(f, "two configurations are for SubDevice {position}")
+            }
+            Mismatch::NoClock { position, name } => {
+                write!(
+                    f,
+                    "SubDevice {position}{}: SYNC is configured, but its controller has no distributed clock",
+                    quoted(name)
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for Mismatch {}
+
+fn is_expected(expected: &ExpectedIdentity, found: &Identity) -> bool {
+    let same = |expected: Option<u32>, found| expected.is_none_or(|expected| expected == found);
+    same(expected.vendor_id, found.vendor_id)
+        && same(expected.product_code, found.product_code)
+        && same(expected.revision, found.revision)
+        && same(expected.serial, found.serial)
+}
+
+/// The position of the SubDevice that each configuration is for.
+fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<Vec<u16>, Mismatch> {
+    let count = subdevices.len();
+    let mut places = Vec::with_capacity(configs.len());
+    for (number, config) in (0u16..).zip(configs) {
+        let position = match config.place {
+            Some(Match::Alias(alias)) => {
+                let having = subdevices.iter().filter(|one| one.alias == Some(alias));
+                let positions: Vec<u16> = having.map(|one| one.position).collect();
+                match positions[..] {
+                    [] => return Err(Mismatch::NoSuchAlias { alias, name: config.name.clone() }),
+                    [position] => position,
+                    _ => return Err(Mismatch::AmbiguousAlias { alias, positions }),
+                }
+            }
+            Some(Match::Position(position)) => position,
+            None => number,
+        };
+        if usize::from(position) >= count && configs.len() == count {
+            return Err(Mismatch::NoSuchPosition { position, count, name: config.name.clone() });
+        }
+        if places.contains(&position) {
+            return Err(Mismatch::ConfiguredTwice { position });
+        }
+        if let Some(subdevice) = subdevices.get(usize::from(position))
+            && !is_expected(&config.identity, &subdevice.identity)
+        {
+            return Err(Mismatch::Identity {
+                position,
+                name: config.name.clone(),
+                expected: config.identity,
+                found: subdevice.identity,
+                elsewhere: subdevices
+                    .iter()
+                    .find(|one| is_expected(&config.identity, &one.identity))
+                    .map(|one| one.position),
+            });
+        }
+        places.push(position);
+    }
+    if configs.len() != count {
+        let unconfigured = subdevices.iter().find(|one| !places.contains(&one.position));
+        let missing = (places.iter().zip(configs)).find(|(position, _)| usize::from(**position) >= count);
+        let first = match (unconfigured, missing) {
+            (Some(one), _) => alloc::format!(
+                "SubDevice {} ({}, vendor 0x{:08x}, product 0x{:08x}) has no configuration",
+                one.position,
+                one.name,
+                one.identity.vendor_id,
+                one.identity.product_code
+            ),
+            (None, Some((position, config))) => {
+                alloc::format!("SubDevice {position}{} is missing", quoted(&config.name))
+            }
+            (None, None) => String::new(),
+        };
+        return Err(Mismatch::Count { expected: configs.len(), found: count, first });
+    }
+    Ok(places)
+}
+
+fn registers(what: &'static str, register: u16, data: &[u8]) -> StartUpStep {
+    StartUpStep::Registers { register, data: data.to_vec(), what, refusal: Refusal::IsError }
+}
+
+impl<L: Link, C: Clock> Bus<L, C> {
+    /// Compares the segment with `configs`, brings every SubDevice to PRE-OP, writes what is asked, and makes
+    /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
+    pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
+        if !configs.is_empty() {
+            let places = find_places(&self.subdevices, configs)?;
+            for (position, config) in places.into_iter().zip(configs) {
+                let subdevice = &mut self.subdevices[usize::from(position)];
+                subdevice.config = config.clone();
+                if config.dc != DcConfig::Off && !subdevice.has_clock() {
+                    let name = config.name.clone();
+                    return Err(Mismatch::NoClock { position, name }.into());
+                }
+            }
+        }
+        self.prepare_lists()?;
+        self.run_lists()?;
+        self.read_mappings()?;
+        self.place_process_data()?;
+        self.run_rest()
+    }
+
+    /// Mailboxes and the steps to PRE-OP and in it.
+    fn prepare_lists(&mut self) -> Result<(), SetUpError> {
+        let timeouts = self.options.timeouts;
+        self.mailboxes.clear();
+        for subdevice in &mut self.subdevices {
+            let (position, config) = (subdevice.position, &subdevice.config);
+            let count = subdevice.esc.sync_manager_count;
+            subdevice.mailbox = sync_manager::mailbox_config(&subdevice.sii, config);
+            let usable = |cause: UnusableMailbox| SetUpError::Mailbox { position, cause };
+            let mailbox = match subdevice.mailbox {
+                Some(mailbox) => Some(Mailbox::new(subdevice.station_address, mailbox).map_err(usable)?),
+                None => None,
+            };
+            self.mailboxes.push(mailbox);
+            subdevice.sync_managers = sync_manager::from_sii(&subdevice.sii, subdevice.mailbox, count);
+            subdevice.fmmus.clear();
+            subdevice.lrw_allowed = match config.lrw {
+                Some(permission) => permission == LrwPermission::Allowed,
+                None => {
+                    let flags = subdevice.sii.general.as_ref().map_or(0, |general| general.flags);
+                    !subdevice.esc.has(register::FEATURE_NO_LRW) && flags & sii::FLAG_NO_LRW == 0
+                }
+            };
+            mapping::check_config(position, config, &subdevice.sync_managers, count)?;
+
+            let steps = &mut subdevice.start_up.steps;
+            steps.clear();
+            if subdevice.mailbox.is_some() {
+                let mailboxes: Vec<u8> = subdevice
+                    .sync_managers
+                    .iter()
+                    .take(2)
+                    .flat_map(crate::subdevice::SyncManager::registers)
+                    .collect();
+                steps.push(registers("the mailboxes", register::SM, &mailboxes));
+            }
+            steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
+            steps.push(StartUpStep::State { state: AlState::PreOp, timeout: timeouts.pre_op });
+            steps.extend(config.sdos.iter().cloned().map(StartUpStep::Sdo));
+            steps.extend(mapping::mapping_steps(config));
+            if let Some(mode) = config.sync_mode {
+                steps.extend(mapping::sync_mode_steps(mode, &subdevice.sync_managers));
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the lists as they stand.
+    fn run_lists(&mut self) -> Result<(), SetUpError> {
+        let from = Vec::from_iter(self.subdevices.iter().map(|_| 0));
+        self.run_from(&from)
+    }
+
+    /// Runs each list from the given step on, all side by side.
+    ///
+    /// Clock offsets are left out (all are set at once by [`Bus::set_clocks`]), and so is what needs process data.
+    fn run_from(&mut self, from: &[usize]) -> Result<(), SetUpError> {
+        let mut runners = Vec::with_capacity(self.subdevices.len());
+        for ((subdevice, &from), mailbox) in self.subdevices.iter().zip(from).zip(&mut self.mailboxes) {
+            let steps = subdevice.start_up.steps.iter().skip(from);
+            let steps = steps
+                .take_while(|step| !step.needs_cycle())
+                .filter(|step| !matches!(step, StartUpStep::ClockOffset { .. }));
+            runners.push(StartUpRunner::new(
+                subdevice.target(),
+                subdevice.application,
+                steps.cloned().collect(),
+                mailbox.take(),
+            ));
+        }
+        let results = self.transactor.drive(&mut runners)?;
+        for (mailbox, runner) in self.mailboxes.iter_mut().zip(runners) {
+            *mailbox = runner.into_mailbox();
+        }
+        results.into_iter().collect::<Result<Vec<()>, _>>()?;
+        Ok(())
+    }
+
+    /// Reads the PDO maps of those that speak CoE; the others have them from their SII.
+    fn read_mappings(&mut self) -> Result<(), SetUpError> {
+        let mut readers = Vec::new();
+        let mut read = Vec::new();
+        for (number, subdevice) in self.subdevices.iter().enumerate() {
+            let speaks_coe = subdevice.mailbox.is_some_and(|mailbox| mailbox.speaks_coe());
+            let managers = subdevice.sync_managers.iter().filter(|manager| manager.direction().is_some());
+            let managers: Vec<u8> = managers.map(|manager| manager.index).collect();
+            if !speaks_coe || managers.is_empty() {
+                continue;
+            }
+            if let Some(mailbox) = self.mailboxes[number].take() {
+                readers.push(MappingReader::new(subdevice.position, mailbox, managers));
+                read.push(number);
+            }
+        }
+        let results = self.transactor.drive(&mut readers)?;
+        for (&number, reader) in read.iter().zip(readers) {
+            self.mailboxes[number] = Some(reader.into_mailbox());
+        }
+        for (&number, maps) in read.iter().zip(results) {
+            let subdevice = &mut self.subdevices[number];
+            for (index, pdos) in maps? {
+                let Some(mut pdos) = pdos else { continue };
+                pdos.iter_mut().for_each(|pdo| sync_manager::name_from_sii(&subdevice.sii, pdo));
+                let manager = subdevice.sync_managers.iter_mut().find(|manager| manager.index == index);
+                if let Some(manager) = manager {
+                    sync_manager::map(manager, pdos);
+                }
+            }
+        }
+        for subdevice in &self.subdevices {
+            mapping::check_sizes(subdevice.position, &subdevice.config, &subdevice.sync_managers)?;
+        }
+        Ok(())
+    }
+
+    /// The process image, and the FMMUs that follow from it.
+    fn place_process_data(&mut self) -> Result<(), SetUpError> {
+        for subdevice in &mut self.subdevices {
+            subdevice.fmmus = fmmu::of_subdevice(subdevice)?;
+        }
+        Ok(())
+    }
+
+    /// SyncManagers, FMMUs, watchdogs and clocks; then what the cycle does is put at the lists' ends.
+    fn run_rest(&mut self) -> Result<(), SetUpError> {
+        let from: Vec<usize> = self.subdevices.iter().map(|one| one.start_up.steps.len()).collect();
+        for subdevice in &mut self.subdevices {
+            let steps = &mut subdevice.start_up.steps;
+            for manager in &subdevice.sync_managers {
+                let is_mailbox =
+                    matches!(manager.usage, SyncManagerUsage::MailboxOut | SyncManagerUsage::MailboxIn);
+                if !is_mailbox && manager.enabled {
+                    let register = register::SM + register::SM_SIZE * u16::from(manager.index);
+                    steps.push(registers("a SyncManager", register, &manager.registers()));
+                }
+            }
+            for (number, fmmu) in (0..).zip(&subdevice.fmmus) {
+                let register = register::FMMU + register::FMMU_SIZE * number;
+                steps.push(registers("an FMMU", register, &fmmu.registers()));
+            }
+            steps.extend(watchdog::steps(&subdevice.config.watchdogs));
+        }
+        self.run_from(&from)?;
+        self.set_clocks()?;
+        let timeouts = self.options.timeouts;
+        for subdevice in &mut self.subdevices {
+            let steps = &mut subdevice.start_up.steps;
+            if let Some(clock) = &subdevice.dc {
+                steps.extend(clock_setup::steps(clock));
+            }
+            if subdevice.config.dc != DcConfig::Off {
+                steps.push(StartUpStep::ArmSync);
+            }
+            for state in [AlState::SafeOp, AlState::Op] {
+                steps.push(StartUpStep::State { state, timeout: timeouts.of(state) });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,44 @@
+//! Small simulated SubDevices for the tests of the set-up.
+
+use omnibase_ethercat::wire::{AlState, HostTime, register};
+use omnibase_ethercat_sim::pdi::{AlEvent, Application, ApplicationFault, Pdi};
+use omnibase_ethercat_sim::{EscConfig, SubDevice};
+
+/// Firmware that enters every state it is asked for, and has no mailbox.
+pub struct Obedient;
+
+impl Application for Obedient {
+    fn power_on(&mut self, pdi: &mut dyn Pdi, _now: HostTime) {
+        pdi.write(register::AL_STATUS, &AlState::Init.bits().to_le_bytes());
+    }
+
+    fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, _now: HostTime) -> Option<HostTime> {
+        if event.0 & register::al_event::AL_CONTROL != 0 {
+            let mut control = [0; 2];
+            pdi.read(register::AL_CONTROL, &mut control);
+            pdi.write(register::AL_STATUS, &[control[0] & 0x0F, 0]);
+        }
+        None
+    }
+
+    fn inject(&mut self, _fault: &ApplicationFault, _now: HostTime) -> bool {
+        false
+    }
+}
+
+/// A SubDevice of this chip with obedient firmware.
+pub fn obedient(config: EscConfig) -> SubDevice {
+    SubDevice::new(config, Box::new(Obedient))
+}
+
+/// A recorded SII image; `None` (and a loud note) where the recordings aren't there.
+pub fn recorded_sii(name: &str) -> Option<Vec<u8>> {
+    let path = format!("{}/../../../shared/captures/{name}", env!("CARGO_MANIFEST_DIR"));
+    match std::fs::read(&path) {
+        Ok(bytes) => Some(bytes),
+        Err(error) => {
+            eprintln!("SKIPPED: {path}: {error}");
+            None
+        }
+    }
+}
