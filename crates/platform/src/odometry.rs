@@ -1,0 +1,314 @@
+//! From encoder counts to the platform's pose, twist and covariance.
+//!
+//! Every step is integrated as an exact arc; in holonomic segments ([`regime`]) the pose is computed in
+//! closed form from the wheel angles since the segment began, so that rounding and the quantisation of each
+//! sample do not add up. Both are computed, and the closed form holds only while they agree.
+
+mod covariance;
+mod encoder;
+pub mod regime;
+
+use nalgebra::Matrix3;
+
+use crate::kinematics::Kinematics;
+use crate::se2::{BodyStep, Pose2, Twist2};
+use crate::wheel::PerWheel;
+pub use covariance::CovarianceSettings;
+use encoder::Encoders;
+use regime::Recogniser;
+pub use regime::{Regime, RegimeTolerances};
+
+/// What odometry is told once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OdometrySettings {
+    /// The angle of each wheel per encoder count, in rad; negative for a motor mounted the other way round.
+    pub rad_per_count: PerWheel,
+    /// α of the filtered derivative c = exp(−αT), in rad/s.
+    pub speed_filter_rad_s: f64,
+    /// When a motion counts as holonomic.
+    pub regimes: RegimeTolerances,
+    /// How uncertainty grows.
+    pub covariance: CovarianceSettings,
+}
+
+impl OdometrySettings {
+    /// Settings for wheels driven directly, with encoders of so many counts per revolution.
+    pub fn direct_drive(wheel_count: usize, counts_per_revolution: u32) -> OdometrySettings {
+        let rad_per_count = std::f64::consts::TAU / f64::from(counts_per_revolution);
+        OdometrySettings {
+            rad_per_count: PerWheel::from_fn(wheel_count, |_| rad_per_count),
+            speed_filter_rad_s: 50.0,
+            regimes: RegimeTolerances::default(),
+            covariance: CovarianceSettings::default(),
+        }
+    }
+}
+
+/// What odometry knows after a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OdometryState {
+    /// The pose; its heading in (−π, π].
+    pub odom_from_base: Pose2,
+    /// The heading with whole turns counted, in rad.
+    pub turned_rad: f64,
+    /// The filtered twist in base.
+    pub twist_in_base: Twist2,
+    /// The filtered twist in odom.
+    pub twist_in_odom: Twist2,
+    /// The filtered speed of each wheel, in rad/s.
+    pub wheel_speeds_rad_s: PerWheel,
+    /// How far each wheel turned since start, in rad.
+    pub wheel_angles_rad: PerWheel,
+    /// The surface speed that no twist explains, in m/s; see [`crate::MeasuredTwist`].
+    pub slip_residual_m_s: f64,
+    /// How the pose was computed.
+    pub regime: Regime,
+    /// The covariance of (x, y, heading) in odom, in m², m·rad and rad².
+    pub covariance: [[f64; 3]; 3],
+}
+
+/// Why settings or a sample were refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum OdometryError {
+    /// Not one value per wheel.
+    #[error("{setting}: {found} values for {expected} wheels")]
+    WheelCount {
+        /// Which argument.
+        setting: &'static str,
+        /// How many wheels there are.
+        expected: usize,
+        /// How many values came.
+        found: usize,
+    },
+    /// A setting that must be positive (or at least not negative) and finite is not.
+    #[error("{setting} is {found}, expected a positive number")]
+    Setting {
+        /// Which setting.
+        setting: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// The time between two samples is no sensible period.
+    #[error("{found_s} s between two samples, expected {MIN_PERIOD_S} s to {MAX_PERIOD_S} s")]
+    Period {
+        /// The time found.
+        found_s: f64,
+    },
+    /// A wheel angle is not finite.
+    #[error("the increment of wheel {wheel} is not finite")]
+    NotFinite {
+        /// Which wheel, from 0.
+        wheel: usize,
+    },
+}
+
+/// A shorter period would make noise of the derivative, in s.
+pub const MIN_PERIOD_S: f64 = 1e-6;
+/// After a longer silence the path in between is a guess, in s: call [`Odometry::resync`].
+pub const MAX_PERIOD_S: f64 = 10.0;
+
+/// Odometry of one platform: one call per cycle.
+#[derive(Clone, Debug)]
+pub struct Odometry {
+    kinematics: Kinematics,
+    settings: OdometrySettings,
+    encoders: Encoders,
+    recogniser: Recogniser,
+    segment: Segment,
+    covariance: Matrix3<f64>,
+    state: OdometryState,
+}
+
+/// The present holonomic segment.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    /// The pose at which it began, its heading with whole turns.
+    start: Pose2,
+    /// The wheel angles since then, in rad.
+    angles_rad: PerWheel,
+    /// The pose by integration since then.
+    integrated: Pose2,
+}
+
+impl Odometry {
+    /// Odometry that begins at the origin of odom.
+    pub fn new(kinematics: Kinematics, settings: OdometrySettings) -> Result<Odometry, OdometryError> {
+        check(&kinematics, &settings)?;
+        let zero = PerWheel::from_fn(kinematics.wheel_count(), |_| 0.0);
+        let covariance = settings.covariance.initial();
+        let start = Pose2::default();
+        Ok(Odometry {
+            encoders: Encoders::new(settings.rad_per_count),
+            recogniser: Recogniser::new(settings.regimes),
+            segment: Segment { start, angles_rad: zero, integrated: start },
+            covariance,
+            state: OdometryState {
+                odom_from_base: start,
+                turned_rad: 0.0,
+                twist_in_base: Twist2::default(),
+                twist_in_odom: Twist2::default(),
+                wheel_speeds_rad_s: zero,
+                wheel_angles_rad: zero,
+                slip_residual_m_s: 0.0,
+                regime: Regime::Standstill,
+                covariance: array(&covariance),
+            },
+            kinematics,
+            settings,
+        })
+    }
+
+    /// What is known after the last sample.
+    pub fn state(&self) -> &OdometryState {
+        &self.state
+    }
+
+    /// The next sample is an origin again: after a loss of samples, or a drive that was switched off.
+    ///
+    /// The pose stays; motion in between is not known.
+    pub fn resync(&mut self) {
+        self.encoders.resync();
+        let zero = self.state.wheel_speeds_rad_s.map(|_| 0.0);
+        self.state.wheel_speeds_rad_s = zero;
+        self.state.twist_in_base = Twist2::default();
+        self.state.twist_in_odom = Twist2::default();
+    }
+
+    /// Puts the platform elsewhere (a person reset the fixed frame, a camera saw it); uncertainty starts anew.
+    pub fn set_pose(&mut self, odom_from_base: Pose2) {
+        let zero = self.state.wheel_speeds_rad_s.map(|_| 0.0);
+        self.segment = Segment { start: odom_from_base, angles_rad: zero, integrated: odom_from_base };
+        self.covariance = self.settings.covariance.initial();
+        self.state.covariance = array(&self.covariance);
+        self.state.odom_from_base = odom_from_base.wrapped();
+        self.state.turned_rad = odom_from_base.heading_rad;
+        self.state.twist_in_odom = self.state.twist_in_base.rotated(odom_from_base.heading_rad);
+    }
+
+    /// Takes one sample of raw encoder counts, `period_s` after the one before.
+    ///
+    /// The first sample after start or [`Odometry::resync`] is the origin. `reference_in_base` is the twist that
+    /// the platform was told; without it no holonomic segment is recognised. A refused sample changes nothing:
+    /// its increment comes with the next one.
+    pub fn update(
+        &mut self,
+        counts: &PerWheel<i32>,
+        period_s: f64,
+        reference_in_base: Option<Twist2>,
+    ) -> Result<&OdometryState, OdometryError> {
+        self.count_matches("counts", counts.len())?;
+        check_period(period_s)?;
+        let increments_rad = self.encoders.increments_rad(counts);
+        self.advance(&increments_rad, period_s, reference_in_base)
+    }
+
+    /// Takes the angles, in rad, by which the wheels turned during `period_s`; [`Odometry::update`] without counts.
+    pub fn advance(
+        &mut self,
+        increments_rad: &PerWheel,
+        period_s: f64,
+        reference_in_base: Option<Twist2>,
+    ) -> Result<&OdometryState, OdometryError> {
+        self.count_matches("increments", increments_rad.len())?;
+        check_period(period_s)?;
+        if let Some(wheel) = increments_rad.iter().position(|angle| !angle.is_finite()) {
+            return Err(OdometryError::NotFinite { wheel });
+        }
+        let (step, residual_m) = self.kinematics.body_step(increments_rad);
+        let keep = (-self.settings.speed_filter_rad_s * period_s).exp();
+        let state = &mut self.state;
+        state.wheel_speeds_rad_s = PerWheel::from_fn(increments_rad.len(), |at| {
+            keep * state.wheel_speeds_rad_s[at] + (1.0 - keep) * increments_rad[at] / period_s
+        });
+        for (angle, increment) in state.wheel_angles_rad.iter_mut().zip(increments_rad.iter()) {
+            *angle += increment;
+        }
+        let twist_in_base = self.kinematics.twist(&state.wheel_speeds_rad_s).twist_in_base;
+        state.twist_in_base = twist_in_base;
+        state.slip_residual_m_s = residual_m / period_s;
+
+        let recognised = self.recogniser.step(reference_in_base, twist_in_base);
+        self.state.regime = recognised.regime;
+        let before = Pose2 { heading_rad: self.state.turned_rad, ..self.state.odom_from_base };
+        let pose = self.pose_after(before, step, increments_rad, recognised.continues);
+
+        self.covariance =
+            self.settings.covariance.grown(&self.covariance, (before, pose), (step, residual_m));
+        self.state.covariance = array(&self.covariance);
+        self.state.turned_rad = pose.heading_rad;
+        self.state.odom_from_base = pose.wrapped();
+        self.state.twist_in_odom = twist_in_base.rotated(pose.heading_rad);
+        Ok(&self.state)
+    }
+
+    fn pose_after(
+        &mut self,
+        before: Pose2,
+        step: BodyStep,
+        increments_rad: &PerWheel,
+        continues: bool,
+    ) -> Pose2 {
+        if !continues {
+            let zero = increments_rad.map(|_| 0.0);
+            self.segment = Segment { start: before, angles_rad: zero, integrated: before };
+        }
+        let segment = &mut self.segment;
+        segment.integrated = segment.integrated.moved_by(step);
+        for (angle, increment) in segment.angles_rad.iter_mut().zip(increments_rad.iter()) {
+            *angle += increment;
+        }
+        if self.state.regime == Regime::Integrated {
+            return segment.integrated;
+        }
+        let (whole, _) = self.kinematics.body_step(&segment.angles_rad);
+        let closed = segment.start.moved_by(whole);
+        if closed.distance_m(segment.integrated) <= self.settings.regimes.agreement_m {
+            return closed;
+        }
+        // The motion is less regular than it looked: integration has the pose, and the segment ends.
+        self.recogniser.give_up();
+        self.state.regime = Regime::Integrated;
+        segment.integrated
+    }
+
+    fn count_matches(&self, setting: &'static str, found: usize) -> Result<(), OdometryError> {
+        let expected = self.kinematics.wheel_count();
+        if found == expected { Ok(()) } else { Err(OdometryError::WheelCount { setting, expected, found }) }
+    }
+}
+
+fn check_period(period_s: f64) -> Result<(), OdometryError> {
+    if (MIN_PERIOD_S..=MAX_PERIOD_S).contains(&period_s) {
+        Ok(())
+    } else {
+        Err(OdometryError::Period { found_s: period_s })
+    }
+}
+
+fn check(kinematics: &Kinematics, settings: &OdometrySettings) -> Result<(), OdometryError> {
+    let (expected, found) = (kinematics.wheel_count(), settings.rad_per_count.len());
+    if found != expected {
+        return Err(OdometryError::WheelCount { setting: "rad_per_count", expected, found });
+    }
+    let scales = settings.rad_per_count.iter().map(|scale| ("rad_per_count", scale.abs()));
+    let regimes = &settings.regimes;
+    let tolerances = [
+        ("speed_filter_rad_s", settings.speed_filter_rad_s),
+        ("still_m_s", regimes.still_m_s),
+        ("still_rad_s", regimes.still_rad_s),
+        ("direction_rad", regimes.direction_rad),
+        ("curvature_per_m", regimes.curvature_per_m),
+        ("agreement_m", regimes.agreement_m),
+    ];
+    // A covariance that does not grow, or starts at zero, would claim certainty that no wheel has.
+    for (setting, found) in scales.chain(tolerances).chain(settings.covariance.named()) {
+        if !(found.is_finite() && found > 0.0) {
+            return Err(OdometryError::Setting { setting, found });
+        }
+    }
+    Ok(())
+}
+
+fn array(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
