@@ -1,0 +1,71 @@
+//! The recording of a run: every signal of every cycle, as MCAP and as a column file, and reading it back.
+//!
+//! The recorder knows no robot. A run is a table: [`RunSchema`] names the columns, grouped in topics; each cycle is
+//! one row of `f64`, plus raw bytes from which the cycle can be replayed, plus events in words.
+
+mod columns;
+mod mcap_file;
+mod protobuf;
+mod recorder;
+
+pub use columns::{ColumnError, ColumnWriter};
+pub use mcap_file::{McapRun, RecordedRun, RunError};
+pub use recorder::{OnFull, RecorderError, RunFiles, RunRecorded, RunRecorder, RunSink};
+
+/// One column: a number per cycle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Signal {
+    /// Name with its unit, in letters, digits and underscores: `wheel_speed_rad_s`.
+    pub name: String,
+}
+
+/// Signals that belong together and are shown together: `/platform/believed`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Path of the topic.
+    pub name: String,
+    /// Its signals.
+    pub signals: Vec<Signal>,
+}
+
+/// The columns of a run, in the order in which a row gives their values.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RunSchema {
+    /// Topics; a row holds the values of the first topic's signals, then the second's, and so on.
+    pub topics: Vec<Topic>,
+}
+
+impl RunSchema {
+    /// Numbers in a row.
+    pub fn width(&self) -> usize {
+        self.topics.iter().map(|topic| topic.signals.len()).sum()
+    }
+
+    /// Appends a topic.
+    pub fn push<N: Into<String>>(&mut self, topic: &str, signals: impl IntoIterator<Item = N>) {
+        let signals = signals.into_iter().map(|name| Signal { name: name.into() }).collect();
+        self.topics.push(Topic { name: topic.to_owned(), signals });
+    }
+
+    /// The position in a row of `signal` in `topic`.
+    pub fn column(&self, topic: &str, signal: &str) -> Option<usize> {
+        let mut at = 0;
+        for candidate in &self.topics {
+            if candidate.name == topic {
+                let within = candidate.signals.iter().position(|found| found.name == signal)?;
+                return Some(at + within);
+            }
+            at += candidate.signals.len();
+        }
+        None
+    }
+}
+
+/// Something that happened, in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunEvent {
+    /// Time of the run, ns.
+    pub time_ns: u64,
+    /// What happened.
+    pub text: String,
+}

@@ -1,0 +1,68 @@
+//! A run as a text file of columns with a header line, as Kst and numpy read it.
+
+use super::RunSchema;
+use std::io::{self, Write};
+
+/// Writes one line a cycle; the first line names the columns, `time_s` first.
+pub struct ColumnWriter<W: Write> {
+    output: W,
+    width: usize,
+    line: String,
+}
+
+/// Why a row can't be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ColumnError {
+    /// A row has another number of values than the schema has signals.
+    #[error("a row of {found} values, the schema has {expected} signals")]
+    RowWidth {
+        /// Signals of the schema.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// Writing failed.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl<W: Write> ColumnWriter<W> {
+    /// Writes the header line: `time_s` and `topic.signal` for each signal, slashes as dots.
+    pub fn create(mut output: W, schema: &RunSchema) -> io::Result<Self> {
+        let mut line = String::from("time_s");
+        for topic in &schema.topics {
+            let topic_name = topic.name.trim_matches('/').replace('/', ".");
+            for signal in &topic.signals {
+                line.push(' ');
+                line.push_str(&topic_name);
+                line.push('.');
+                line.push_str(&signal.name);
+            }
+        }
+        line.push('\n');
+        output.write_all(line.as_bytes())?;
+        Ok(ColumnWriter { output, width: schema.width(), line })
+    }
+
+    /// Writes one cycle; every value is read back to the same bits (NaN as `nan`).
+    pub fn write_row(&mut self, time_ns: u64, values: &[f64]) -> Result<(), ColumnError> {
+        use std::fmt::Write;
+        if values.len() != self.width {
+            return Err(ColumnError::RowWidth { expected: self.width, found: values.len() });
+        }
+        self.line.clear();
+        let _ = write!(self.line, "{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+        for value in values {
+            // Rust prints the shortest digits that read back to the same bits.
+            let _ = write!(self.line, " {value:e}");
+        }
+        self.line.push('\n');
+        Ok(self.output.write_all(self.line.as_bytes())?)
+    }
+
+    /// Flushes and gives the output back.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.output.flush()?;
+        Ok(self.output)
+    }
+}

@@ -1,0 +1,225 @@
+//! A run as an MCAP file: a protobuf topic for each group of signals, raw cycles for replay, events as text.
+
+use super::protobuf::{self, Field, Kind};
+use super::{RunEvent, RunSchema, Signal, Topic};
+use mcap::records::{MessageHeader, Metadata};
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+/// Topic of the raw cycles.
+const RAW_TOPIC: &str = "/raw";
+/// Topic of the events.
+const EVENT_TOPIC: &str = "/events";
+/// Name of the metadata record that describes the run.
+const METADATA: &str = "omnibase";
+
+/// Why a run can't be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The file isn't MCAP, or writing failed.
+    #[error("MCAP: {0}")]
+    Mcap(#[from] mcap::McapError),
+    /// A row has another number of values than the schema has signals.
+    #[error("a row of {found} values, the schema has {expected} signals")]
+    RowWidth {
+        /// Signals of the schema.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// The file holds no recording of a run.
+    #[error("no recording of a run: {missing} is missing")]
+    NotARun {
+        /// What was looked for.
+        missing: &'static str,
+    },
+}
+
+/// Writes a run to an MCAP file.
+pub struct McapRun<W: Write + Seek> {
+    writer: mcap::Writer<W>,
+    topics: Vec<(u16, usize)>,
+    raw: u16,
+    events: u16,
+    width: usize,
+    row: u32,
+    message: Vec<u8>,
+}
+
+impl<W: Write + Seek> McapRun<W> {
+    /// Starts a file with `schema` and descriptions of the run (robot, reference, version ...).
+    pub fn create(
+        output: W,
+        schema: &RunSchema,
+        description: &BTreeMap<String, String>,
+    ) -> Result<Self, RunError> {
+        let options = mcap::WriteOptions::new().library("omnibase").compression(Some(mcap::Compression::Lz4));
+        let mut writer = mcap::Writer::with_options(output, options)?;
+        writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
+        let mut channel = |topic: &str, fields: &[(&str, Kind)]| {
+            let name = message_name(topic);
+            let descriptor = protobuf::descriptor(&name, fields);
+            let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", &descriptor)?;
+            writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+        };
+        let mut topics = Vec::with_capacity(schema.topics.len());
+        for topic in &schema.topics {
+            let fields: Vec<_> =
+                topic.signals.iter().map(|signal| (signal.name.as_str(), Kind::Double)).collect();
+            topics.push((channel(&topic.name, &fields)?, topic.signals.len()));
+        }
+        let raw = channel(RAW_TOPIC, &[("data", Kind::Bytes)])?;
+        let events = channel(EVENT_TOPIC, &[("text", Kind::Text)])?;
+        Ok(McapRun { writer, topics, raw, events, width: schema.width(), row: 0, message: Vec::new() })
+    }
+
+    /// Writes one cycle: its time, its values in the schema's order, and the bytes that replay it.
+    pub fn write_row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RunError> {
+        if values.len() != self.width {
+            return Err(RunError::RowWidth { expected: self.width, found: values.len() });
+        }
+        let mut at = 0;
+        for number in 0..self.topics.len() {
+            let (channel, width) = self.topics[number];
+            self.message.clear();
+            for (field, value) in (1..).zip(&values[at..at + width]) {
+                protobuf::push_double(&mut self.message, field, *value);
+            }
+            at += width;
+            self.send(channel, time_ns)?;
+        }
+        self.message.clear();
+        protobuf::push_bytes(&mut self.message, 1, raw);
+        self.send(self.raw, time_ns)?;
+        self.row = self.row.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Writes an event.
+    pub fn write_event(&mut self, event: &RunEvent) -> Result<(), RunError> {
+        self.message.clear();
+        protobuf::push_bytes(&mut self.message, 1, event.text.as_bytes());
+        self.send(self.events, event.time_ns)
+    }
+
+    /// Writes index and end; without it the file is still read to its last whole chunk.
+    pub fn finish(mut self) -> Result<(), RunError> {
+        self.writer.finish()?;
+        Ok(())
+    }
+
+    fn send(&mut self, channel_id: u16, time_ns: u64) -> Result<(), RunError> {
+        let header =
+            MessageHeader { channel_id, sequence: self.row, log_time: time_ns, publish_time: time_ns };
+        Ok(self.writer.write_to_known_channel(&header, &self.message)?)
+    }
+}
+
+/// `/platform/believed` becomes `PlatformBelieved`.
+fn message_name(topic: &str) -> String {
+    let words = topic.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(|word| word[..1].to_ascii_uppercase() + &word[1..]).collect()
+}
+
+/// A run read back.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RecordedRun {
+    /// The columns.
+    pub schema: RunSchema,
+    /// Time of each row, ns.
+    pub times_ns: Vec<u64>,
+    /// All rows, one behind the other, each [`RunSchema::width`] values.
+    pub values: Vec<f64>,
+    /// The bytes that replay each row.
+    pub raw: Vec<Vec<u8>>,
+    /// What happened.
+    pub events: Vec<RunEvent>,
+    /// Descriptions of the run.
+    pub description: BTreeMap<String, String>,
+    /// The file ends early, in words; everything before is there.
+    pub truncated: Option<String>,
+}
+
+impl RecordedRun {
+    /// Reads a whole file; a file that was cut off is read to its last complete cycle.
+    pub fn read(bytes: &[u8]) -> Result<Self, RunError> {
+        let mut run = RecordedRun::default();
+        let options = mcap::read::Options::IgnoreEndMagic.into();
+        let mut channels: BTreeMap<u16, usize> = BTreeMap::new();
+        let mut columns: Vec<(usize, usize)> = Vec::new();
+        let mut partial: Vec<f64> = Vec::new();
+
+        for record in mcap::read::LinearReader::new_with_options(bytes, options)? {
+            match record {
+                Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == METADATA => {
+                    run.description = metadata.metadata;
+                }
+                Ok(_) => {}
+                Err(_) => break,
+            }
+        }
+        for message in mcap::MessageStream::new_with_options(bytes, options)? {
+            let message = match message {
+                Ok(message) => message,
+                Err(error) => {
+                    run.truncated = Some(error.to_string());
+                    break;
+                }
+            };
+            match message.channel.topic.as_str() {
+                EVENT_TOPIC => {
+                    let text = first_bytes(&message.data).unwrap_or_default();
+                    run.events.push(RunEvent {
+                        time_ns: message.log_time,
+                        text: String::from_utf8_lossy(text).into_owned(),
+                    });
+                }
+                RAW_TOPIC => {
+                    // The raw bytes come last in a cycle: the row is complete, or it doesn't count.
+                    if partial.len() == run.schema.width() {
+                        run.times_ns.push(message.log_time);
+                        run.values.append(&mut partial);
+                        run.raw.push(first_bytes(&message.data).unwrap_or_default().to_vec());
+                    }
+                    partial.clear();
+                }
+                topic => {
+                    let number = *channels.entry(message.channel.id).or_insert_with(|| {
+                        let descriptor = message.channel.schema.as_ref().map(|schema| schema.data.as_ref());
+                        let names = descriptor.and_then(protobuf::field_names).unwrap_or_default();
+                        columns.push((run.schema.width(), names.len()));
+                        let signals = names.into_iter().map(|name| Signal { name }).collect();
+                        run.schema.topics.push(Topic { name: topic.to_owned(), signals });
+                        columns.len() - 1
+                    });
+                    let (at, width) = columns[number];
+                    partial.resize(at + width, f64::NAN);
+                    for field in protobuf::fields(&message.data) {
+                        if let Field::Double(number, value) = field
+                            && (1..=width).contains(&(number as usize))
+                        {
+                            partial[at + number as usize - 1] = value;
+                        }
+                    }
+                }
+            }
+        }
+        if run.schema.topics.is_empty() {
+            return Err(RunError::NotARun { missing: "a topic with signals" });
+        }
+        Ok(run)
+    }
+
+    /// The values of one signal over the run; `None` where there is no such signal.
+    pub fn column(&self, topic: &str, signal: &str) -> Option<impl Iterator<Item = f64> + '_> {
+        let column = self.schema.column(topic, signal)?;
+        Some(self.values.chunks_exact(self.schema.width()).map(move |row| row[column]))
+    }
+}
+
+fn first_bytes(message: &[u8]) -> Option<&[u8]> {
+    protobuf::fields(message).find_map(|field| match field {
+        Field::Bytes(1, data) => Some(data),
+        _ => None,
+    })
+}

@@ -1,0 +1,127 @@
+//! As much of protobuf's encoding as a recording needs: messages of doubles, bytes and strings, and the
+//! descriptors that explain them to a reader (protobuf.dev, "Encoding"; descriptor.proto).
+
+/// What a field holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Double = 1,
+    Text = 9,
+    Bytes = 12,
+}
+
+const FIXED64: u32 = 1;
+const LENGTH_DELIMITED: u32 = 2;
+
+fn push_varint(bytes: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        bytes.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+fn push_tag(bytes: &mut Vec<u8>, number: u32, wire_type: u32) {
+    push_varint(bytes, u64::from(number << 3 | wire_type));
+}
+
+/// Appends field `number` as a double; all 64 bits survive, NaN's too.
+pub(super) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
+    push_tag(bytes, number, FIXED64);
+    bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+}
+
+/// Appends field `number` as bytes or text.
+pub(super) fn push_bytes(bytes: &mut Vec<u8>, number: u32, value: &[u8]) {
+    push_tag(bytes, number, LENGTH_DELIMITED);
+    push_varint(bytes, value.len() as u64);
+    bytes.extend_from_slice(value);
+}
+
+fn push_number(bytes: &mut Vec<u8>, number: u32, value: u64) {
+    push_tag(bytes, number, 0);
+    push_varint(bytes, value);
+}
+
+/// A `FileDescriptorSet` with the one message `omnibase.<name>`, its fields numbered from 1.
+pub(super) fn descriptor(name: &str, fields: &[(&str, Kind)]) -> Vec<u8> {
+    let mut message = Vec::new();
+    push_bytes(&mut message, 1, name.as_bytes());
+    for (number, (field_name, kind)) in (1..).zip(fields) {
+        let mut field = Vec::new();
+        push_bytes(&mut field, 1, field_name.as_bytes());
+        push_number(&mut field, 3, number);
+        push_number(&mut field, 4, 1);
+        push_number(&mut field, 5, *kind as u64);
+        push_bytes(&mut message, 2, &field);
+    }
+    let mut file = Vec::new();
+    push_bytes(&mut file, 1, format!("omnibase/{name}.proto").as_bytes());
+    push_bytes(&mut file, 2, b"omnibase");
+    push_bytes(&mut file, 4, &message);
+    push_bytes(&mut file, 12, b"proto3");
+    let mut set = Vec::new();
+    push_bytes(&mut set, 1, &file);
+    set
+}
+
+/// A field as it stands in a message.
+pub(super) enum Field<'a> {
+    Double(u32, f64),
+    Bytes(u32, &'a [u8]),
+    Number,
+}
+
+fn take_varint(bytes: &mut &[u8]) -> Option<u64> {
+    let mut value = 0;
+    for shift in (0..64).step_by(7) {
+        let (&byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        value |= u64::from(byte & 0x7F) << shift;
+        if byte & 0x80 == 0 {
+            return Some(value);
+        }
+    }
+    None
+}
+
+/// The fields of a message, in order; ends at the first that can't be read.
+pub(super) fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Field<'_>> {
+    std::iter::from_fn(move || {
+        if bytes.is_empty() {
+            return None;
+        }
+        let tag = take_varint(&mut bytes)?;
+        let number = u32::try_from(tag >> 3).ok()?;
+        match tag & 7 {
+            0 => take_varint(&mut bytes).map(|_| Field::Number),
+            1 => {
+                let (raw, rest) = bytes.split_first_chunk::<8>()?;
+                bytes = rest;
+                Some(Field::Double(number, f64::from_bits(u64::from_le_bytes(*raw))))
+            }
+            2 => {
+                let length = usize::try_from(take_varint(&mut bytes)?).ok()?;
+                let (data, rest) = bytes.split_at_checked(length)?;
+                bytes = rest;
+                Some(Field::Bytes(number, data))
+            }
+            _ => None,
+        }
+    })
+}
+
+/// The field names of the first message in a `FileDescriptorSet`.
+pub(super) fn field_names(descriptor: &[u8]) -> Option<Vec<String>> {
+    let inner = |bytes, wanted| {
+        fields(bytes).find_map(|field| match field {
+            Field::Bytes(number, data) if number == wanted => Some(data),
+            _ => None,
+        })
+    };
+    let message = inner(inner(descriptor, 1)?, 4)?;
+    let names = fields(message).filter_map(|field| match field {
+        Field::Bytes(2, data) => Some(String::from_utf8_lossy(inner(data, 1)?).into_owned()),
+        _ => None,
+    });
+    Some(names.collect())
+}

@@ -1,0 +1,256 @@
+//! From the cyclic thread to the files: a ring without locks, and a thread that writes.
+
+use super::{ColumnError, ColumnWriter, McapRun, RunError, RunEvent, RunSchema};
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Words of the ring: 32 MiB, some 20 s of a robot with four wheels at 1 kHz.
+const RING: usize = 4 * 1024 * 1024;
+/// How long the writer rests when the ring is empty.
+const REST: Duration = Duration::from_millis(2);
+/// Words ahead of each entry: its kind and length, and its time.
+const HEADER: usize = 2;
+const ROW: u64 = 0;
+const EVENT: u64 = 1;
+
+/// What the cyclic thread does when the writer doesn't keep up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnFull {
+    /// Drop the record and count it: in real time, the cycle never waits.
+    Drop,
+    /// Wait for room: on virtual time nothing is in a hurry and nothing is lost.
+    Wait,
+}
+
+/// What became of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RunRecorded {
+    /// Cycles in the files.
+    pub written: u64,
+    /// Cycles and events that found the ring full.
+    pub dropped: u64,
+}
+
+/// Why a recording failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RecorderError {
+    /// A file couldn't be made or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The MCAP file.
+    #[error("{path}: {source}")]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: RunError,
+    },
+    /// The column file.
+    #[error("{path}: {source}")]
+    Columns {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ColumnError,
+    },
+}
+
+/// The cyclic thread's end: never allocates; never waits, unless it was asked to.
+pub struct RunSink {
+    ring: Producer<u64>,
+    dropped: Arc<AtomicU64>,
+    on_full: OnFull,
+}
+
+impl RunSink {
+    /// Hands over one cycle: its time, its values in the schema's order, and the bytes that replay it.
+    pub fn push_row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) {
+        let words = values.iter().map(|value| value.to_bits());
+        self.push(ROW, time_ns, words.len(), words, raw);
+    }
+
+    /// Hands over an event.
+    pub fn push_event(&mut self, time_ns: u64, text: &str) {
+        self.push(EVENT, time_ns, 0, std::iter::empty(), text.as_bytes());
+    }
+
+    fn push(
+        &mut self,
+        kind: u64,
+        time_ns: u64,
+        count: usize,
+        words: impl Iterator<Item = u64>,
+        bytes: &[u8],
+    ) {
+        let length = HEADER + count + bytes.len().div_ceil(8);
+        let head = [kind | (count as u64) << 8 | (bytes.len() as u64) << 32, time_ns];
+        while self.ring.slots() < length {
+            if self.on_full == OnFull::Drop || self.ring.is_abandoned() {
+                self.dropped.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+            std::thread::yield_now();
+        }
+        let packed = bytes.chunks(8).map(|chunk| {
+            let mut word = [0; 8];
+            word[..chunk.len()].copy_from_slice(chunk);
+            u64::from_le_bytes(word)
+        });
+        if let Ok(chunk) = self.ring.write_chunk_uninit(length) {
+            chunk.fill_from_iter(head.into_iter().chain(words).chain(packed));
+        }
+    }
+}
+
+/// The thread that writes the files.
+pub struct RunRecorder {
+    thread: JoinHandle<Result<u64, RecorderError>>,
+    dropped: Arc<AtomicU64>,
+}
+
+/// Which files to write, and what to say about the run in them.
+#[derive(Clone, Debug, Default)]
+pub struct RunFiles {
+    /// The MCAP file.
+    pub mcap: Option<PathBuf>,
+    /// The column file.
+    pub columns: Option<PathBuf>,
+    /// Descriptions of the run for the MCAP file.
+    pub description: BTreeMap<String, String>,
+}
+
+type Output = BufWriter<File>;
+
+struct Writers {
+    mcap: Option<(PathBuf, McapRun<Output>)>,
+    columns: Option<(PathBuf, ColumnWriter<Output>)>,
+}
+
+impl RunRecorder {
+    /// Makes the files and starts the thread.
+    pub fn start(
+        files: &RunFiles,
+        schema: &RunSchema,
+        on_full: OnFull,
+    ) -> Result<(RunRecorder, RunSink), RecorderError> {
+        let create = |path: &Path| {
+            let file = File::create(path);
+            file.map(BufWriter::new).map_err(|source| RecorderError::File { path: path.to_owned(), source })
+        };
+        let mut writers = Writers { mcap: None, columns: None };
+        if let Some(path) = &files.mcap {
+            let mcap = McapRun::create(create(path)?, schema, &files.description)
+                .map_err(|source| RecorderError::Mcap { path: path.clone(), source })?;
+            writers.mcap = Some((path.clone(), mcap));
+        }
+        if let Some(path) = &files.columns {
+            let columns = ColumnWriter::create(create(path)?, schema)
+                .map_err(|source| RecorderError::File { path: path.clone(), source })?;
+            writers.columns = Some((path.clone(), columns));
+        }
+        let (ring, consumer) = RingBuffer::new(RING);
+        let dropped = Arc::new(AtomicU64::new(0));
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || drain(consumer, writers))
+            .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
+        let sink = RunSink { ring, dropped: dropped.clone(), on_full };
+        Ok((RunRecorder { thread, dropped }, sink))
+    }
+
+    /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
+    pub fn finish(self) -> Result<RunRecorded, RecorderError> {
+        match self.thread.join() {
+            Ok(written) => {
+                Ok(RunRecorded { written: written?, dropped: self.dropped.load(Ordering::Relaxed) })
+            }
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+/// Writes entries until the sink is gone and the ring is empty; the number of cycles written.
+fn drain(mut ring: Consumer<u64>, mut writers: Writers) -> Result<u64, RecorderError> {
+    let mut written = 0;
+    let mut words = Vec::new();
+    let (mut values, mut bytes) = (Vec::new(), Vec::new());
+    loop {
+        // Asked first: what was pushed before the sink went is seen below.
+        let ended = ring.is_abandoned();
+        while take(&mut ring, HEADER, &mut words) {
+            let (head, time_ns) = (words[0], words[1]);
+            let (count, length) = ((head >> 8 & 0xFF_FFFF) as usize, (head >> 32) as usize);
+            // Header and content were committed together.
+            take(&mut ring, count + length.div_ceil(8), &mut words);
+            values.clear();
+            values.extend(words[..count].iter().map(|word| f64::from_bits(*word)));
+            bytes.clear();
+            bytes.extend(words[count..].iter().flat_map(|word| word.to_le_bytes()));
+            bytes.truncate(length);
+            if head & 0xFF == EVENT {
+                writers.event(&RunEvent { time_ns, text: String::from_utf8_lossy(&bytes).into_owned() })?;
+            } else {
+                writers.row(time_ns, &values, &bytes)?;
+                written += 1;
+            }
+        }
+        if ended {
+            writers.finish()?;
+            return Ok(written);
+        }
+        std::thread::sleep(REST);
+    }
+}
+
+/// Moves `length` words from the ring to `to`; `false` where there are fewer.
+fn take(ring: &mut Consumer<u64>, length: usize, to: &mut Vec<u64>) -> bool {
+    let Ok(chunk) = ring.read_chunk(length) else { return false };
+    let (first, second) = chunk.as_slices();
+    to.clear();
+    to.extend_from_slice(first);
+    to.extend_from_slice(second);
+    chunk.commit_all();
+    true
+}
+
+impl Writers {
+    fn row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RecorderError> {
+        if let Some((path, mcap)) = &mut self.mcap {
+            mcap.write_row(time_ns, values, raw)
+                .map_err(|source| RecorderError::Mcap { path: path.clone(), source })?;
+        }
+        if let Some((path, columns)) = &mut self.columns {
+            columns
+                .write_row(time_ns, values)
+                .map_err(|source| RecorderError::Columns { path: path.clone(), source })?;
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: &RunEvent) -> Result<(), RecorderError> {
+        let Some((path, mcap)) = &mut self.mcap else { return Ok(()) };
+        mcap.write_event(event).map_err(|source| RecorderError::Mcap { path: path.clone(), source })
+    }
+
+    fn finish(self) -> Result<(), RecorderError> {
+        if let Some((path, mcap)) = self.mcap {
+            mcap.finish().map_err(|source| RecorderError::Mcap { path, source })?;
+        }
+        if let Some((path, columns)) = self.columns {
+            columns.finish().map_err(|source| RecorderError::File { path, source })?;
+        }
+        Ok(())
+    }
+}
