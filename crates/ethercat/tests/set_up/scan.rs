@@ -1,11 +1,9 @@
 //! Finding SubDevices on the simulated bus.
 
-mod segment;
-
+use crate::segment::{obedient, recorded_sii};
 use omnibase_ethercat::wire::{Clock, HostTime};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError};
 use omnibase_ethercat_sim::{EscConfig, Segment, in_process};
-use segment::{obedient, recorded_sii};
 
 #[test]
 fn a_line_of_recorded_devices_is_found_and_named() {

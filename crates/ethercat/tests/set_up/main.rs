@@ -1,0 +1,6 @@
+//! The set-up against the simulated segment.
+
+mod sabotage;
+mod scan;
+mod segment;
+mod under_fire;
