@@ -192,6 +192,22 @@ impl Body {
         self.total.yaw_inertia_kg_m2
     }
 
+    /// Spin inertia of wheel `index`; zero for an index without a wheel.
+    pub fn wheel_inertia_kg_m2(&self, index: usize) -> f64 {
+        self.mounted.get(index).map_or(0.0, |m| m.inertia)
+    }
+
+    /// Lever of wheel `index` along its force direction: radius times the cosine of rolling and force direction. Zero
+    /// for an index without a wheel.
+    pub fn lever_m(&self, index: usize) -> f64 {
+        self.rows.get(index).map_or(0.0, |row| row.arm_along)
+    }
+
+    /// Whether nothing moves at all, to the bit.
+    pub fn at_rest(&self) -> bool {
+        self.velocity == [0.0; 3] && self.wheels.iter().all(|w| w.speed_rad_s == 0.0)
+    }
+
     /// Kinetic energy of body and wheels.
     pub fn kinetic_energy_j(&self) -> f64 {
         let [vx, vy, w] = self.velocity;
@@ -203,6 +219,11 @@ impl Body {
             .map(|(m, s)| m.inertia * s.speed_rad_s * s.speed_rad_s)
             .sum();
         0.5 * (body + wheels)
+    }
+
+    /// Lets the loads become those of rest.
+    pub(crate) fn settle(&mut self) {
+        self.acceleration = [0.0; 2];
     }
 
     /// Advances by `step_s` (50 to 250 us give good results) with one motor torque per wheel, in the wheels' order;

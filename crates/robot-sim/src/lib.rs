@@ -7,6 +7,8 @@
 //! - [`wheel`]: a wheel's geometry and inertia, and what the simulation tells about it
 //! - [`body`]: the rigid body with its payload, advanced step by step; [`load`] shares the weight among the wheels
 //!   and [`contact`] solves one step with stick and slip
+//! - [`motor`]: torque limit, heating, voltage and current loop of a motor
+//! - [`machine`]: body and motors, moved on to any instant in steps on a fixed grid, and the truth at the last one
 //!
 //! The planar model leaves out the roll and pitch motion (only its load transfer is there), the spin inertia of the
 //! rollers, and the way the contact point wanders from roller to roller.
@@ -18,10 +20,14 @@ pub mod body;
 pub mod contact;
 pub mod floor;
 pub mod load;
+pub mod machine;
+pub mod motor;
 pub mod pose;
 pub mod wheel;
 
 pub use body::{Body, BodyError, BodyParameters, Payload};
 pub use floor::Contact;
+pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
+pub use motor::{Motor, MotorParameters};
 pub use pose::{Pose, Twist, Wrench};
 pub use wheel::{Grip, WheelParameters, WheelState};

@@ -14,7 +14,7 @@ pub struct WheelParameters {
     pub force_direction: [f64; 2],
     /// Radius.
     pub radius_m: f64,
-    /// Spin inertia of wheel and rotor about the axle.
+    /// Spin inertia about the axle of the wheel and whatever is fixed to it.
     pub inertia_kg_m2: f64,
     /// Dry friction of bearings and seals.
     pub bearing_coulomb_n_m: f64,
@@ -37,7 +37,7 @@ impl WheelParameters {
     }
 
     /// A wheel whose rollers' axes point along `force_direction`, with the default frictions and the inertia of a
-    /// solid disc of 2.5 kg with a rotor of 0.0077 kg·m².
+    /// solid disc of 2.5 kg.
     pub fn mecanum(
         position_m: [f64; 2],
         rolling_direction: [f64; 2],
@@ -49,7 +49,7 @@ impl WheelParameters {
             rolling_direction,
             force_direction,
             radius_m,
-            inertia_kg_m2: 0.0077 + 0.5 * 2.5 * radius_m * radius_m,
+            inertia_kg_m2: 0.5 * 2.5 * radius_m * radius_m,
             bearing_coulomb_n_m: Self::BEARING_COULOMB_N_M,
             bearing_viscous_n_m_s: Self::BEARING_VISCOUS_N_M_S,
             contact: Contact::default(),

@@ -1,0 +1,170 @@
+use super::*;
+use crate::pose::Wrench;
+
+const HALF_SQRT3: f64 = 0.866_025_403_784_438_6;
+
+fn parameters() -> MachineParameters {
+    let p = 0.35;
+    let wheel = |position, rolling, encoder_start_rad| WheelDrive {
+        wheel: WheelParameters::omni(position, rolling, 0.1),
+        motor: MotorParameters::default(),
+        encoder_start_rad,
+    };
+    MachineParameters {
+        body: BodyParameters {
+            mass_kg: 100.0,
+            yaw_inertia_kg_m2: 8.0,
+            center_of_mass_m: [0.0, 0.0],
+            center_of_mass_height_m: 0.4,
+        },
+        payload: Payload::default(),
+        wheels: vec![
+            wheel([-p, 0.0], [0.0, 1.0], 0.0),
+            wheel([0.5 * p, -HALF_SQRT3 * p], [-HALF_SQRT3, -0.5], 1.0),
+            wheel([0.5 * p, HALF_SQRT3 * p], [HALF_SQRT3, -0.5], -2000.0),
+        ],
+        step_ns: DEFAULT_STEP_NS,
+    }
+}
+
+fn machine() -> Machine {
+    Machine::new(&parameters()).expect("a sound machine")
+}
+
+const MS: u64 = 1_000_000;
+
+#[test]
+fn it_does_not_matter_how_often_it_is_asked() {
+    let (mut once, mut often) = (machine(), machine());
+    for ms in 0..500_u64 {
+        for machine in [&mut once, &mut often] {
+            machine.ask(1, -4.0 + 0.004 * ms as f64);
+            machine.ask(2, 3.5);
+        }
+        once.advance((ms + 1) * MS);
+        for part in 1..=7 {
+            often.advance(ms * MS + part * MS / 7);
+            often.advance(ms * MS);
+        }
+        often.advance((ms + 1) * MS);
+    }
+    assert!(once.truth().pose.x_m > 0.01);
+    assert_eq!(once.truth(), often.truth());
+    for i in 0..3 {
+        assert_eq!(once.shaft(i), often.shaft(i));
+    }
+}
+
+#[test]
+fn between_the_points_of_the_grid_motion_goes_on() {
+    let mut machine = machine();
+    machine.ask(1, -3.0);
+    machine.ask(2, 3.0);
+    machine.advance(500 * MS);
+    let (start, pose) = (machine.shaft(2), machine.truth().pose);
+    machine.advance(500 * MS + 100_000);
+    let (between, ahead) = (machine.shaft(2), machine.truth());
+    assert_eq!(ahead.time_ns, 500 * MS + 100_000);
+    assert!((between.angle_rad - start.angle_rad - 1e-4 * start.speed_rad_s).abs() < 1e-12);
+    assert!((ahead.pose.x_m - pose.x_m - 1e-4 * ahead.twist_in_body.vx_m_s).abs() < 1e-12);
+    // What is shown just before a point of the grid and at it differ by less than a count.
+    machine.advance(500 * MS + 124_999);
+    let before = machine.shaft(2).angle_rad;
+    machine.advance(500 * MS + 125_001);
+    let jump = machine.shaft(2).angle_rad - before - 2e-9 * start.speed_rad_s;
+    assert!(jump.abs() < std::f64::consts::TAU / 1_048_576.0, "{jump}");
+}
+
+#[test]
+fn encoders_start_where_they_start() {
+    let mut machine = machine();
+    assert_eq!([0, 1, 2].map(|i| machine.shaft(i).angle_rad), [0.0, 1.0, -2000.0]);
+    machine.ask(1, -3.0);
+    machine.advance(100 * MS);
+    assert_eq!(machine.shaft(1).angle_rad, 1.0 + machine.body().wheels()[1].angle_rad);
+    assert_eq!(machine.shaft(7), Shaft::default());
+}
+
+#[test]
+fn a_gear_turns_speed_down_and_torque_up() {
+    let mut geared = parameters();
+    let mut direct = parameters();
+    for drive in &mut geared.wheels {
+        drive.encoder_start_rad = 0.0;
+        drive.motor.gear_ratio = -5.0;
+        drive.motor.rated_speed_rad_s *= 5.0;
+        drive.motor.maximum_speed_rad_s *= 5.0;
+        drive.motor.rotor_inertia_kg_m2 = 0.0077 / 25.0;
+    }
+    for drive in &mut direct.wheels {
+        drive.encoder_start_rad = 0.0;
+    }
+    let mut geared = Machine::new(&geared).expect("a sound machine");
+    let mut direct = Machine::new(&direct).expect("a sound machine");
+    for i in 0..3 {
+        direct.ask(i, 1.0);
+        geared.ask(i, -0.2);
+    }
+    direct.advance(1000 * MS);
+    geared.advance(1000 * MS);
+    let (a, b) = (direct.truth().pose.heading_rad, geared.truth().pose.heading_rad);
+    assert!(a < -0.1 && (a - b).abs() < 1e-9, "{a} {b}");
+    assert!((geared.shaft(0).angle_rad + 5.0 * direct.shaft(0).angle_rad).abs() < 1e-8);
+    assert!((25.0 * geared.nominal_inertia_kg_m2(0) - direct.nominal_inertia_kg_m2(0)).abs() < 1e-12);
+    // 100 kg on three wheels of 0.1 m, a disc of 2.5 kg and the rotor.
+    assert!((direct.nominal_inertia_kg_m2(0) - (1.0 / 3.0 + 0.0125 + 0.0077)).abs() < 1e-12);
+}
+
+#[test]
+fn a_long_rest_passes_at_once_and_as_if_in_steps() {
+    let drive = |machine: &mut Machine, from_ms: u64| {
+        for ms in from_ms..from_ms + 300 {
+            machine.ask(1, -3.0);
+            machine.ask(2, 3.0);
+            machine.advance((ms + 1) * MS);
+        }
+        for i in 0..3 {
+            machine.ask(i, 0.0);
+        }
+    };
+    let mut machine = machine();
+    drive(&mut machine, 0);
+    machine.advance(60_000 * MS);
+    let (pose, warm) = (machine.truth().pose, machine.motors()[1].thermal_load());
+    assert!(machine.body().at_rest() && pose.x_m > 0.01, "{pose:?}");
+    // A month in one call: were it done in steps, the test would not end.
+    let month_ms = 30 * 24 * 3600 * 1000;
+    machine.advance(month_ms * MS);
+    assert_eq!(machine.truth().pose, pose);
+    assert_eq!(machine.truth().time_ns, month_ms * MS);
+    assert!(machine.motors()[1].thermal_load() < 1e-9 && warm > 1e-6);
+    // And it still drives.
+    drive(&mut machine, month_ms);
+    assert!(machine.truth().pose.x_m > pose.x_m + 0.01);
+}
+
+#[test]
+fn a_push_wakes_a_resting_machine() {
+    let mut machine = machine();
+    machine.advance(1000 * MS);
+    assert_eq!(machine.truth().pose, Pose::default());
+    machine.set_push(Wrench { fx_n: 200.0, ..Wrench::default() });
+    machine.advance(1500 * MS);
+    assert!(machine.truth().pose.x_m > 0.05, "{:?}", machine.truth());
+    let payload = Payload { mass_kg: 50.0, height_m: 0.5, ..Payload::default() };
+    machine.set_payload(payload).expect("it stands");
+    assert_eq!(machine.body().payload(), payload);
+}
+
+#[test]
+fn figures_without_meaning_are_refused() {
+    let mut wrong = parameters();
+    wrong.wheels[1].motor.peak_torque_n_m = 1.0;
+    let text = Machine::new(&wrong).expect_err("refused").to_string();
+    assert_eq!(text, "motor 2: peak_torque_n_m is 1; it must be at least rated_torque_n_m");
+    let coarse = MachineParameters { step_ns: 5_000_000, ..parameters() };
+    assert_eq!(Machine::new(&coarse).expect_err("refused"), MachineError::Step { step_ns: 5_000_000 });
+    let mut unbalanced = parameters();
+    unbalanced.payload = Payload { mass_kg: 300.0, position_m: [1.0, 0.0], ..Payload::default() };
+    assert!(matches!(Machine::new(&unbalanced), Err(MachineError::Body(BodyError::TipsOver { .. }))));
+}
