@@ -1,2 +1,53 @@
-//! TBD
-fn main() {}
+//! The command line of omnibase: looks at EtherCAT segments, simulates them, and exchanges data with them.
+#![forbid(unsafe_code)]
+
+mod cli;
+mod commands;
+mod decode;
+mod hex;
+mod quantiles;
+mod sii_json;
+
+use clap::Parser;
+use std::io::{self, BufWriter, Write};
+use std::process::ExitCode;
+
+/// How a command ended without an error of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// It did what was asked.
+    Done,
+    /// It printed what it could, but the answer to the question is "no" or "only in part".
+    Failed,
+}
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    let mut output = BufWriter::new(io::stdout().lock());
+    let result = commands::run(&cli.command, &mut output).and_then(|outcome| {
+        output.flush()?;
+        Ok(outcome)
+    });
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Failed) => ExitCode::FAILURE,
+        // Whoever read our output has seen enough (`omnibase decode ... | head`).
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            // What was printed before the error belongs above it.
+            let _ = output.flush();
+            let _ = writeln!(io::stderr(), "error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        let kind = match cause.downcast_ref::<io::Error>() {
+            Some(error) => Some(error.kind()),
+            None => cause.downcast_ref::<serde_json::Error>().and_then(|error| error.io_error_kind()),
+        };
+        kind == Some(io::ErrorKind::BrokenPipe)
+    })
+}

@@ -1,0 +1,23 @@
+//! The command line as clap reads it.
+
+use crate::commands::{decode, sii};
+use clap::{Parser, Subcommand};
+
+/// Real-time control of omnidirectional robots over EtherCAT.
+///
+/// Exit codes: 0 done, 1 failed, 2 wrong usage. Data go to the standard output, progress and errors to the
+/// standard error.
+#[derive(Debug, Parser)]
+#[command(name = "omnibase", version, max_term_width = 110)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// One command each.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Decode(decode::Arguments),
+    Sii(sii::Arguments),
+}

@@ -1,0 +1,120 @@
+//! A distribution in a few numbers.
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+/// Counts values from 0 to a minute in nanoseconds, to three digits, without allocating after its making.
+pub struct Distribution(Histogram<u64>);
+
+/// The numbers of a distribution that people ask for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Quantiles {
+    /// The smallest.
+    pub min: u64,
+    /// Half of the values are at most this.
+    pub p50: u64,
+    /// 99 of 100 are at most this.
+    pub p99: u64,
+    /// 999 of 1000 are at most this.
+    pub p999: u64,
+    /// The largest.
+    pub max: u64,
+}
+
+/// One minute, ns: larger values count as this.
+const LARGEST: u64 = 60_000_000_000;
+
+impl Distribution {
+    /// No values yet.
+    pub fn new() -> Self {
+        // Bounds and digits are constants that hdrhistogram accepts; a failure would be found by any test.
+        Distribution(Histogram::new_with_bounds(1, LARGEST, 3).expect("valid bounds"))
+    }
+
+    /// Counts one value.
+    pub fn record(&mut self, value: u64) {
+        self.0.saturating_record(value);
+    }
+
+    /// How many values were counted.
+    pub fn count(&self) -> u64 {
+        self.0.len()
+    }
+
+    /// Its numbers; `None` without values.
+    pub fn quantiles(&self) -> Option<Quantiles> {
+        let at = |quantile| self.0.value_at_quantile(quantile).min(self.0.max());
+        (!self.0.is_empty()).then(|| Quantiles {
+            min: self.0.min(),
+            p50: at(0.5),
+            p99: at(0.99),
+            p999: at(0.999),
+            max: self.0.max(),
+        })
+    }
+
+    /// The distribution as lines of bars, `rows` at most, each with its upper bound and count.
+    pub fn bars(&self, rows: usize) -> Vec<String> {
+        const WIDTH: u64 = 40;
+        let Some(Quantiles { min, p999, .. }) = self.quantiles() else { return Vec::new() };
+        let step = ((p999 - min) / rows.max(1) as u64 + 1).max(1);
+        let mut counts = vec![0u64; rows.max(1) + 1];
+        for value in self.0.iter_recorded() {
+            let row = (value.value_iterated_to().saturating_sub(min) / step) as usize;
+            let row = row.min(counts.len() - 1);
+            counts[row] += value.count_since_last_iteration();
+        }
+        let largest = counts.iter().copied().max().unwrap_or(1).max(1);
+        counts
+            .iter()
+            .enumerate()
+            .filter(|(_, count)| **count > 0)
+            .map(|(row, count)| {
+                let bar = "#".repeat((count * WIDTH).div_ceil(largest) as usize);
+                let bound = if row == counts.len() - 1 {
+                    format!("> {}", microseconds(min + step * row as u64))
+                } else {
+                    format!("< {}", microseconds(min + step * (row as u64 + 1)))
+                };
+                format!("{bound:>14} {count:>9} {bar}")
+            })
+            .collect()
+    }
+}
+
+/// Nanoseconds as microseconds with three digits behind the point.
+pub fn microseconds(ns: u64) -> String {
+    format!("{}.{:03} us", ns / 1000, ns % 1000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_of_the_values_to_three_digits() {
+        let mut distribution = Distribution::new();
+        assert_eq!(distribution.quantiles(), None);
+        for value in 1..=1000 {
+            distribution.record(value);
+        }
+        let found = distribution.quantiles().unwrap();
+        assert_eq!(found, Quantiles { min: 1, p50: 500, p99: 990, p999: 999, max: 1000 });
+        distribution.record(u64::MAX);
+        assert!(distribution.quantiles().unwrap().max >= LARGEST, "too large values are kept as the largest");
+        assert_eq!(distribution.count(), 1001);
+    }
+
+    #[test]
+    fn bars_hold_every_value() {
+        let mut distribution = Distribution::new();
+        for value in [10_000, 10_000, 20_000, 30_000, 900_000] {
+            distribution.record(value);
+        }
+        let bars = distribution.bars(10);
+        let counted: u64 =
+            bars.iter().map(|bar| bar[15..].split_whitespace().next().unwrap().parse::<u64>().unwrap()).sum();
+        assert_eq!(counted, 5, "{bars:#?}");
+        assert!(Distribution::new().bars(10).is_empty());
+    }
+}
