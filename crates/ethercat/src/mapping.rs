@@ -12,7 +12,7 @@ use crate::subdevice::{Direction, MappedObject, MappedPdo, SyncManager};
 use crate::sync_manager::ASSIGNMENT;
 use crate::wire::HostTime;
 use crate::wire::bytes::u32_at;
-use crate::wire::coe::{AbortCode, ObjectAddress};
+use crate::wire::coe::ObjectAddress;
 
 /// Objects that say how the application is synchronised, for SM2 and SM3.
 const SYNC_OUTPUTS: u16 = 0x1C32;
@@ -345,7 +345,8 @@ impl MappingReader {
         let Some(job) = self.jobs.pop() else { return };
         let data = match (result, job) {
             (Ok(data), _) => data,
-            (Err(MailboxError::Aborted { code: AbortCode::NO_SUCH_OBJECT, .. }), Job::AssignedCount) => {
+            // No assignment to be read: what the SII says holds.
+            (Err(MailboxError::Aborted { .. }), Job::AssignedCount) => {
                 if let Some(manager) = self.left.pop() {
                     self.done.push((manager, None));
                 }

@@ -239,17 +239,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
             reads.push(Access::read("reading the controller's type", target, register::TYPE, 10));
             reads.push(Access::read("reading the alias", target, register::STATION_ALIAS, 2));
             reads.push(Access::read("reading DL status", target, register::DL_STATUS, 2));
-            let mut emulation =
-                Access::read("reading the configuration", target, register::ESC_CONFIGURATION, 1);
-            // Not every controller lets it be read.
-            emulation.expect = Expect::Any;
-            reads.push(emulation);
+            reads.push(Access::read("reading the configuration", target, register::ESC_CONFIGURATION, 1));
         }
         self.transactor.perform(&mut reads)?;
         let mut identified = Vec::with_capacity(targets.len());
         for (&target, reads) in targets.iter().zip(reads.chunks_exact(READS)) {
             let esc = Esc::read(&reads[0].data).unwrap_or_default();
-            let emulated = reads[3].found == Found::WorkingCounter(1) && reads[3].data[0] & 1 != 0;
+            let emulated = reads[3].data[0] & 1 != 0;
             identified.push(Identified {
                 target,
                 esc,

@@ -476,3 +476,6 @@ fn same_header(sent: &Datagram<'_>, received: &Datagram<'_>) -> bool {
         && sent.length == received.length
         && sent.address & fixed == received.address & fixed
 }
+
+#[cfg(test)]
+mod tests;
