@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::eeprom::{SiiExtent, SiiReader};
+use crate::eeprom::{EepromError, SiiExtent, SiiReader};
 use crate::error::SetUpError;
 use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ObjectList, Operation, list_indices};
 use crate::procedure::Procedure;
@@ -46,6 +46,8 @@ pub enum Warning {
         /// The port.
         port: u8,
     },
+    /// An EEPROM is missing or dead: the SubDevice has no identity and no mailbox.
+    NoEeprom(EepromError),
     /// The EEPROM could be read but not all of it makes sense.
     Eeprom {
         /// The SubDevice.
@@ -64,6 +66,7 @@ impl fmt::Display for Warning {
             Warning::EntersAtPort { position, port } => {
                 write!(f, "frames enter SubDevice {position} at port {port}, not 0: are its cables swapped?")
             }
+            Warning::NoEeprom(error) => write!(f, "{error}; it is taken as a device without identity"),
             Warning::Eeprom { position, problem } => {
                 write!(f, "SubDevice {position}: EEPROM: {problem}")
             }

@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use crate::bus::{Bus, MAX_SUBDEVICES, Warning};
 use crate::config::SubDeviceConfig;
-use crate::eeprom::{SiiExtent, SiiReader};
+use crate::eeprom::{EepromError, EepromFailure, SiiExtent, SiiReader};
 use crate::error::{Found, SetUpError};
 use crate::start_up::StartUpList;
 use crate::state::{Application, StateChange};
@@ -14,7 +14,7 @@ use crate::subdevice::{Esc, Port, SubDevice};
 use crate::topology;
 use crate::transaction::{Access, Expect, Target};
 use crate::wire::bytes::u16_at;
-use crate::wire::sii::Image;
+use crate::wire::sii::{self, Image};
 use crate::wire::{AlState, Clock, Link, LinkError, register};
 
 /// Station address of the first SubDevice.
@@ -23,6 +23,16 @@ const FIRST_STATION: u16 = 0x1001;
 const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
 const PORT_PAUSE: Duration = Duration::from_millis(2);
+
+/// What stands for an EEPROM that doesn't answer: no identity, no mailbox, no category.
+const BLANK_IMAGE: [u8; sii::HEADER + 2] = {
+    let mut image = [0; sii::HEADER + 2];
+    // Checksum of seven words of zero.
+    image[14] = 0x30;
+    image[sii::HEADER] = 0xFF;
+    image[sii::HEADER + 1] = 0xFF;
+    image
+};
 
 /// Why no SubDevice was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -309,8 +319,16 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let mut images = Vec::with_capacity(targets.len());
         for (bytes, target) in self.transactor.drive(&mut readers)?.into_iter().zip(targets) {
             let position = target.position;
+            let bytes = match bytes {
+                // A device whose EEPROM is missing or dead is still there; it has no identity.
+                Err(error @ EepromError { cause: EepromFailure::NotAcknowledged { .. }, .. }) => {
+                    self.warnings.push(Warning::NoEeprom(error));
+                    BLANK_IMAGE.to_vec()
+                }
+                other => other?,
+            };
             let (image, problems) =
-                Image::parse(&bytes?).map_err(|cause| SetUpError::Sii { position, cause })?;
+                Image::parse(&bytes).map_err(|cause| SetUpError::Sii { position, cause })?;
             let warnings = problems.into_iter().map(|problem| Warning::Eeprom { position, problem });
             self.warnings.extend(warnings);
             images.push(image);

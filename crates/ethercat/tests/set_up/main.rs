@@ -1,6 +1,6 @@
 //! The set-up against the simulated segment.
 
-mod sabotage;
+mod matching;
 mod scan;
 mod segment;
 mod under_fire;

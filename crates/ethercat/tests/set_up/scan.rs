@@ -2,8 +2,8 @@
 
 use crate::segment::{obedient, recorded_sii};
 use omnibase_ethercat::wire::{Clock, HostTime};
-use omnibase_ethercat::{Bus, BusOptions, SetUpError};
-use omnibase_ethercat_sim::{EscConfig, Segment, in_process};
+use omnibase_ethercat::{Bus, BusOptions, SetUpError, Warning};
+use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, in_process};
 
 #[test]
 fn a_line_of_recorded_devices_is_found_and_named() {
@@ -39,4 +39,53 @@ fn a_thousand_subdevices_are_found() {
     println!("PRE-OP at {:?}", clock.now());
     assert!(clock.now() < HostTime(60_000_000_000));
     println!("{:?}", bus.transactor().counters);
+}
+
+/// A fork: 0 has 1 at port 3, 2 at port 1 (3 behind it, without clock; 4 behind that), 5 at port 2.
+#[test]
+fn delays_and_parents_in_a_tree_are_the_true_ones() {
+    let hangs_on = [None, Some((0, 3)), Some((0, 1)), Some((2, 1)), Some((3, 1)), Some((0, 2))];
+    let cables_ns = [100, 50, 250, 70, 110, 30];
+    let devices = (0..6).map(|n| {
+        let features = if n == 3 { 0 } else { EscConfig::default().features };
+        obedient(EscConfig { features, dc_offset_ns: n * 1_000_000_007, ..EscConfig::default() })
+    });
+    let attachments = hangs_on.iter().zip(cables_ns).map(|(parent, cable_delay_ns)| {
+        let parent = match *parent {
+            None => Parent::MainDevice,
+            Some((position, port)) => Parent::SubDevice { position, port },
+        };
+        Attachment { parent, entry_port: 0, cable_delay_ns }
+    });
+    let segment = Segment::new(devices.collect(), attachments.collect()).unwrap();
+    let (link, clock) = in_process(segment);
+    let mut bus = Bus::new(link, clock.clone(), BusOptions::default());
+    bus.scan().unwrap();
+    bus.configure(&[]).unwrap();
+    let parents = bus.subdevices().iter().map(|one| one.parent.map(|p| (usize::from(p.position), p.port)));
+    assert_eq!(parents.collect::<Vec<_>>(), hangs_on);
+    // 300 ns through each SubDevice, and the cables on the way, those of branches passed before twice.
+    let to_1 = 300 + 50;
+    let to_2 = 2 * to_1 + 300 + 250;
+    let to_4 = to_2 + 300 + 70 + 300 + 110;
+    let back_from_2 = 2 * (to_4 - to_2) + 300 + 250;
+    let to_5 = to_2 + back_from_2 + 300 + 30;
+    let delays = bus.subdevices().iter().map(|one| one.dc.map(|dc| dc.delay_ns));
+    let expected = [Some(0), Some(to_1), Some(to_2), None, Some(to_4), Some(to_5)];
+    assert_eq!(delays.collect::<Vec<_>>(), expected);
+    // Nothing drifts here: all clocks show the same from now on, whatever they showed at power-on.
+    let now = clock.now();
+    let times = bus.transactor().link.segment().sub_devices().iter().map(|one| one.esc().system_time(now));
+    let times: Vec<_> = times.flatten().map(|time| time.0).collect();
+    assert!(times.iter().all(|time| *time == times[0]), "{times:?}");
+    let apart = times[0].abs_diff(now.0);
+    assert!(apart < 100_000, "system time is {apart} ns from the host's");
+}
+
+#[test]
+fn a_dead_eeprom_is_a_warning() {
+    let (link, clock) = in_process(Segment::line(vec![obedient(EscConfig::default())]).unwrap());
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    assert_eq!(bus.scan().unwrap().len(), 1);
+    assert!(matches!(bus.warnings(), [Warning::NoEeprom(_)]), "{:?}", bus.warnings());
 }

@@ -1,5 +1,7 @@
 //! Small simulated SubDevices for the tests of the set-up.
 
+use omnibase_ethercat::wire::bytes::{put_u16, put_u32};
+use omnibase_ethercat::wire::sii::{Identity, checksum};
 use omnibase_ethercat::wire::{AlState, HostTime, register};
 use omnibase_ethercat_sim::pdi::{AlEvent, Application, ApplicationFault, Pdi};
 use omnibase_ethercat_sim::{EscConfig, SubDevice};
@@ -41,4 +43,23 @@ pub fn recorded_sii(name: &str) -> Option<Vec<u8>> {
             None
         }
     }
+}
+
+/// A small SII image: this identity and alias, no mailbox, no category.
+pub fn sii_of(identity: Identity, alias: u16) -> Vec<u8> {
+    let mut sii = vec![0; 256];
+    put_u16(&mut sii, 8, alias);
+    for (offset, value) in [
+        (16, identity.vendor_id),
+        (20, identity.product_code),
+        (24, identity.revision),
+        (28, identity.serial),
+    ] {
+        put_u32(&mut sii, offset, value);
+    }
+    let first_words: &[u8; 14] = sii[..14].try_into().unwrap();
+    sii[14] = checksum(first_words);
+    sii[0x7C] = 1;
+    sii[128..].fill(0xFF);
+    sii
 }
