@@ -1,41 +1,81 @@
-//! What a millisecond of simulated time costs. `cargo bench -p omnibase-robot-sim`
+//! What simulated time costs. `cargo bench -p omnibase-robot-sim`
+//!
+//! One item is a millisecond of simulated time, in eight steps.
 
-use omnibase_robot_sim::{Body, BodyParameters, WheelParameters};
+use divan::counter::ItemsCount;
+use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
+use omnibase_robot_sim::{
+    Body, BodyParameters, Machine, MachineParameters, MotorParameters, Payload, WheelDrive, WheelParameters,
+};
 
 fn main() {
     divan::main();
 }
 
-const STEPS_PER_MS: u32 = 8;
+/// Simulated milliseconds per round.
+const ROUND_MS: u64 = 1_000;
 
-fn body(count: usize) -> Body {
-    let parameters = BodyParameters {
-        mass_kg: 100.0,
-        yaw_inertia_kg_m2: 8.0,
-        center_of_mass_m: [0.01, -0.02],
-        center_of_mass_height_m: 0.4,
+fn parameters(count: usize) -> MachineParameters {
+    let wheel = |i: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * i as f64 / count as f64).sin_cos();
+        WheelDrive {
+            wheel: WheelParameters::omni([0.35 * cos, 0.35 * sin], [-sin, cos], 0.1),
+            motor: MotorParameters::default(),
+            encoder_start_rad: 0.0,
+        }
     };
-    let wheels: Vec<WheelParameters> = (0..count)
-        .map(|i| {
-            let (sin, cos) = (std::f64::consts::TAU * i as f64 / count as f64).sin_cos();
-            WheelParameters::omni([0.35 * cos, 0.35 * sin], [-sin, cos], 0.1)
-        })
-        .collect();
-    Body::new(parameters, &wheels).expect("a sound machine")
+    MachineParameters {
+        body: BodyParameters {
+            mass_kg: 100.0,
+            yaw_inertia_kg_m2: 8.0,
+            center_of_mass_m: [0.01, -0.02],
+            center_of_mass_height_m: 0.4,
+        },
+        payload: Payload::default(),
+        wheels: (0..count).map(wheel).collect(),
+        step_ns: DEFAULT_STEP_NS,
+    }
 }
 
-/// Body and wheels alone: one simulated millisecond in eight steps, rolling with changing torques.
+fn torques(time_ms: u64) -> [f64; 4] {
+    let phase = 0.006 * (time_ms % 100_000) as f64;
+    [2.0 * phase.sin(), -1.5 * (0.7 * phase).cos(), 1.0 - phase.cos(), phase.sin()]
+}
+
+/// Body and wheels alone, rolling with torques that change.
 #[divan::bench(args = [3, 4])]
-fn body_ms(bencher: divan::Bencher, wheels: usize) {
-    let mut body = body(wheels);
-    let mut time_ms = 0_u32;
-    bencher.bench_local(move || {
-        let phase = 0.006 * f64::from(time_ms % 100_000);
-        time_ms += 1;
-        let torques = [2.0 * phase.sin(), -1.5 * (0.7 * phase).cos(), 1.0 - phase.cos(), phase.sin()];
-        for _ in 0..STEPS_PER_MS {
-            body.step(divan::black_box(&torques[..wheels]), 1e-3 / f64::from(STEPS_PER_MS));
+fn body(bencher: divan::Bencher, wheels: usize) {
+    let parameters = parameters(wheels);
+    let mounted: Vec<WheelParameters> = parameters.wheels.iter().map(|drive| drive.wheel).collect();
+    let mut body = Body::new(parameters.body, &mounted).expect("a sound machine");
+    let mut time_ms = 0;
+    bencher.counter(ItemsCount::new(ROUND_MS)).bench_local(move || {
+        for _ in 0..ROUND_MS {
+            time_ms += 1;
+            let torques = torques(time_ms);
+            for _ in 0..8 {
+                body.step(divan::black_box(&torques[..wheels]), 125e-6);
+            }
         }
         body.pose()
+    });
+}
+
+/// With motors, asked by every drive once a millisecond.
+#[divan::bench(args = [3, 4])]
+fn machine(bencher: divan::Bencher, wheels: usize) {
+    let mut machine = Machine::new(&parameters(wheels)).expect("a sound machine");
+    let mut time_ms = 0;
+    bencher.counter(ItemsCount::new(ROUND_MS)).bench_local(move || {
+        for _ in 0..ROUND_MS {
+            time_ms += 1;
+            let torques = torques(time_ms);
+            for (i, torque) in torques.iter().enumerate().take(wheels) {
+                machine.advance(time_ms * 1_000_000);
+                divan::black_box(machine.shaft(i));
+                machine.ask(i, *torque);
+            }
+        }
+        machine.truth()
     });
 }

@@ -270,9 +270,9 @@ impl Body {
         for (row, wheel) in self.rows.iter().zip(&mut self.wheels) {
             wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
             wheel.speed_rad_s = row.speed;
-            [wheel.force_along_n, wheel.force_across_n] = row.forces(&self.velocity);
-            wheel.slip_m_s = row.slip_along(&self.velocity, row.speed);
-            wheel.roller_m_s = row.slip_across(&self.velocity, row.speed);
+            [wheel.force_along_n, wheel.force_across_n] = row.forces();
+            wheel.slip_m_s = row.trial.along;
+            wheel.roller_m_s = row.trial.across;
             wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };
         }
     }

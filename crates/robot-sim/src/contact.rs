@@ -102,8 +102,20 @@ pub(crate) struct Wheel {
     pub(crate) roller: Friction,
     pub(crate) axle: Friction,
     pub(crate) speed: f64,
-    /// Speed by the last Newton step.
-    pub(crate) candidate: f64,
+    pub(crate) trial: Trial,
+}
+
+/// What the last Newton step says about a wheel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Trial {
+    /// Its speed, as `free + pull_along·(along·v) + pull_across·(across·v)`.
+    speed: f64,
+    free: f64,
+    pull_along: f64,
+    pull_across: f64,
+    /// Its slip speeds.
+    pub(crate) along: f64,
+    pub(crate) across: f64,
 }
 
 /// The body in the equations of a step: mass, mass and yaw inertia over step, and their momentum over step with forces.
@@ -126,19 +138,23 @@ impl Wheel {
         dot(&self.across, v) - self.arm_across * speed
     }
 
-    /// Forces of the floor on the wheel, along and across.
-    pub(crate) fn forces(&self, v: &[f64; 3]) -> [f64; 2] {
-        [
-            -self.grip.resistance(self.slip_along(v, self.speed)),
-            -self.roller.resistance(self.slip_across(v, self.speed)),
-        ]
+    /// Forces of the floor on the wheel, along and across, at the slip speeds of the last Newton step.
+    pub(crate) fn forces(&self) -> [f64; 2] {
+        [-self.grip.resistance(self.trial.along), -self.roller.resistance(self.trial.across)]
     }
 
-    fn follow(&mut self, v: &[f64; 3]) -> bool {
-        let (along, across) = (self.slip_along(v, self.candidate), self.slip_across(v, self.candidate));
-        let grip = self.grip.follow(along);
-        let roller = self.roller.follow(across);
-        let axle = self.axle.follow(self.candidate);
+    fn try_at(&mut self, v: &[f64; 3]) {
+        let (along, across) = (dot(&self.along, v), dot(&self.across, v));
+        let trial = &mut self.trial;
+        trial.speed = trial.free + trial.pull_along * along + trial.pull_across * across;
+        trial.along = along - self.arm_along * trial.speed;
+        trial.across = across - self.arm_across * trial.speed;
+    }
+
+    fn follow(&mut self) -> bool {
+        let grip = self.grip.follow(self.trial.along);
+        let roller = self.roller.follow(self.trial.across);
+        let axle = self.axle.follow(self.trial.speed);
         grip | roller | axle
     }
 
@@ -160,7 +176,7 @@ pub(crate) fn solve(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64;
         v = newton(mass, wheels);
         let mut changed = false;
         for wheel in wheels.iter_mut() {
-            changed |= wheel.follow(&v);
+            changed |= wheel.follow();
         }
         if !changed {
             settled = true;
@@ -168,52 +184,61 @@ pub(crate) fn solve(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64;
         }
     }
     if settled {
-        wheels.iter_mut().for_each(|wheel| wheel.speed = wheel.candidate);
+        wheels.iter_mut().for_each(|wheel| wheel.speed = wheel.trial.speed);
     } else {
         v = search(mass, wheels, start);
     }
     if wheels.iter().all(Wheel::at_rest) {
         wheels.iter_mut().for_each(|wheel| wheel.speed = 0.0);
-        return [0.0; 3];
+        v = [0.0; 3];
     }
     v
 }
 
-/// Solves the equations with every friction on the line of its regime; wheel speeds go to `candidate`.
+/// Solves the equations with every friction on the line of its regime; what they say about a wheel goes to `trial`.
 fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
     let [mut h00, mut h11, mut h22] = mass.stiffness;
     let (mut h01, mut h02, mut h12) = (0.0, 0.0, 0.0);
     let mut rhs = mass.drive;
-    for wheel in wheels.iter() {
+    for wheel in wheels.iter_mut() {
         let (grip, grip_slope) = wheel.grip.line();
         let (roller, roller_slope) = wheel.roller.line();
         let (axle, axle_slope) = wheel.axle.line();
         let (a, t) = (&wheel.along, &wheel.across);
-        // The wheel's own equation gives speed = (drive' + coupling·v)/d; put into the body's equations so that the
-        // steep slopes never appear as a difference of large numbers.
+        // The wheel's own equation gives its speed from the body's velocities; put into the body's equations so that
+        // the steep slopes never appear as a difference of large numbers.
         let e = wheel.stiffness + axle_slope;
         let stick_a = wheel.arm_along * wheel.arm_along * grip_slope;
         let stick_t = wheel.arm_across * wheel.arm_across * roller_slope;
         let inverse = 1.0 / (e + stick_a + stick_t);
         let drive = wheel.drive - axle + wheel.arm_along * grip + wheel.arm_across * roller;
+        let pull_along = grip_slope * wheel.arm_along * inverse;
+        let pull_across = roller_slope * wheel.arm_across * inverse;
+        let push_a = pull_along * drive - grip;
+        let push_t = pull_across * drive - roller;
         let aa = grip_slope * (e + stick_t) * inverse;
-        let tt = roller_slope * (e + stick_a) * inverse;
-        let pull_a = grip_slope * wheel.arm_along * inverse;
-        let pull_t = roller_slope * wheel.arm_across * inverse;
-        let at = -pull_a * wheel.arm_across * roller_slope;
-        let push_a = pull_a * drive - grip;
-        let push_t = pull_t * drive - roller;
-        let (m0, m1, m2) = (aa * a[0] + at * t[0], aa * a[1] + at * t[1], aa * a[2] + at * t[2]);
-        let (n0, n1, n2) = (at * a[0] + tt * t[0], at * a[1] + tt * t[1], at * a[2] + tt * t[2]);
-        h00 += a[0] * m0 + t[0] * n0;
-        h01 += a[0] * m1 + t[0] * n1;
-        h02 += a[0] * m2 + t[0] * n2;
-        h11 += a[1] * m1 + t[1] * n1;
-        h12 += a[1] * m2 + t[1] * n2;
-        h22 += a[2] * m2 + t[2] * n2;
+        let (m0, m1, m2) = (aa * a[0], aa * a[1], aa * a[2]);
+        h00 += a[0] * m0;
+        h01 += a[0] * m1;
+        h02 += a[0] * m2;
+        h11 += a[1] * m1;
+        h12 += a[1] * m2;
+        h22 += a[2] * m2;
+        if roller_slope > 0.0 {
+            let tt = roller_slope * (e + stick_a) * inverse;
+            let at = -pull_along * wheel.arm_across * roller_slope;
+            let (n0, n1, n2) = (at * a[0] + tt * t[0], at * a[1] + tt * t[1], at * a[2] + tt * t[2]);
+            h00 += t[0] * (at * a[0] + n0);
+            h01 += at * a[0] * t[1] + t[0] * n1;
+            h02 += at * a[0] * t[2] + t[0] * n2;
+            h11 += t[1] * (at * a[1] + n1);
+            h12 += at * a[1] * t[2] + t[1] * n2;
+            h22 += t[2] * (at * a[2] + n2);
+        }
         rhs[0] += a[0] * push_a + t[0] * push_t;
         rhs[1] += a[1] * push_a + t[1] * push_t;
         rhs[2] += a[2] * push_a + t[2] * push_t;
+        wheel.trial = Trial { free: drive * inverse, pull_along, pull_across, ..Trial::default() };
     }
     // LDLᵀ of a positive definite matrix: no pivoting needed.
     let d0 = 1.0 / h00;
@@ -229,18 +254,7 @@ fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
     let v1 = y1 * d1 - l21 * v2;
     let v0 = y0 * d0 - l10 * v1 - l20 * v2;
     let v = [v0, v1, v2];
-    for wheel in wheels.iter_mut() {
-        let (grip, grip_slope) = wheel.grip.line();
-        let (roller, roller_slope) = wheel.roller.line();
-        let (axle, axle_slope) = wheel.axle.line();
-        let pull = wheel.arm_along * (grip + grip_slope * dot(&wheel.along, &v))
-            + wheel.arm_across * (roller + roller_slope * dot(&wheel.across, &v));
-        let resistance = wheel.stiffness
-            + axle_slope
-            + wheel.arm_along * wheel.arm_along * grip_slope
-            + wheel.arm_across * wheel.arm_across * roller_slope;
-        wheel.candidate = (wheel.drive - axle + pull) / resistance;
-    }
+    wheels.iter_mut().for_each(|wheel| wheel.try_at(&v));
     v
 }
 
@@ -250,27 +264,23 @@ fn search(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
     for _ in 0..SEARCH_STEPS {
         let mut changed = false;
         for wheel in wheels.iter_mut() {
-            wheel.candidate = wheel.speed;
-            for (friction, slip) in [
-                (&mut wheel.grip, dot(&wheel.along, &v) - wheel.arm_along * wheel.speed),
-                (&mut wheel.roller, dot(&wheel.across, &v) - wheel.arm_across * wheel.speed),
-                (&mut wheel.axle, wheel.speed),
-            ] {
-                friction.regime = friction.regime_at(slip);
-            }
+            let (along, across) = (wheel.slip_along(&v, wheel.speed), wheel.slip_across(&v, wheel.speed));
+            wheel.grip.regime = wheel.grip.regime_at(along);
+            wheel.roller.regime = wheel.roller.regime_at(across);
+            wheel.axle.regime = wheel.axle.regime_at(wheel.speed);
         }
         let target = newton(mass, wheels);
         for wheel in wheels.iter() {
-            changed |= wheel.grip.regime_at(wheel.slip_along(&target, wheel.candidate)) != wheel.grip.regime
-                || wheel.roller.regime_at(wheel.slip_across(&target, wheel.candidate)) != wheel.roller.regime
-                || wheel.axle.regime_at(wheel.candidate) != wheel.axle.regime;
+            changed |= wheel.grip.regime_at(wheel.trial.along) != wheel.grip.regime
+                || wheel.roller.regime_at(wheel.trial.across) != wheel.roller.regime
+                || wheel.axle.regime_at(wheel.trial.speed) != wheel.axle.regime;
         }
         let t = if changed { minimum_along(mass, wheels, &v, &target) } else { 1.0 };
         for i in 0..3 {
             v[i] += t * (target[i] - v[i]);
         }
         for wheel in wheels.iter_mut() {
-            wheel.speed += t * (wheel.candidate - wheel.speed);
+            wheel.speed += t * (wheel.trial.speed - wheel.speed);
         }
         if !changed {
             return target;
@@ -286,7 +296,7 @@ fn minimum_along(mass: &Mass, wheels: &[Wheel], v: &[f64; 3], target: &[f64; 3])
         let mut sum: f64 =
             (0..3).map(|i| (mass.stiffness[i] * at[i] - mass.drive[i]) * (target[i] - v[i])).sum();
         for wheel in wheels {
-            let change = wheel.candidate - wheel.speed;
+            let change = wheel.trial.speed - wheel.speed;
             let speed = wheel.speed + t * change;
             let direction = [0, 1, 2].map(|i| target[i] - v[i]);
             sum += (wheel.stiffness * speed - wheel.drive + wheel.axle.resistance(speed)) * change;

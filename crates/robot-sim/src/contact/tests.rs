@@ -22,7 +22,8 @@ fn residual(mass: &Mass, wheels: &[Wheel], v: &[f64; 3]) -> f64 {
     let mut worst = 0.0_f64;
     let mut scale = 1.0_f64;
     for wheel in wheels {
-        let [along, across] = wheel.forces(v);
+        let along = -wheel.grip.resistance(wheel.slip_along(v, wheel.speed));
+        let across = -wheel.roller.resistance(wheel.slip_across(v, wheel.speed));
         for (i, rest) in body.iter_mut().enumerate() {
             *rest -= wheel.along[i] * along + wheel.across[i] * across;
         }
