@@ -8,7 +8,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-pub use runner::{StartUpError, StartUpFailure, StartUpRunner};
+pub use runner::{ProgrammedRegisters, StartUpError, StartUpFailure, StartUpRunner};
 
 use crate::wire::AlState;
 use crate::wire::coe::ObjectAddress;

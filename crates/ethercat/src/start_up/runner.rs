@@ -32,6 +32,17 @@ pub struct StartUpError {
     pub cause: StartUpFailure,
 }
 
+/// Registers as they were programmed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgrammedRegisters {
+    /// What they are.
+    pub what: &'static str,
+    /// The first.
+    pub register: u16,
+    /// Bytes.
+    pub data: Vec<u8>,
+}
+
 /// Why a step of a start-up list failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StartUpFailure {
@@ -45,7 +56,12 @@ pub enum StartUpFailure {
         found: Found,
     },
     /// A state was not reached.
-    State(StateError),
+    State {
+        /// Which, and why.
+        error: StateError,
+        /// The registers that were programmed before, for these are the usual cause.
+        programmed: Vec<ProgrammedRegisters>,
+    },
     /// An SDO step for a SubDevice without a mailbox that speaks CoE.
     NoMailbox {
         /// The object.
@@ -96,8 +112,11 @@ impl fmt::Display for Value<'_> {
 
 impl fmt::Display for StartUpError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let StartUpFailure::State(error) = &self.cause {
-            return error.fmt(f);
+        if let StartUpFailure::State { error, programmed } = &self.cause {
+            write!(f, "{error}; programmed:")?;
+            return programmed.iter().try_for_each(|ProgrammedRegisters { what, register, data }| {
+                write!(f, " {what} (0x{register:04x}) {data:02x?}")
+            });
         }
         write!(f, "SubDevice {}: ", self.position)?;
         let origin = match &self.cause {
@@ -128,7 +147,7 @@ impl fmt::Display for StartUpError {
                 f.write_str("arming SYNC needs process data that flow")?;
                 &None
             }
-            StartUpFailure::State(_) => &None,
+            StartUpFailure::State { .. } => &None,
         };
         match origin {
             Some(origin) => write!(f, " ({origin})"),
@@ -215,6 +234,17 @@ impl StartUpRunner {
     fn step_done(&mut self) {
         self.next += 1;
         self.activity = Activity::Begin;
+    }
+
+    fn programmed(&self) -> Vec<ProgrammedRegisters> {
+        let done = self.steps.iter().take(self.next);
+        done.filter_map(|step| match step {
+            StartUpStep::Registers { register, data, what, .. } => {
+                Some(ProgrammedRegisters { what, register: *register, data: data.clone() })
+            }
+            _ => None,
+        })
+        .collect()
     }
 
     fn sdo(&self) -> Option<&SdoWrite> {
@@ -372,7 +402,10 @@ impl Procedure for StartUpRunner {
                     Next::Send(request) => return Next::Send(request),
                     Next::WaitUntil(instant) => return Next::WaitUntil(instant),
                     Next::Done(Ok(_)) => self.step_done(),
-                    Next::Done(Err(error)) => self.outcome = Some(Err(StartUpFailure::State(error))),
+                    Next::Done(Err(error)) => {
+                        let programmed = self.programmed();
+                        self.outcome = Some(Err(StartUpFailure::State { error, programmed }));
+                    }
                 },
                 Activity::Write | Activity::ReadBack { .. } => {
                     let next = match &mut self.mailbox {

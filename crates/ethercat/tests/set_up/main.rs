@@ -3,4 +3,5 @@
 mod matching;
 mod scan;
 mod segment;
+mod states;
 mod under_fire;

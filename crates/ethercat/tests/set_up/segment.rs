@@ -63,3 +63,11 @@ pub fn sii_of(identity: Identity, alias: u16) -> Vec<u8> {
     sii[128..].fill(0xFF);
     sii
 }
+
+/// The image with mailboxes of 128 bytes at 0x1000 and 0x1080, for CoE.
+pub fn with_mailbox(mut sii: Vec<u8>) -> Vec<u8> {
+    for (word, value) in [(0x18, 0x1000), (0x19, 128), (0x1A, 0x1080), (0x1B, 128), (0x1C, 4)] {
+        put_u16(&mut sii, 2 * word, value);
+    }
+    sii
+}
