@@ -6,7 +6,7 @@ mod topology;
 pub use sub_device::SubDevice;
 pub use topology::{Attachment, Parent, TopologyError};
 
-use crate::esc::{PortState, Telegram};
+use crate::esc::{PdiPort, PortState, Telegram};
 use crate::fault::{Fault, FaultError};
 use core::time::Duration;
 use omnibase_ethercat_wire::bytes::{put_u16, u16_at};
@@ -66,14 +66,14 @@ impl Segment {
             sub_device.power_on(HostTime(0));
         }
         segment.reroute();
-        for (position, passage) in segment.way.passages.iter().enumerate() {
-            if passage.position != position {
-                return Err(TopologyError::Order { position, found: passage.position });
-            }
+        let passed: Vec<usize> = segment.way.passages.iter().map(|passage| passage.position).collect();
+        if let Some(position) = (0..segment.sub_devices.len()).find(|position| !passed.contains(position)) {
+            return Err(TopologyError::Unreachable { position });
         }
-        if segment.way.passages.len() != segment.sub_devices.len() {
-            let position = segment.way.passages.len();
-            return Err(TopologyError::NoSuchParent { position, parent: position });
+        if let Some((position, &found)) =
+            passed.iter().enumerate().find(|&(position, found)| position != *found)
+        {
+            return Err(TopologyError::Order { position, found });
         }
         for position in 0..segment.sub_devices.len() {
             segment.settle(position, HostTime(0));
@@ -99,6 +99,13 @@ impl Segment {
     /// The SubDevices in the order of their positions.
     pub fn sub_devices(&self) -> &[SubDevice] {
         &self.sub_devices
+    }
+
+    /// The PDI of the SubDevice at `position`, to play its firmware by hand; `None` where there is none or it is off.
+    pub fn pdi(&mut self, position: usize) -> Option<PdiPort<'_>> {
+        let now = self.now;
+        let sub_device = self.sub_devices.get_mut(position).filter(|sub_device| sub_device.powered())?;
+        Some(PdiPort::new(sub_device.esc_mut(), now))
     }
 
     /// The instant up to which everything has happened.
@@ -160,8 +167,10 @@ impl Segment {
             Err(_) => return self.malformed(),
         }
         let caught = self.process_datagrams(frame, passages, now);
+        // Loops that this frame opens or closes are the way of the next one.
+        let back = self.arrival(frame.len(), now);
         self.run_raised(passages, now);
-        self.arrival(frame.len(), now).filter(|_| !destroyed && !caught)
+        back.filter(|_| !destroyed && !caught)
     }
 
     /// All datagrams of a frame that was checked; returns whether it was caught as circulating.

@@ -37,7 +37,7 @@ pub enum TopologyError {
         attachments: usize,
     },
     /// A parent that isn't there.
-    #[error("the SubDevice at position {position} hangs on position {parent}, which is not before it")]
+    #[error("the SubDevice at position {position} hangs on position {parent}, which is not there")]
     NoSuchParent {
         /// Position of the child.
         position: usize,
@@ -65,6 +65,12 @@ pub enum TopologyError {
         "the SubDevice at position {position} must not be attached to the MainDevice, only position 0 is, and it must be"
     )]
     MainDeviceCable {
+        /// Position of the SubDevice.
+        position: usize,
+    },
+    /// No frame gets there: its cables don't lead to the MainDevice.
+    #[error("no cables lead from the MainDevice to the SubDevice at position {position}")]
+    Unreachable {
         /// Position of the SubDevice.
         position: usize,
     },

@@ -113,6 +113,23 @@ impl Bench {
         self.try_send(command, address, data).expect("the frame comes back")
     }
 
+    /// Reads as the firmware of the first SubDevice.
+    pub fn pdi_read(&mut self, address: u16, length: usize) -> Vec<u8> {
+        let mut data = vec![0; length];
+        self.segment.pdi(0).expect("it has power").read(address, &mut data);
+        data
+    }
+
+    /// Writes as the firmware of the first SubDevice.
+    pub fn pdi_write(&mut self, address: u16, data: &[u8]) {
+        self.segment.pdi(0).expect("it has power").write(address, data);
+    }
+
+    /// The AL event word of the first SubDevice.
+    pub fn al_event(&self) -> u32 {
+        self.segment.sub_devices()[0].esc().al_event()
+    }
+
     /// FPRD; the data if the working counter is 1.
     pub fn fprd(&mut self, station: u16, register: u16, length: usize) -> Option<Vec<u8>> {
         let answer = self.send(Command::Fprd, Address::station(station, register), &vec![0; length]);

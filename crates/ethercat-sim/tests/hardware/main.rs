@@ -1,4 +1,11 @@
 //! The hardware half of the simulation at the level of registers and frames, without any MainDevice.
 
 mod bench;
+mod clocks;
 mod commands;
+mod firmware_events;
+mod fmmus;
+mod in_process;
+mod sii;
+mod sync_managers;
+mod topology;
