@@ -162,8 +162,11 @@ fn the_speed_counter_shows_the_correction() {
     assert!((deviation - 50e-6).abs() < 0.2e-6, "{deviation}");
 }
 
+/// Which pulses came (AL event bits), and when (host ns).
+type Pulses = Arc<Mutex<Vec<(u32, u64)>>>;
+
 /// One chip whose firmware notes when SYNC0 and SYNC1 came, and acknowledges them.
-fn sync_bench(drift_ppm: f64) -> (Bench, Arc<Mutex<Vec<(u32, u64)>>>) {
+fn sync_bench(drift_ppm: f64) -> (Bench, Pulses) {
     let pulses = Arc::new(Mutex::new(Vec::new()));
     let log = pulses.clone();
     let app = firmware(move |pdi, event, now: HostTime| {
