@@ -353,7 +353,11 @@ impl Mailbox {
         // Not one: nobody took part, or two SubDevices share an address and neither can be believed.
         if working_counter != 1 {
             match self.stage {
-                Stage::Write => self.stage = Stage::Look,
+                // It was empty before: if the area is full now, or an answer comes, the message had arrived.
+                Stage::Write => {
+                    self.write_uncertain = true;
+                    self.stage = Stage::Look;
+                }
                 Stage::Read => self.begin_repeat(now),
                 Stage::Poll if matches!(self.task, Task::None) => self.stage = Stage::Idle,
                 _ => {}
