@@ -12,6 +12,11 @@
 //! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
 //! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it; [`error`].
 //!
+//! The cycle:
+//!
+//! - [`image`]: where process data stand, and which datagrams of which frames carry them.
+//! - [`cyclic`]: exchange, the way to OP and back, diagnosis, acyclic work, both directions of clock following.
+//!
 //! Used by set-up and cycle alike:
 //!
 //! - [`procedure`]: how a protocol that takes several datagrams is written without a link or a clock in it.
@@ -24,9 +29,11 @@ pub mod bus;
 pub mod clock_setup;
 pub mod config;
 pub mod configure;
+pub mod cyclic;
 pub mod eeprom;
 pub mod error;
 pub mod fmmu;
+pub mod image;
 pub mod mailbox;
 pub mod mapping;
 pub mod procedure;
@@ -43,7 +50,9 @@ pub use omnibase_ethercat_wire as wire;
 
 pub use bus::{Bus, BusOptions, Warning};
 pub use config::{DcConfig, Match, SubDeviceConfig};
+pub use cyclic::{CyclicBus, CyclicParts, Exchange};
 pub use error::SetUpError;
+pub use image::{ImagePlan, Member, ProcessImage};
 pub use procedure::{Answer, Next, Procedure, Request};
 pub use start_up::{StartUpList, StartUpStep};
 pub use subdevice::SubDevice;

@@ -1,0 +1,587 @@
+//! The cycle: process data out and in, clocks, states, and everything that runs beside it in spare datagrams.
+//!
+//! ```text
+//! exchange:  outputs -> prebuilt frames -> send all -> receive all -> check -> inputs
+//!            then at most one step each of: transition or diagnosis, acyclic work
+//! ```
+//!
+//! - One thread, no allocation, no lock, no clock: the deadline of an exchange is its time.
+//! - A frame is taken only when every datagram in it has the command, index, address and length that were sent in
+//!   this very cycle. The indices of a frame's datagrams together are its sequence number of at least 24 bits, so
+//!   that a frame which is late by 256 cycles isn't taken for a new one (docs/decisions/frame-sequence-number.md).
+//! - Inputs change all together or not at all: never where a frame is missing or a working counter is wrong.
+//! - Lost frames and wrong counters are values, not errors.
+
+mod acyclic;
+mod batch;
+mod clock;
+mod counters;
+mod diagnosis;
+mod error;
+mod frame;
+#[cfg(test)]
+mod tests;
+mod transition;
+mod wire;
+
+use alloc::vec::Vec;
+
+use crate::image::{ClockUse, FEWEST_DATAGRAMS, FILLER_LENGTH, ImagePlan, Member, ProcessImage, Role};
+use crate::mailbox::{Mailbox, ReceivedEmergency};
+use crate::procedure::Answer;
+use crate::wire::bytes::u16_at;
+use crate::wire::{Address, AlState, Command, DcTime, HostTime, Link, LinkError};
+
+use acyclic::Acyclic;
+use batch::{BATCH_FRAMES, Batch};
+use clock::ClockReading;
+use diagnosis::{Diagnosis, Finding, is_process_data};
+use frame::{CyclicFrame, Flight, MOST_DATAGRAMS, Purpose};
+use transition::{Progress, Transition, View};
+use wire::Exchanger;
+
+pub use acyclic::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, CAPACITY, RegisterWay};
+pub use clock::{DcFollower, FollowerGains, HostToDc};
+pub use counters::{CommandSet, CycleCounters};
+pub use diagnosis::Health;
+pub use error::{Programmed, TransitionError};
+pub use transition::{Goal, Step, TransitionOptions};
+
+/// What became of one cycle's frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// Every frame came back and every working counter of process data is right; the inputs are new.
+    Complete,
+    /// SubDevices that are known to be missing took no part, everyone else did; the others' inputs are new.
+    Without {
+        /// SubDevices that aren't well, see [`CyclicBus::health`].
+        unwell: u16,
+    },
+    /// A working counter isn't what it should be; the inputs are those of the last complete exchange.
+    ShortCount {
+        /// Frame of the cycle, from 0.
+        frame: u16,
+        /// Datagram in that frame, from 0.
+        datagram: u16,
+        /// Working counter that it should have.
+        expected: u16,
+        /// Working counter that it has.
+        received: u16,
+    },
+    /// Frames weren't back at the deadline; the inputs are those of the last complete exchange.
+    Lost {
+        /// Frames with process data that are missing.
+        lost: u16,
+        /// Frames with process data that were sent.
+        sent: u16,
+    },
+}
+
+/// AL status of all SubDevices together, as one broadcast read brings it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SegmentStatus {
+    /// SubDevices that answered.
+    pub answered: u16,
+    /// All their AL statuses (0x0130) ORed.
+    pub bits: u16,
+}
+
+/// How old a SubDevice's inputs are, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Freshness {
+    /// Of the last exchange.
+    Fresh,
+    /// A frame is missing, but not the one with this SubDevice's inputs: they are held back to match the others.
+    HeldBack,
+    /// The frame with its inputs is missing.
+    FrameLost,
+    /// The working counter of the datagram with its inputs is wrong.
+    ShortCount,
+    /// The SubDevice isn't well.
+    Unwell,
+}
+
+/// Which state the segment is in, as far as this bus brought it there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// PRE-OP or whatever the set-up left; frames go round.
+    Standby,
+    /// On the way.
+    Moving {
+        /// Where to.
+        goal: Goal,
+        /// How far.
+        step: Step,
+    },
+    /// There.
+    Reached(Goal),
+    /// A transition failed; ask again, or end.
+    Failed(TransitionError),
+}
+
+/// What a [`CyclicBus`] is made of; set-up code fills it.
+#[derive(Clone, Debug)]
+pub struct CyclicParts {
+    /// All SubDevices by position.
+    pub members: Vec<Member>,
+    /// The image and frames that were planned from them.
+    pub plan: ImagePlan,
+    /// Each SubDevice's mailbox with its message counter as it stands; may be shorter than `members`.
+    pub mailboxes: Vec<Option<Mailbox>>,
+}
+
+/// A segment in cyclic exchange.
+#[derive(Debug)]
+pub struct CyclicBus<L> {
+    exchanger: Exchanger<L>,
+    members: Vec<Member>,
+    plan: ImagePlan,
+    /// The first frames are those of the plan.
+    planned: usize,
+    /// The frame to which acyclic work is appended.
+    spare_frame: usize,
+    first_batch_frame: usize,
+    batch: Batch,
+    acyclic: Acyclic,
+    diagnosis: Diagnosis,
+    transition: Option<Transition>,
+    phase: Phase,
+    clock: ClockReading,
+    clock_slot: Option<usize>,
+    steer_slot: Option<usize>,
+    status_slot: Option<usize>,
+    status: Option<SegmentStatus>,
+    last: Exchange,
+}
+
+impl<L: Link> CyclicBus<L> {
+    /// Builds every frame; nothing is sent yet.
+    pub fn new(link: L, parts: CyclicParts) -> Self {
+        let CyclicParts { members, plan, mailboxes } = parts;
+        let mut frames = Vec::with_capacity(plan.frames.len() + 1 + BATCH_FRAMES);
+        for planned in &plan.frames {
+            let mut frame = CyclicFrame::new(planned.datagrams.len() + 1);
+            for datagram in &planned.datagrams {
+                let purpose = Purpose::Planned(datagram.role);
+                frame.push(purpose, datagram.command, datagram.address, datagram.length);
+                if let Some(slot) = frame.slots_mut().last_mut() {
+                    (slot.expected, slot.accepted) = (datagram.expected, datagram.expected);
+                }
+            }
+            frames.push(frame);
+        }
+        let planned = frames.len();
+        let spare_frame = match plan.frames.iter().position(|frame| frame.carries_spare) {
+            Some(number) => number,
+            None => {
+                let mut frame = CyclicFrame::new(FEWEST_DATAGRAMS);
+                for _ in 1..FEWEST_DATAGRAMS {
+                    frame.push(Purpose::Filler, Command::Nop, Address::broadcast(0), FILLER_LENGTH);
+                }
+                frames.push(frame);
+                planned
+            }
+        };
+        let first_batch_frame = frames.len();
+        frames.extend((0..BATCH_FRAMES).map(|_| CyclicFrame::new(MOST_DATAGRAMS)));
+        let slot_of = |role: Role| {
+            let first = plan.frames.first()?;
+            first.datagrams.iter().position(|datagram| datagram.role == role)
+        };
+        let stations = members.iter().map(|member| member.station);
+        let mailboxes = mailboxes.into_iter().chain(core::iter::repeat_with(|| None));
+        CyclicBus {
+            exchanger: Exchanger::new(link, frames),
+            planned,
+            spare_frame,
+            first_batch_frame,
+            batch: Batch::new(members.len()),
+            acyclic: Acyclic::new(stations.zip(mailboxes), plan.spare_length),
+            diagnosis: Diagnosis::new(members.len(), plan.placements.len()),
+            transition: None,
+            phase: Phase::Standby,
+            clock: ClockReading::default(),
+            clock_slot: slot_of(Role::Clock),
+            steer_slot: slot_of(Role::SteerClock),
+            status_slot: slot_of(Role::Status),
+            status: None,
+            last: Exchange::Lost { lost: 0, sent: 0 },
+            members,
+            plan,
+        }
+    }
+
+    /// Sends the outputs, waits for all frames until `deadline`, and takes the inputs if all is right.
+    ///
+    /// Then everything that goes on beside the process data is moved one step. `deadline` counts as the time of
+    /// this cycle for every timeout, so it has to rise from cycle to cycle.
+    pub fn exchange(&mut self, image: &mut ProcessImage, deadline: HostTime) -> Result<Exchange, LinkError> {
+        self.load(image, deadline);
+        let sent = self.exchanger.exchange(deadline);
+        self.last = self.judge(image);
+        self.finish(deadline);
+        sent.map(|_| self.last)
+    }
+
+    fn load(&mut self, image: &ProcessImage, now: HostTime) {
+        for frame in &mut self.exchanger.frames[..self.planned] {
+            frame.flight = Flight::Sent;
+            for number in 0..frame.slots().len() {
+                let slot = frame.slots()[number];
+                if let Purpose::Planned(Role::Outputs { offset } | Role::Both { offset }) = slot.purpose {
+                    let range = slot.data();
+                    if let Some(outputs) = image.outputs.get(offset..offset + range.len()) {
+                        frame.data_mut(range).copy_from_slice(outputs);
+                    }
+                }
+            }
+        }
+        if let Some(request) = self.acyclic.next(now) {
+            let frame = &mut self.exchanger.frames[self.spare_frame];
+            if frame.push(Purpose::Spare, request.command, request.address, request.length) {
+                frame.flight = Flight::Sent;
+                if let Some(slot) = frame.slots().last().copied() {
+                    self.acyclic.fill(frame.data_mut(slot.data()));
+                }
+            }
+        }
+        if !self.batch.is_finished() {
+            self.batch.fill(&mut self.exchanger.frames[self.first_batch_frame..]);
+        }
+    }
+
+    fn judge(&mut self, image: &mut ProcessImage) -> Exchange {
+        let frames = &mut self.exchanger.frames[..self.planned];
+        let (mut back, mut right) = (0, true);
+        for frame in frames.iter_mut() {
+            if frame.flight == Flight::Back {
+                back += 1;
+                right &= frame.read_counters();
+            }
+        }
+        self.read_segment();
+        let sent = self.planned;
+        if back != sent {
+            return Exchange::Lost { lost: (sent - back) as u16, sent: sent as u16 };
+        }
+        if right {
+            self.take_inputs(image);
+            return Exchange::Complete;
+        }
+        self.judge_counters(image)
+    }
+
+    /// Reference time and AL status, from the first frame.
+    fn read_segment(&mut self) {
+        self.status = None;
+        let Some(frame) = self.exchanger.frames[..self.planned].first() else { return };
+        if frame.flight != Flight::Back {
+            return;
+        }
+        if let Some(slot) = self.clock_slot.map(|number| &frame.slots()[number])
+            && slot.received > 0
+        {
+            self.clock.take(&frame.back[slot.data()]);
+        }
+        if let Some(slot) = self.status_slot.map(|number| &frame.slots()[number]) {
+            let bits = u16_at(&frame.back[..], slot.data().start);
+            self.status = Some(SegmentStatus { answered: slot.received, bits });
+        }
+    }
+
+    fn take_inputs(&mut self, image: &mut ProcessImage) {
+        for frame in &self.exchanger.frames[..self.planned] {
+            for slot in frame.slots() {
+                if let Purpose::Planned(Role::Inputs { offset } | Role::Both { offset }) = slot.purpose {
+                    let range = slot.data();
+                    if let Some(inputs) = image.inputs.get_mut(offset..offset + range.len()) {
+                        inputs.copy_from_slice(&frame.back[range]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Some counter isn't as expected: only those of process data decide about the inputs.
+    #[cold]
+    fn judge_counters(&mut self, image: &mut ProcessImage) -> Exchange {
+        let mut partial = false;
+        for (number, frame) in self.exchanger.frames[..self.planned].iter().enumerate() {
+            for (datagram, slot) in frame.slots().iter().enumerate() {
+                if !is_process_data(slot.purpose) || slot.received == slot.expected {
+                    continue;
+                }
+                if slot.received != slot.accepted {
+                    self.exchanger.counters.working_counter_errors += 1;
+                    let (frame, datagram) = (number as u16, datagram as u16);
+                    let (expected, received) = (slot.expected, slot.received);
+                    return Exchange::ShortCount { frame, datagram, expected, received };
+                }
+                partial = true;
+            }
+        }
+        if !partial {
+            self.take_inputs(image);
+            return Exchange::Complete;
+        }
+        self.exchanger.counters.working_counter_errors += 1;
+        self.take_inputs_of_the_well(image);
+        Exchange::Without { unwell: self.diagnosis.unwell() as u16 }
+    }
+
+    /// The inputs of missing SubDevices stay as they were, and so does a byte that they share with others.
+    fn take_inputs_of_the_well(&mut self, image: &mut ProcessImage) {
+        for frame in &self.exchanger.frames[..self.planned] {
+            for slot in frame.slots() {
+                let Purpose::Planned(Role::Inputs { offset } | Role::Both { offset }) = slot.purpose else {
+                    continue;
+                };
+                let data = slot.data();
+                let mut start = offset;
+                let end = offset + data.len();
+                let rest = core::iter::once(end..end);
+                for held in self.diagnosis.held().iter().cloned().chain(rest) {
+                    let stop = held.start.clamp(start, end);
+                    if let Some(inputs) = image.inputs.get_mut(start..stop) {
+                        let from = data.start + start - offset;
+                        inputs.copy_from_slice(&frame.back[from..from + stop - start]);
+                    }
+                    start = held.end.clamp(stop, end);
+                }
+            }
+        }
+    }
+
+    /// Answers for acyclic work and batches, then one step of whatever is on the way.
+    fn finish(&mut self, now: HostTime) {
+        let frame = &mut self.exchanger.frames[self.spare_frame];
+        if let Some((slot, planned)) = frame.slots().split_last()
+            && slot.purpose == Purpose::Spare
+        {
+            let count = planned.len();
+            if frame.flight == Flight::Back {
+                frame.read_counters();
+                let slot = frame.slots()[count];
+                let (working_counter, data) = (slot.received, &frame.back[slot.data()]);
+                self.acyclic.answer(Answer::Returned { working_counter, data }, now);
+            } else {
+                self.acyclic.answer(Answer::Lost, now);
+            }
+            frame.truncate(count);
+            if self.spare_frame >= self.planned {
+                frame.flight = Flight::Idle;
+            }
+        }
+        if !self.batch.is_finished() {
+            self.batch.collect(&mut self.exchanger.frames[self.first_batch_frame..]);
+            for frame in &mut self.exchanger.frames[self.first_batch_frame..] {
+                frame.flight = Flight::Idle;
+            }
+        }
+        if self.transition.is_some() {
+            self.advance_transition(now);
+        } else if self.phase == Phase::Reached(Goal::Op) {
+            let healthy = self.last == Exchange::Complete
+                && self.status.is_some_and(|status| {
+                    usize::from(status.answered) == self.members.len() && status.bits == AlState::Op.bits()
+                });
+            if !(healthy && self.diagnosis.is_quiet()) && self.planned > 0 {
+                self.diagnose();
+            }
+        }
+    }
+
+    #[cold]
+    fn advance_transition(&mut self, now: HostTime) {
+        let Some(transition) = &mut self.transition else { return };
+        let mut view = View {
+            members: &self.members,
+            clock_use: self.plan.clock,
+            batch: &mut self.batch,
+            status: self.status,
+            clock: self.clock.last(),
+            exchange: self.last,
+            now,
+        };
+        let goal = transition.goal();
+        self.phase = match transition.advance(&mut view) {
+            Progress::Going => Phase::Moving { goal, step: transition.step() },
+            Progress::Done => Phase::Reached(goal),
+            Progress::Failed(error) => Phase::Failed(error),
+        };
+        if !matches!(self.phase, Phase::Moving { .. }) {
+            self.transition = None;
+            self.batch.begin(1);
+        }
+    }
+
+    #[cold]
+    fn diagnose(&mut self) {
+        let mut finding = Finding {
+            members: &self.members,
+            plans: &self.plan.frames,
+            placements: &self.plan.placements,
+            frames: &mut self.exchanger.frames[..self.planned],
+            status: self.status,
+            all_back: !matches!(self.last, Exchange::Lost { .. }),
+            cycle: self.exchanger.counters.cycles,
+        };
+        self.diagnosis.advance(&mut finding, &mut self.batch);
+    }
+
+    /// Begins the way to `goal`; every exchange moves it on, [`CyclicBus::phase`] tells how far.
+    ///
+    /// Outputs must be valid from here on: SubDevices see them from SAFE-OP.
+    pub fn request(&mut self, goal: Goal, options: TransitionOptions, now: HostTime) {
+        self.batch.begin(1);
+        self.diagnosis.reset(&mut self.exchanger.frames[..self.planned]);
+        self.phase = if self.members.is_empty() {
+            Phase::Reached(goal)
+        } else {
+            let transition = Transition::new(goal, options, now);
+            let step = transition.step();
+            self.transition = Some(transition);
+            Phase::Moving { goal, step }
+        };
+    }
+
+    /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
+    /// Only with [`ClockUse::Steer`].
+    pub fn steer_clock(&mut self, time: Option<DcTime>) {
+        let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
+            return;
+        };
+        frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
+        let range = frame.slots()[number].data();
+        let bytes = time.unwrap_or_default().0.to_le_bytes();
+        let data = frame.data_mut(range);
+        let length = data.len().min(bytes.len());
+        data[..length].copy_from_slice(&bytes[..length]);
+    }
+}
+
+impl<L> CyclicBus<L> {
+    /// Where the segment is on its way between states.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The farthest clock of the last look while clocks are being locked: position and ns.
+    pub fn worst_clock(&self) -> Option<(u16, i32)> {
+        self.transition.as_ref()?.worst_clock()
+    }
+
+    /// Time of the reference clock when the last frame passed it.
+    pub fn clock(&self) -> Option<DcTime> {
+        self.clock.last()
+    }
+
+    /// How the reference clock is used.
+    pub fn clock_use(&self) -> ClockUse {
+        self.plan.clock
+    }
+
+    /// AL status of all SubDevices in the last exchange; `None` where its frame was lost.
+    pub fn status(&self) -> Option<SegmentStatus> {
+        self.status
+    }
+
+    /// What became of the last exchange.
+    pub fn last_exchange(&self) -> Exchange {
+        self.last
+    }
+
+    /// How each SubDevice is, by position.
+    pub fn health(&self) -> &[Health] {
+        self.diagnosis.health()
+    }
+
+    /// Rounds of questions that wrong counters or states led to.
+    pub fn diagnosis_rounds(&self) -> u64 {
+        self.diagnosis.rounds
+    }
+
+    /// How old the inputs of the SubDevice at `position` are after the last exchange.
+    pub fn freshness(&self, position: u16) -> Freshness {
+        if self.diagnosis.health().get(usize::from(position)).is_some_and(|health| *health != Health::Well) {
+            return Freshness::Unwell;
+        }
+        for (frame, plan) in self.exchanger.frames.iter().zip(&self.plan.frames) {
+            for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
+                let carries = matches!(datagram.role, Role::Inputs { .. } | Role::Both { .. })
+                    && datagram.touches.iter().any(|touch| touch.position == position);
+                if carries && frame.flight != Flight::Back {
+                    return Freshness::FrameLost;
+                }
+                if carries && slot.received != slot.accepted && slot.received != slot.expected {
+                    return Freshness::ShortCount;
+                }
+            }
+        }
+        match self.last {
+            Exchange::Complete | Exchange::Without { .. } => Freshness::Fresh,
+            Exchange::ShortCount { .. } | Exchange::Lost { .. } => Freshness::HeldBack,
+        }
+    }
+
+    /// Figures of all cycles so far.
+    pub fn counters(&self) -> CycleCounters {
+        self.exchanger.counters
+    }
+
+    /// Frames with process data in each cycle.
+    pub fn frames_per_cycle(&self) -> usize {
+        self.planned
+    }
+
+    /// Every command that this bus has put into a frame.
+    pub fn commands_used(&self) -> CommandSet {
+        self.exchanger.frames.iter().fold(CommandSet::default(), |set, frame| set.union(frame.commands))
+    }
+
+    /// The layout of image and frames.
+    pub fn plan(&self) -> &ImagePlan {
+        &self.plan
+    }
+
+    /// The SubDevices as the cycle knows them.
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// Queues work beside the cycle; gives it back where [`CAPACITY`] is reached.
+    pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
+        self.acyclic.submit(request)
+    }
+
+    /// Takes work that has ended.
+    pub fn poll_completion(&mut self) -> Option<AcyclicCompletion> {
+        self.acyclic.poll()
+    }
+
+    /// Takes an emergency and the position of the SubDevice that sent it.
+    pub fn take_emergency(&mut self) -> Option<(u16, ReceivedEmergency)> {
+        self.acyclic.take_emergency()
+    }
+
+    /// A SubDevice's mailbox, for its counters.
+    pub fn mailbox(&self, position: u16) -> Option<&Mailbox> {
+        self.acyclic.mailbox(position)
+    }
+
+    /// The link, for its own figures.
+    pub fn link(&self) -> &L {
+        &self.exchanger.link
+    }
+
+    /// The link, to change it between two exchanges.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.exchanger.link
+    }
+
+    /// Ends cyclic exchange; gives back the link and the mailboxes.
+    pub fn into_parts(self) -> (L, CyclicParts) {
+        let mailboxes = self.acyclic.into_mailboxes().collect();
+        (self.exchanger.link, CyclicParts { members: self.members, plan: self.plan, mailboxes })
+    }
+}

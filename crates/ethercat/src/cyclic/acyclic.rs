@@ -1,0 +1,410 @@
+//! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
+
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+use core::time::Duration;
+
+use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ReceivedEmergency};
+use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::wire::HostTime;
+
+/// Requests that may be queued, in work, or waiting to be taken, together.
+pub const CAPACITY: usize = 64;
+/// Time between two looks at mailboxes for messages that nobody asked for.
+const LOOK_INTERVAL: Duration = Duration::from_millis(10);
+/// How long a register access is repeated.
+const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// What a request wants.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum AcyclicWork {
+    /// An SDO or SDO Information request.
+    Mailbox(MailboxRequest),
+    /// Access to registers.
+    Registers {
+        /// Which way.
+        way: RegisterWay,
+        /// First register.
+        register: u16,
+        /// As many bytes as shall be accessed: what to write, or to be overwritten with what was read.
+        data: Vec<u8>,
+    },
+}
+
+/// Which way register data go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RegisterWay {
+    /// From the SubDevice.
+    Read,
+    /// To the SubDevice.
+    Write,
+}
+
+/// A request to one SubDevice.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AcyclicRequest {
+    /// The asker's number; comes back with the completion.
+    pub tag: u64,
+    /// Position of the SubDevice.
+    pub position: u16,
+    /// What to do.
+    pub work: AcyclicWork,
+}
+
+/// A request that has ended; gives its buffer back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AcyclicCompletion {
+    /// The asker's number.
+    pub tag: u64,
+    /// Position of the SubDevice.
+    pub position: u16,
+    /// The work; on success its data are the result.
+    pub work: AcyclicWork,
+    /// How it ended.
+    pub result: Result<(), AcyclicError>,
+}
+
+/// Why a request failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AcyclicError {
+    /// No SubDevice stands there.
+    #[error("there is no SubDevice {position}")]
+    NoSubDevice {
+        /// Position.
+        position: u16,
+    },
+    /// The SubDevice speaks no CoE.
+    #[error("SubDevice {position} has no CoE mailbox")]
+    NoMailbox {
+        /// Position.
+        position: u16,
+    },
+    /// The mailbox request failed.
+    #[error(transparent)]
+    Mailbox(#[from] MailboxError),
+    /// Nobody took the register access.
+    #[error("register 0x{register:04x} was not accessed within {after:?}, working counter {working_counter}")]
+    Register {
+        /// First register.
+        register: u16,
+        /// Working counter of the last answer; `0` also where none came.
+        working_counter: u16,
+        /// How long it was tried.
+        after: Duration,
+    },
+    /// More bytes than the spare datagram carries.
+    #[error("{found} bytes don't fit into the spare datagram of {limit}")]
+    TooLong {
+        /// Bytes asked.
+        found: usize,
+        /// The most that fit.
+        limit: usize,
+    },
+}
+
+/// A register access in work.
+#[derive(Clone, Debug)]
+struct RegisterJob {
+    tag: u64,
+    position: u16,
+    way: RegisterWay,
+    register: u16,
+    data: Vec<u8>,
+    deadline: HostTime,
+    working_counter: u16,
+    done: bool,
+}
+
+/// What a SubDevice's share of the spare datagrams goes to.
+#[derive(Clone, Debug)]
+struct Lane {
+    position: u16,
+    station: u16,
+    mailbox: Option<Mailbox>,
+    /// Tag of the mailbox request in hand.
+    tag: Option<u64>,
+    register: Option<RegisterJob>,
+}
+
+impl Lane {
+    fn is_busy(&self) -> bool {
+        self.tag.is_some() || self.register.is_some()
+    }
+}
+
+/// The queue, the work in hand, and what has ended.
+#[derive(Debug)]
+pub(super) struct Acyclic {
+    lanes: Vec<Lane>,
+    queue: VecDeque<AcyclicRequest>,
+    finished: VecDeque<AcyclicCompletion>,
+    /// Positions with work in hand, served in turn.
+    active: VecDeque<u16>,
+    /// Position whose datagram is in this cycle's frame.
+    in_flight: Option<u16>,
+    longest: usize,
+    next_look: HostTime,
+    next_look_at: usize,
+}
+
+impl Acyclic {
+    pub fn new(stations: impl Iterator<Item = (u16, Option<Mailbox>)>, longest: usize) -> Self {
+        let lanes: Vec<Lane> = stations
+            .enumerate()
+            .map(|(position, (station, mailbox))| Lane {
+                position: position as u16,
+                station,
+                mailbox,
+                tag: None,
+                register: None,
+            })
+            .collect();
+        Acyclic {
+            // A look for emergencies may be under way at one more.
+            active: VecDeque::with_capacity(CAPACITY + 1),
+            lanes,
+            queue: VecDeque::with_capacity(CAPACITY),
+            finished: VecDeque::with_capacity(CAPACITY),
+            in_flight: None,
+            longest,
+            next_look: HostTime(0),
+            next_look_at: 0,
+        }
+    }
+
+    fn working(&self) -> usize {
+        self.lanes_in_work() + self.queue.len() + self.finished.len()
+    }
+
+    fn lanes_in_work(&self) -> usize {
+        self.active.iter().filter(|position| self.lanes[usize::from(**position)].is_busy()).count()
+    }
+
+    pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
+        if self.working() >= CAPACITY {
+            return Err(request);
+        }
+        self.queue.push_back(request);
+        Ok(())
+    }
+
+    pub fn poll(&mut self) -> Option<AcyclicCompletion> {
+        self.finished.pop_front()
+    }
+
+    pub fn take_emergency(&mut self) -> Option<(u16, ReceivedEmergency)> {
+        self.lanes.iter_mut().find_map(|lane| {
+            let emergency = lane.mailbox.as_mut()?.emergencies().take()?;
+            Some((lane.position, emergency))
+        })
+    }
+
+    pub fn mailbox(&self, position: u16) -> Option<&Mailbox> {
+        self.lanes.get(usize::from(position))?.mailbox.as_ref()
+    }
+
+    /// Gives the mailboxes back, each with its message counter.
+    pub fn into_mailboxes(self) -> impl Iterator<Item = Option<Mailbox>> {
+        self.lanes.into_iter().map(|lane| lane.mailbox)
+    }
+
+    fn refuse(&mut self, request: AcyclicRequest, error: AcyclicError) {
+        let AcyclicRequest { tag, position, work } = request;
+        self.finished.push_back(AcyclicCompletion { tag, position, work, result: Err(error) });
+    }
+
+    /// Starts what is queued and whose SubDevice is free, in the order of the queue.
+    #[cold]
+    fn start_queued(&mut self, now: HostTime) {
+        for _ in 0..self.queue.len() {
+            let Some(request) = self.queue.pop_front() else { return };
+            let position = request.position;
+            let Some(lane) = self.lanes.get_mut(usize::from(position)) else {
+                self.refuse(request, AcyclicError::NoSubDevice { position });
+                continue;
+            };
+            if lane.is_busy() || lane.mailbox.as_ref().is_some_and(Mailbox::is_busy) {
+                self.queue.push_back(request);
+                continue;
+            }
+            let known = self.active.contains(&position);
+            match request.work {
+                AcyclicWork::Mailbox(work) => {
+                    let Some(mailbox) = &mut lane.mailbox else {
+                        let request = AcyclicRequest { work: AcyclicWork::Mailbox(work), ..request };
+                        self.refuse(request, AcyclicError::NoMailbox { position });
+                        continue;
+                    };
+                    if let Err(work) = mailbox.start(work, now) {
+                        let request = AcyclicRequest { work: AcyclicWork::Mailbox(work), ..request };
+                        self.queue.push_back(request);
+                        continue;
+                    }
+                    lane.tag = Some(request.tag);
+                }
+                AcyclicWork::Registers { way, register, data } => {
+                    let (found, limit) = (data.len(), self.longest);
+                    if found > limit {
+                        let work = AcyclicWork::Registers { way, register, data };
+                        let request = AcyclicRequest { work, ..request };
+                        self.refuse(request, AcyclicError::TooLong { found, limit });
+                        continue;
+                    }
+                    lane.register = Some(RegisterJob {
+                        tag: request.tag,
+                        position,
+                        way,
+                        register,
+                        data,
+                        deadline: now + REGISTER_TIMEOUT,
+                        working_counter: 0,
+                        done: false,
+                    });
+                }
+            }
+            if !known {
+                self.active.push_back(position);
+            }
+        }
+    }
+
+    fn look_around(&mut self, now: HostTime) {
+        self.next_look = now + LOOK_INTERVAL;
+        for _ in 0..self.lanes.len() {
+            let at = self.next_look_at;
+            self.next_look_at = (at + 1) % self.lanes.len();
+            let lane = &mut self.lanes[at];
+            let Some(mailbox) = &mut lane.mailbox else { continue };
+            if lane.register.is_none() && lane.tag.is_none() && !mailbox.is_busy() {
+                mailbox.look();
+                if !self.active.contains(&lane.position) {
+                    self.active.push_back(lane.position);
+                }
+                return;
+            }
+        }
+    }
+
+    /// The datagram that goes into this cycle's frame.
+    #[inline]
+    pub fn next(&mut self, now: HostTime) -> Option<Request> {
+        if self.queue.is_empty() && self.active.is_empty() && now < self.next_look {
+            return None;
+        }
+        self.choose(now)
+    }
+
+    #[cold]
+    fn choose(&mut self, now: HostTime) -> Option<Request> {
+        if !self.queue.is_empty() {
+            self.start_queued(now);
+        }
+        if self.active.is_empty() && now >= self.next_look {
+            self.look_around(now);
+        }
+        for _ in 0..self.active.len() {
+            let position = self.active.pop_front()?;
+            let (request, keep) = self.serve(position, now);
+            if keep {
+                self.active.push_back(position);
+            }
+            if request.is_some() {
+                self.in_flight = Some(position);
+                return request;
+            }
+        }
+        None
+    }
+
+    /// What the SubDevice at `position` wants now, and whether it has work left.
+    fn serve(&mut self, position: u16, now: HostTime) -> (Option<Request>, bool) {
+        let lane = &mut self.lanes[usize::from(position)];
+        if let Some(job) = &lane.register {
+            if !job.done && now < job.deadline {
+                return (Some(job.datagram(lane.station)), true);
+            }
+            if let Some(job) = lane.register.take() {
+                self.finished.push_back(job.complete());
+            }
+        }
+        let lane = &mut self.lanes[usize::from(position)];
+        let Some(mailbox) = &mut lane.mailbox else { return (None, false) };
+        match mailbox.next(now) {
+            Next::Send(request) => (Some(request), true),
+            Next::WaitUntil(_) => (None, true),
+            Next::Done(None) => (None, false),
+            Next::Done(Some(completion)) => {
+                let completion = AcyclicCompletion {
+                    tag: lane.tag.take().unwrap_or_default(),
+                    position,
+                    work: AcyclicWork::Mailbox(completion.request),
+                    result: completion.result.map_err(AcyclicError::Mailbox),
+                };
+                self.finished.push_back(completion);
+                (None, false)
+            }
+        }
+    }
+
+    /// Writes the data of the datagram that [`Acyclic::next`] asked for.
+    pub fn fill(&self, data: &mut [u8]) {
+        let Some(lane) = self.in_flight.and_then(|position| self.lanes.get(usize::from(position))) else {
+            return;
+        };
+        match (&lane.register, &lane.mailbox) {
+            (Some(job), _) => job.fill(data),
+            (None, Some(mailbox)) => mailbox.fill(data),
+            (None, None) => {}
+        }
+    }
+
+    /// Takes the answer to the datagram that was in this cycle's frame.
+    pub fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
+        let Some(lane) = self.in_flight.take().and_then(|position| self.lanes.get_mut(usize::from(position)))
+        else {
+            return;
+        };
+        match (&mut lane.register, &mut lane.mailbox) {
+            (Some(job), _) => job.answer(answer),
+            (None, Some(mailbox)) => mailbox.answer(answer, now),
+            (None, None) => {}
+        }
+    }
+}
+
+impl RegisterJob {
+    fn datagram(&self, station: u16) -> Request {
+        match self.way {
+            RegisterWay::Read => Request::read(station, self.register, self.data.len()),
+            RegisterWay::Write => Request::write(station, self.register, self.data.len()),
+        }
+    }
+
+    fn fill(&self, out: &mut [u8]) {
+        if self.way == RegisterWay::Write && self.data.len() == out.len() {
+            out.copy_from_slice(&self.data);
+        }
+    }
+
+    fn answer(&mut self, answer: Answer<'_>) {
+        let Answer::Returned { working_counter, data } = answer else { return };
+        self.working_counter = working_counter;
+        if working_counter != 1 {
+            return;
+        }
+        self.done = true;
+        if self.way == RegisterWay::Read && self.data.len() == data.len() {
+            self.data.copy_from_slice(data);
+        }
+    }
+
+    fn complete(self) -> AcyclicCompletion {
+        let RegisterJob { tag, position, way, register, data, working_counter, .. } = self;
+        let result = if self.done {
+            Ok(())
+        } else {
+            Err(AcyclicError::Register { register, working_counter, after: REGISTER_TIMEOUT })
+        };
+        AcyclicCompletion { tag, position, work: AcyclicWork::Registers { way, register, data }, result }
+    }
+}

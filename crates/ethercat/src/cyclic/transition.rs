@@ -1,0 +1,454 @@
+//! From PRE-OP to OP and back while process data flow: one step after the other, advanced by each exchange.
+
+use core::time::Duration;
+
+use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
+use super::error::{Programmed, TransitionError};
+use super::{Exchange, SegmentStatus};
+use crate::config::{CyclicControl, DcConfig};
+use crate::image::{ClockUse, Member};
+use crate::subdevice::{DcWidth, Direction};
+use crate::wire::bytes::{u16_at, u32_at};
+use crate::wire::{AlState, AlStatusCode, DcTime, HostTime, register};
+
+/// Limits of the way to OP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TransitionOptions {
+    /// Every clock must be nearer to the reference than this (0x092C) before SYNC0 is armed, ns.
+    pub lock_limit_ns: u32,
+    /// Looks at all clocks in a row that must be within the limit.
+    pub lock_rounds: u32,
+    /// The longest wait for that.
+    pub lock_timeout: Duration,
+    /// How far ahead of the present the first SYNC0 is put.
+    pub sync_margin: Duration,
+    /// The longest wait for a state.
+    pub state_timeout: Duration,
+    /// Complete exchanges in a row before OP is asked, and before it is believed.
+    pub settle_cycles: u32,
+    /// The longest wait for those.
+    pub settle_timeout: Duration,
+}
+
+impl Default for TransitionOptions {
+    fn default() -> Self {
+        TransitionOptions {
+            lock_limit_ns: 1000,
+            lock_rounds: 10,
+            lock_timeout: Duration::from_secs(10),
+            sync_margin: Duration::from_millis(100),
+            state_timeout: Duration::from_secs(10),
+            settle_cycles: 10,
+            settle_timeout: Duration::from_secs(2),
+        }
+    }
+}
+
+/// Where a transition leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Goal {
+    /// OP, with clocks locked and SYNC as configured.
+    Op,
+    /// PRE-OP, SYNC off.
+    PreOp,
+    /// INIT, SYNC off.
+    Init,
+}
+
+/// The steps, in their order; [`Goal::Op`] takes the first half.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Waiting until all clocks agree with the reference.
+    LockClocks,
+    /// SYNC off (0x0981), so that a new start time is taken.
+    SyncOff,
+    /// SYNC unit given to the MainDevice (0x0980).
+    CyclicControl,
+    /// SYNC0 cycle time (0x09A0).
+    Sync0Cycle,
+    /// SYNC1 cycle time (0x09A4).
+    Sync1Cycle,
+    /// Start time (0x0990).
+    StartTime,
+    /// SYNC on (0x0981).
+    SyncOn,
+    /// Asking for a state.
+    Ask(AlState),
+    /// Waiting for it.
+    Await(AlState),
+    /// Waiting for complete exchanges in that state.
+    Settle(AlState),
+}
+
+/// What a transition can see.
+pub(super) struct View<'a> {
+    pub members: &'a [Member],
+    pub clock_use: ClockUse,
+    pub batch: &'a mut Batch,
+    pub status: Option<SegmentStatus>,
+    pub clock: Option<DcTime>,
+    pub exchange: Exchange,
+    pub now: HostTime,
+}
+
+/// How far it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    Going,
+    Done,
+    Failed(TransitionError),
+}
+
+/// A transition in progress.
+#[derive(Clone, Debug)]
+pub(super) struct Transition {
+    options: TransitionOptions,
+    goal: Goal,
+    step: Step,
+    since: HostTime,
+    /// The step's accesses are in the batch.
+    loaded: bool,
+    /// A wait ended with an error or a timeout; every SubDevice is being asked for its state.
+    inquiring: bool,
+    /// Good looks or exchanges in a row.
+    good: u32,
+    /// The farthest clock of the last look.
+    worst: Option<(u16, i32)>,
+    first_sync: DcTime,
+    /// The way back goes on after an error and reports the first one.
+    first_error: Option<TransitionError>,
+}
+
+/// Register 0x092C: magnitude, and bit 31 as the sign (set: the local clock is behind).
+pub(super) fn signed_difference(value: u32) -> i32 {
+    let magnitude = (value & 0x7FFF_FFFF) as i32;
+    if value >> 31 != 0 { -magnitude } else { magnitude }
+}
+
+impl Transition {
+    pub fn new(goal: Goal, options: TransitionOptions, now: HostTime) -> Self {
+        let step = match goal {
+            Goal::Op => Step::LockClocks,
+            Goal::PreOp | Goal::Init => Step::Ask(AlState::PreOp),
+        };
+        Transition {
+            options,
+            goal,
+            step,
+            since: now,
+            loaded: false,
+            inquiring: false,
+            good: 0,
+            worst: None,
+            first_sync: DcTime(0),
+            first_error: None,
+        }
+    }
+
+    pub fn step(&self) -> Step {
+        self.step
+    }
+
+    pub fn goal(&self) -> Goal {
+        self.goal
+    }
+
+    /// Position and difference (ns) of the clock that was farthest away at the last look.
+    pub fn worst_clock(&self) -> Option<(u16, i32)> {
+        self.worst
+    }
+
+    fn following(&self) -> Option<Step> {
+        let up = self.goal == Goal::Op;
+        Some(match self.step {
+            Step::LockClocks => Step::SyncOff,
+            Step::SyncOff if up => Step::CyclicControl,
+            Step::SyncOff if self.goal == Goal::Init => Step::Ask(AlState::Init),
+            Step::SyncOff => return None,
+            Step::CyclicControl => Step::Sync0Cycle,
+            Step::Sync0Cycle => Step::Sync1Cycle,
+            Step::Sync1Cycle => Step::StartTime,
+            Step::StartTime => Step::SyncOn,
+            Step::SyncOn => Step::Ask(AlState::SafeOp),
+            Step::Ask(state) => Step::Await(state),
+            Step::Await(state) if up => Step::Settle(state),
+            Step::Await(AlState::PreOp) => Step::SyncOff,
+            Step::Await(_) => return None,
+            Step::Settle(AlState::SafeOp) => Step::Ask(AlState::Op),
+            Step::Settle(_) => return None,
+        })
+    }
+
+    fn go_on(&mut self, now: HostTime) -> Option<Progress> {
+        let Some(next) = self.following() else {
+            return Some(self.first_error.map_or(Progress::Done, Progress::Failed));
+        };
+        self.step = next;
+        self.since = now;
+        (self.loaded, self.inquiring) = (false, false);
+        self.good = 0;
+        None
+    }
+
+    fn fail(&mut self, error: TransitionError, now: HostTime) -> Option<Progress> {
+        if self.goal == Goal::Op {
+            return Some(Progress::Failed(error));
+        }
+        self.first_error.get_or_insert(error);
+        self.go_on(now)
+    }
+
+    /// Does what this exchange made possible.
+    pub fn advance(&mut self, view: &mut View<'_>) -> Progress {
+        // Steps that have nothing to do are passed at once; there are fewer steps than this.
+        for _ in 0..16 {
+            if !view.batch.is_finished() {
+                return Progress::Going;
+            }
+            let step = self.step;
+            let ended = match step {
+                Step::LockClocks => self.lock_clocks(view),
+                Step::Await(state) => self.wait_for(state, view),
+                Step::Settle(state) => self.settle(state, view),
+                _ => self.write(view),
+            };
+            if let Some(progress) = ended {
+                return progress;
+            }
+        }
+        Progress::Going
+    }
+
+    fn lock_clocks(&mut self, view: &mut View<'_>) -> Option<Progress> {
+        let followers = |member: &&Member| match view.clock_use {
+            ClockUse::None => false,
+            ClockUse::Distribute { reference } => member.clock.is_some() && member.position != reference,
+            ClockUse::Steer { .. } => member.clock.is_some(),
+        };
+        if self.loaded {
+            if let Some(failed) = refused(view.batch.items()) {
+                return self.fail(failed, view.now);
+            }
+            let difference = |item: &Item| signed_difference(u32_at(&item.data, 0));
+            self.worst = view
+                .batch
+                .items()
+                .iter()
+                .map(|item| (item.position, difference(item)))
+                .max_by_key(|(_, difference)| difference.unsigned_abs());
+            let within =
+                self.worst.is_none_or(|(_, worst)| worst.unsigned_abs() < self.options.lock_limit_ns);
+            self.good = if within { self.good + 1 } else { 0 };
+            if self.good >= self.options.lock_rounds {
+                return self.go_on(view.now);
+            }
+            let after = view.now - self.since;
+            if after >= self.options.lock_timeout {
+                let (position, difference_ns) = self.worst.unwrap_or_default();
+                let limit_ns = self.options.lock_limit_ns;
+                let error = TransitionError::NotLocked { position, difference_ns, limit_ns, after };
+                return self.fail(error, view.now);
+            }
+        }
+        view.batch.begin(ATTEMPTS);
+        for member in view.members.iter().filter(followers) {
+            let register = register::DC_SYSTEM_TIME_DIFFERENCE;
+            view.batch.add(member.position, member.station, Access::Read { register, length: 4 });
+        }
+        self.loaded = true;
+        if view.batch.is_finished() { self.go_on(view.now) } else { Some(Progress::Going) }
+    }
+
+    /// The steps that write the same register of many SubDevices.
+    fn write(&mut self, view: &mut View<'_>) -> Option<Progress> {
+        if self.loaded {
+            if self.step != Step::CyclicControl
+                && let Some(failed) = refused(view.batch.items())
+            {
+                return self.fail(failed, view.now);
+            }
+            return self.go_on(view.now);
+        }
+        if self.step == Step::StartTime && view.members.iter().any(|member| sync0(member.sync).is_some()) {
+            let Some(clock) = view.clock else {
+                let after = view.now - self.since;
+                if after < self.options.settle_timeout {
+                    return Some(Progress::Going);
+                }
+                return self.fail(TransitionError::ClockSilent { after }, view.now);
+            };
+            self.first_sync = clock + self.options.sync_margin;
+        }
+        let optional = self.step == Step::CyclicControl;
+        view.batch.begin(if optional { 2 } else { ATTEMPTS });
+        for member in view.members {
+            if let Some(access) = self.access(member) {
+                view.batch.add(member.position, member.station, access);
+            }
+        }
+        self.loaded = true;
+        if view.batch.is_finished() { self.go_on(view.now) } else { Some(Progress::Going) }
+    }
+
+    fn access(&mut self, member: &Member) -> Option<Access> {
+        if let Step::Ask(state) = self.step {
+            // On the way back errors are acknowledged by the way, for a SubDevice in error obeys nothing else.
+            let acknowledge = if self.goal == Goal::Op { 0 } else { AlState::ERROR };
+            let word = state.bits() | acknowledge;
+            return Some(Access::write(register::AL_CONTROL, &word.to_le_bytes()));
+        }
+        let (cycle_ns, shift_ns) = sync0(member.sync)?;
+        Some(match self.step {
+            Step::SyncOff => Access::write(register::DC_ACTIVATION, &[0]),
+            Step::CyclicControl if member.cyclic_control == CyclicControl::Write => {
+                Access::write(register::DC_CYCLIC_CONTROL, &[0])
+            }
+            Step::Sync0Cycle => Access::write(register::DC_SYNC0_CYCLE, &cycle_ns.to_le_bytes()),
+            Step::Sync1Cycle => {
+                let DcConfig::Sync0And1 { sync1_cycle_ns, .. } = member.sync else { return None };
+                Access::write(register::DC_SYNC1_CYCLE, &sync1_cycle_ns.to_le_bytes())
+            }
+            Step::StartTime => {
+                let bytes = start_time(self.first_sync, cycle_ns, shift_ns).0.to_le_bytes();
+                let length = if member.clock == Some(DcWidth::Bits32) { 4 } else { 8 };
+                Access::write(register::DC_START_TIME, &bytes[..length])
+            }
+            Step::SyncOn => {
+                let both = matches!(member.sync, DcConfig::Sync0And1 { .. });
+                Access::write(register::DC_ACTIVATION, &[if both { 7 } else { 3 }])
+            }
+            _ => return None,
+        })
+    }
+
+    fn wait_for(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
+        let up = self.goal == Goal::Op;
+        let after = view.now - self.since;
+        let timed_out = after >= self.options.state_timeout;
+        if self.inquiring {
+            self.inquiring = false;
+            if let Some(error) = culprit(state, view, (timed_out && up).then_some(after)) {
+                return self.fail(error, view.now);
+            }
+            if timed_out {
+                return self.go_on(view.now);
+            }
+        }
+        let status = view.status.filter(|status| usize::from(status.answered) == view.members.len());
+        let reached = |bits: u16| if up { bits == state.bits() } else { bits & 0x0F == state.bits() };
+        if status.is_some_and(|status| reached(status.bits)) {
+            return self.go_on(view.now);
+        }
+        let error = up && view.status.is_some_and(|status| status.bits & AlState::ERROR != 0);
+        if error || timed_out {
+            view.batch.begin(1);
+            for member in view.members {
+                let access = Access::Read { register: register::AL_STATUS, length: 6 };
+                view.batch.add(member.position, member.station, access);
+            }
+            self.inquiring = true;
+        }
+        Some(Progress::Going)
+    }
+
+    fn settle(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
+        self.good = if view.exchange == Exchange::Complete { self.good + 1 } else { 0 };
+        let synced = match (state, view.clock) {
+            (AlState::SafeOp, Some(clock)) => clock > self.first_sync,
+            _ => true,
+        };
+        if self.good >= self.options.settle_cycles && synced {
+            return self.go_on(view.now);
+        }
+        let after = view.now - self.since;
+        if after < self.options.settle_timeout {
+            return Some(Progress::Going);
+        }
+        if let Exchange::ShortCount { frame, datagram, expected, received } = view.exchange {
+            // Some SubDevices take outputs in OP only: whether they do is theirs to judge.
+            if state == AlState::SafeOp {
+                return self.go_on(view.now);
+            }
+            let error = TransitionError::ProcessData { frame, datagram, expected, received };
+            return self.fail(error, view.now);
+        }
+        self.fail(TransitionError::FramesLost { after }, view.now)
+    }
+}
+
+/// Cycle and shift of SYNC0, ns.
+fn sync0(sync: DcConfig) -> Option<(u32, i32)> {
+    match sync {
+        DcConfig::Off => None,
+        DcConfig::Sync0 { cycle_ns, shift_ns } | DcConfig::Sync0And1 { cycle_ns, shift_ns, .. } => {
+            (cycle_ns > 0).then_some((cycle_ns, shift_ns))
+        }
+    }
+}
+
+/// The first multiple of the cycle, plus the shift, that isn't before `earliest`.
+fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTime {
+    let cycle = u64::from(cycle_ns);
+    let shift = i64::from(shift_ns).rem_euclid(cycle as i64) as u64;
+    let periods = earliest.0.saturating_sub(shift).div_ceil(cycle);
+    DcTime(periods.saturating_mul(cycle).saturating_add(shift))
+}
+
+fn refused(items: &[Item]) -> Option<TransitionError> {
+    items.iter().find_map(|item| match item.state {
+        ItemState::Failed { working_counter } => Some(TransitionError::RegisterRefused {
+            position: item.position,
+            register: item.register,
+            working_counter,
+        }),
+        _ => None,
+    })
+}
+
+/// The first SubDevice that is in error, or (where time is up) not in the state.
+fn culprit(target: AlState, view: &View<'_>, after: Option<Duration>) -> Option<TransitionError> {
+    view.batch.items().iter().find_map(|item| {
+        let position = item.position;
+        if !matches!(item.state, ItemState::Answered) {
+            return after.map(|after| TransitionError::Unreachable { position, after });
+        }
+        let status = u16_at(&item.data, 0);
+        let code = AlStatusCode(u16_at(&item.data, 4));
+        let programmed = view.members.get(usize::from(position)).map(programmed).unwrap_or_default();
+        if status & AlState::ERROR != 0 {
+            return Some(TransitionError::StateRefused { position, target, status, code, programmed });
+        }
+        let after = after.filter(|_| status & 0x0F != target.bits())?;
+        Some(TransitionError::StateTimeout { position, target, status, after, programmed })
+    })
+}
+
+/// What a SubDevice was given, for messages.
+fn programmed(member: &Member) -> Programmed {
+    Programmed {
+        output_bytes: member.byte_length(Direction::Outputs),
+        input_bytes: member.byte_length(Direction::Inputs),
+        sync: member.sync,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_sync_is_a_multiple_of_the_cycle_plus_the_shift_and_not_too_early() {
+        assert_eq!(start_time(DcTime(1_000_001), 1_000_000, 0), DcTime(2_000_000));
+        assert_eq!(start_time(DcTime(1_000_000), 1_000_000, 0), DcTime(1_000_000));
+        assert_eq!(start_time(DcTime(1_200_001), 1_000_000, 200_000), DcTime(2_200_000));
+        assert_eq!(start_time(DcTime(1_000_000), 1_000_000, -200_000), DcTime(1_800_000));
+        assert_eq!(start_time(DcTime(0), 125_000, 0), DcTime(0));
+    }
+
+    #[test]
+    fn bit_31_of_the_time_difference_is_its_sign() {
+        assert_eq!(signed_difference(0x0000_0010), 16);
+        assert_eq!(signed_difference(0x8000_0010), -16);
+        assert_eq!(signed_difference(0x8000_0000), 0);
+    }
+}

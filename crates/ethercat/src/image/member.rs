@@ -1,0 +1,97 @@
+//! What the cycle has to know about one SubDevice.
+
+use alloc::vec::Vec;
+
+use crate::config::{CyclicControl, DcConfig, LrwPermission};
+use crate::mailbox::Mailbox;
+use crate::subdevice::{DcWidth, Direction, MailboxConfig, SubDevice};
+
+/// Whether an area may share a byte with those of others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// It starts and ends at any bit.
+    Bits,
+    /// It has its bytes for itself: its FMMUs don't map bits.
+    Bytes,
+}
+
+/// One SyncManager's process data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Area {
+    /// Its SyncManager.
+    pub sync_manager: u8,
+    /// The way of the data.
+    pub direction: Direction,
+    /// First byte in the SubDevice's memory.
+    pub physical_start: u16,
+    /// Bits.
+    pub bit_length: u32,
+    /// Whether a byte may be shared.
+    pub packing: Packing,
+}
+
+/// One SubDevice as the cycle sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Member {
+    /// Place in the order in which frames pass, from 0.
+    pub position: u16,
+    /// Station address.
+    pub station: u16,
+    /// FMMUs that exist.
+    pub fmmu_count: usize,
+    /// Whether LRW may touch it.
+    pub lrw: LrwPermission,
+    /// Its process data.
+    pub areas: Vec<Area>,
+    /// Its mailbox, where it speaks CoE.
+    pub mailbox: Option<MailboxConfig>,
+    /// Width of its clock, where it has one.
+    pub clock: Option<DcWidth>,
+    /// SYNC0 and SYNC1.
+    pub sync: DcConfig,
+    /// Whether register 0x0980 is written.
+    pub cyclic_control: CyclicControl,
+}
+
+/// Data bytes that register accesses in the spare datagram may have, whatever the mailboxes are.
+const REGISTER_ACCESS: usize = 16;
+
+impl Member {
+    /// The longest datagram of acyclic work, data bytes.
+    pub(super) fn longest_acyclic(&self) -> usize {
+        let mailbox = self.mailbox.and_then(|config| Mailbox::new(self.station, config).ok());
+        mailbox.map_or(0, |mailbox| mailbox.longest_datagram()).max(REGISTER_ACCESS)
+    }
+
+    /// Bytes of process data in `direction`.
+    pub(crate) fn byte_length(&self, direction: Direction) -> u32 {
+        let areas = self.areas.iter().filter(|area| area.direction == direction);
+        areas.map(|area| area.bit_length.div_ceil(8)).sum()
+    }
+}
+
+impl From<&SubDevice> for Member {
+    fn from(subdevice: &SubDevice) -> Self {
+        let packing = if subdevice.esc.maps_bits() { Packing::Bits } else { Packing::Bytes };
+        let areas = [Direction::Outputs, Direction::Inputs].into_iter().flat_map(|direction| {
+            subdevice.process_data(direction).map(move |sync_manager| Area {
+                sync_manager: sync_manager.index,
+                direction,
+                physical_start: sync_manager.area.start,
+                bit_length: sync_manager.bit_length(),
+                packing,
+            })
+        });
+        Member {
+            position: subdevice.position,
+            station: subdevice.station_address,
+            fmmu_count: usize::from(subdevice.esc.fmmu_count),
+            lrw: if subdevice.lrw_allowed { LrwPermission::Allowed } else { LrwPermission::Barred },
+            areas: areas.collect(),
+            mailbox: subdevice.mailbox.filter(MailboxConfig::speaks_coe),
+            clock: subdevice.dc.map(|dc| dc.width),
+            sync: subdevice.config.dc,
+            cyclic_control: subdevice.config.cyclic_control,
+        }
+    }
+}

@@ -1,0 +1,192 @@
+use super::*;
+use crate::config::{CyclicControl, DcConfig};
+use crate::subdevice::{DcWidth, MailboxConfig, MemoryArea};
+use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME};
+use crate::wire::{Address, Command};
+
+fn area(sync_manager: u8, direction: Direction, bit_length: u32) -> Area {
+    Area { sync_manager, direction, physical_start: 0x1000, bit_length, packing: Packing::Bits }
+}
+
+fn member(position: u16, outputs: u32, inputs: u32) -> Member {
+    let mut areas = Vec::new();
+    if outputs > 0 {
+        areas.push(area(2, Direction::Outputs, outputs));
+    }
+    if inputs > 0 {
+        areas.push(area(3, Direction::Inputs, inputs));
+    }
+    let memory = MemoryArea { start: 0x1000, length: 256 };
+    Member {
+        position,
+        station: 0x1000 + position,
+        fmmu_count: 3,
+        lrw: LrwPermission::Barred,
+        areas,
+        mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        clock: Some(DcWidth::Bits64),
+        sync: DcConfig::Off,
+        cyclic_control: CyclicControl::Write,
+    }
+}
+
+fn members(count: u16, outputs: u32, inputs: u32) -> Vec<Member> {
+    (0..count).map(|position| member(position, outputs, inputs)).collect()
+}
+
+fn allow(mut members: Vec<Member>) -> Vec<Member> {
+    members.iter_mut().for_each(|member| member.lrw = LrwPermission::Allowed);
+    members
+}
+
+const CLOCK: ClockUse = ClockUse::Distribute { reference: 0 };
+
+fn commands(frame: &FramePlan) -> Vec<Command> {
+    frame.datagrams.iter().map(|datagram| datagram.command).collect()
+}
+
+#[test]
+fn three_servos_need_exactly_one_frame_with_four_datagrams_and_room_for_a_mailbox() {
+    let plan = ImagePlan::new(&members(3, 200, 240), CLOCK).unwrap();
+    assert_eq!(plan.frames.len(), 1);
+    let frame = &plan.frames[0];
+    assert_eq!(commands(frame), [Command::Frmw, Command::Lwr, Command::Lrd, Command::Brd]);
+    let expected: Vec<u16> = frame.datagrams.iter().map(|datagram| datagram.expected).collect();
+    assert_eq!(expected, [3, 3, 3, 3]);
+    assert!(frame.carries_spare);
+    assert_eq!(plan.spare_length, 256);
+    assert_eq!((plan.outputs.length, plan.inputs.length), (75, 90));
+}
+
+#[test]
+fn lrw_is_taken_only_where_every_subdevice_allows_it_and_counts_three() {
+    let mut all = allow(members(3, 200, 240));
+    let plan = ImagePlan::new(&all, CLOCK).unwrap();
+    assert_eq!(commands(&plan.frames[0]), [Command::Frmw, Command::Lrw, Command::Brd]);
+    let lrw = &plan.frames[0].datagrams[1];
+    assert_eq!((lrw.length, lrw.expected), (90, 9));
+    let offsets: Vec<_> = plan.placements.iter().map(|placement| placement.offset).collect();
+    assert_eq!(offsets, [0, 0, 30, 30, 60, 60]);
+    all[1].lrw = LrwPermission::Barred;
+    let plan = ImagePlan::new(&all, CLOCK).unwrap();
+    assert!(!commands(&plan.frames[0]).contains(&Command::Lrw));
+}
+
+#[test]
+fn lrw_of_outputs_alone_counts_two_and_of_inputs_alone_one() {
+    let mut all = allow(members(2, 8, 0));
+    all.push(allow(vec![member(2, 0, 8)]).remove(0));
+    let plan = ImagePlan::new(&all, ClockUse::None).unwrap();
+    assert_eq!(plan.frames[0].datagrams[0].expected, 2 + 2 + 1);
+}
+
+#[test]
+fn small_devices_share_a_byte_where_their_fmmus_map_bits() {
+    let mut all = members(4, 4, 0);
+    all[2].areas[0].bit_length = 2;
+    all[3].areas[0].bit_length = 12;
+    let plan = ImagePlan::new(&all, ClockUse::None).unwrap();
+    let places: Vec<_> =
+        plan.placements.iter().map(|p| (p.offset, p.fmmu.logical.start_bit, p.bytes())).collect();
+    assert_eq!(places, [(0, 0, 0..1), (0, 4, 0..1), (1, 0, 1..2), (2, 0, 2..4)]);
+    for member in &mut all {
+        member.areas[0].packing = Packing::Bytes;
+    }
+    let plan = ImagePlan::new(&all, ClockUse::None).unwrap();
+    assert!(plan.placements.iter().all(|placement| placement.fmmu.logical.start_bit == 0));
+    assert_eq!(plan.outputs.length, 5);
+}
+
+#[test]
+fn outputs_and_inputs_never_share_a_byte_of_the_address_space() {
+    let plan = ImagePlan::new(&members(3, 3, 3), ClockUse::None).unwrap();
+    assert_eq!(plan.inputs.start, plan.outputs.start + plan.outputs.length as u32);
+}
+
+#[test]
+fn every_byte_is_carried_once_no_sync_manager_is_torn_and_counters_are_per_datagram() {
+    for count in [1u16, 3, 20, 100, 333, 1000] {
+        for all in [members(count, 17 * 8, 21 * 8), allow(members(count, 17 * 8, 21 * 8))] {
+            let plan = ImagePlan::new(&all, CLOCK).unwrap();
+            let (mut outputs, mut inputs) = (0, 0);
+            let mut touched = 0;
+            for frame in &plan.frames {
+                let bytes: usize = frame.datagrams.iter().map(|d| d.length + DATAGRAM_OVERHEAD).sum();
+                assert!(FIRST_DATAGRAM + bytes <= MAX_FRAME);
+                assert!(frame.datagrams.len() >= 3, "indices carry the sequence number");
+                for datagram in &frame.datagrams {
+                    match datagram.role {
+                        Role::Outputs { offset } => {
+                            assert_eq!(offset, outputs);
+                            outputs += datagram.length;
+                            assert_eq!(datagram.length % 17, 0);
+                            assert_eq!(usize::from(datagram.expected), datagram.length / 17);
+                        }
+                        Role::Inputs { offset } => {
+                            assert_eq!(offset, inputs);
+                            inputs += datagram.length;
+                            assert_eq!(usize::from(datagram.expected), datagram.length / 21);
+                        }
+                        Role::Both { offset } => {
+                            assert_eq!(offset, inputs);
+                            inputs += datagram.length;
+                            outputs += datagram.length;
+                            assert_eq!(usize::from(datagram.expected), datagram.length / 21 * 3);
+                        }
+                        Role::Status => assert_eq!(datagram.expected, count),
+                        _ => {}
+                    }
+                    touched += datagram.touches.len();
+                }
+            }
+            assert_eq!((outputs, inputs), (plan.outputs.length, plan.inputs.length));
+            let times = if plan.transport == Transport::Combined { 1 } else { 2 };
+            assert_eq!(touched, usize::from(count) * times);
+            // No more frames than bytes need, one SyncManager's length of slack per frame.
+            let data: usize = plan.frames.iter().flat_map(|f| &f.datagrams).map(|d| d.length).sum();
+            assert!(plan.frames.len() <= 1 + data / (MAX_FRAME - 100), "{count}: {}", plan.frames.len());
+        }
+    }
+}
+
+#[test]
+fn a_sync_manager_longer_than_a_frame_is_carried_in_parts_that_each_count() {
+    let plan = ImagePlan::new(&members(1, 8 * 4000, 8), ClockUse::None).unwrap();
+    let parts: Vec<_> =
+        plan.frames.iter().flat_map(|f| &f.datagrams).filter(|d| d.command == Command::Lwr).collect();
+    assert_eq!(parts.iter().map(|part| part.length).sum::<usize>(), 4000);
+    assert!(parts.iter().all(|part| part.expected == 1));
+    let mut next = LOGICAL_START;
+    for part in parts {
+        assert_eq!(part.address, Address::Logical(next));
+        next += part.length as u32;
+    }
+}
+
+#[test]
+fn no_subdevices_need_no_frame_and_couplers_only_need_the_status() {
+    assert_eq!(ImagePlan::new(&[], ClockUse::None).unwrap().frames.len(), 0);
+    let plan = ImagePlan::new(&members(2, 0, 0), ClockUse::None).unwrap();
+    assert_eq!(commands(&plan.frames[0]), [Command::Brd, Command::Nop, Command::Nop]);
+}
+
+#[test]
+fn refusals_name_what_is_missing() {
+    let mut all = members(2, 8, 8);
+    all[1].fmmu_count = 1;
+    let error = ImagePlan::new(&all, ClockUse::None).unwrap_err();
+    assert_eq!(error, PlanError::TooFewFmmus { position: 1, needed: 2, available: 1 });
+    let error = ImagePlan::new(&members(1, 8, 8), ClockUse::Distribute { reference: 7 }).unwrap_err();
+    assert_eq!(error, PlanError::NoReferenceClock { position: 7 });
+    let error = ImagePlan::new(&members(1000, 8000, 8000), ClockUse::None).unwrap_err();
+    assert!(matches!(error, PlanError::TooManyFrames { limit: MAX_FRAMES, .. }));
+}
+
+#[test]
+fn a_32_bit_reference_clock_is_distributed_with_four_bytes_and_steering_adds_a_write() {
+    let mut all = members(2, 8, 8);
+    all[0].clock = Some(DcWidth::Bits32);
+    let plan = ImagePlan::new(&all, ClockUse::Steer { reference: 0 }).unwrap();
+    let first: Vec<_> = plan.frames[0].datagrams.iter().take(2).map(|d| (d.command, d.length)).collect();
+    assert_eq!(first, [(Command::Fpwr, 4), (Command::Frmw, 4)]);
+}
