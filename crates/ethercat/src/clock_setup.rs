@@ -191,7 +191,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// The reference clock is the first SubDevice that has one. Nothing happens where none has.
     pub(crate) fn set_clocks(&mut self) -> Result<(), SetUpError> {
         let with_clock: Vec<usize> =
-            (0..self.subdevices.len()).filter(|&n| self.subdevices[n].has_clock()).collect();
+            (0..self.subdevices.len()).filter(|&n| self.subdevices[n].dc.is_some()).collect();
         if with_clock.is_empty() {
             return Ok(());
         }
@@ -227,11 +227,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
             let delay_ns = delays[number].unwrap_or(0);
             let common = now.0.wrapping_add(u64::from(delay_ns));
             let local = u64_at(&reads[1].data, 0);
-            let (width, offset_ns) = if subdevice.esc.has(register::FEATURE_DC_64) {
-                (DcWidth::Bits64, common.wrapping_sub(local))
-            } else {
-                let offset = (common as u32).wrapping_sub(local as u32);
-                (DcWidth::Bits32, u64::from(offset))
+            let width = subdevice.dc.map_or(DcWidth::Bits64, |clock| clock.width);
+            let offset_ns = match width {
+                DcWidth::Bits64 => common.wrapping_sub(local),
+                DcWidth::Bits32 => u64::from((common as u32).wrapping_sub(local as u32)),
             };
             let receive_times_ns = segment[number].times_ns.unwrap_or_default();
             subdevice.dc = Some(DcClock { width, delay_ns, offset_ns, receive_times_ns });
@@ -263,7 +262,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
 
 /// The reference clock: the first SubDevice that has one.
 pub fn reference_clock(subdevices: &[SubDevice]) -> Option<&SubDevice> {
-    subdevices.iter().find(|one| one.has_clock())
+    subdevices.iter().find(|one| one.dc.is_some())
 }
 
 #[cfg(test)]

@@ -218,7 +218,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             for (position, config) in places.into_iter().zip(configs) {
                 let subdevice = &mut self.subdevices[usize::from(position)];
                 subdevice.config = config.clone();
-                if config.dc != DcConfig::Off && !subdevice.has_clock() {
+                if config.dc != DcConfig::Off && subdevice.dc.is_none() {
                     let name = config.name.clone();
                     return Err(Mismatch::NoClock { position, name }.into());
                 }

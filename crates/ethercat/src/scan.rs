@@ -10,7 +10,7 @@ use crate::eeprom::{EepromError, EepromFailure, SiiExtent, SiiReader};
 use crate::error::{Found, SetUpError};
 use crate::start_up::StartUpList;
 use crate::state::{Application, StateChange};
-use crate::subdevice::{Esc, Port, SubDevice};
+use crate::subdevice::{DcClock, DcWidth, Esc, Port, SubDevice};
 use crate::topology;
 use crate::transaction::{Access, Expect, Target};
 use crate::wire::bytes::u16_at;
@@ -121,7 +121,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 sync_managers: Vec::new(),
                 fmmus: Vec::new(),
                 lrw_allowed: false,
-                dc: None,
+                dc: DcWidth::of(&one.esc).map(DcClock::new),
                 config: SubDeviceConfig::default(),
                 start_up: StartUpList::default(),
             });

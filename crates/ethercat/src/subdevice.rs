@@ -231,6 +231,13 @@ pub struct DcClock {
     pub receive_times_ns: [u32; 4],
 }
 
+impl DcClock {
+    /// A clock of which nothing was measured yet.
+    pub fn new(width: DcWidth) -> Self {
+        DcClock { width, delay_ns: 0, offset_ns: 0, receive_times_ns: [0; 4] }
+    }
+}
+
 /// Width of a distributed clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DcWidth {
@@ -238,6 +245,14 @@ pub enum DcWidth {
     Bits32,
     /// 64 bits.
     Bits64,
+}
+
+impl DcWidth {
+    /// The width that a controller's features say; `None` where it has no clock.
+    pub fn of(esc: &Esc) -> Option<Self> {
+        let width = if esc.has(register::FEATURE_DC_64) { DcWidth::Bits64 } else { DcWidth::Bits32 };
+        esc.has(register::FEATURE_DC).then_some(width)
+    }
 }
 
 /// One SubDevice: what was found, what was asked, and what was made of it.
@@ -287,11 +302,6 @@ impl SubDevice {
     /// Its position and station address.
     pub fn target(&self) -> Target {
         Target { position: self.position, station: self.station_address }
-    }
-
-    /// Whether its controller has a distributed clock.
-    pub fn has_clock(&self) -> bool {
-        self.esc.has(register::FEATURE_DC)
     }
 
     /// Bits of process data in `direction`.

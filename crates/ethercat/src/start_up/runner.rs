@@ -466,3 +466,6 @@ impl Procedure for StartUpRunner {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
