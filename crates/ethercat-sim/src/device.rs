@@ -1,0 +1,62 @@
+//! What a device does behind its communication: the kinds of device.
+
+pub mod axis;
+pub mod servo;
+
+use crate::dictionary::Dictionary;
+use omnibase_ethercat_wire::coe::{AbortCode, Emergency, ObjectAddress};
+use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
+
+/// Whether the outputs in the dictionary may be acted upon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// The device isn't in OP: outputs are safe.
+    Safe,
+    /// In OP, and new ones arrived since the last moment.
+    New,
+    /// In OP, with those of the last moment.
+    Held,
+}
+
+/// The instant for which a device computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Now.
+    pub now: HostTime,
+    /// Outputs.
+    pub outputs: Outputs,
+    /// Time from one set of outputs to the next, ns; `None` where the bus doesn't say.
+    pub cycle_ns: Option<u32>,
+}
+
+/// The application of a SubDevice: everything that isn't communication.
+///
+/// Values go through the dictionary. Same calls, same bits: no clock, no randomness of its own.
+pub trait Device: Send {
+    /// The device got power; the dictionary holds its defaults.
+    fn power_on(&mut self, dictionary: &mut Dictionary, now: HostTime);
+
+    /// Moves on to `moment`: takes outputs from the dictionary, leaves inputs there. Doesn't allocate.
+    fn run(&mut self, dictionary: &mut Dictionary, moment: Moment);
+
+    /// Whether an SDO may write this value, which fits its entry.
+    fn check_write(&self, _: &Dictionary, _: ObjectAddress, _: &[u8]) -> Result<(), AbortCode> {
+        Ok(())
+    }
+
+    /// An SDO wrote this entry.
+    fn written(&mut self, _: &mut Dictionary, _: ObjectAddress) {}
+
+    /// The AL state became `state`, on request or (with a code) by itself.
+    fn state_changed(&mut self, _: &mut Dictionary, _: AlState, _: AlStatusCode) {}
+
+    /// A fault with this error code comes up; `false` where the device knows no faults.
+    fn fault(&mut self, _: &mut Dictionary, _: u16) -> bool {
+        false
+    }
+
+    /// The oldest emergency that the device wants to send.
+    fn take_emergency(&mut self) -> Option<Emergency> {
+        None
+    }
+}

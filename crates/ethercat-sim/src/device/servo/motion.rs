@@ -1,0 +1,496 @@
+//! Modes of operation and inner loops.
+//!
+//! Position loop: proportional, with the reference's speed fed forward. Speed loop: proportional and integral,
+//! scaled by the inertia. Current loop: a first-order lag with a limit. All in rad, rad/s and N·m; counts stand at
+//! the edge only.
+
+use super::objects::{Fields, SUPPORTED_MODES};
+use super::ServoConfig;
+use crate::device::axis::{Axis, AxisState};
+use crate::device::Moment;
+use crate::dictionary::Dictionary;
+use core::f64::consts::TAU;
+use core::time::Duration;
+use omnibase_ethercat_wire::HostTime;
+
+/// Statusword bit 10: target reached.
+const TARGET_REACHED: u16 = 1 << 10;
+/// Bit 11: internal limit active.
+const LIMIT_ACTIVE: u16 = 1 << 11;
+/// Bit 12: the drive follows (csp, csv, cst), or the set point was acknowledged (pp).
+const FOLLOWS: u16 = 1 << 12;
+/// Bit 13: following error.
+const FOLLOWING_ERROR: u16 = 1 << 13;
+/// Controlword bits of pp: new set point, change at once, relative.
+const NEW_SET_POINT: u16 = 1 << 4;
+const AT_ONCE: u16 = 1 << 5;
+const RELATIVE: u16 = 1 << 6;
+/// Controlword: halt.
+const HALT: u16 = 1 << 8;
+/// The speed loop's integral is slower than its proportional part by this factor.
+const INTEGRAL_RATIO: f64 = 0.2;
+
+/// Modes of operation (0x6060).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    None = 0,
+    ProfilePosition = 1,
+    ProfileVelocity = 3,
+    ProfileTorque = 4,
+    CyclicPosition = 8,
+    CyclicVelocity = 9,
+    CyclicTorque = 10,
+}
+
+impl Mode {
+    fn new(code: i8) -> Option<Self> {
+        Some(match code {
+            0 => Mode::None,
+            1 => Mode::ProfilePosition,
+            3 => Mode::ProfileVelocity,
+            4 => Mode::ProfileTorque,
+            8 => Mode::CyclicPosition,
+            9 => Mode::CyclicVelocity,
+            10 => Mode::CyclicTorque,
+            _ => return None,
+        })
+    }
+}
+
+/// Whether the drive has this mode (0x6502).
+pub(super) fn is_supported(code: i8) -> bool {
+    code == 0 || (1..=32).contains(&code) && SUPPORTED_MODES >> (code - 1) & 1 != 0
+}
+
+/// What the user allows now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    pub torque_n_m: f64,
+    pub speed_counts_s: f64,
+}
+
+/// Values for the dictionary.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shown {
+    pub status: u16,
+    pub mode: i8,
+    pub position: i32,
+    pub position_demand: i32,
+    pub following_error: i32,
+    pub velocity: i32,
+    pub velocity_demand: i32,
+    pub torque: i16,
+    pub torque_demand: i16,
+}
+
+/// What the loops follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Reference {
+    /// A position that moves from `from` with `speed` until `end`, counts.
+    Position { from: f64, to: f64, start: HostTime, end: HostTime },
+    /// A trapezoid to `to`, counts.
+    Profile { to: f64, velocity: f64, acceleration: f64, deceleration: f64 },
+    /// A speed, counts/s, reached with at most `rate` counts/s² (infinite: at once).
+    Speed { to: f64, rate: f64 },
+    /// A torque, N·m, reached with at most `rate` N·m/s.
+    Torque { to: f64, rate: f64 },
+}
+
+/// Loops and what they remember. Positions in counts since power-on, not wrapped.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    counts_per_rad: f64,
+    counts_per_revolution: f64,
+    rated_torque_n_m: f64,
+    position_gain: f64,
+    speed_gain: f64,
+    integral_gain: f64,
+    torque_time_constant_s: f64,
+    loop_period: Duration,
+    /// Difference of 0x6064 and the axis' own counts.
+    offset: i64,
+    initial_position: i32,
+    now: HostTime,
+    state: AxisState,
+    mode: Mode,
+    reference: Reference,
+    halted: bool,
+    /// Demands of the loops: position (counts), its speed (counts/s), torque (N·m).
+    position_demand: f64,
+    speed_demand: f64,
+    torque_demand: f64,
+    integral: f64,
+    torque: f64,
+    speed_offset: f64,
+    torque_offset: f64,
+    limited: bool,
+    follows: bool,
+    set_point_acknowledged: bool,
+    next_target: Option<f64>,
+    reached: bool,
+    bad_since: Option<HostTime>,
+    follows_badly: bool,
+}
+
+impl Motion {
+    pub fn new(config: &ServoConfig, inertia_kg_m2: f64) -> Self {
+        let counts_per_revolution = f64::from(config.counts_per_revolution);
+        let speed_gain = inertia_kg_m2 * config.speed_bandwidth_rad_s;
+        Motion {
+            counts_per_rad: counts_per_revolution / TAU,
+            counts_per_revolution,
+            rated_torque_n_m: config.rated_torque_n_m,
+            position_gain: config.position_gain_per_s,
+            speed_gain,
+            integral_gain: speed_gain * config.speed_bandwidth_rad_s * INTEGRAL_RATIO,
+            torque_time_constant_s: config.torque_time_constant_s,
+            loop_period: Duration::from_nanos(config.loop_period_ns.max(1)),
+            offset: 0,
+            initial_position: config.initial_position,
+            now: HostTime(0),
+            state: AxisState::default(),
+            mode: Mode::None,
+            reference: Reference::Torque { to: 0.0, rate: f64::INFINITY },
+            halted: false,
+            position_demand: 0.0,
+            speed_demand: 0.0,
+            torque_demand: 0.0,
+            integral: 0.0,
+            torque: 0.0,
+            speed_offset: 0.0,
+            torque_offset: 0.0,
+            limited: false,
+            follows: false,
+            set_point_acknowledged: false,
+            next_target: None,
+            reached: false,
+            bad_since: None,
+            follows_badly: false,
+        }
+    }
+
+    /// The encoder shows its initial position where the axis is at the first power-on.
+    pub fn power_on(&mut self, now: HostTime, state: AxisState) {
+        if self.now == HostTime(0) {
+            self.offset = i64::from(self.initial_position) - self.encoder(state);
+        }
+        self.now = now;
+        self.state = state;
+        self.mode = Mode::None;
+        self.torque = 0.0;
+        self.hold_here();
+    }
+
+    /// The reference becomes the present state: nothing jumps.
+    pub fn hold_here(&mut self) {
+        self.position_demand = self.counts();
+        self.speed_demand = self.state.speed_rad_s * self.counts_per_rad;
+        self.torque_demand = 0.0;
+        self.integral = 0.0;
+        self.next_target = None;
+        self.set_point_acknowledged = false;
+        self.bad_since = None;
+        self.follows_badly = false;
+        self.reference = self.resting_reference();
+    }
+
+    pub fn is_still(&self, limit_rad_s: f64) -> bool {
+        self.state.speed_rad_s.abs() < limit_rad_s
+    }
+
+    fn resting_reference(&self) -> Reference {
+        match self.mode {
+            Mode::ProfilePosition | Mode::CyclicPosition => {
+                let at = self.position_demand;
+                Reference::Position { from: at, to: at, start: self.now, end: self.now }
+            }
+            Mode::ProfileVelocity | Mode::CyclicVelocity => Reference::Speed { to: 0.0, rate: f64::INFINITY },
+            _ => Reference::Torque { to: 0.0, rate: f64::INFINITY },
+        }
+    }
+
+    /// Whole counts of an ideal encoder.
+    fn encoder(&self, state: AxisState) -> i64 {
+        (state.position_rad * self.counts_per_rad).floor() as i64
+    }
+
+    /// The axis' position in counts of 0x6064, not wrapped.
+    fn counts(&self) -> f64 {
+        self.state.position_rad * self.counts_per_rad + self.offset as f64
+    }
+
+    /// The position nearest to the present demand that reads as `wrapped` in 32 bits.
+    fn unwrap(&self, wrapped: i32) -> f64 {
+        let near = self.position_demand.floor();
+        near + f64::from(wrapped.wrapping_sub(near as i64 as i32))
+    }
+
+    /// Moves axis and loops on to `now` under the references that held so far.
+    pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, limits: &Limits, power: (bool, Option<f64>)) {
+        while self.now < now {
+            let left = now - self.now;
+            let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
+            let step = if power.0 || !still { left.min(self.loop_period) } else { left };
+            self.now = self.now + step;
+            self.state = axis.advance(self.now);
+            let step_s = step.as_nanos() as f64 * 1e-9;
+            self.move_demands(step_s, limits, power.1);
+            self.integrate(step_s, power);
+            if self.now < now {
+                self.apply(axis, limits, power);
+            }
+        }
+    }
+
+    /// Demands as they are at `self.now`.
+    fn move_demands(&mut self, step_s: f64, limits: &Limits, stop_rate: Option<f64>) {
+        if let Some(rate) = stop_rate {
+            self.speed_demand = towards(self.speed_demand, 0.0, rate * step_s);
+            self.position_demand += self.speed_demand * step_s;
+            return;
+        }
+        match self.reference {
+            Reference::Position { from, to, start, end } => {
+                let (span, passed) = (end - start, self.now - start);
+                if passed >= span {
+                    self.speed_demand = 0.0;
+                    self.position_demand = to;
+                } else {
+                    let part = passed.as_nanos() as f64 / span.as_nanos() as f64;
+                    self.speed_demand = (to - from) / (span.as_nanos() as f64 * 1e-9);
+                    self.position_demand = from + (to - from) * part;
+                }
+            }
+            Reference::Profile { to, velocity, acceleration, deceleration } => {
+                self.run_profile(to, velocity.min(limits.speed_counts_s), (acceleration, deceleration), step_s);
+            }
+            Reference::Speed { to, rate } => {
+                self.speed_demand = towards(self.speed_demand, to, rate * step_s);
+                self.position_demand = self.counts();
+            }
+            Reference::Torque { to, rate } => {
+                self.torque_demand = towards(self.torque_demand, to, rate * step_s);
+                self.position_demand = self.counts();
+                self.speed_demand = self.state.speed_rad_s * self.counts_per_rad;
+            }
+        }
+    }
+
+    /// A trapezoid, one step: the speed that still stops at the target is v²/2a.
+    fn run_profile(&mut self, to: f64, velocity: f64, (acceleration, deceleration): (f64, f64), step_s: f64) {
+        let distance = to - self.position_demand;
+        let stopping = (2.0 * deceleration.max(1.0) * distance.abs()).sqrt();
+        let wished = distance.signum() * velocity.min(stopping);
+        let rate = if wished.abs() < self.speed_demand.abs() { deceleration.max(1.0) * 1.5 } else { acceleration };
+        self.speed_demand = towards(self.speed_demand, wished, rate.max(1.0) * step_s);
+        let step = self.speed_demand * step_s;
+        if step.abs() >= distance.abs() && self.speed_demand.abs() <= deceleration.max(1.0) * step_s * 4.0 {
+            self.position_demand = to;
+            self.speed_demand = 0.0;
+        } else {
+            self.position_demand += step;
+        }
+    }
+
+    /// The integral part and the current loop's lag over a step.
+    fn integrate(&mut self, step_s: f64, (energized, _): (bool, Option<f64>)) {
+        if !energized {
+            self.torque = 0.0;
+            self.integral = 0.0;
+            return;
+        }
+        let error = self.speed_error();
+        if self.uses_speed_loop() && !(self.limited && error * self.torque_demand > 0.0) {
+            self.integral += self.integral_gain * error * step_s;
+        }
+        let part = step_s / (self.torque_time_constant_s + step_s);
+        self.torque += (self.torque_demand - self.torque) * part;
+    }
+
+    fn uses_speed_loop(&self) -> bool {
+        !matches!(self.reference, Reference::Torque { .. })
+    }
+
+    fn speed_error(&self) -> f64 {
+        let position_part = match self.reference {
+            Reference::Position { .. } | Reference::Profile { .. } => {
+                self.position_gain * (self.position_demand - self.counts())
+            }
+            _ => 0.0,
+        };
+        let wished = self.speed_demand + position_part + self.speed_offset;
+        wished / self.counts_per_rad - self.state.speed_rad_s
+    }
+
+    /// Computes the torque of the next step and applies it.
+    pub fn apply(&mut self, axis: &mut dyn Axis, limits: &Limits, (energized, stop): (bool, Option<f64>)) {
+        if !energized {
+            self.torque_demand = 0.0;
+            self.torque = 0.0;
+            axis.apply(0.0);
+            return;
+        }
+        if self.uses_speed_loop() || stop.is_some() {
+            let ceiling = limits.speed_counts_s / self.counts_per_rad;
+            let error = self.speed_error();
+            let speed = self.state.speed_rad_s;
+            let error = (speed + error).clamp(-ceiling, ceiling) - speed;
+            self.torque_demand = self.speed_gain * error + self.integral + self.torque_offset;
+        }
+        let wished = self.torque_demand;
+        self.torque_demand = wished.clamp(-limits.torque_n_m, limits.torque_n_m);
+        self.limited = wished != self.torque_demand;
+        axis.apply(self.torque.clamp(-limits.torque_n_m, limits.torque_n_m));
+    }
+
+    /// Takes over mode and targets; `follows` is `None` where the drive doesn't obey them, else whether they are new.
+    pub fn command(&mut self, dictionary: &Dictionary, fields: &Fields, follows: Option<bool>, moment: Moment) {
+        let code = dictionary.get(fields.mode);
+        if let Some(mode) = Mode::new(code).filter(|mode| *mode != self.mode) {
+            self.mode = mode;
+            self.hold_here();
+        }
+        self.follows = follows.is_some();
+        let Some(fresh) = follows else {
+            if !matches!(self.reference, Reference::Torque { .. }) {
+                self.position_demand = self.counts();
+            }
+            return;
+        };
+        let control = dictionary.get(fields.control);
+        self.speed_offset = f64::from(dictionary.get(fields.velocity_offset));
+        self.torque_offset = f64::from(dictionary.get(fields.torque_offset)) / 1000.0 * self.rated_torque_n_m;
+        self.halted = control & HALT != 0;
+        let get = |field| f64::from(dictionary.get(field));
+        match self.mode {
+            Mode::None => self.reference = Reference::Torque { to: 0.0, rate: f64::INFINITY },
+            Mode::CyclicPosition if fresh => {
+                let to = self.unwrap(dictionary.get(fields.target_position));
+                let period = moment.cycle_ns.map_or_else(|| period(dictionary, fields), u64::from);
+                let end = self.now + Duration::from_nanos(period);
+                self.reference = Reference::Position { from: self.position_demand, to, start: self.now, end };
+            }
+            Mode::CyclicPosition => {}
+            Mode::CyclicVelocity => {
+                let to = f64::from(dictionary.get(fields.target_velocity));
+                self.reference = Reference::Speed { to, rate: f64::INFINITY };
+                self.speed_demand = to;
+            }
+            Mode::CyclicTorque => {
+                let target = f64::from(dictionary.get(fields.target_torque)) / 1000.0;
+                let to = target * self.rated_torque_n_m + self.torque_offset;
+                self.reference = Reference::Torque { to, rate: f64::INFINITY };
+                self.torque_demand = to;
+            }
+            Mode::ProfileVelocity => {
+                let limit = get(fields.max_profile_velocity);
+                let to = f64::from(dictionary.get(fields.target_velocity)).clamp(-limit, limit);
+                let to = if self.halted { 0.0 } else { to };
+                let slower = to.abs() < self.speed_demand.abs();
+                let rate = get(if slower { fields.profile_deceleration } else { fields.profile_acceleration });
+                self.reference = Reference::Speed { to, rate };
+                self.reached = (to - self.state.speed_rad_s * self.counts_per_rad).abs() <= get(fields.velocity_window);
+            }
+            Mode::ProfileTorque => {
+                let unit = self.rated_torque_n_m / 1000.0;
+                let to = if self.halted { 0.0 } else { f64::from(dictionary.get(fields.target_torque)) * unit };
+                self.reference = Reference::Torque { to, rate: get(fields.torque_slope) * unit };
+                self.reached = self.torque_demand == to;
+            }
+            Mode::ProfilePosition => self.command_profile_position(dictionary, fields, control),
+        }
+    }
+
+    fn command_profile_position(&mut self, dictionary: &Dictionary, fields: &Fields, control: u16) {
+        let get = |field| f64::from(dictionary.get(field));
+        let asked = control & NEW_SET_POINT != 0;
+        let window = get(fields.position_window).max(1.0);
+        let target = match self.reference {
+            Reference::Profile { to, .. } | Reference::Position { to, .. } => to,
+            _ => self.position_demand,
+        };
+        let arrived = self.position_demand == target && (self.counts() - target).abs() <= window;
+        let mut to = target;
+        if asked && !self.set_point_acknowledged {
+            let wished = dictionary.get(fields.target_position);
+            let wished =
+                if control & RELATIVE != 0 { target + f64::from(wished) } else { self.unwrap(wished) };
+            if arrived || control & AT_ONCE != 0 {
+                to = wished;
+                self.set_point_acknowledged = true;
+            } else if self.next_target.is_none() {
+                self.next_target = Some(wished);
+                self.set_point_acknowledged = true;
+            }
+        } else if !asked {
+            self.set_point_acknowledged = false;
+        }
+        if arrived && let Some(next) = self.next_target.take() {
+            to = next;
+        }
+        self.reached = arrived && to == target;
+        let velocity = if self.halted { 0.0 } else { get(fields.profile_velocity).min(get(fields.max_profile_velocity)) };
+        let (acceleration, deceleration) = (get(fields.profile_acceleration), get(fields.profile_deceleration));
+        self.reference = Reference::Profile { to, velocity, acceleration, deceleration };
+    }
+
+    /// Whether the following error was outside of its window (0x6065) for longer than allowed (0x6066).
+    pub fn follows_badly(&mut self, dictionary: &Dictionary, fields: &Fields, now: HostTime) -> bool {
+        let window = dictionary.get(fields.following_window);
+        let positions = matches!(self.reference, Reference::Position { .. } | Reference::Profile { .. });
+        if !positions || window == u32::MAX || (self.position_demand - self.counts()).abs() <= f64::from(window) {
+            self.bad_since = None;
+            self.follows_badly = false;
+            return false;
+        }
+        self.follows_badly = true;
+        let since = *self.bad_since.get_or_insert(now);
+        let timeout = Duration::from_millis(u64::from(dictionary.get(fields.following_timeout_ms)));
+        now - since >= timeout
+    }
+
+    pub fn shown(&self) -> Shown {
+        let position = self.encoder(self.state) + self.offset;
+        let demand = self.position_demand.floor();
+        let mut status = 0;
+        if self.limited && self.follows {
+            status |= LIMIT_ACTIVE;
+        }
+        if self.follows {
+            let cyclic = matches!(self.mode, Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque);
+            if cyclic || self.set_point_acknowledged {
+                status |= FOLLOWS;
+            }
+            if !cyclic && self.mode != Mode::None && self.reached {
+                status |= TARGET_REACHED;
+            }
+            if self.follows_badly {
+                status |= FOLLOWING_ERROR;
+            }
+        }
+        let per_mille = |torque: f64| (torque / self.rated_torque_n_m * 1000.0).round() as i16;
+        Shown {
+            status,
+            mode: self.mode as i8,
+            position: position as i32,
+            position_demand: demand as i64 as i32,
+            following_error: (demand - position as f64) as i32,
+            velocity: (self.state.speed_rad_s * self.counts_per_rad).round() as i32,
+            velocity_demand: self.speed_demand.round() as i32,
+            torque: per_mille(self.torque),
+            torque_demand: per_mille(self.torque_demand),
+        }
+    }
+}
+
+/// The interpolation period (0x60C2), ns.
+fn period(dictionary: &Dictionary, fields: &Fields) -> u64 {
+    let exponent = 9 + i32::from(dictionary.get(fields.interpolation_index));
+    let value = u64::from(dictionary.get(fields.interpolation_value));
+    value * 10u64.pow(exponent.clamp(0, 9) as u32)
+}
+
+/// `from` moved to `to` by at most `step`.
+fn towards(from: f64, to: f64, step: f64) -> f64 {
+    from + (to - from).clamp(-step, step)
+}
