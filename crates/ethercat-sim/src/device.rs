@@ -1,11 +1,29 @@
 //! What a device does behind its communication: the kinds of device.
 
 pub mod axis;
+pub mod drive;
+pub mod generic;
+mod image;
+pub mod panel;
 pub mod servo;
+pub mod simple;
 
 use crate::dictionary::Dictionary;
 use omnibase_ethercat_wire::coe::{AbortCode, Emergency, ObjectAddress};
 use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
+
+/// What distinguishes one piece from another of its kind.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Piece {
+    /// Station alias; 0 is none.
+    pub alias: u16,
+    /// Serial number; 0 is none.
+    pub serial: u32,
+    /// Local clock at power-on, ns.
+    pub dc_offset_ns: u64,
+    /// How much faster than virtual time its quartz runs, parts per million; slower where negative.
+    pub dc_drift_ppm: f64,
+}
 
 /// Whether the outputs in the dictionary may be acted upon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

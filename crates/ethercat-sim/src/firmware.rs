@@ -158,7 +158,7 @@ impl Firmware {
     }
 
     /// AL status repeats AL control; process data go on in every state, as on a chip without firmware.
-    fn emulate(&mut self, pdi: &mut dyn Pdi) {
+    fn emulate(&mut self, pdi: &mut dyn Pdi, now: HostTime) {
         let mut control = [0; 2];
         pdi.read(reg::AL_CONTROL, &mut control);
         pdi.write(reg::AL_STATUS, &control);
@@ -166,7 +166,9 @@ impl Firmware {
             self.states.force(state);
             self.device.state_changed(&mut self.dictionary, state, AlStatusCode::NO_ERROR);
             if matches!(state, AlState::SafeOp | AlState::Op) {
-                self.process.start_unchecked(pdi, &self.dictionary);
+                self.process.start_unchecked(pdi, &self.dictionary, now);
+            } else {
+                self.process.stop();
             }
         }
         self.write_event_mask(pdi);
@@ -196,7 +198,7 @@ impl Application for Firmware {
         if event & al_event::AL_CONTROL != 0 {
             match self.config.state_control {
                 StateControl::Firmware => self.request_state(pdi, now),
-                StateControl::Emulated => self.emulate(pdi),
+                StateControl::Emulated => self.emulate(pdi, now),
             }
         }
         if event & al_event::SM_CHANGED != 0 {

@@ -29,5 +29,6 @@ pub mod sim_link;
 pub use esc::EscConfig;
 pub use fault::{Fault, FaultError};
 pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
-pub use segment_file::SegmentFile;
+
+pub use segment_file::{SegmentFile, SegmentFileError};
 pub use sim_link::{SimLink, VirtualClock, in_process};

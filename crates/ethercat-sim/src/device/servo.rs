@@ -1,13 +1,11 @@
 //! A CiA 402 servo: power state machine, modes, inner loops, encoder.
 
-mod image;
 mod motion;
 mod objects;
 mod power;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use image::{ServoIdentity, mailbox_area, process_sync_managers, servo_image};
 pub use power::PowerState;
 
 use crate::device::axis::{Axis, AxisState};
@@ -136,7 +134,12 @@ pub struct Servo {
 
 impl Servo {
     /// The objects of a servo with these PDOs, and the servo that works on them.
-    pub fn new(config: ServoConfig, nameplate: &Nameplate, pdos: &[PdoMap], axis: Box<dyn Axis>) -> (Self, Dictionary) {
+    pub fn new(
+        config: ServoConfig,
+        nameplate: &Nameplate,
+        pdos: &[PdoMap],
+        axis: Box<dyn Axis>,
+    ) -> (Self, Dictionary) {
         let dictionary = Dictionary::new(objects::objects(&config, nameplate, pdos));
         let fields = match Fields::find(&dictionary) {
             Ok(fields) => fields,
@@ -228,8 +231,8 @@ impl Servo {
         match react(self.power, command) {
             Reaction::Stay => {}
             Reaction::Enter(PowerState::OperationEnabled)
-                if self.power == PowerState::QuickStopActive
-                    && option(self.fields.quick_stop_option) < 5 => {}
+                if self.power == PowerState::QuickStopActive && option(self.fields.quick_stop_option) < 5 => {
+            }
             Reaction::Enter(state) => self.enter(state),
             Reaction::QuickStop => self.quick_stop(dictionary, option(self.fields.quick_stop_option)),
             Reaction::Shutdown => {
@@ -352,7 +355,8 @@ impl Device for Servo {
 
     fn state_changed(&mut self, dictionary: &mut Dictionary, state: AlState, code: AlStatusCode) {
         let in_process_data = state == AlState::Op;
-        let was_commanded = core::mem::replace(&mut self.commanded, in_process_data || state < AlState::SafeOp);
+        let was_commanded =
+            core::mem::replace(&mut self.commanded, in_process_data || state < AlState::SafeOp);
         if in_process_data {
             return;
         }

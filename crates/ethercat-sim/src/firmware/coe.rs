@@ -57,11 +57,6 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Forgets a transfer that is on its way.
-    pub fn reset(&mut self) {
-        self.transfer = sdo::Transfer::Idle;
-    }
-
     /// Answers the service data of a CoE message, CoE header first, with messages to send.
     pub fn answer(&mut self, request: &[u8], served: &mut Served) -> Result<Vec<Vec<u8>>, MailboxFault> {
         let code = coe::service_code(request).ok_or(MailboxFault::TooShort)?;

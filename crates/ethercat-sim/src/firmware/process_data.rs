@@ -12,6 +12,8 @@ use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
 
 /// Period of a device that runs by its own clock.
 const FREE_RUN: Duration = Duration::from_millis(1);
+/// The same of a chip without firmware.
+const EMULATED_FREE_RUN: Duration = Duration::from_micros(100);
 /// What a missing set of outputs adds to the error counter; one that came takes 1 off (ETG.1020, 0x10F1:02).
 const MISSED: u32 = 3;
 /// SYNC0 counts as gone after so many cycles without it.
@@ -104,6 +106,7 @@ pub(super) struct ProcessData {
     error_limit: u32,
     errors: u32,
     due: Option<HostTime>,
+    free_run: Duration,
 }
 
 const SYNC_TYPE: ObjectAddress = ObjectAddress::new(0x1C32, 1);
@@ -136,6 +139,7 @@ impl ProcessData {
             error_limit: u32::from(ERROR_LIMIT),
             errors: 0,
             due: None,
+            free_run: FREE_RUN,
         }
     }
 
@@ -261,17 +265,21 @@ impl ProcessData {
         self.sync_seen = false;
         self.fresh = false;
         self.errors = 0;
-        self.due = (self.beat == Beat::FreeRun).then(|| now + FREE_RUN);
+        self.due = (self.beat == Beat::FreeRun).then(|| now + self.free_run);
         self.put_inputs(pdi, dictionary);
     }
 
     /// SAFE-OP or OP of a chip without firmware, which checks nothing.
-    pub fn start_unchecked(&mut self, pdi: &mut dyn Pdi, dictionary: &Dictionary) {
+    ///
+    /// Such a chip's terminals follow its memory; here they look at it in short intervals.
+    pub fn start_unchecked(&mut self, pdi: &mut dyn Pdi, dictionary: &Dictionary, now: HostTime) {
         if self.running || self.lay_out(dictionary).is_err() {
             return;
         }
         self.running = true;
-        self.beat = Beat::SyncManager;
+        self.beat = Beat::FreeRun;
+        self.free_run = EMULATED_FREE_RUN;
+        self.due = self.has_data().then(|| now + self.free_run);
         self.put_inputs(pdi, dictionary);
     }
 
@@ -309,6 +317,20 @@ impl ProcessData {
         let needed = self.outputs.iter().chain(&self.inputs).filter(|area| area.layout.bits != 0);
         let mut off = needed.filter(|area| !checks::enabled(pdi, area.plan.number));
         off.next().map(|area| checks::invalid_configuration(area.plan.direction))
+    }
+
+    fn has_data(&self) -> bool {
+        self.outputs.iter().chain(&self.inputs).any(|area| area.layout.bits != 0)
+    }
+
+    /// Output SyncManagers that were written since they were read: those whose control register raises no event.
+    fn written(&self, pdi: &mut dyn Pdi) -> u32 {
+        self.outputs.iter().fold(0, |events, area| {
+            let mut status = [0];
+            pdi.read(reg::SM + reg::SM_SIZE * u16::from(area.plan.number) + 5, &mut status);
+            let written = status[0] & 1 != 0;
+            if written { events | al_event::sync_manager(area.plan.number) } else { events }
+        })
     }
 
     fn take_outputs(&mut self, pdi: &mut dyn Pdi, dictionary: &mut Dictionary, state: AlState, event: u32) {
@@ -362,10 +384,14 @@ impl Firmware {
             return;
         }
         let process = &mut self.process;
+        let timed_out = process.is_due(now);
+        let event = match process.beat {
+            Beat::FreeRun if timed_out => event | process.written(pdi),
+            _ => event,
+        };
         if event & process.output_events != 0 {
             process.take_outputs(pdi, &mut self.dictionary, state, event);
         }
-        let timed_out = process.is_due(now);
         let beats = match process.beat {
             Beat::FreeRun => timed_out,
             Beat::SyncManager => event & process.events() != 0,
@@ -394,7 +420,7 @@ impl Firmware {
                 self.fall(pdi, AlState::SafeOp, AlStatusCode::SYNCHRONIZATION_ERROR);
             }
         } else if process.beat == Beat::FreeRun {
-            process.due = Some(now + FREE_RUN);
+            process.due = Some(now + process.free_run);
         }
         let outputs = match (self.states.state(), self.process.fresh) {
             (AlState::Op, true) => Outputs::New,

@@ -4,10 +4,10 @@
 //! scaled by the inertia. Current loop: a first-order lag with a limit. All in rad, rad/s and N·m; counts stand at
 //! the edge only.
 
-use super::objects::{Fields, SUPPORTED_MODES};
 use super::ServoConfig;
-use crate::device::axis::{Axis, AxisState};
+use super::objects::{Fields, SUPPORTED_MODES};
 use crate::device::Moment;
+use crate::device::axis::{Axis, AxisState};
 use crate::dictionary::Dictionary;
 use core::f64::consts::TAU;
 use core::time::Duration;
@@ -100,7 +100,6 @@ enum Reference {
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     counts_per_rad: f64,
-    counts_per_revolution: f64,
     rated_torque_n_m: f64,
     position_gain: f64,
     speed_gain: f64,
@@ -138,7 +137,6 @@ impl Motion {
         let speed_gain = inertia_kg_m2 * config.speed_bandwidth_rad_s;
         Motion {
             counts_per_rad: counts_per_revolution / TAU,
-            counts_per_revolution,
             rated_torque_n_m: config.rated_torque_n_m,
             position_gain: config.position_gain_per_s,
             speed_gain,
@@ -226,7 +224,13 @@ impl Motion {
     }
 
     /// Moves axis and loops on to `now` under the references that held so far.
-    pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, limits: &Limits, power: (bool, Option<f64>)) {
+    pub fn advance(
+        &mut self,
+        axis: &mut dyn Axis,
+        now: HostTime,
+        limits: &Limits,
+        power: (bool, Option<f64>),
+    ) {
         while self.now < now {
             let left = now - self.now;
             let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
@@ -262,7 +266,12 @@ impl Motion {
                 }
             }
             Reference::Profile { to, velocity, acceleration, deceleration } => {
-                self.run_profile(to, velocity.min(limits.speed_counts_s), (acceleration, deceleration), step_s);
+                self.run_profile(
+                    to,
+                    velocity.min(limits.speed_counts_s),
+                    (acceleration, deceleration),
+                    step_s,
+                );
             }
             Reference::Speed { to, rate } => {
                 self.speed_demand = towards(self.speed_demand, to, rate * step_s);
@@ -281,7 +290,8 @@ impl Motion {
         let distance = to - self.position_demand;
         let stopping = (2.0 * deceleration.max(1.0) * distance.abs()).sqrt();
         let wished = distance.signum() * velocity.min(stopping);
-        let rate = if wished.abs() < self.speed_demand.abs() { deceleration.max(1.0) * 1.5 } else { acceleration };
+        let rate =
+            if wished.abs() < self.speed_demand.abs() { deceleration.max(1.0) * 1.5 } else { acceleration };
         self.speed_demand = towards(self.speed_demand, wished, rate.max(1.0) * step_s);
         let step = self.speed_demand * step_s;
         if step.abs() >= distance.abs() && self.speed_demand.abs() <= deceleration.max(1.0) * step_s * 4.0 {
@@ -344,7 +354,13 @@ impl Motion {
     }
 
     /// Takes over mode and targets; `follows` is `None` where the drive doesn't obey them, else whether they are new.
-    pub fn command(&mut self, dictionary: &Dictionary, fields: &Fields, follows: Option<bool>, moment: Moment) {
+    pub fn command(
+        &mut self,
+        dictionary: &Dictionary,
+        fields: &Fields,
+        follows: Option<bool>,
+        moment: Moment,
+    ) {
         let code = dictionary.get(fields.mode);
         if let Some(mode) = Mode::new(code).filter(|mode| *mode != self.mode) {
             self.mode = mode;
@@ -387,13 +403,16 @@ impl Motion {
                 let to = f64::from(dictionary.get(fields.target_velocity)).clamp(-limit, limit);
                 let to = if self.halted { 0.0 } else { to };
                 let slower = to.abs() < self.speed_demand.abs();
-                let rate = get(if slower { fields.profile_deceleration } else { fields.profile_acceleration });
+                let rate =
+                    get(if slower { fields.profile_deceleration } else { fields.profile_acceleration });
                 self.reference = Reference::Speed { to, rate };
-                self.reached = (to - self.state.speed_rad_s * self.counts_per_rad).abs() <= get(fields.velocity_window);
+                self.reached =
+                    (to - self.state.speed_rad_s * self.counts_per_rad).abs() <= get(fields.velocity_window);
             }
             Mode::ProfileTorque => {
                 let unit = self.rated_torque_n_m / 1000.0;
-                let to = if self.halted { 0.0 } else { f64::from(dictionary.get(fields.target_torque)) * unit };
+                let to =
+                    if self.halted { 0.0 } else { f64::from(dictionary.get(fields.target_torque)) * unit };
                 self.reference = Reference::Torque { to, rate: get(fields.torque_slope) * unit };
                 self.reached = self.torque_demand == to;
             }
@@ -429,8 +448,14 @@ impl Motion {
             to = next;
         }
         self.reached = arrived && to == target;
-        let velocity = if self.halted { 0.0 } else { get(fields.profile_velocity).min(get(fields.max_profile_velocity)) };
-        let (acceleration, deceleration) = (get(fields.profile_acceleration), get(fields.profile_deceleration));
+        let velocity = if self.halted {
+            0.0
+        } else {
+            get(fields.profile_velocity).min(get(fields.max_profile_velocity))
+        };
+        let acceleration = get(fields.profile_acceleration);
+        let deceleration =
+            if self.halted { halt_rate(dictionary, fields) } else { get(fields.profile_deceleration) };
         self.reference = Reference::Profile { to, velocity, acceleration, deceleration };
     }
 
@@ -438,7 +463,10 @@ impl Motion {
     pub fn follows_badly(&mut self, dictionary: &Dictionary, fields: &Fields, now: HostTime) -> bool {
         let window = dictionary.get(fields.following_window);
         let positions = matches!(self.reference, Reference::Position { .. } | Reference::Profile { .. });
-        if !positions || window == u32::MAX || (self.position_demand - self.counts()).abs() <= f64::from(window) {
+        if !positions
+            || window == u32::MAX
+            || (self.position_demand - self.counts()).abs() <= f64::from(window)
+        {
             self.bad_since = None;
             self.follows_badly = false;
             return false;
@@ -457,7 +485,8 @@ impl Motion {
             status |= LIMIT_ACTIVE;
         }
         if self.follows {
-            let cyclic = matches!(self.mode, Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque);
+            let cyclic =
+                matches!(self.mode, Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque);
             if cyclic || self.set_point_acknowledged {
                 status |= FOLLOWS;
             }
@@ -488,6 +517,15 @@ fn period(dictionary: &Dictionary, fields: &Fields) -> u64 {
     let exponent = 9 + i32::from(dictionary.get(fields.interpolation_index));
     let value = u64::from(dictionary.get(fields.interpolation_value));
     value * 10u64.pow(exponent.clamp(0, 9) as u32)
+}
+
+/// How fast a halt slows down (0x605D), counts/s²: the profile's ramp, the quick stop's, or at once.
+fn halt_rate(dictionary: &Dictionary, fields: &Fields) -> f64 {
+    match dictionary.get(fields.halt_option) {
+        1 => f64::from(dictionary.get(fields.profile_deceleration)),
+        2 => f64::from(dictionary.get(fields.quick_stop_deceleration)),
+        _ => f64::INFINITY,
+    }
 }
 
 /// `from` moved to `to` by at most `step`.

@@ -12,15 +12,6 @@ const PARAMETER: Access = Access(Access::READ_WRITE.0 | Access::BACKUP.0 | Acces
 const COMMAND: Access = Access(Access::READ_WRITE.0 | Access::RX_PDO.0);
 const ACTUAL: Access = Access(Access::READ.0 | Access::TX_PDO.0);
 
-/// Whether the user may choose the synchronisation mode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SyncType {
-    /// 0x1C32:01 can be written.
-    Written,
-    /// The device decides by SYNC0 alone.
-    Decided,
-}
-
 /// Every object of a servo with these PDOs.
 pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMap]) -> Vec<Object> {
     let mut objects = standard::nameplate_objects(nameplate);
@@ -85,10 +76,7 @@ fn motion_objects(config: &ServoConfig) -> Vec<Object> {
         i32(0x606C, "Velocity actual value", ACTUAL),
         u32(0x606D, "Velocity window", max_speed / 100, PARAMETER),
         i16(0x6071, "Target torque", COMMAND),
-        Object::variable(
-            0x6072,
-            Entry::unsigned16(0, "Max torque", max_torque).with_access(settable),
-        ),
+        Object::variable(0x6072, Entry::unsigned16(0, "Max torque", max_torque).with_access(settable)),
         i16(0x6074, "Torque demand", ACTUAL),
         u32(0x6076, "Motor rated torque", (config.rated_torque_n_m * 1000.0) as u32, Access::READ),
         i16(0x6077, "Torque actual value", ACTUAL),
@@ -137,10 +125,7 @@ fn manufacturer_objects() -> Vec<Object> {
             0x2F00,
             Entry::new(0, "Scratch memory", DataType::DOMAIN, pattern).with_access(Access::READ_WRITE),
         ),
-        Object::variable(
-            0x2F01,
-            Entry::text(0, "Note", "").with_access(PARAMETER).with_capacity(64),
-        ),
+        Object::variable(0x2F01, Entry::text(0, "Note", "").with_access(PARAMETER).with_capacity(64)),
         Object::variable(
             0x2F02,
             Entry::new(0, "Five bytes", DataType::OCTET_STRING, vec![1, 2, 3, 4, 5])

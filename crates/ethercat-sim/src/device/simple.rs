@@ -1,0 +1,92 @@
+//! Simple devices with generated images: a coupler, and digital inputs and outputs bit by bit.
+
+use super::generic::Generic;
+use super::image::{ImagePlan, PDI_DIGITAL_IO, PDI_EMULATED, PORT_EBUS, PORT_MII, emit};
+use super::{Piece, drive::SERVO_VENDOR};
+use crate::dictionary::pdo::Direction;
+use crate::dictionary::standard::PdoMap;
+use crate::firmware::ProcessSyncManager;
+use omnibase_ethercat_wire::coe::ObjectAddress;
+use omnibase_ethercat_wire::sii::{Identity, ImageTooShort};
+
+/// Product code of the coupler.
+pub const COUPLER_PRODUCT: u32 = 0x0000_1100;
+/// Product code of digital I/O; the numbers of inputs and outputs stand in the bytes below.
+pub const DIGITAL_IO_PRODUCT: u32 = 0x0D00_0000;
+/// Most bits of a direction.
+pub const DIGITAL_IO_LIMIT: u8 = 64;
+
+/// A coupler without process data: port 0 in, port 1 to the terminals, port 2 to the next device.
+pub fn coupler(piece: &Piece) -> Result<Generic, ImageTooShort> {
+    let sii = emit(&ImagePlan {
+        pdi_control: PDI_EMULATED,
+        identity: identity(COUPLER_PRODUCT, piece),
+        alias: piece.alias,
+        group: "Coupler",
+        order: "Coupler",
+        name: "Coupler",
+        ports: PORT_MII | PORT_EBUS << 4 | PORT_MII << 8,
+        flags: 0,
+        mailbox: None,
+        process_data: &[],
+        pdos: &[],
+        dictionary: None,
+        dc_modes: &[],
+    });
+    Generic::from_sii(&sii, piece)
+}
+
+/// Numbers of bits, each at most [`DIGITAL_IO_LIMIT`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DigitalIo {
+    /// Bits that the MainDevice reads: objects 0x6000:01 and up.
+    pub inputs: u8,
+    /// Bits that the MainDevice writes: objects 0x7000:01 and up.
+    pub outputs: u8,
+}
+
+/// Digital inputs and outputs, a PDO with one bit each.
+pub fn digital_io(bits: DigitalIo, piece: &Piece) -> Result<Generic, ImageTooShort> {
+    let DigitalIo { inputs, outputs } = bits;
+    let mut process_data = Vec::new();
+    let mut pdos = Vec::new();
+    let directions = [
+        (Direction::Outputs, outputs, 0x1000, 0x64, (0x1600, 0x7000, "Output")),
+        (Direction::Inputs, inputs, 0x1100, 0x20, (0x1A00, 0x6000, "Input")),
+    ];
+    for (direction, count, start, control, (pdo, object, name)) in directions {
+        let count = count.min(DIGITAL_IO_LIMIT);
+        if count == 0 {
+            continue;
+        }
+        let number = process_data.len() as u8;
+        process_data.push(ProcessSyncManager { number, direction, start, control, max_bytes: 8 });
+        pdos.extend((0..count).map(|bit| PdoMap {
+            index: pdo + u16::from(bit),
+            name: format!("{name} {}", bit + 1),
+            entries: vec![(ObjectAddress::new(object, bit + 1), 1)],
+        }));
+    }
+    let name = format!("Digital I/O {inputs}+{outputs}");
+    let product = DIGITAL_IO_PRODUCT | u32::from(inputs) << 8 | u32::from(outputs);
+    let sii = emit(&ImagePlan {
+        pdi_control: PDI_DIGITAL_IO,
+        identity: identity(product, piece),
+        alias: piece.alias,
+        group: "Digital I/O",
+        order: &name,
+        name: &name,
+        ports: PORT_EBUS | PORT_EBUS << 4,
+        flags: 0,
+        mailbox: None,
+        process_data: &process_data,
+        pdos: &pdos,
+        dictionary: None,
+        dc_modes: &[],
+    });
+    Generic::from_sii(&sii, piece)
+}
+
+fn identity(product_code: u32, piece: &Piece) -> Identity {
+    Identity { vendor_id: SERVO_VENDOR, product_code, revision: 1, serial: piece.serial }
+}

@@ -1,0 +1,257 @@
+//! A segment described in TOML.
+//!
+//! ```toml
+//! [[subdevice]]
+//! kind = "sgdv"              # sgdv, servo, coupler, digital-io, sii
+//! name = "left"              # default: the kind and the position
+//! alias = 1                  # station alias, default 0 (none)
+//! serial = 1001              # default 0 (none)
+//! dc_offset_ns = 5_000_000   # its clock at power-on
+//! dc_drift_ppm = 50.0        # its quartz, against virtual time
+//! cable_delay_ns = 100       # of the cable to its parent
+//! parent = "hub"             # default: the one before
+//! port = 2                   # of the parent, default: its first free one
+//! count = 20                 # so many of them in a line; names, aliases and serials count up
+//! dc_offset_step_ns = 1000   # with count: each has so much more than the one before
+//! dc_drift_spread_ppm = 50.0 # with count: drifts spread evenly within ± this
+//! ```
+//!
+//! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants `inputs`
+//! and `outputs`, numbers of bits; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
+//! `segments/three-sgdv.toml`.
+
+mod build;
+mod drive;
+mod reader;
+#[cfg(test)]
+mod tests;
+
+pub use build::{ImagesError, line_of_images};
+
+use crate::device::Piece;
+use crate::device::axis::Load;
+use crate::device::drive::{Drive, DriveKind};
+use crate::device::simple::{DIGITAL_IO_LIMIT, DigitalIo};
+use reader::{Document, TableReader};
+use std::path::PathBuf;
+
+/// The longest line that one entry may stand for.
+const COUNT_LIMIT: i64 = 1000;
+/// Cables of 20 m, where nothing is said.
+const CABLE_DELAY_NS: u32 = 100;
+
+/// Something wrong in a segment file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1.
+    pub column: usize,
+    /// What is wrong, with what was expected.
+    pub text: String,
+}
+
+impl core::fmt::Display for Problem {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}:{}: {}", self.line, self.column, self.text)
+    }
+}
+
+/// Everything that is wrong in a segment file, in the order of lines.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", lines(.problems))]
+pub struct SegmentFileError {
+    /// The problems, at least one.
+    pub problems: Vec<Problem>,
+}
+
+fn lines(problems: &[Problem]) -> String {
+    let lines: Vec<String> = problems.iter().map(Problem::to_string).collect();
+    lines.join("\n")
+}
+
+/// What a SubDevice is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// A servo drive and its motor's load.
+    Drive(Box<Drive>, Load),
+    /// A device from an SII image in a file.
+    Sii(PathBuf),
+    /// A coupler.
+    Coupler,
+    /// Digital inputs and outputs.
+    DigitalIo(DigitalIo),
+}
+
+/// Where a SubDevice is plugged in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plug {
+    /// Index of the SubDevice nearer to the MainDevice; `None` for the first.
+    pub parent: Option<usize>,
+    /// Its port; `None` takes the first free one.
+    pub port: Option<u8>,
+    /// Delay of the cable, ns.
+    pub cable_delay_ns: u32,
+}
+
+/// One SubDevice of a segment file, repetitions written out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SubDeviceEntry {
+    /// Name, unique in the file.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// What distinguishes it from others of its kind.
+    pub piece: Piece,
+    /// Where it is plugged in.
+    pub plug: Plug,
+    /// Line and column of its entry, from 1.
+    pub place: (usize, usize),
+}
+
+/// A segment file that was read and checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SegmentFile {
+    /// Every SubDevice in the order of positions.
+    pub sub_devices: Vec<SubDeviceEntry>,
+}
+
+impl SegmentFile {
+    /// Reads a segment file; all that is wrong comes at once.
+    pub fn parse(text: &str) -> Result<Self, SegmentFileError> {
+        let (mut document, table) = Document::parse(text);
+        let mut sub_devices = Vec::new();
+        if document.is_broken() {
+            return document.into_result(SegmentFile { sub_devices });
+        }
+        let mut top = TableReader::new(&table);
+        for entry in top.tables("subdevice", &mut document) {
+            read_entry(entry, &mut document, &mut sub_devices);
+        }
+        top.finish(&mut document);
+        document.into_result(SegmentFile { sub_devices })
+    }
+}
+
+/// Reads one `[[subdevice]]` and appends the SubDevices that it stands for.
+fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut Vec<SubDeviceEntry>) {
+    let kind = read_kind(&mut entry, document);
+    let count = entry.integer("count", 1..=COUNT_LIMIT, document).unwrap_or(1) as usize;
+    let name = entry.text("name", document);
+    let alias = entry.integer("alias", 0..=0xFFFF, document).unwrap_or(0);
+    let serial = entry.integer("serial", 0..=0xFFFF_FFFF, document).unwrap_or(0);
+    let offset = entry.integer("dc_offset_ns", 0..=i64::MAX, document).unwrap_or(0);
+    let offset_step = entry.integer("dc_offset_step_ns", 0..=1_000_000_000_000, document).unwrap_or(0);
+    let drift = entry.number("dc_drift_ppm", -1000.0..=1000.0, document).unwrap_or(0.0);
+    let spread = entry.number("dc_drift_spread_ppm", 0.0..=1000.0, document).unwrap_or(0.0);
+    let delay = entry.integer("cable_delay_ns", 0..=1_000_000, document);
+    let port = entry.integer("port", 1..=3, document).map(|port| port as u8);
+    let parent = entry.text("parent", document);
+    let place = document.place(entry.span());
+    let parent = match parent {
+        None => sub_devices.len().checked_sub(1),
+        Some((name, span)) => {
+            let found = sub_devices.iter().position(|sub_device: &SubDeviceEntry| sub_device.name == name);
+            if found.is_none() {
+                let known: Vec<&str> = sub_devices.iter().map(|known| known.name.as_str()).collect();
+                document.problem(
+                    span,
+                    format!(
+                        "no subdevice before this one is named \"{name}\"{}",
+                        nearest_hint(&name, &known)
+                    ),
+                );
+            }
+            found
+        }
+    };
+    let name_span = name.as_ref().map_or(entry.span(), |(_, span)| span.clone());
+    let name = name.map(|(name, _)| name);
+    entry.finish(document);
+    let Some((kind_name, kind)) = kind else { return };
+    let first = sub_devices.len();
+    for number in 0..count {
+        let name = match &name {
+            Some(name) if count == 1 => name.clone(),
+            Some(name) => format!("{name}-{}", number + 1),
+            None => format!("{kind_name}-{}", first + number),
+        };
+        if sub_devices.iter().any(|sub_device| sub_device.name == name) {
+            document.problem(name_span.clone(), format!("the name \"{name}\" is taken"));
+        }
+        let counted = |base: i64| if base == 0 { 0 } else { base + number as i64 };
+        let plug = Plug {
+            parent: if number == 0 { parent } else { Some(first + number - 1) },
+            port: port.filter(|_| number == 0),
+            cable_delay_ns: delay.map_or(CABLE_DELAY_NS, |delay| delay as u32),
+        };
+        let piece = Piece {
+            alias: counted(alias) as u16,
+            serial: counted(serial) as u32,
+            dc_offset_ns: offset as u64 + offset_step as u64 * number as u64,
+            dc_drift_ppm: drift + spread * spread_of(number, count),
+        };
+        sub_devices.push(SubDeviceEntry { name, kind: kind.clone(), piece, plug, place });
+    }
+}
+
+/// Evenly spread values from -1 to 1 in an order in which neighbours differ much.
+fn spread_of(number: usize, count: usize) -> f64 {
+    if count < 2 {
+        return 0.0;
+    }
+    // 37 has no factor in common with any count below 37 and few above; equal values do no harm.
+    let place = number * 37 % count;
+    2.0 * place as f64 / (count - 1) as f64 - 1.0
+}
+
+const KINDS: [&str; 5] = ["sgdv", "servo", "coupler", "digital-io", "sii"];
+
+fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String, Kind)> {
+    let Some((name, span)) = entry.text("kind", document) else {
+        if !entry.has("kind") {
+            document
+                .problem(entry.span(), format!("the key \"kind\" is missing: one of {}", KINDS.join(", ")));
+        }
+        entry.ignore_rest();
+        return None;
+    };
+    let kind = match name.as_str() {
+        "sgdv" => drive::read(DriveKind::Sgdv, entry, document),
+        "servo" => drive::read(DriveKind::Generic, entry, document),
+        "coupler" => Kind::Coupler,
+        "digital-io" => {
+            let limit = i64::from(DIGITAL_IO_LIMIT);
+            let inputs = entry.integer("inputs", 0..=limit, document).unwrap_or(0) as u8;
+            let outputs = entry.integer("outputs", 0..=limit, document).unwrap_or(0) as u8;
+            if inputs == 0 && outputs == 0 {
+                document.problem(span, "digital I/O needs \"inputs\" or \"outputs\"".into());
+            }
+            Kind::DigitalIo(DigitalIo { inputs, outputs })
+        }
+        "sii" => match entry.text("sii", document) {
+            Some((path, _)) => Kind::Sii(path.into()),
+            None => {
+                if !entry.has("sii") {
+                    document.problem(span, "the key \"sii\" is missing: the file with the image".into());
+                }
+                return None;
+            }
+        },
+        _ => {
+            let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));
+            document.problem(span, format!("{text}; there are {}", KINDS.join(", ")));
+            entry.ignore_rest();
+            return None;
+        }
+    };
+    Some((name, kind))
+}
+
+/// ": did you mean ...?" where something near is known.
+fn nearest_hint(name: &str, known: &[&str]) -> String {
+    match reader::nearest(name, known) {
+        Some(near) => format!("; did you mean \"{near}\"?"),
+        None => String::new(),
+    }
+}

@@ -1,0 +1,145 @@
+//! From a segment file, or from images, to a segment.
+
+use super::{Kind, Problem, SegmentFile, SegmentFileError, SubDeviceEntry};
+use crate::device::Piece;
+use crate::device::axis::Axis;
+use crate::device::generic::Generic;
+use crate::device::simple;
+use crate::{Attachment, Parent, Segment, SubDevice};
+use omnibase_ethercat_wire::sii::ImageTooShort;
+use std::path::Path;
+
+/// Ports in the order in which free ones are taken.
+const PORTS: [u8; 3] = [1, 2, 3];
+
+impl SegmentFile {
+    /// The segment; images are looked for in `base_dir`. Every servo has a motor of its own.
+    pub fn build(&self, base_dir: &Path) -> Result<Segment, SegmentFileError> {
+        self.build_on(base_dir, &mut |_| None)
+    }
+
+    /// The segment, servos on the axes that `axis` gives for their names; where it gives none, on their own.
+    pub fn build_on(
+        &self,
+        base_dir: &Path,
+        axis: &mut dyn FnMut(&str) -> Option<Box<dyn Axis>>,
+    ) -> Result<Segment, SegmentFileError> {
+        let mut problems = Vec::new();
+        let mut sub_devices = Vec::new();
+        for entry in &self.sub_devices {
+            match build_one(entry, base_dir, axis(&entry.name)) {
+                Ok(sub_device) => sub_devices.push(sub_device),
+                Err(text) => problems.push(problem(entry, text)),
+            }
+        }
+        if problems.is_empty() {
+            let attachments = self.attachments(&sub_devices, &mut problems);
+            if problems.is_empty() {
+                match Segment::new(sub_devices, attachments) {
+                    Ok(segment) => return Ok(segment),
+                    Err(error) => problems.push(Problem { line: 1, column: 1, text: error.to_string() }),
+                }
+            }
+        }
+        Err(SegmentFileError { problems })
+    }
+
+    fn attachments(&self, sub_devices: &[SubDevice], problems: &mut Vec<Problem>) -> Vec<Attachment> {
+        let mut taken = vec![[true, false, false, false]; sub_devices.len()];
+        let mut attachments = Vec::new();
+        for entry in &self.sub_devices {
+            let parent = match entry.plug.parent {
+                None => Parent::MainDevice,
+                Some(position) => {
+                    let config = sub_devices[position].esc().config();
+                    let free = |port: &u8| config.has_port(*port) && !taken[position][usize::from(*port)];
+                    let port = entry.plug.port.or_else(|| PORTS.into_iter().find(|port| free(port)));
+                    let Some(port) = port else {
+                        let name = &self.sub_devices[position].name;
+                        problems.push(problem(entry, format!("\"{name}\" has no free port")));
+                        continue;
+                    };
+                    if !config.has_port(port) {
+                        let name = &self.sub_devices[position].name;
+                        problems.push(problem(entry, format!("\"{name}\" has no port {port}")));
+                    }
+                    taken[position][usize::from(port)] = true;
+                    Parent::SubDevice { position, port }
+                }
+            };
+            attachments.push(Attachment { parent, entry_port: 0, cable_delay_ns: entry.plug.cable_delay_ns });
+        }
+        attachments
+    }
+}
+
+fn problem(entry: &SubDeviceEntry, text: String) -> Problem {
+    Problem { line: entry.place.0, column: entry.place.1, text }
+}
+
+fn build_one(
+    entry: &SubDeviceEntry,
+    base_dir: &Path,
+    axis: Option<Box<dyn Axis>>,
+) -> Result<SubDevice, String> {
+    let generic = match &entry.kind {
+        Kind::Drive(drive, load) => {
+            return Ok(match axis {
+                Some(axis) => drive.build_on(&entry.piece, axis),
+                None => drive.build(&entry.piece, *load),
+            });
+        }
+        Kind::Sii(path) => {
+            let path = base_dir.join(path);
+            let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+            Generic::from_sii(&bytes, &entry.piece)
+        }
+        Kind::Coupler => simple::coupler(&entry.piece),
+        Kind::DigitalIo(bits) => simple::digital_io(*bits, &entry.piece),
+    };
+    generic.map(|generic| generic.sub_device).map_err(|error| error.to_string())
+}
+
+/// Why images don't make a segment.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImagesError {
+    /// An image can't be read.
+    #[error("image {position}: {error}")]
+    Image {
+        /// Which one, from 0.
+        position: usize,
+        /// What is wrong.
+        error: ImageTooShort,
+    },
+    /// The devices can't be plugged into a line.
+    #[error(transparent)]
+    Topology(#[from] crate::TopologyError),
+    /// A device has no port for the next one.
+    #[error("the device of image {position} has no port for the next one")]
+    NoPort {
+        /// Which one, from 0.
+        position: usize,
+    },
+}
+
+/// A line of devices from SII images.
+pub fn line_of_images(images: &[Vec<u8>]) -> Result<Segment, ImagesError> {
+    let mut sub_devices: Vec<SubDevice> = Vec::new();
+    let mut attachments = Vec::new();
+    for (position, image) in images.iter().enumerate() {
+        let parent = match position.checked_sub(1) {
+            None => Parent::MainDevice,
+            Some(before) => {
+                let config = sub_devices[before].esc().config();
+                let port = PORTS.into_iter().find(|port| config.has_port(*port));
+                let port = port.ok_or(ImagesError::NoPort { position: before })?;
+                Parent::SubDevice { position: before, port }
+            }
+        };
+        let generic = Generic::from_sii(image, &Piece::default())
+            .map_err(|error| ImagesError::Image { position, error })?;
+        sub_devices.push(generic.sub_device);
+        attachments.push(Attachment { parent, entry_port: 0, cable_delay_ns: super::CABLE_DELAY_NS });
+    }
+    Ok(Segment::new(sub_devices, attachments)?)
+}
