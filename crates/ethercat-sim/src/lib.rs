@@ -5,6 +5,8 @@
 //! - [`esc`]: one ESC, with registers, SyncManagers, FMMUs, SII interface, watchdogs and distributed clock.
 //! - [`segment`]: SubDevices and the cables between them; frames go in and come back.
 //! - [`fault`]: what can go wrong on request.
+//! - [`fault_link`]: a link on which frames get lost, late, doubled, swapped and falsified.
+//! - [`serve`](mod@serve): a segment behind a network interface, in real time.
 //! - [`sim_link`]: a segment in the process, on virtual time, as a link of a MainDevice.
 //! - [`pdi`]: the line between the chip and the firmware behind it.
 //!
@@ -20,15 +22,18 @@ pub mod device;
 pub mod dictionary;
 pub mod esc;
 pub mod fault;
+pub mod fault_link;
 pub mod firmware;
 pub mod pdi;
 pub mod segment;
 pub mod segment_file;
+pub mod serve;
 pub mod sim_link;
 
 pub use esc::EscConfig;
 pub use fault::{Fault, FaultError};
+pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection, Target};
 pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
-
 pub use segment_file::{SegmentFile, SegmentFileError};
+pub use serve::{Served, serve};
 pub use sim_link::{SimLink, VirtualClock, in_process};
