@@ -9,6 +9,7 @@ use crate::clock_setup;
 use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
 use crate::error::SetUpError;
 use crate::fmmu;
+use crate::image::{ClockUse, ImagePlan, Member};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::start_up::{Refusal, StartUpRunner, StartUpStep};
@@ -348,6 +349,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
 
     /// The process image, and the FMMUs that follow from it.
     fn place_process_data(&mut self) -> Result<(), SetUpError> {
+        let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
+        ImagePlan::new(&members, ClockUse::None)?.apply(&mut self.subdevices);
         for subdevice in &mut self.subdevices {
             subdevice.fmmus = fmmu::of_subdevice(subdevice)?;
         }

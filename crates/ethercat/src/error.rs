@@ -6,6 +6,7 @@ use crate::clock_setup::DcError;
 use crate::configure::Mismatch;
 use crate::eeprom::EepromError;
 use crate::fmmu::FmmuError;
+use crate::image::PlanError;
 use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
 use crate::mapping::MappingError;
 use crate::scan::NoSubDevices;
@@ -134,6 +135,9 @@ pub enum SetUpError {
     /// A state was not reached.
     #[error(transparent)]
     State(#[from] StateError),
+    /// The process data don't fit into a cycle.
+    #[error(transparent)]
+    Image(#[from] PlanError),
     /// What is there isn't what is configured.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
