@@ -1,0 +1,24 @@
+//! From the robot's file to objects: read, check, plan.
+//!
+//! 1. [`RobotFile`] is the file as written; [`Source`] reads it and knows where each setting stands.
+//! 2. [`RobotPlan::check`] resolves it without any hardware and gives all [`Problem`]s at once.
+//! 3. [`Robot::build`](crate::Robot::build) makes the stages of the cycle from the plan.
+
+mod check;
+mod drives;
+mod file;
+mod mapping;
+mod plan;
+mod platform;
+mod problem;
+mod source;
+#[cfg(test)]
+mod tests;
+mod units;
+
+pub use file::*;
+pub(crate) use mapping::find as find_object;
+pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
+pub use plan::*;
+pub use problem::{Place, Problem, ProblemKind};
+pub use source::{Locations, Source, json_schema};

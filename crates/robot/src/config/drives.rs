@@ -1,0 +1,340 @@
+//! The drives: defaults, the device's own defaults, identities, PDO maps, parameters, and their places on the bus.
+
+use std::collections::HashMap;
+
+use omnibase_ethercat::start_up::ReadBack;
+
+use super::check::{Check, ReadFile};
+use super::file::*;
+use super::mapping::{PdoPlan, find, parse_map, parse_object};
+use super::plan::*;
+use super::problem::ProblemKind;
+use super::source::Source;
+use crate::registry::{DeviceDefaults, Registry};
+use crate::signals::{MAX_INPUT_BYTES, MAX_WHEELS};
+
+pub(super) fn resolve(
+    check: &mut Check,
+    defaults: &DriveTable,
+    drives: &[DriveTable],
+    registry: &Registry,
+    read_file: ReadFile<'_>,
+) -> Option<Vec<DrivePlan>> {
+    for (key, given) in [("name", defaults.name.is_some()), ("position", defaults.position.is_some())] {
+        if given {
+            let setting = format!("drive_defaults.{key}");
+            check.report(ProblemKind::Contradiction, &setting, "each drive has its own");
+        }
+    }
+    if !(3..=MAX_WHEELS).contains(&drives.len()) {
+        let problem = check.report(ProblemKind::OutOfRange, "drive", "each wheel has one `[[drive]]`");
+        problem.value = Some(format!("{} drives", drives.len()));
+        problem.limit = Some(format!("3 to {MAX_WHEELS}"));
+    }
+    duplicates(check, drives);
+    let resolved: Vec<Option<DrivePlan>> = drives
+        .iter()
+        .enumerate()
+        .map(|(index, own)| Drive { check, index, own, defaults }.resolve(registry, read_file))
+        .collect();
+    resolved.into_iter().collect()
+}
+
+fn duplicates(check: &mut Check, drives: &[DriveTable]) {
+    let mut first = HashMap::new();
+    for (index, drive) in drives.iter().enumerate() {
+        let claims = [
+            drive.position.map(|position| ("position", position.to_string())),
+            drive.alias.map(|alias| ("alias", alias.to_string())),
+            drive.name.as_ref().map(|name| ("name", format!("\"{name}\""))),
+        ];
+        for (key, value) in claims.into_iter().flatten() {
+            if let Some(other) = first.insert((key, value.clone()), index) {
+                let setting = format!("drive[{index}].{key}");
+                let line =
+                    check.locations.place(&format!("drive[{other}].{key}")).map_or(0, |place| place.line);
+                let reason = format!("drive[{other}] has the same {key} (line {line})");
+                check.report(ProblemKind::Duplicate, &setting, reason).value = Some(value);
+            }
+        }
+    }
+}
+
+struct Drive<'a> {
+    check: &'a mut Check,
+    index: usize,
+    own: &'a DriveTable,
+    defaults: &'a DriveTable,
+}
+
+impl Drive<'_> {
+    /// The setting's full name where it stands: in the drive's own table, else in the defaults.
+    fn setting(&self, key: &str, is_own: bool) -> String {
+        if is_own { format!("drive[{}].{key}", self.index) } else { format!("drive_defaults.{key}") }
+    }
+
+    /// A value of the drive or of the defaults; with the setting's name.
+    fn pick<T: Clone>(&self, key: &str, get: fn(&DriveTable) -> &Option<T>) -> (Option<T>, String) {
+        match (get(self.own), get(self.defaults)) {
+            (Some(value), _) => (Some(value.clone()), self.setting(key, true)),
+            (None, Some(value)) => (Some(value.clone()), self.setting(key, false)),
+            (None, None) => (None, self.setting(key, self.check.locations.place("drive_defaults").is_none())),
+        }
+    }
+
+    fn resolve(mut self, registry: &Registry, read_file: ReadFile<'_>) -> Option<DrivePlan> {
+        let name = self.own.name.clone().unwrap_or_else(|| format!("wheel_{}", self.index + 1));
+        let place = self.place();
+        let (device, device_setting) = self.pick("device", |table| &table.device);
+        let device = device.unwrap_or_else(|| "cia402".into());
+        let Some(defaults) = registry.device_defaults(&device) else {
+            self.check.known_name(&device_setting, &device, &registry.devices());
+            return None;
+        };
+        let identity = self.identity(defaults);
+        let outputs = self.pdos("outputs", |table| &table.outputs, &defaults.outputs);
+        let inputs = self.pdos("inputs", |table| &table.inputs, &defaults.inputs);
+        self.required_objects(&outputs, &inputs);
+        let scale = self.scale(defaults);
+        let mut parameters = defaults.parameters.clone();
+        if let (Some(file), setting) = self.pick("parameters_file", |table| &table.parameters_file) {
+            parameters.extend(self.parameters_file(&file, &setting, read_file));
+        }
+        let tables = [(&self.defaults.parameters, false), (&self.own.parameters, true)];
+        for (tables, is_own) in tables {
+            for (index, table) in tables.iter().flatten().enumerate() {
+                let setting = self.setting(&format!("parameters[{index}]"), is_own);
+                parameters.extend(parameter(self.check, table, &setting));
+            }
+        }
+        let mut custom = self.defaults.custom.clone();
+        custom.extend(self.own.custom.clone());
+        Some(DrivePlan {
+            name,
+            place: place?,
+            device,
+            identity,
+            outputs: outputs?,
+            inputs: inputs?,
+            scale: scale?,
+            parameters,
+            custom,
+        })
+    }
+
+    fn place(&mut self) -> Option<DrivePlace> {
+        let setting = self.setting("position", true);
+        match (self.own.position, self.own.alias) {
+            (Some(position), None) => Some(DrivePlace::Position(position)),
+            (None, Some(alias)) => Some(DrivePlace::Alias(alias)),
+            (Some(_), Some(_)) => {
+                self.check.report(
+                    ProblemKind::Contradiction,
+                    &setting,
+                    "give `position` or `alias`, not both",
+                );
+                None
+            }
+            (None, None) => {
+                self.check.need(None, &setting, "a drive is found by its `position` or its `alias`")
+            }
+        }
+    }
+
+    fn identity(&mut self, device: &DeviceDefaults) -> Identity {
+        let mut number = |key: &str, get: fn(&DriveTable) -> &Option<String>, default: Option<u32>| {
+            let (Some(text), setting) = self.pick(key, get) else { return default };
+            let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+                Some(digits) => u32::from_str_radix(digits, 16),
+                None => text.parse(),
+            };
+            if number.is_err() {
+                let problem = self.check.report(ProblemKind::WrongType, &setting, "not a number of 32 bits");
+                problem.value = Some(format!("\"{text}\""));
+                problem.limit = Some("such as \"0x539\" or \"1337\"".into());
+            }
+            number.ok()
+        };
+        Identity {
+            vendor_id: number("vendor_id", |table| &table.vendor_id, device.identity.vendor_id),
+            product_code: number("product_code", |table| &table.product_code, device.identity.product_code),
+            revision: number("revision", |table| &table.revision, device.identity.revision),
+        }
+    }
+
+    fn pdos(
+        &mut self,
+        key: &str,
+        get: fn(&DriveTable) -> &Option<Vec<PdoTable>>,
+        default: &[PdoPlan],
+    ) -> Option<Vec<PdoPlan>> {
+        let (Some(tables), setting) = self.pick(key, get) else { return Some(default.to_vec()) };
+        let (low, high) = if key == "outputs" { (0x1600, 0x17FF) } else { (0x1A00, 0x1BFF) };
+        let mut pdos = Some(Vec::new());
+        for (index, table) in tables.iter().enumerate() {
+            let setting = format!("{setting}[{index}]");
+            let why = "a PDO has an index and a map";
+            let name = self.check.need(table.pdo.as_ref(), &format!("{setting}.pdo"), why);
+            let map = self.check.need(table.map.as_ref(), &format!("{setting}.map"), why);
+            let pdo = name.and_then(|name| match parse_object(name) {
+                Ok((index @ 0x1600..=0x1BFF, 0)) if (low..=high).contains(&index) => Some(index),
+                _ => {
+                    let problem = self.check.report(
+                        ProblemKind::OutOfRange,
+                        &format!("{setting}.pdo"),
+                        "not a PDO of this way",
+                    );
+                    problem.value = Some(format!("\"{name}\""));
+                    problem.limit = Some(format!("0x{low:04X} to 0x{high:04X}"));
+                    None
+                }
+            });
+            let entries = map.and_then(|map| match parse_map(map) {
+                Ok(entries) => Some(entries),
+                Err(error) => {
+                    self.check.report(ProblemKind::WrongType, &format!("{setting}.map"), error).value =
+                        Some(format!("\"{map}\""));
+                    None
+                }
+            });
+            match (pdo, entries, &mut pdos) {
+                (Some(index), Some(entries), Some(pdos)) => pdos.push(PdoPlan { index, entries }),
+                _ => pdos = None,
+            }
+        }
+        pdos
+    }
+
+    fn required_objects(&mut self, outputs: &Option<Vec<PdoPlan>>, inputs: &Option<Vec<PdoPlan>>) {
+        if let Some(pdos) = outputs {
+            self.required("outputs", pdos, &[(0x6040, 16, "the control word"), (0x6060, 8, "the mode")]);
+        }
+        if let Some(pdos) = inputs {
+            self.required(
+                "inputs",
+                pdos,
+                &[(0x6041, 16, "the status word"), (0x6064, 32, "the actual position")],
+            );
+        }
+    }
+
+    fn required(&mut self, key: &str, pdos: &[PdoPlan], objects: &[(u16, u8, &str)]) {
+        let own = if key == "outputs" { self.own.outputs.is_some() } else { self.own.inputs.is_some() };
+        let setting = self.setting(key, own);
+        for (object, bits, what) in objects {
+            if !is_mapped(pdos, *object, *bits) {
+                let reason = format!("{what} must be mapped, whole and at a byte");
+                let problem = self.check.report(ProblemKind::Missing, &setting, reason);
+                problem.limit = Some(format!("{object:04X}:{bits}"));
+            }
+        }
+        let bytes = pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize;
+        if bytes > MAX_INPUT_BYTES {
+            let problem =
+                self.check.report(ProblemKind::OutOfRange, &setting, "too much for one cycle's record");
+            problem.value = Some(format!("{bytes} bytes"));
+            problem.limit = Some(format!("at most {MAX_INPUT_BYTES} bytes a drive"));
+        }
+    }
+
+    fn scale(&mut self, device: &DeviceDefaults) -> Option<DriveScale> {
+        let (counts, counts_setting) =
+            self.pick("counts_per_revolution", |table| &table.counts_per_revolution);
+        let (rated, rated_setting) = self.pick("rated_torque_nm", |table| &table.rated_torque_nm);
+        let counts = counts.or(device.counts_per_revolution);
+        let counts = self.check.need(counts, &counts_setting, "positions and speeds are scaled by it");
+        let rated = self.check.need(rated, &rated_setting, "torques are scaled by it");
+        let (peak, peak_setting) = self.pick("peak_torque_nm", |table| &table.peak_torque_nm);
+        let (rated, peak) = (rated?, peak.or(rated)?);
+        // Torque objects hold 16 bits of 0.1 %.
+        if peak < rated || peak > 32.767 * rated {
+            let reason = "the peak torque lies above the rated torque, and its object holds 16 bits";
+            let problem = self.check.report(ProblemKind::OutOfRange, &peak_setting, reason);
+            problem.value = Some(peak.to_string());
+            problem.limit = Some(format!("{rated} to {}", 32.767 * rated));
+        }
+        Some(DriveScale {
+            counts_per_revolution: counts?,
+            gear_ratio: self.pick("gear_ratio", |table| &table.gear_ratio).0.unwrap_or(1.0),
+            direction: self.pick("direction", |table| &table.direction).0.unwrap_or(TurnDirection::Forward),
+            speed_unit: self.pick("speed_unit", |table| &table.speed_unit).0.unwrap_or(SpeedUnit::CountsS),
+            rated_torque_nm: rated,
+            peak_torque_nm: peak,
+        })
+    }
+
+    fn parameters_file(&mut self, name: &str, setting: &str, read_file: ReadFile<'_>) -> Vec<ParameterPlan> {
+        let text = match read_file(name) {
+            Ok(text) => text,
+            Err(reason) => {
+                self.check.report(ProblemKind::File, setting, reason).value = Some(format!("\"{name}\""));
+                return Vec::new();
+            }
+        };
+        let Source { file, locations, problems } = Source::<ParametersFile>::read(&text, Some(name));
+        let mut check = Check { locations, problems };
+        let parameters = file
+            .parameter
+            .iter()
+            .enumerate()
+            .filter_map(|(index, table)| parameter(&mut check, table, &format!("parameter[{index}]")))
+            .collect();
+        // Several drives may name one file: its problems are told once.
+        for problem in check.problems {
+            if !self.check.problems.contains(&problem) {
+                self.check.problems.push(problem);
+            }
+        }
+        parameters
+    }
+}
+
+/// Whether an object lies whole and at a byte in the process data.
+pub(super) fn is_mapped(pdos: &[PdoPlan], object: u16, bits: u8) -> bool {
+    find(pdos, object, 0).is_some_and(|(bit, length)| length == bits && bit % 8 == 0)
+}
+
+fn parameter(check: &mut Check, table: &ParameterTable, setting: &str) -> Option<ParameterPlan> {
+    let why = "a parameter has object, type and value";
+    let object = check.need(table.object.as_ref(), &format!("{setting}.object"), why);
+    let kind = check.need(table.kind, &format!("{setting}.type"), why);
+    let value = check.need(table.value, &format!("{setting}.value"), why);
+    let object = object.and_then(|text| match parse_object(text) {
+        Ok(object) => Some(object),
+        Err(error) => {
+            check.report(ProblemKind::WrongType, &format!("{setting}.object"), error);
+            None
+        }
+    });
+    let (kind, value, (index, subindex)) = (kind?, value?, object?);
+    let (bytes, low, high) = match kind {
+        ParameterType::I8 => (1, i64::from(i8::MIN), i64::from(i8::MAX)),
+        ParameterType::I16 => (2, i64::from(i16::MIN), i64::from(i16::MAX)),
+        ParameterType::I32 => (4, i64::from(i32::MIN), i64::from(i32::MAX)),
+        ParameterType::U8 => (1, 0, i64::from(u8::MAX)),
+        ParameterType::U16 => (2, 0, i64::from(u16::MAX)),
+        ParameterType::U32 => (4, 0, i64::from(u32::MAX)),
+    };
+    if !(low..=high).contains(&value) {
+        let reason = "the value doesn't fit its type";
+        let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.value"), reason);
+        problem.value = Some(value.to_string());
+        problem.limit = Some(format!("{low} to {high}"));
+        return None;
+    }
+    let place = check.locations.place(&format!("{setting}.object"));
+    let origin = place.map_or_else(String::new, |place| match place.file {
+        Some(file) => format!("{file} line {}", place.line),
+        None => format!("line {}", place.line),
+    });
+    Some(ParameterPlan {
+        index,
+        subindex,
+        data: value.to_le_bytes()[..bytes].to_vec(),
+        read_back: match table.read_back.unwrap_or(ReadBackChoice::Compare) {
+            ReadBackChoice::Compare => ReadBack::Compare,
+            ReadBackChoice::Skip => ReadBack::Skip,
+        },
+        origin,
+    })
+}

@@ -1,0 +1,508 @@
+//! The robot's file as it is written: one struct per table, every key optional, its unit in its name.
+//!
+//! What is missing or impossible is found by [`RobotPlan::check`](super::RobotPlan::check), so that all problems
+//! come at once. The bounds in the attributes stand in the JSON schema too and are checked when the file is read.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of a stage that a user registered, handed to it as they stand.
+pub type Parameters = serde_json::Map<String, serde_json::Value>;
+
+/// One robot: its bus, drives, platform, limits, and the stages of its cycle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct RobotFile {
+    /// The robot's name, for messages, recordings and reports.
+    pub name: Option<String>,
+    /// The bus and its cycle.
+    pub bus: BusTable,
+    /// What every drive has in common; a key in `[[drive]]` replaces the same key here.
+    pub drive_defaults: DriveTable,
+    /// The drives, wheel by wheel.
+    pub drive: Vec<DriveTable>,
+    /// Wheels and where they stand.
+    pub platform: PlatformTable,
+    /// Limits of the platform and its wheels; without all of them the drives aren't enabled.
+    pub limits: LimitsTable,
+    /// How the pose is estimated.
+    pub estimator: EstimatorTable,
+    /// The control law.
+    pub controller: ControllerTable,
+    /// The motion that is wished.
+    pub reference: ReferenceTable,
+    /// Watchdogs and stops.
+    pub safety: SafetyTable,
+    /// The simulated body in place of the real one.
+    pub simulation: SimulationTable,
+}
+
+/// The bus and its cycle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct BusTable {
+    /// Period of the cycle, µs.
+    #[schemars(range(min = 50, max = 100_000))]
+    pub cycle_us: Option<u32>,
+    /// How long an answer is awaited, µs; default: half the cycle.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub receive_timeout_us: Option<u32>,
+    /// How the drives are synchronised; default: `sync0`.
+    pub synchronisation: Option<Synchronisation>,
+    /// Shift of SYNC0 against multiples of the cycle, µs; default: half the cycle.
+    #[schemars(range(min = -100_000, max = 100_000))]
+    pub sync0_shift_us: Option<i32>,
+    /// Who sets the pace; default: `distributed_clock`.
+    pub clock_source: Option<ClockSource>,
+}
+
+/// How the drives are synchronised (0x1C32, 0x1C33).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Synchronisation {
+    /// Each drive by its own clock.
+    FreeRun,
+    /// By the arrival of process data.
+    SyncManagerEvent,
+    /// By SYNC0 of the distributed clocks.
+    Sync0,
+}
+
+/// Who sets the pace of the cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockSource {
+    /// The cycle follows the distributed clock's time.
+    DistributedClock,
+    /// The distributed clock follows the host's time.
+    Host,
+}
+
+/// One drive and its motor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct DriveTable {
+    /// The wheel's name; default: `wheel_1` and so on.
+    pub name: Option<String>,
+    /// Its position on the bus, from 0; this or `alias`.
+    #[schemars(range(min = 0, max = 65_535))]
+    pub position: Option<u16>,
+    /// Its station alias; this or `position`.
+    #[schemars(range(min = 1, max = 65_535))]
+    pub alias: Option<u16>,
+    /// Device by name: `cia402`, `sgdv`, or one that a user registered; default: `cia402`.
+    pub device: Option<String>,
+    /// Vendor that must be there, as `"0x539"`.
+    pub vendor_id: Option<String>,
+    /// Product that must be there, as `"0x2200001"`.
+    pub product_code: Option<String>,
+    /// Revision that must be there.
+    pub revision: Option<String>,
+    /// PDO maps from the cycle to the drive; default: the device's own.
+    pub outputs: Option<Vec<PdoTable>>,
+    /// PDO maps from the drive to the cycle; default: the device's own.
+    pub inputs: Option<Vec<PdoTable>>,
+    /// Encoder counts per revolution of the motor.
+    #[schemars(range(min = 1))]
+    pub counts_per_revolution: Option<u32>,
+    /// Revolutions of the motor per revolution of the wheel; default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub gear_ratio: Option<f64>,
+    /// Whether positive counts turn the wheel backwards; default: `forward`.
+    pub direction: Option<TurnDirection>,
+    /// Unit of the drive's speed objects; default: `counts_s`.
+    pub speed_unit: Option<SpeedUnit>,
+    /// The motor's rated torque, N·m: 1000 in the drive's torque objects.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub rated_torque_nm: Option<f64>,
+    /// The motor's peak torque, N·m; default: the rated torque.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub peak_torque_nm: Option<f64>,
+    /// SDOs written in PRE-OP and read back.
+    pub parameters: Option<Vec<ParameterTable>>,
+    /// A file of `[[parameter]]` tables, sent before `parameters`.
+    pub parameters_file: Option<String>,
+    /// Parameters of a registered device, handed to it as they stand.
+    pub custom: Parameters,
+}
+
+/// Which way the wheel turns when the counts rise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TurnDirection {
+    /// The wheel's positive way.
+    Forward,
+    /// Against it.
+    Backward,
+}
+
+/// Unit of 0x60FF and 0x606C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SpeedUnit {
+    /// Encoder counts per second.
+    CountsS,
+    /// Revolutions of the motor per minute.
+    Rpm,
+    /// Thousandths of a revolution of the motor per minute.
+    MilliRpm,
+}
+
+/// One PDO and what it carries.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct PdoTable {
+    /// The PDO, as `"0x1600"`.
+    pub pdo: Option<String>,
+    /// Its objects in order, each `index:bits` or `index.subindex:bits`, a gap `pad:bits`, as `"6040:16 60FF:32"`.
+    pub map: Option<String>,
+}
+
+/// One SDO to write.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ParameterTable {
+    /// Object as `"0x6072"` or `"0x60C2.1"`.
+    pub object: Option<String>,
+    /// Type of the value.
+    #[serde(rename = "type")]
+    pub kind: Option<ParameterType>,
+    /// The value, in the drive's units.
+    pub value: Option<i64>,
+    /// Whether it is read back and compared; default: `compare`.
+    pub read_back: Option<ReadBackChoice>,
+}
+
+/// Type of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterType {
+    /// Signed, 8 bits.
+    I8,
+    /// Signed, 16 bits.
+    I16,
+    /// Signed, 32 bits.
+    I32,
+    /// Unsigned, 8 bits.
+    U8,
+    /// Unsigned, 16 bits.
+    U16,
+    /// Unsigned, 32 bits.
+    U32,
+}
+
+/// Whether a parameter is read back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReadBackChoice {
+    /// Read and compared.
+    Compare,
+    /// Not read: write-only objects and commands.
+    Skip,
+}
+
+/// A file of parameters of one drive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ParametersFile {
+    /// SDOs in the order in which they are sent.
+    pub parameter: Vec<ParameterTable>,
+}
+
+/// Wheels and where they stand.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct PlatformTable {
+    /// Which layout; the keys below belong to one or several of them.
+    pub layout: Option<LayoutName>,
+    /// Radius of all wheels, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub wheel_radius_m: Option<f64>,
+    /// `bmm`: distance of wheel 1 from the centre, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub p1_m: Option<f64>,
+    /// `bmm`: distance of wheels 2 and 3 from the centre, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub p_m: Option<f64>,
+    /// `omni3`, `omni4`: distance of the wheels from the centre, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub centre_distance_m: Option<f64>,
+    /// `omni3`, `omni4`: angle of the first wheel from x forward, rad; default: 0.
+    pub first_wheel_angle_rad: Option<f64>,
+    /// `mecanum`: half the distance between front and rear axles, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub half_length_m: Option<f64>,
+    /// `mecanum`: half the distance between left and right wheels, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub half_width_m: Option<f64>,
+    /// `wheels`: the wheels one by one, in the order of the drives.
+    pub wheel: Vec<WheelTable>,
+}
+
+/// A named layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LayoutName {
+    /// The Barcelona Mobile Manipulator: wheel 1 behind, wheels 2 and 3 right and left in front.
+    Bmm,
+    /// Three omni wheels 120° apart.
+    Omni3,
+    /// Four omni wheels 90° apart.
+    Omni4,
+    /// Four mecanum wheels: front left, front right, rear left, rear right.
+    Mecanum,
+    /// Wheels one by one.
+    Wheels,
+}
+
+/// One wheel of a general list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct WheelTable {
+    /// Where it touches the floor, x and y in base_link, m.
+    pub position_m: Option<[f64; 2]>,
+    /// Direction in which it rolls when the motor turns positive, rad from x forward.
+    pub rolling_angle_rad: Option<f64>,
+    /// Direction along which it transmits force, rad from x forward; default: the rolling direction (omni wheel).
+    pub force_angle_rad: Option<f64>,
+}
+
+/// Limits of the platform and its wheels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct LimitsTable {
+    /// Greatest speed, m/s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub speed_m_s: Option<f64>,
+    /// Greatest acceleration, m/s².
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub acceleration_m_s2: Option<f64>,
+    /// Greatest jerk, m/s³.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub jerk_m_s3: Option<f64>,
+    /// Greatest turning speed, rad/s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turn_speed_rad_s: Option<f64>,
+    /// Greatest turning acceleration, rad/s².
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turn_acceleration_rad_s2: Option<f64>,
+    /// Greatest turning jerk, rad/s³.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turn_jerk_rad_s3: Option<f64>,
+    /// Greatest wheel speed, rad/s: commands are scaled to it, a measured speed 10 % above stops.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub wheel_speed_rad_s: Option<f64>,
+    /// Greatest wheel torque, N·m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub wheel_torque_nm: Option<f64>,
+    /// Rectangle of operation in odom; default: none.
+    pub area: Option<AreaTable>,
+}
+
+/// The rectangle of operation, in odom.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct AreaTable {
+    /// Least x, m.
+    pub x_min_m: Option<f64>,
+    /// Greatest x, m.
+    pub x_max_m: Option<f64>,
+    /// Least y, m.
+    pub y_min_m: Option<f64>,
+    /// Greatest y, m.
+    pub y_max_m: Option<f64>,
+}
+
+/// How the pose is estimated.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct EstimatorTable {
+    /// Estimator by name; default: `wheel_odometry`.
+    pub kind: Option<String>,
+    /// α of the filtered derivative c = exp(−αT), 1/s; default: 200.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub speed_filter_1_s: Option<f64>,
+    /// Parameters of a registered estimator.
+    pub custom: Parameters,
+}
+
+/// The control law.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ControllerTable {
+    /// Controller by name: `open_loop`, `closed_loop_speed`, `adaptive_torque`, `adaptive_model_free` (deprecated),
+    /// or one that a user registered.
+    pub kind: Option<String>,
+    /// Kp of x, y and heading, 1/s; default: 8.
+    pub kp_1_s: Option<[f64; 3]>,
+    /// `adaptive_torque`: K of x and y, N·s/m.
+    #[schemars(range(min = 0.0))]
+    pub damping_n_s_m: Option<f64>,
+    /// `adaptive_torque`: K of the heading, N·m·s/rad.
+    #[schemars(range(min = 0.0))]
+    pub turn_damping_n_m_s_rad: Option<f64>,
+    /// `adaptive_torque`: first estimate of the mass, kg.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub mass_kg: Option<f64>,
+    /// `adaptive_torque`: bounds of that estimate, kg.
+    pub mass_bounds_kg: Option<[f64; 2]>,
+    /// `adaptive_torque`: λm, kg·s²/m².
+    #[schemars(range(min = 0.0))]
+    pub mass_rate_kg_s2_m2: Option<f64>,
+    /// `adaptive_torque`: first estimate of the moment of inertia, kg·m².
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub inertia_kg_m2: Option<f64>,
+    /// `adaptive_torque`: bounds of that estimate, kg·m².
+    pub inertia_bounds_kg_m2: Option<[f64; 2]>,
+    /// `adaptive_torque`: λJ, kg·m²·s².
+    #[schemars(range(min = 0.0))]
+    pub inertia_rate_kg_m2_s2: Option<f64>,
+    /// `adaptive_torque`: first estimate of the uncertain force, N (and N·m about the vertical axis).
+    #[schemars(range(min = 0.0))]
+    pub friction_n: Option<f64>,
+    /// `adaptive_torque`: greatest estimate of the uncertain force, N.
+    #[schemars(range(min = 0.0))]
+    pub friction_max_n: Option<f64>,
+    /// `adaptive_torque`: λk, N/m.
+    #[schemars(range(min = 0.0))]
+    pub friction_rate_n_m: Option<f64>,
+    /// `adaptive_torque`: leakage of the uncertain force, 1/s.
+    #[schemars(range(min = 0.0))]
+    pub friction_leak_1_s: Option<f64>,
+    /// `adaptive_torque`: boundary layer in which sgn(η) is linear, m/s (and rad/s).
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub boundary_m_s: Option<f64>,
+    /// Parameters of a registered controller.
+    pub custom: Parameters,
+}
+
+/// The motion that is wished; also a file of its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ReferenceTable {
+    /// Reference by name: `hold`, `velocity`, `circle`, `ellipse`, `spiral`, `holonomic`, `path`, or one that a user
+    /// registered; default: `hold`.
+    pub kind: Option<String>,
+    /// Time of the whole motion, s; default: as short as the limits allow.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub duration_s: Option<f64>,
+    /// `circle`, `holonomic`: radius, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub radius_m: Option<f64>,
+    /// `circle`, `ellipse`, `spiral`, `holonomic`: turns; default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turns: Option<f64>,
+    /// `ellipse`: semi-axis along x, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub semi_axis_x_m: Option<f64>,
+    /// `ellipse`: semi-axis along y, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub semi_axis_y_m: Option<f64>,
+    /// `spiral`: distance between neighbouring turns, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub step_m: Option<f64>,
+    /// `path`: lines `[t, x, y, θ]`, SI, t rising.
+    pub points: Option<Vec<[f64; 4]>>,
+    /// `path`: a file of lines `(t, x, y, θ)` in place of `points`.
+    pub points_file: Option<String>,
+    /// `path`: what joins the points; default: `cubic_previous_slope`, the thesis's rule.
+    pub interpolation: Option<InterpolationName>,
+    /// Parameters of a registered reference.
+    pub custom: Parameters,
+}
+
+/// What joins path points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InterpolationName {
+    /// Cubic; speed at a point: the slope before it, 0 where the slope changes sign.
+    CubicPreviousSlope,
+    /// Cubic; speed at a point: the mean of both slopes, 0 where the slope changes sign.
+    CubicMeanSlope,
+    /// Quintic with rest at every point.
+    Quintic,
+    /// Cubic spline with continuous acceleration.
+    Spline,
+}
+
+/// Watchdogs and stops.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct SafetyTable {
+    /// Lost exchanges in a row that are tolerated before the drives' quick stop; default: 3.
+    #[schemars(range(min = 0, max = 1000))]
+    pub lost_exchanges_tolerated: Option<u32>,
+    /// Age at which a velocity command no longer counts, ms; default: 200.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub command_age_ms: Option<u32>,
+    /// Longest time for enabling all drives, ms; default: 5000.
+    #[schemars(range(min = 1, max = 600_000))]
+    pub enabling_timeout_ms: Option<u32>,
+    /// Longest time for a ramp to a stop, ms; then the drives' quick stop; default: 5000.
+    #[schemars(range(min = 1, max = 600_000))]
+    pub stop_timeout_ms: Option<u32>,
+    /// Distance between wished and estimated pose that stops, m; default: 0.5.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub tracking_error_m: Option<f64>,
+    /// What a measured wheel speed above its limit leads to; default: `category_1`.
+    pub wheel_speed_stop: Option<StopName>,
+    /// What a wished speed above its limit leads to; default: `category_1`.
+    pub reference_speed_stop: Option<StopName>,
+    /// What leaving the rectangle of operation leads to; default: `category_2`.
+    pub area_stop: Option<StopName>,
+    /// What a lasting loss of the tracked path leads to; default: `category_1`.
+    pub tracking_error_stop: Option<StopName>,
+}
+
+/// Stop categories of IEC 60204-1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StopName {
+    /// Remove torque at once.
+    Category0,
+    /// Ramp down, then remove torque.
+    Category1,
+    /// Ramp down and hold.
+    Category2,
+}
+
+/// The simulated body; what is missing takes the simulator's documented default.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct SimulationTable {
+    /// Mass of the platform without payload, kg.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub mass_kg: Option<f64>,
+    /// Moment of inertia about the vertical axis through its centre, without payload, kg·m².
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub inertia_kg_m2: Option<f64>,
+    /// Payload, kg.
+    #[schemars(range(min = 0.0))]
+    pub payload_kg: Option<f64>,
+    /// Where the payload stands, x and y in base_link, m.
+    pub payload_position_m: Option<[f64; 2]>,
+    /// Moment of inertia of one wheel with its rotor, kg·m².
+    #[schemars(range(min = 0.0))]
+    pub wheel_inertia_kg_m2: Option<f64>,
+    /// Coefficient of rolling friction, force over load.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub rolling_friction: Option<f64>,
+    /// Coulomb coefficient along the force direction of a wheel.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub slip_longitudinal: Option<f64>,
+    /// Coulomb coefficient across the force direction of a wheel: the rollers' drag.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub slip_transverse: Option<f64>,
+    /// Slip speed at which friction reaches its Coulomb limit, m/s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub slip_speed_m_s: Option<f64>,
+    /// Greatest torque of a motor, N·m; default: the drive's peak torque.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub motor_torque_limit_nm: Option<f64>,
+    /// Time constant of a motor's heating at its rated torque, s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub heating_time_constant_s: Option<f64>,
+    /// Step of the integration, µs.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub step_us: Option<u32>,
+}

@@ -1,0 +1,113 @@
+//! PDO maps as text: `6040:16 60FF:32 pad:8 60C1.1:32`.
+
+use std::fmt;
+
+/// One entry of a PDO: an object, or a gap where the index is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapEntry {
+    /// Object index; 0 is a gap.
+    pub index: u16,
+    /// Subindex.
+    pub subindex: u8,
+    /// Length, bits.
+    pub bits: u8,
+}
+
+/// One PDO and its entries in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PdoPlan {
+    /// 0x16xx (outputs) or 0x1Axx (inputs).
+    pub index: u16,
+    /// Its entries.
+    pub entries: Vec<MapEntry>,
+}
+
+/// Why a map's text was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MapError {
+    /// Not `index:bits`, `index.subindex:bits` or `pad:bits`.
+    #[error("expected `index:bits`, `index.subindex:bits` or `pad:bits`, found `{0}`")]
+    Form(String),
+    /// Not a hexadecimal object.
+    #[error("expected an object in hexadecimal such as `6040` or `60C1.1`, found `{0}`")]
+    Object(String),
+    /// Not a length.
+    #[error("expected a length of 1 to 64 bits, found `{0}`")]
+    Bits(String),
+}
+
+/// Reads an object: `6040`, `0x6040`, `60C1.1`.
+pub fn parse_object(text: &str) -> Result<(u16, u8), MapError> {
+    let wrong = || MapError::Object(text.into());
+    let (index, subindex) = text.trim().split_once('.').unwrap_or((text.trim(), "0"));
+    let index = index.strip_prefix("0x").or(index.strip_prefix("0X")).unwrap_or(index);
+    let index = u16::from_str_radix(index, 16).map_err(|_| wrong())?;
+    Ok((index, subindex.parse().map_err(|_| wrong())?))
+}
+
+/// Reads a map: entries between white space, in order.
+pub fn parse_map(text: &str) -> Result<Vec<MapEntry>, MapError> {
+    text.split_whitespace()
+        .map(|entry| {
+            let (object, bits) = entry.split_once(':').ok_or_else(|| MapError::Form(entry.into()))?;
+            let bits = bits.parse().ok().filter(|bits| (1..=64).contains(bits));
+            let bits = bits.ok_or_else(|| MapError::Bits(entry.into()))?;
+            let (index, subindex) = if object == "pad" { (0, 0) } else { parse_object(object)? };
+            Ok(MapEntry { index, subindex, bits })
+        })
+        .collect()
+}
+
+impl fmt::Display for MapEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.index, self.subindex) {
+            (0, _) => write!(f, "pad:{}", self.bits),
+            (index, 0) => write!(f, "{index:04X}:{}", self.bits),
+            (index, subindex) => write!(f, "{index:04X}.{subindex}:{}", self.bits),
+        }
+    }
+}
+
+impl PdoPlan {
+    /// Sum of the entries' lengths, bits.
+    pub fn bits(&self) -> u32 {
+        self.entries.iter().map(|entry| u32::from(entry.bits)).sum()
+    }
+}
+
+/// Where an object lies in the process data of a direction, as byte offset and bits; `None` where it isn't mapped.
+pub(crate) fn find(pdos: &[PdoPlan], index: u16, subindex: u8) -> Option<(u32, u8)> {
+    let mut bit = 0;
+    for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
+        if (entry.index, entry.subindex) == (index, subindex) {
+            return Some((bit, entry.bits));
+        }
+        bit += u32::from(entry.bits);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_reads_as_it_is_shown() {
+        let text = "6040:16 607A:32 pad:8 60C1.1:32";
+        let entries = parse_map(text).unwrap();
+        assert_eq!(entries[3], MapEntry { index: 0x60C1, subindex: 1, bits: 32 });
+        let shown: Vec<String> = entries.iter().map(MapEntry::to_string).collect();
+        assert_eq!(shown.join(" "), text);
+        let pdos = [PdoPlan { index: 0x1600, entries }];
+        assert_eq!(find(&pdos, 0x60C1, 1), Some((56, 32)));
+        assert_eq!(find(&pdos, 0x6071, 0), None);
+    }
+
+    #[test]
+    fn wrong_maps_say_what_was_expected() {
+        assert_eq!(parse_map("6040"), Err(MapError::Form("6040".into())));
+        assert_eq!(parse_map("zz40:16"), Err(MapError::Object("zz40".into())));
+        assert_eq!(parse_map("6040:0"), Err(MapError::Bits("6040:0".into())));
+        assert_eq!(parse_map("6040:999"), Err(MapError::Bits("6040:999".into())));
+    }
+}

@@ -1,0 +1,266 @@
+//! What a robot's file means once everything in it is resolved.
+
+use omnibase_ethercat::config as bus_config;
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::subdevice::Direction;
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_platform::Kinematics;
+
+use super::file::{
+    ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable, SpeedUnit,
+    Synchronisation, TurnDirection,
+};
+use super::mapping::PdoPlan;
+use crate::signals::StopCategory;
+
+/// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
+#[derive(Clone, Debug)]
+pub struct RobotPlan {
+    /// The robot's name.
+    pub name: String,
+    /// The bus and its cycle.
+    pub bus: BusPlan,
+    /// The drives in the order of the wheels.
+    pub drives: Vec<DrivePlan>,
+    /// Wheels and where they stand.
+    pub kinematics: Kinematics,
+    /// Limits.
+    pub limits: Limits,
+    /// How the pose is estimated.
+    pub estimator: EstimatorTable,
+    /// The control law.
+    pub controller: ControllerTable,
+    /// The motion that is wished.
+    pub reference: ReferenceTable,
+    /// Watchdogs and stops.
+    pub safety: SafetyPlan,
+    /// The simulated body.
+    pub simulation: SimulationTable,
+}
+
+/// The bus and its cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusPlan {
+    /// Period, ns.
+    pub cycle_ns: u64,
+    /// How long an answer is awaited, ns.
+    pub receive_timeout_ns: u64,
+    /// How the drives are synchronised.
+    pub synchronisation: Synchronisation,
+    /// Shift of SYNC0, ns.
+    pub sync0_shift_ns: i32,
+    /// Who sets the pace.
+    pub clock_source: ClockSource,
+}
+
+/// One drive.
+#[derive(Clone, Debug)]
+pub struct DrivePlan {
+    /// The wheel's name.
+    pub name: String,
+    /// Where it is on the bus.
+    pub place: DrivePlace,
+    /// Device by name.
+    pub device: String,
+    /// Who must be there.
+    pub identity: Identity,
+    /// PDOs from the cycle to the drive.
+    pub outputs: Vec<PdoPlan>,
+    /// PDOs from the drive to the cycle.
+    pub inputs: Vec<PdoPlan>,
+    /// Between the drive's units and the wheel's.
+    pub scale: DriveScale,
+    /// SDOs in the order in which they are sent.
+    pub parameters: Vec<ParameterPlan>,
+    /// Parameters of a registered device.
+    pub custom: Parameters,
+}
+
+/// Where a drive is on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DrivePlace {
+    /// By position, from 0.
+    Position(u16),
+    /// By station alias.
+    Alias(u16),
+}
+
+/// Who must be there; what is `None` isn't compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// Vendor.
+    pub vendor_id: Option<u32>,
+    /// Product.
+    pub product_code: Option<u32>,
+    /// Revision.
+    pub revision: Option<u32>,
+}
+
+/// Between a drive's units and the wheel's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveScale {
+    /// Encoder counts per revolution of the motor.
+    pub counts_per_revolution: u32,
+    /// Revolutions of the motor per revolution of the wheel.
+    pub gear_ratio: f64,
+    /// Which way the wheel turns when the counts rise.
+    pub direction: TurnDirection,
+    /// Unit of the speed objects.
+    pub speed_unit: SpeedUnit,
+    /// The motor's rated torque, N·m.
+    pub rated_torque_nm: f64,
+    /// The motor's peak torque, N·m.
+    pub peak_torque_nm: f64,
+}
+
+/// One SDO to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParameterPlan {
+    /// Object index.
+    pub index: u16,
+    /// Subindex.
+    pub subindex: u8,
+    /// The value, little endian, as long as its type.
+    pub data: Vec<u8>,
+    /// Whether it is read back and compared.
+    pub read_back: ReadBack,
+    /// Where it was asked, as `line 12`.
+    pub origin: String,
+}
+
+/// Limits of the platform and its wheels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Speed, m/s.
+    pub speed_m_s: f64,
+    /// Acceleration, m/s².
+    pub acceleration_m_s2: f64,
+    /// Jerk, m/s³.
+    pub jerk_m_s3: f64,
+    /// Turning speed, rad/s.
+    pub turn_speed_rad_s: f64,
+    /// Turning acceleration, rad/s².
+    pub turn_acceleration_rad_s2: f64,
+    /// Turning jerk, rad/s³.
+    pub turn_jerk_rad_s3: f64,
+    /// Wheel speed, rad/s.
+    pub wheel_speed_rad_s: f64,
+    /// Wheel torque, N·m.
+    pub wheel_torque_nm: f64,
+    /// Rectangle of operation in odom.
+    pub area: Option<Area>,
+}
+
+/// The rectangle of operation, in odom, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Area {
+    /// Least x and y.
+    pub min_m: [f64; 2],
+    /// Greatest x and y.
+    pub max_m: [f64; 2],
+}
+
+/// Watchdogs and stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafetyPlan {
+    /// Lost exchanges in a row that are tolerated.
+    pub lost_exchanges_tolerated: u32,
+    /// Age at which a velocity command no longer counts, ns.
+    pub command_age_ns: u64,
+    /// Longest time for enabling all drives, ns.
+    pub enabling_timeout_ns: u64,
+    /// Longest time for a ramp to a stop, ns.
+    pub stop_timeout_ns: u64,
+    /// Distance between wished and estimated pose that stops, m.
+    pub tracking_error_m: f64,
+    /// What a measured wheel speed above its limit leads to.
+    pub wheel_speed_stop: StopCategory,
+    /// What a wished speed above its limit leads to.
+    pub reference_speed_stop: StopCategory,
+    /// What leaving the rectangle of operation leads to.
+    pub area_stop: StopCategory,
+    /// What the loss of the tracked path leads to.
+    pub tracking_error_stop: StopCategory,
+}
+
+impl DrivePlan {
+    /// Bytes of process data from the drive.
+    pub fn input_bytes(&self) -> usize {
+        bytes(&self.inputs)
+    }
+
+    /// Bytes of process data to the drive.
+    pub fn output_bytes(&self) -> usize {
+        bytes(&self.outputs)
+    }
+
+    /// What the bus is asked for this drive.
+    pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
+        let sync0 = bus.synchronisation == Synchronisation::Sync0;
+        bus_config::SubDeviceConfig {
+            name: Some(self.name.clone()),
+            place: Some(match self.place {
+                DrivePlace::Position(position) => bus_config::Match::Position(position),
+                DrivePlace::Alias(alias) => bus_config::Match::Alias(alias),
+            }),
+            identity: bus_config::ExpectedIdentity {
+                vendor_id: self.identity.vendor_id,
+                product_code: self.identity.product_code,
+                revision: self.identity.revision,
+                serial: None,
+            },
+            sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
+            pdos: vec![
+                sync_manager(2, Direction::Outputs, &self.outputs),
+                sync_manager(3, Direction::Inputs, &self.inputs),
+            ],
+            dc: if sync0 {
+                let cycle_ns = u32::try_from(bus.cycle_ns).unwrap_or(u32::MAX);
+                bus_config::DcConfig::Sync0 { cycle_ns, shift_ns: bus.sync0_shift_ns }
+            } else {
+                bus_config::DcConfig::Off
+            },
+            sync_mode: Some(match bus.synchronisation {
+                Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
+                Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
+                Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
+            }),
+            ..Default::default()
+        }
+    }
+}
+
+impl ParameterPlan {
+    fn sdo_write(&self) -> SdoWrite {
+        SdoWrite {
+            object: ObjectAddress::new(self.index, self.subindex),
+            data: self.data.clone(),
+            access: SdoAccess::Entry,
+            refusal: Refusal::IsError,
+            read_back: self.read_back,
+            origin: Some(self.origin.clone()),
+        }
+    }
+}
+
+fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config::SyncManagerPdos {
+    let pdo = |pdo: &PdoPlan| bus_config::PdoConfig {
+        index: pdo.index,
+        entries: Some(
+            pdo.entries
+                .iter()
+                .map(|entry| (ObjectAddress::new(entry.index, entry.subindex), entry.bits))
+                .collect(),
+        ),
+    };
+    bus_config::SyncManagerPdos {
+        sync_manager: index,
+        direction,
+        pdos: pdos.iter().map(pdo).collect(),
+        origin: None,
+    }
+}
+
+fn bytes(pdos: &[PdoPlan]) -> usize {
+    pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize
+}

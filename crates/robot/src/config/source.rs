@@ -1,0 +1,352 @@
+//! A TOML text into a struct, guided by that struct's own JSON schema: every unknown key, wrong type and value out
+//! of bounds is found in one pass, with its place; what is wrong is left out, so that the rest can be checked too.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use schemars::{JsonSchema, schema_for};
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Number, Value};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::problem::{Place, Problem, ProblemKind};
+use super::units;
+
+/// Where each setting of a text stands.
+#[derive(Clone, Debug, Default)]
+pub struct Locations {
+    text: String,
+    file: Option<String>,
+    spans: BTreeMap<String, Range<usize>>,
+}
+
+impl Locations {
+    /// Where `setting` stands; for what is missing, where the table around it stands.
+    pub fn place(&self, setting: &str) -> Option<Place> {
+        let mut name = setting;
+        loop {
+            if let Some(span) = self.spans.get(name) {
+                return Some(self.place_of(span.clone()));
+            }
+            name = &name[..name.rfind(['.', '['])?];
+        }
+    }
+
+    fn place_of(&self, span: Range<usize>) -> Place {
+        let before = self.text.get(..span.start).unwrap_or(&self.text);
+        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+        Place {
+            file: self.file.clone(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+            span,
+        }
+    }
+}
+
+/// What was read from a text.
+#[derive(Clone, Debug)]
+pub struct Source<T> {
+    /// The settings that could be read.
+    pub file: T,
+    /// Where they stand.
+    pub locations: Locations,
+    /// What couldn't be read.
+    pub problems: Vec<Problem>,
+}
+
+impl<T: JsonSchema + DeserializeOwned + Default> Source<T> {
+    /// Reads a text; `file` names it in problems where it isn't the robot's file itself.
+    pub fn read(text: &str, file: Option<&str>) -> Self {
+        let schema = Value::from(schema_for!(T));
+        let (table, errors) = DeTable::parse_recoverable(text);
+        let locations = Locations { text: text.into(), file: file.map(Into::into), spans: BTreeMap::new() };
+        let mut walk = Walk { root: &schema, locations, problems: Vec::new() };
+        for error in errors {
+            let span = error.span().unwrap_or(0..0);
+            walk.problems.push(Problem {
+                kind: ProblemKind::Syntax,
+                setting: "the text".into(),
+                value: None,
+                limit: None,
+                reason: error.message().trim().into(),
+                place: Some(walk.locations.place_of(span)),
+            });
+        }
+        let value = Value::Object(walk.table(table.get_ref(), &schema, ""));
+        let file = match serde_json::from_value(value) {
+            Ok(file) => file,
+            Err(error) => {
+                walk.problem(ProblemKind::WrongType, "", None, error.to_string());
+                T::default()
+            }
+        };
+        Source { file, locations: walk.locations, problems: walk.problems }
+    }
+}
+
+/// The settings of a type as a JSON schema, for editors.
+pub fn json_schema<T: JsonSchema>() -> Value {
+    Value::from(schema_for!(T))
+}
+
+struct Walk<'s> {
+    root: &'s Value,
+    locations: Locations,
+    problems: Vec<Problem>,
+}
+
+impl<'s> Walk<'s> {
+    fn problem(
+        &mut self,
+        kind: ProblemKind,
+        setting: &str,
+        value: Option<String>,
+        reason: String,
+    ) -> &mut Problem {
+        let place = self.locations.place(setting);
+        self.problems.push(Problem { kind, setting: setting.into(), value, limit: None, reason, place });
+        self.problems.last_mut().expect("just pushed")
+    }
+
+    /// Follows `$ref`, and the one choice of an optional value that isn't null.
+    fn resolve(&self, mut schema: &'s Value) -> &'s Value {
+        loop {
+            if let Some(reference) = schema.get("$ref").and_then(Value::as_str) {
+                let target = reference.strip_prefix('#').and_then(|pointer| self.root.pointer(pointer));
+                match target {
+                    Some(target) => schema = target,
+                    None => return schema,
+                }
+            } else if let Some(some) = schema
+                .get("anyOf")
+                .and_then(Value::as_array)
+                .and_then(|choices| choices.iter().find(|choice| choice["type"] != "null"))
+            {
+                schema = some;
+            } else {
+                return schema;
+            }
+        }
+    }
+
+    fn table(&mut self, table: &DeTable<'_>, schema: &'s Value, path: &str) -> Map<String, Value> {
+        let mut known = Map::new();
+        let properties = schema.get("properties").and_then(Value::as_object);
+        for (key, value) in table {
+            let name = key.get_ref().as_ref();
+            let setting = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+            self.locations
+                .spans
+                .insert(setting.clone(), key.span().start..value.span().end.max(key.span().end));
+            let Some(properties) = properties else {
+                // A registered stage's own parameters: no schema here.
+                if let Some(value) = self.free(value, &setting) {
+                    known.insert(name.into(), value);
+                }
+                continue;
+            };
+            match properties.get(name) {
+                Some(schema) => {
+                    if let Some(value) = self.value(value, schema, &setting) {
+                        known.insert(name.into(), value);
+                    }
+                }
+                None => self.unknown(&setting, name, properties),
+            }
+        }
+        known
+    }
+
+    fn unknown(&mut self, setting: &str, name: &str, properties: &Map<String, Value>) {
+        let (stem, unit) = units::split(name);
+        let same_stem = properties.keys().find(|key| {
+            let (other, other_unit) = units::split(key);
+            other == stem && other_unit.is_some()
+        });
+        if let Some(right) = same_stem {
+            let wanted = units::split(right).1.unwrap_or_default();
+            let reason = match unit {
+                Some(unit) => format!("the unit of this setting is {wanted}, not {unit}: write `{right}`"),
+                None => format!("the unit belongs to the name: write `{right}`"),
+            };
+            self.problem(ProblemKind::WrongUnit, setting, None, reason).limit = Some(right.clone());
+            return;
+        }
+        let reason = match nearest(name, properties.keys().map(String::as_str)) {
+            Some(near) => format!("no setting has this name; did you mean `{near}`?"),
+            None => "no setting has this name".to_string(),
+        };
+        let names: Vec<&str> = properties.keys().map(String::as_str).collect();
+        self.problem(ProblemKind::UnknownKey, setting, None, reason).limit = Some(names.join(", "));
+    }
+
+    fn value(&mut self, value: &Spanned<DeValue<'_>>, schema: &'s Value, path: &str) -> Option<Value> {
+        let schema_here = schema;
+        let schema = self.resolve(schema);
+        let expected = expected_types(schema);
+        let found = match value.get_ref() {
+            DeValue::Table(table) if expected.contains(&"object") => {
+                return Some(Value::Object(self.table(table, schema, path)));
+            }
+            DeValue::Array(items) if expected.contains(&"array") => return self.array(items, schema, path),
+            DeValue::String(text) if !choices(schema).is_empty() => {
+                let names = choices(schema);
+                if names.contains(&text.as_ref()) {
+                    return Some(Value::String(text.to_string()));
+                }
+                let reason = match nearest(text, names.iter().copied()) {
+                    Some(near) => format!("no choice has this name; did you mean `{near}`?"),
+                    None => "no choice has this name".to_string(),
+                };
+                let value = Some(format!("\"{text}\""));
+                self.problem(ProblemKind::UnknownName, path, value, reason).limit = Some(names.join(", "));
+                return None;
+            }
+            DeValue::String(text) if expected.contains(&"string") => {
+                return Some(Value::String(text.to_string()));
+            }
+            DeValue::Boolean(yes) if expected.contains(&"boolean") => return Some(Value::Bool(*yes)),
+            DeValue::Integer(_) | DeValue::Float(_) => match number(value.get_ref()) {
+                Some(number)
+                    if expected.contains(&"number")
+                        || (expected.contains(&"integer") && !number.is_f64()) =>
+                {
+                    return self.within(number, [schema_here, schema], path);
+                }
+                Some(number) => number.to_string(),
+                None => {
+                    let reason = "the value isn't a finite number".to_string();
+                    self.problem(ProblemKind::WrongType, path, Some(shown(value.get_ref())), reason);
+                    return None;
+                }
+            },
+            other => shown(other),
+        };
+        let expected =
+            if choices(schema).is_empty() { expected.join(" or ") } else { choices(schema).join(", ") };
+        let reason = format!("the value has another type than {expected}");
+        self.problem(ProblemKind::WrongType, path, Some(found), reason).limit = Some(expected);
+        None
+    }
+
+    fn array(&mut self, items: &[Spanned<DeValue<'_>>], schema: &'s Value, path: &str) -> Option<Value> {
+        let length = schema.get("minItems").and_then(Value::as_u64);
+        if let Some(length) = length
+            && items.len() as u64 != length
+        {
+            let reason = "the list has the wrong length".to_string();
+            self.problem(ProblemKind::WrongType, path, Some(format!("{} values", items.len())), reason)
+                .limit = Some(format!("{length} values"));
+            return None;
+        }
+        let item_schema = schema.get("items")?;
+        let before = self.problems.len();
+        let mut list = Vec::new();
+        for (index, item) in items.iter().enumerate() {
+            let setting = format!("{path}[{index}]");
+            self.locations.spans.insert(setting.clone(), item.span());
+            list.extend(self.value(item, item_schema, &setting));
+        }
+        // A list of fixed length with a wrong value can't be used; a list of tables keeps its other tables.
+        (length.is_none() || self.problems.len() == before).then_some(Value::Array(list))
+    }
+
+    fn within(&mut self, number: Number, schemas: [&Value; 2], path: &str) -> Option<Value> {
+        let bound = |name: &str| schemas.iter().find_map(|schema| schema.get(name).and_then(Value::as_f64));
+        let value = number.as_f64()?;
+        let mut limits = Vec::new();
+        let mut inside = true;
+        if let Some(least) = bound("minimum") {
+            inside &= value >= least;
+            limits.push(format!("at least {least}"));
+        }
+        if let Some(least) = bound("exclusiveMinimum") {
+            inside &= value > least;
+            limits.push(format!("above {least}"));
+        }
+        if let Some(greatest) = bound("maximum") {
+            inside &= value <= greatest;
+            limits.push(format!("at most {greatest}"));
+        }
+        if inside {
+            return Some(Value::Number(number));
+        }
+        let reason = "the value is outside its bounds".to_string();
+        self.problem(ProblemKind::OutOfRange, path, Some(number.to_string()), reason).limit =
+            Some(limits.join(" and "));
+        None
+    }
+
+    fn free(&mut self, value: &Spanned<DeValue<'_>>, path: &str) -> Option<Value> {
+        Some(match value.get_ref() {
+            DeValue::String(text) => Value::String(text.to_string()),
+            DeValue::Boolean(yes) => Value::Bool(*yes),
+            DeValue::Array(items) => {
+                let free = |(index, item)| self.free(item, &format!("{path}[{index}]"));
+                Value::Array(items.iter().enumerate().filter_map(free).collect())
+            }
+            DeValue::Table(table) => Value::Object(self.table(table, &Value::Null, path)),
+            DeValue::Datetime(moment) => Value::String(moment.to_string()),
+            number_value => match number(number_value) {
+                Some(number) => Value::Number(number),
+                None => {
+                    let reason = "the value isn't a finite number".to_string();
+                    self.problem(ProblemKind::WrongType, path, Some(shown(number_value)), reason);
+                    return None;
+                }
+            },
+        })
+    }
+}
+
+fn expected_types(schema: &Value) -> Vec<&str> {
+    match schema.get("type") {
+        Some(Value::String(one)) => vec![one.as_str()],
+        Some(Value::Array(several)) => {
+            several.iter().filter_map(Value::as_str).filter(|t| *t != "null").collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Names that a value can have.
+fn choices(schema: &Value) -> Vec<&str> {
+    if let Some(names) = schema.get("enum").and_then(Value::as_array) {
+        return names.iter().filter_map(Value::as_str).collect();
+    }
+    let documented = schema.get("oneOf").and_then(Value::as_array);
+    documented.into_iter().flatten().filter_map(|choice| choice.get("const")?.as_str()).collect()
+}
+
+fn number(value: &DeValue<'_>) -> Option<Number> {
+    match value {
+        DeValue::Integer(integer) => {
+            i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(Number::from)
+        }
+        DeValue::Float(float) => float.as_str().parse().ok().and_then(Number::from_f64),
+        _ => None,
+    }
+}
+
+fn shown(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => format!("\"{text}\""),
+        DeValue::Integer(integer) => integer.as_str().into(),
+        DeValue::Float(float) => float.as_str().into(),
+        DeValue::Boolean(yes) => yes.to_string(),
+        DeValue::Datetime(moment) => moment.to_string(),
+        DeValue::Array(items) => format!("a list of {}", items.len()),
+        DeValue::Table(_) => "a table".into(),
+    }
+}
+
+/// The name that was most probably meant.
+pub(crate) fn nearest<'n>(name: &str, known: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    known
+        .map(|known| (strsim::jaro_winkler(name, known), known))
+        .filter(|(likeness, _)| *likeness > 0.75)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, known)| known)
+}

@@ -1,0 +1,227 @@
+//! Files of robots: the shipped ones, and broken ones whose problems all come at once with their places.
+
+use super::*;
+use crate::registry::Registry;
+
+const BMM: &str = include_str!("../../../../robots/bmm.toml");
+const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
+
+fn no_files(name: &str) -> Result<String, String> {
+    Err(format!("no file {name}"))
+}
+
+fn check(text: &str) -> Result<RobotPlan, Vec<Problem>> {
+    RobotPlan::from_toml(text, &Registry::with_built_in(), &no_files)
+}
+
+fn problems(text: &str) -> Vec<Problem> {
+    check(text).expect_err("the file is broken")
+}
+
+/// The problem of a setting, its kind, line and column.
+fn found<'p>(problems: &'p [Problem], setting: &str) -> (&'p Problem, ProblemKind, usize, usize) {
+    let problem = problems.iter().find(|problem| problem.setting == setting);
+    let problem = problem.unwrap_or_else(|| panic!("nothing about {setting} in {problems:#?}"));
+    let place = problem.place.as_ref().expect("a place");
+    (problem, problem.kind, place.line, place.column)
+}
+
+fn show(problems: &[Problem]) -> String {
+    problems.iter().map(|problem| format!("{problem}\n")).collect()
+}
+
+#[test]
+fn shipped_robots_are_short_and_resolve() {
+    for (name, text, wheels) in [("bmm", BMM, 3), ("mecanum", MECANUM, 4)] {
+        assert!(text.lines().count() < 60, "{name}");
+        let plan = check(text).unwrap_or_else(|problems| panic!("{name}: {}", show(&problems)));
+        assert_eq!(plan.name, name);
+        assert_eq!(plan.drives.len(), wheels);
+        assert_eq!(plan.kinematics.wheel_count(), wheels);
+        assert_eq!(plan.bus.cycle_ns, 1_000_000);
+    }
+}
+
+#[test]
+fn the_sgdv_brings_its_own_maps() {
+    let plan = check(BMM).unwrap();
+    let drive = &plan.drives[2];
+    assert_eq!((drive.output_bytes(), drive.input_bytes()), (20, 18));
+    assert_eq!(drive.identity.vendor_id, Some(0x0539));
+    let config = drive.subdevice_config(&plan.bus);
+    assert_eq!(config.identity.product_code, Some(0x0220_0001));
+    assert_eq!(config.pdos.len(), 2);
+    assert_eq!(config.dc, omnibase_ethercat::DcConfig::Sync0 { cycle_ns: 1_000_000, shift_ns: 500_000 });
+    // One PDO of the drive holds at most eight objects.
+    assert!(config.pdos.iter().flat_map(|sm| &sm.pdos).all(|pdo| pdo.entries.as_ref().unwrap().len() <= 8));
+}
+
+#[test]
+fn all_problems_come_at_once_with_their_places() {
+    let broken = BMM
+        .replace("cycle_us = 1000", "cycle_ms = 1")
+        .replace("layout = \"bmm\"", "layout = \"bm\"")
+        .replace("position = 2", "position = 1")
+        .replace("jerk_m_s3 = 40.0\n", "")
+        .replace("peak_torque_nm = 21.0", "peak_torque_nm = \"much\"")
+        .replace("kp_1_s = [8.0, 8.0, 8.0]", "kp_1_s = [8.0, 8.0]")
+        .replace("synchronisation", "syncronisation")
+        .replace("wheel_speed_rad_s = 15.0", "wheel_speed = 15.0");
+    let problems = problems(&broken);
+    let text = show(&problems);
+    let line = |needle: &str| broken.lines().position(|line| line.contains(needle)).unwrap() + 1;
+
+    let (problem, kind, at, column) = found(&problems, "bus.cycle_ms");
+    assert_eq!((kind, at, column), (ProblemKind::WrongUnit, line("cycle_ms"), 1));
+    assert!(problem.reason.contains("us, not ms"), "{text}");
+    assert!(!problems.iter().any(|problem| problem.setting == "bus.cycle_us"), "told once: {text}");
+
+    let (problem, kind, at, _) = found(&problems, "platform.layout");
+    assert_eq!((kind, at), (ProblemKind::UnknownName, line("\"bm\"")));
+    assert!(problem.reason.contains("`bmm`") && problem.value.as_deref() == Some("\"bm\""), "{text}");
+
+    let (problem, kind, at, _) = found(&problems, "drive[2].position");
+    assert_eq!(
+        (kind, at),
+        (
+            ProblemKind::Duplicate,
+            broken.lines().count() - broken.lines().rev().position(|l| l == "position = 1").unwrap()
+        )
+    );
+    assert!(problem.reason.contains("drive[1]"), "{text}");
+
+    let (_, kind, at, _) = found(&problems, "limits.jerk_m_s3");
+    assert_eq!((kind, at), (ProblemKind::Missing, line("[limits]")));
+
+    let (_, kind, ..) = found(&problems, "drive_defaults.peak_torque_nm");
+    assert_eq!(kind, ProblemKind::WrongType);
+    let (problem, kind, ..) = found(&problems, "controller.kp_1_s");
+    assert_eq!((kind, problem.limit.as_deref()), (ProblemKind::WrongType, Some("3 values")));
+    let (problem, kind, ..) = found(&problems, "bus.syncronisation");
+    assert_eq!(kind, ProblemKind::UnknownKey);
+    assert!(problem.reason.contains("`synchronisation`"), "{text}");
+    let (_, kind, ..) = found(&problems, "limits.wheel_speed");
+    assert_eq!(kind, ProblemKind::WrongUnit);
+    assert_eq!(problems.len(), 8, "{text}");
+}
+
+#[test]
+fn problems_come_in_the_order_of_the_file() {
+    let broken = BMM.replace("cycle_us = 1000", "cycle_us = 1").replace("speed_m_s = 1.0", "speed_m_s = -1");
+    let problems = problems(&broken);
+    assert_eq!(problems[0].setting, "bus.cycle_us");
+    assert_eq!(problems[0].limit.as_deref(), Some("at least 50 and at most 100000"));
+    assert_eq!(
+        (problems[1].setting.as_str(), problems[1].value.as_deref()),
+        ("limits.speed_m_s", Some("-1"))
+    );
+    assert_eq!(problems.len(), 2, "{}", show(&problems));
+}
+
+#[test]
+fn every_missing_limit_is_told() {
+    let start = BMM.find("[limits]").unwrap();
+    let end = BMM.find("[controller]").unwrap();
+    let problems = problems(&format!("{}{}", &BMM[..start], &BMM[end..]));
+    let missing: Vec<&str> = problems.iter().map(|problem| problem.setting.as_str()).collect();
+    assert_eq!(missing.len(), 8, "{missing:?}");
+    assert!(missing.iter().all(|setting| setting.starts_with("limits.")));
+}
+
+#[test]
+fn no_file_at_all_names_what_is_needed() {
+    let problems = problems("");
+    for setting in ["name", "bus.cycle_us", "drive", "platform.layout", "controller.kind", "limits.speed_m_s"]
+    {
+        assert!(problems.iter().any(|problem| problem.setting == setting), "{setting}: {}", show(&problems));
+    }
+}
+
+#[test]
+fn text_that_is_no_toml_says_where() {
+    let problems = problems(&BMM.replace("[limits]", "[limits"));
+    let problem =
+        problems.iter().find(|problem| problem.kind == ProblemKind::Syntax).expect("a syntax problem");
+    let line = BMM.lines().position(|line| line == "[limits]").unwrap() + 1;
+    assert_eq!(problem.place.as_ref().unwrap().line, line);
+}
+
+#[test]
+fn values_that_are_no_numbers_are_refused() {
+    for wrong in ["nan", "inf", "-inf", "true", "\"1\"", "[1]"] {
+        let problems = problems(&BMM.replace("speed_m_s = 1.0", &format!("speed_m_s = {wrong}")));
+        assert_eq!(problems[0].kind, ProblemKind::WrongType, "{wrong}: {}", show(&problems));
+        assert_eq!(problems.len(), 1, "{wrong}: {}", show(&problems));
+    }
+}
+
+#[test]
+fn maps_and_parameters_name_their_place() {
+    let broken = MECANUM
+        .replace("6040:16 6060:8", "6040 6060:8")
+        .replace("6041:16 6061:8", "6061:8")
+        .replace("gear_ratio = 10.0", "parameters = [{ object = \"0x6065\", type = \"u8\", value = 300 }]");
+    let problems = problems(&broken);
+    let (problem, kind, ..) = found(&problems, "drive_defaults.outputs[0].map");
+    assert_eq!(kind, ProblemKind::WrongType);
+    assert!(problem.reason.contains("found `6040`"), "{}", show(&problems));
+    let (problem, kind, ..) = found(&problems, "drive_defaults.inputs");
+    assert_eq!((kind, problem.limit.as_deref()), (ProblemKind::Missing, Some("6041:16")));
+    let (problem, ..) = found(&problems, "drive_defaults.parameters[0].value");
+    assert_eq!(problem.limit.as_deref(), Some("0 to 255"));
+}
+
+#[test]
+fn a_controller_needs_its_target_in_the_map() {
+    let problems = problems(&MECANUM.replace(" 60FF:32", ""));
+    assert_eq!(problems.len(), 4, "{}", show(&problems));
+    assert_eq!(problems[2].setting, "drive[2].outputs");
+    assert_eq!(problems[2].limit.as_deref(), Some("60FF:32"));
+}
+
+#[test]
+fn parameters_come_from_a_file_too() {
+    let text = BMM.replace("device = \"sgdv\"", "device = \"sgdv\"\nparameters_file = \"servo.toml\"\nparameters = [{ object = \"60C2.1\", type = \"u8\", value = 1 }]");
+    let files = |name: &str| match name {
+        "servo.toml" => Ok("[[parameter]]\nobject = \"0x6065\"\ntype = \"u32\"\nvalue = 5000\n".to_string()),
+        other => no_files(other),
+    };
+    let plan = RobotPlan::from_toml(&text, &Registry::with_built_in(), &files).unwrap();
+    let parameters = &plan.drives[1].parameters;
+    assert_eq!((parameters[0].index, parameters[0].data.as_slice()), (0x6065, &[0x88, 0x13, 0, 0][..]));
+    assert_eq!(parameters[0].origin, "servo.toml line 2");
+    assert_eq!((parameters[1].index, parameters[1].subindex), (0x60C2, 1));
+
+    let broken =
+        |_: &str| Ok("[[parameter]]\nobject = \"0x6065\"\ntype = \"u32\"\nvalu = 5000\n".to_string());
+    let problems = RobotPlan::from_toml(&text, &Registry::with_built_in(), &broken).expect_err("broken");
+    let place = problems.iter().find(|p| p.kind == ProblemKind::UnknownKey).unwrap().place.clone().unwrap();
+    assert_eq!((place.file.as_deref(), place.line), (Some("servo.toml"), 4));
+    let problems = check(&text).expect_err("no such file");
+    assert_eq!(problems[0].kind, ProblemKind::File);
+}
+
+#[test]
+fn layouts_that_cannot_be_driven_are_refused_with_the_reason() {
+    let wheels = "layout = \"wheels\"\nwheel = [\n { position_m = [0.3, 0.0], rolling_angle_rad = 0.0 },\n \
+                  { position_m = [-0.3, 0.0], rolling_angle_rad = 0.0 },\n { position_m = [0.0, 0.3], rolling_angle_rad = 0.0 },\n]";
+    let problems = problems(&BMM.replace("layout = \"bmm\"", wheels));
+    assert_eq!(problems[0].setting, "platform");
+    assert_eq!(problems[0].kind, ProblemKind::Contradiction);
+}
+
+#[test]
+fn wheels_and_drives_are_counted() {
+    let problems = problems(&BMM.replace("layout = \"bmm\"", "layout = \"omni4\"\ncentre_distance_m = 0.4"));
+    let (problem, kind, ..) = found(&problems, "platform.layout");
+    assert_eq!((kind, problem.value.as_deref()), (ProblemKind::Contradiction, Some("4 wheels")));
+}
+
+#[test]
+fn the_schema_names_every_key_with_its_bounds() {
+    let schema = json_schema::<RobotFile>();
+    let limits = &schema["$defs"]["LimitsTable"]["properties"];
+    assert_eq!(limits["speed_m_s"]["exclusiveMinimum"], 0.0);
+    assert!(limits["speed_m_s"]["description"].as_str().unwrap().contains("m/s"));
+    assert_eq!(schema["$defs"]["BusTable"]["properties"]["cycle_us"]["minimum"], 50);
+}

@@ -1,0 +1,177 @@
+//! Adaptive control by torque: mass, inertia and an uncertain force are learnt while tracking.
+//!
+//! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − (K + M̂·Kp)·η − k̂·sgn(η), τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F, with
+//! m̂' = λm·(−η1·ẍr − η2·ÿr + kp1·η1² + kp2·η2²), Ĵ' = λJ·(−η3·ψ̈r + kp3·η3²), k̂' = λk·‖η‖₁ (thesis 8.29, with its
+//! signs put right). What makes it fit for a machine: sgn is linear within a boundary layer, where its own part of η
+//! doesn't count for k̂; estimates stay within their bounds; k̂ leaks; nothing is learnt while torques are saturated.
+
+use omnibase_platform::Kinematics;
+
+use super::{axes, pose_error, saturated, wrench};
+use crate::config::{ControllerTable, RobotPlan};
+use crate::registry::StageError;
+use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
+use crate::stages::{Controller, Gain};
+
+/// Everything that can be set while it runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Gains {
+    kp_1_s: [f64; 3],
+    damping_n_s_m: f64,
+    turn_damping_n_m_s_rad: f64,
+    mass_rate_kg_s2_m2: f64,
+    inertia_rate_kg_m2_s2: f64,
+    friction_rate_n_m: f64,
+    friction_leak_1_s: f64,
+    boundary_m_s: f64,
+}
+
+impl Gains {
+    fn new(table: &ControllerTable) -> Self {
+        Gains {
+            kp_1_s: table.kp_1_s.unwrap_or([8.0; 3]),
+            damping_n_s_m: table.damping_n_s_m.unwrap_or(1500.0),
+            turn_damping_n_m_s_rad: table.turn_damping_n_m_s_rad.unwrap_or(150.0),
+            mass_rate_kg_s2_m2: table.mass_rate_kg_s2_m2.unwrap_or(50_000.0),
+            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(1000.0),
+            friction_rate_n_m: table.friction_rate_n_m.unwrap_or(1000.0),
+            friction_leak_1_s: table.friction_leak_1_s.unwrap_or(0.1),
+            boundary_m_s: table.boundary_m_s.unwrap_or(0.005),
+        }
+    }
+
+    fn list(&mut self) -> [(&'static str, &mut f64, f64); 10] {
+        let [x, y, heading] = &mut self.kp_1_s;
+        [
+            ("kp_x_1_s", x, 1000.0),
+            ("kp_y_1_s", y, 1000.0),
+            ("kp_heading_1_s", heading, 1000.0),
+            ("damping_n_s_m", &mut self.damping_n_s_m, 1e6),
+            ("turn_damping_n_m_s_rad", &mut self.turn_damping_n_m_s_rad, 1e6),
+            ("mass_rate_kg_s2_m2", &mut self.mass_rate_kg_s2_m2, 1e9),
+            ("inertia_rate_kg_m2_s2", &mut self.inertia_rate_kg_m2_s2, 1e9),
+            ("friction_rate_n_m", &mut self.friction_rate_n_m, 1e9),
+            ("friction_leak_1_s", &mut self.friction_leak_1_s, 1000.0),
+            ("boundary_m_s", &mut self.boundary_m_s, 10.0),
+        ]
+    }
+}
+
+/// Bounds of the estimates, and where they begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Estimates {
+    mass_kg: f64,
+    inertia_kg_m2: f64,
+    friction_n: f64,
+}
+
+/// The controller.
+#[derive(Clone, Debug)]
+pub struct AdaptiveTorque {
+    kinematics: Kinematics,
+    wheel_torque_nm: f64,
+    gains: Gains,
+    start: Estimates,
+    mass_bounds_kg: [f64; 2],
+    inertia_bounds_kg_m2: [f64; 2],
+    friction_max_n: f64,
+    estimates: Estimates,
+}
+
+impl AdaptiveTorque {
+    /// The controller as a plan says.
+    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
+        let table = &plan.controller;
+        let need = |value: Option<f64>, key: &str| {
+            value.ok_or_else(|| StageError::Refused {
+                setting: format!("controller.{key}"),
+                reason: "adaptive_torque starts from it".into(),
+            })
+        };
+        let mass_kg = need(table.mass_kg, "mass_kg")?;
+        let inertia_kg_m2 = need(table.inertia_kg_m2, "inertia_kg_m2")?;
+        let start = Estimates { mass_kg, inertia_kg_m2, friction_n: table.friction_n.unwrap_or(0.0) };
+        Ok(AdaptiveTorque {
+            kinematics: plan.kinematics.clone(),
+            wheel_torque_nm: plan.limits.wheel_torque_nm,
+            gains: Gains::new(table),
+            start,
+            mass_bounds_kg: table.mass_bounds_kg.unwrap_or([mass_kg / 10.0, mass_kg * 10.0]),
+            inertia_bounds_kg_m2: table
+                .inertia_bounds_kg_m2
+                .unwrap_or([inertia_kg_m2 / 10.0, inertia_kg_m2 * 10.0]),
+            friction_max_n: table.friction_max_n.unwrap_or(100.0),
+            estimates: start,
+        })
+    }
+
+    fn adapt(&mut self, eta: [f64; 3], acceleration: [f64; 3], period_s: f64) {
+        let Gains { kp_1_s: kp, boundary_m_s, .. } = self.gains;
+        let learn = |axis: usize| -eta[axis] * acceleration[axis] + kp[axis] * eta[axis] * eta[axis];
+        let estimates = &mut self.estimates;
+        let [low, high] = self.mass_bounds_kg;
+        let mass_rate = self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1));
+        estimates.mass_kg = (estimates.mass_kg + period_s * mass_rate).clamp(low, high);
+        let [low, high] = self.inertia_bounds_kg_m2;
+        let inertia_rate = self.gains.inertia_rate_kg_m2_s2 * learn(2);
+        estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + period_s * inertia_rate).clamp(low, high);
+        let outside: f64 = eta.iter().map(|eta| (eta.abs() - boundary_m_s).max(0.0)).sum();
+        let rate =
+            self.gains.friction_rate_n_m * outside - self.gains.friction_leak_1_s * estimates.friction_n;
+        estimates.friction_n = (estimates.friction_n + period_s * rate).clamp(0.0, self.friction_max_n);
+    }
+}
+
+impl Controller for AdaptiveTorque {
+    fn quantity(&self) -> Quantity {
+        Quantity::Torque
+    }
+
+    fn reset(&mut self) {
+        self.estimates = self.start;
+    }
+
+    fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
+        let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
+        let speed = axes(&state.twist_in_odom());
+        let wished_speed = axes(&setpoint.twist_in_odom);
+        let acceleration = axes(&setpoint.acceleration_in_odom);
+        let kp = self.gains.kp_1_s;
+        let eta: [f64; 3] =
+            std::array::from_fn(|axis| speed[axis] - kp[axis] * error[axis] - wished_speed[axis]);
+        let Estimates { mass_kg, inertia_kg_m2, friction_n } = self.estimates;
+        let inertia = [mass_kg, mass_kg, inertia_kg_m2];
+        let damping = [self.gains.damping_n_s_m, self.gains.damping_n_s_m, self.gains.turn_damping_n_m_s_rad];
+        let force: [f64; 3] = std::array::from_fn(|axis| {
+            let sign = (eta[axis] / self.gains.boundary_m_s).clamp(-1.0, 1.0);
+            inertia[axis] * acceleration[axis]
+                - (damping[axis] + inertia[axis] * kp[axis]) * eta[axis]
+                - friction_n * sign
+        });
+        let wrench_in_body = wrench(force).rotated(-state.odom_from_body.heading_rad);
+        let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
+        let commands = saturated(Quantity::Torque, &torques, self.wheel_torque_nm);
+        if commands.saturation >= 1.0 {
+            self.adapt(eta, acceleration, time.period_s());
+        }
+        commands
+    }
+
+    fn gain(&self, index: usize) -> Option<Gain> {
+        let mut gains = self.gains;
+        let (name, value, greatest) = gains.list().into_iter().nth(index)?;
+        // Nothing may be divided by zero.
+        let least = if name == "boundary_m_s" { 1e-6 } else { 0.0 };
+        Some(Gain { name, value: *value, least, greatest })
+    }
+
+    fn set_gain(&mut self, index: usize, value: f64) {
+        if let Some((_, gain, _)) = self.gains.list().into_iter().nth(index) {
+            *gain = value;
+        }
+    }
+
+    fn estimates(&self) -> [f64; 3] {
+        [self.estimates.mass_kg, self.estimates.inertia_kg_m2, self.estimates.friction_n]
+    }
+}

@@ -1,0 +1,367 @@
+//! The cycle: one function, its stages in source order.
+
+use omnibase_platform::Twist2;
+
+use crate::config::{Limits, RobotPlan};
+use crate::devices::mode_of;
+use crate::image::{ImageBuffer, ProcessImage};
+use crate::lifecycle::{Change, Lifecycle, Outcome};
+use crate::limiter::Limiter;
+use crate::registry::{Registry, StageError};
+use crate::safety::SafetyChain;
+use crate::signals::{
+    Commands, CycleRecord, CycleTime, Exchange, Frame, InputBytes, MAX_INPUT_BYTES, Phase, PlatformState,
+    Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, Setpoint, WheelCommand,
+};
+use crate::stages::{
+    Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
+};
+
+/// A robot: its stages, and what they remember from cycle to cycle.
+pub struct Robot {
+    devices: Vec<Box<dyn Device>>,
+    estimator: Box<dyn Estimator>,
+    reference: Box<dyn Reference>,
+    limiter: Limiter,
+    controller: Box<dyn Controller>,
+    safety: Box<dyn Safety>,
+    lifecycle: Lifecycle,
+    limits: Limits,
+    command_age_ns: u64,
+    /// The moment at which the reference started.
+    reference_start_ns: u64,
+    /// The velocity command that is followed in place of the reference.
+    velocity: Option<Request>,
+    record: CycleRecord,
+}
+
+impl Robot {
+    /// Makes the stages of a plan.
+    pub fn build(plan: &RobotPlan, registry: &Registry) -> Result<Robot, StageError> {
+        let safety = SafetyChain::new(plan.limits, plan.safety, plan.drives.len());
+        Robot::build_with_safety(plan, registry, Box::new(safety))
+    }
+
+    /// Makes the stages of a plan, with a safety chain of the user's.
+    pub fn build_with_safety(
+        plan: &RobotPlan,
+        registry: &Registry,
+        safety: Box<dyn Safety>,
+    ) -> Result<Robot, StageError> {
+        let devices =
+            plan.drives.iter().map(|drive| registry.make_device(drive)).collect::<Result<_, _>>()?;
+        let mut record = CycleRecord::default();
+        record.measurements.wheels = plan.drives.len();
+        Ok(Robot {
+            devices,
+            estimator: registry.make_estimator(plan)?,
+            reference: registry.make_reference(plan)?,
+            limiter: Limiter::new(&plan.limits),
+            controller: registry.make_controller(plan)?,
+            safety,
+            lifecycle: Lifecycle::new(plan.safety),
+            limits: plan.limits,
+            command_age_ns: plan.safety.command_age_ns,
+            reference_start_ns: 0,
+            velocity: None,
+            record,
+        })
+    }
+
+    /// One cycle without link, clock or queue: the same arguments in the same order give the same bits.
+    pub fn compute(
+        &mut self,
+        time: CycleTime,
+        exchange: Exchange,
+        request: Option<Request>,
+        image: &mut dyn ProcessImage,
+    ) -> &CycleRecord {
+        self.record.time = time;
+        self.record.exchange = exchange;
+        self.record.request = request;
+        self.record.phase = self.lifecycle.phase();
+
+        self.read(exchange, image);
+        self.record.state = self.estimate();
+        self.record.answer = request.map_or(RequestAnswer::None, |request| self.take(&request));
+        self.record.wished = self.wish();
+        self.record.setpoint = self.limit();
+        self.record.commands = self.control();
+        self.record.allowed = self.allow();
+        self.advance();
+        self.write(image);
+
+        self.record.estimates = self.controller.estimates();
+        self.record.stop_reason = self.lifecycle.reason();
+        self.record.stop_where = self.lifecycle.where_index();
+        &self.record
+    }
+
+    /// Computes a recorded cycle again, from what came in then; `buffer` takes the outputs.
+    pub fn replay(&mut self, record: &CycleRecord, buffer: &mut ImageBuffer) -> &CycleRecord {
+        for (inputs, recorded) in buffer.inputs.iter_mut().zip(&record.inputs) {
+            let length = inputs.len().min(MAX_INPUT_BYTES);
+            inputs[..length].copy_from_slice(&recorded.0[..length]);
+        }
+        self.compute(record.time, record.exchange, record.request, buffer)
+    }
+
+    /// The last cycle.
+    pub fn record(&self) -> &CycleRecord {
+        &self.record
+    }
+
+    /// Where the robot is in its life, after the last cycle.
+    pub fn phase(&self) -> Phase {
+        self.lifecycle.phase()
+    }
+
+    /// The controller's gains, in the order of their index.
+    pub fn gains(&self) -> impl Iterator<Item = Gain> + '_ {
+        (0..).map_while(|index| self.controller.gain(index))
+    }
+
+    /// Time of the reference's whole motion, s; `None` where it has no end.
+    pub fn reference_duration_s(&self) -> Option<f64> {
+        self.reference.duration_s()
+    }
+
+    /// What is wrong with each drive, in words; not for the cycle, for it allocates.
+    pub fn drive_problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
+        self.devices.iter().enumerate().filter_map(|(wheel, device)| Some((wheel, device.problem()?)))
+    }
+
+    /// Devices: from process data to measurements.
+    fn read(&mut self, exchange: Exchange, image: &dyn ProcessImage) {
+        let record = &mut self.record;
+        if exchange != Exchange::Complete {
+            // Old inputs are no measurement: nothing moved that is known of.
+            record.inputs = Default::default();
+            record.measurements.drives.iter_mut().for_each(|drive| drive.increment_rad = 0.0);
+            return;
+        }
+        let drives = record.measurements.drives.iter_mut().zip(&mut record.inputs);
+        for (wheel, (device, (drive, recorded))) in self.devices.iter_mut().zip(drives).enumerate() {
+            let inputs = image.inputs(wheel);
+            let length = inputs.len().min(MAX_INPUT_BYTES);
+            *recorded = InputBytes::default();
+            recorded.0[..length].copy_from_slice(&inputs[..length]);
+            *drive = device.read(&record.time, inputs);
+        }
+    }
+
+    /// Estimator: from measurements to the platform's state.
+    fn estimate(&mut self) -> PlatformState {
+        let record = &self.record;
+        self.estimator.update(&Observation {
+            time: &record.time,
+            exchange: record.exchange,
+            measurements: &record.measurements,
+            wished: &record.wished,
+        })
+    }
+
+    /// What is asked of the robot in this cycle.
+    fn take(&mut self, request: &Request) -> RequestAnswer {
+        let time = self.record.time;
+        if time.now_ns >= request.valid_until_ns {
+            return RequestAnswer::TooOld;
+        }
+        match request.kind {
+            RequestKind::SetGain { index, value } => return self.set_gain(index as usize, value),
+            RequestKind::Velocity { twist, .. } => {
+                if !twist.is_finite() {
+                    return RequestAnswer::Refused;
+                }
+                let followed = self.lifecycle.phase() == Phase::Tracking && self.velocity.is_some();
+                if !followed && self.lifecycle.request(&time, &request.kind).0 != RequestAnswer::Taken {
+                    return RequestAnswer::WrongPhase;
+                }
+                // However long it is said to count: a command grows old.
+                let oldest_ns = time.now_ns.saturating_add(self.command_age_ns);
+                let valid_until_ns = request.valid_until_ns.min(oldest_ns);
+                self.velocity = Some(Request { valid_until_ns, ..*request });
+                return RequestAnswer::Taken;
+            }
+            _ => {}
+        }
+        let (answer, change) = self.lifecycle.request(&time, &request.kind);
+        match change {
+            Change::None => {}
+            Change::Begin => self.begin(),
+            Change::Track => {
+                self.velocity = None;
+                self.reference_start_ns = time.now_ns;
+                self.reference.start(&Setpoint::at_rest(self.limiter.setpoint().odom_from_body));
+            }
+            Change::Acknowledge => {
+                self.devices.iter_mut().for_each(|device| device.acknowledge());
+                self.safety.reset();
+                self.begin();
+            }
+        }
+        answer
+    }
+
+    fn set_gain(&mut self, index: usize, value: f64) -> RequestAnswer {
+        match self.controller.gain(index) {
+            Some(gain) if (gain.least..=gain.greatest).contains(&value) => {
+                self.controller.set_gain(index, value);
+                RequestAnswer::Taken
+            }
+            _ => RequestAnswer::Refused,
+        }
+    }
+
+    /// All stages begin anew where the platform stands. A pose that isn't finite is forgotten.
+    fn begin(&mut self) {
+        let pose = self.record.state.odom_from_body;
+        let state = PlatformState {
+            odom_from_body: if pose.is_finite() { pose } else { Default::default() },
+            ..Default::default()
+        };
+        self.estimator.reset(&state);
+        if !self.record.state.is_finite() {
+            self.record.state = state;
+        }
+        self.controller.reset();
+        self.limiter.reset(state.odom_from_body);
+        self.velocity = None;
+    }
+
+    /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
+    fn wish(&mut self) -> Setpoint {
+        let here = self.record.state.odom_from_body;
+        match self.lifecycle.phase() {
+            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
+                Setpoint::at_rest(here)
+            }
+            Phase::Holding => {
+                let last = self.record.wished;
+                Setpoint {
+                    twist_in_odom: Twist2::default(),
+                    status: ReferenceStatus::Resting,
+                    ..Setpoint::at_rest(last.odom_from_body)
+                }
+            }
+            Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
+            Phase::Tracking => match self.velocity {
+                Some(request) => self.velocity_wish(&request),
+                None => {
+                    let since_ns = self.record.time.now_ns.saturating_sub(self.reference_start_ns);
+                    self.reference.sample(since_ns as f64 * 1e-9)
+                }
+            },
+        }
+    }
+
+    /// A velocity command as a setpoint: its pose is where the platform will be led.
+    fn velocity_wish(&self, request: &Request) -> Setpoint {
+        let RequestKind::Velocity { twist, frame } = request.kind else {
+            return self.limiter.setpoint();
+        };
+        let now = self.limiter.setpoint();
+        let mut twist_in_odom = match frame {
+            Frame::Body => twist.rotated(now.odom_from_body.heading_rad),
+            Frame::Odom => twist,
+        };
+        self.block_outward(&now, &mut twist_in_odom);
+        Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
+    }
+
+    /// At the rectangle of operation only the outward part of a motion is blocked, early enough to brake.
+    fn block_outward(&self, now: &Setpoint, twist: &mut Twist2) {
+        let Some(area) = self.limits.area else { return };
+        let Limits { acceleration_m_s2, jerk_m_s3, .. } = self.limits;
+        let block = |position: f64, moving: f64, wished: &mut f64, [low, high]: [f64; 2]| {
+            // Braking from a speed: its square over twice the acceleration, and the time to build that up, twice.
+            let braking = moving * moving / (2.0 * acceleration_m_s2)
+                + moving.abs() * (acceleration_m_s2 / jerk_m_s3 + 2.0 * self.record.time.period_s());
+            if position + braking >= high {
+                *wished = wished.min(0.0);
+            }
+            if position - braking <= low {
+                *wished = wished.max(0.0);
+            }
+        };
+        let (pose, speed) = (&now.odom_from_body, &now.twist_in_odom);
+        block(pose.x_m, speed.vx_m_s, &mut twist.vx_m_s, [area.min_m[0], area.max_m[0]]);
+        block(pose.y_m, speed.vy_m_s, &mut twist.vy_m_s, [area.min_m[1], area.max_m[1]]);
+    }
+
+    /// The platform's limits on speed, acceleration and jerk.
+    fn limit(&mut self) -> Setpoint {
+        let (wished, period_s) = (self.record.wished, self.record.time.period_s());
+        let limited = match self.lifecycle.phase() {
+            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
+                self.limiter.reset(wished.odom_from_body);
+                self.limiter.setpoint()
+            }
+            Phase::Stopping => self.limiter.toward(Twist2::default(), period_s),
+            Phase::Tracking if self.velocity.is_some() => self.limiter.toward(wished.twist_in_odom, period_s),
+            Phase::Holding | Phase::Tracking => self.limiter.follow(&wished, period_s),
+        };
+        let status = if self.limiter.is_at_rest() { wished.status } else { ReferenceStatus::Moving };
+        Setpoint { status, ..limited }
+    }
+
+    /// Controller: what the wheels are told.
+    fn control(&mut self) -> Commands {
+        let record = &self.record;
+        match self.lifecycle.phase() {
+            Phase::Holding | Phase::Tracking | Phase::Stopping => {
+                self.controller.update(&record.time, &record.state, &record.setpoint)
+            }
+            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => Commands::default(),
+        }
+    }
+
+    /// Safety: the last word.
+    fn allow(&mut self) -> crate::signals::Allowed {
+        let record = &self.record;
+        self.safety.apply(&SafetyView {
+            time: &record.time,
+            exchange: record.exchange,
+            phase: self.lifecycle.phase(),
+            measurements: &record.measurements,
+            state: &record.state,
+            wished: &record.wished,
+            setpoint: &record.setpoint,
+            velocity: self.velocity.as_ref(),
+            commands: &record.commands,
+        })
+    }
+
+    fn advance(&mut self) {
+        let record = &self.record;
+        self.lifecycle.advance(&Outcome {
+            time: &record.time,
+            exchange: record.exchange,
+            measurements: &record.measurements,
+            allowed: &record.allowed,
+            setpoint_rests: self.limiter.is_at_rest(),
+            is_finished: self.velocity.is_none() && record.setpoint.status == ReferenceStatus::Finished,
+        });
+        if self.lifecycle.phase() != Phase::Tracking {
+            self.velocity = None;
+        }
+    }
+
+    /// Devices: from commands to process data.
+    fn write(&mut self, image: &mut dyn ProcessImage) {
+        let idle = match self.controller.quantity() {
+            Quantity::Torque => WheelCommand::TorqueNm(0.0),
+            Quantity::Speed | Quantity::Nothing => WheelCommand::SpeedRadS(0.0),
+        };
+        let allowed = &self.record.allowed.commands;
+        for (wheel, device) in self.devices.iter_mut().enumerate() {
+            let command = match allowed.quantity {
+                Quantity::Nothing => idle,
+                Quantity::Speed | Quantity::Torque => allowed.wheel(wheel),
+            };
+            let command = DriveCommand { wanted: self.lifecycle.wanted(), mode: mode_of(&command), command };
+            let progress = device.write(&self.record.time, &command, image.outputs(wheel));
+            self.record.measurements.drives[wheel].progress = progress;
+        }
+    }
+}

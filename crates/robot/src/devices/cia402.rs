@@ -1,0 +1,258 @@
+//! Any drive of the profile CiA 402, by configuration alone.
+
+use std::f64::consts::TAU;
+
+use omnibase_cia402::{
+    Enabling, ErrorCode, Feedback, Mode, PositionCounts, Problem, Progress, Request, Settings, StatusWord,
+    Targets,
+};
+
+use super::{DeviceDefaults, pdo};
+use crate::config::{DrivePlan, DriveScale, PdoPlan, SpeedUnit, TurnDirection};
+use crate::registry::StageError;
+use crate::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
+use crate::stages::{Device, DriveCommand};
+
+pub(super) fn defaults() -> DeviceDefaults {
+    DeviceDefaults {
+        outputs: vec![pdo(
+            0x1600,
+            &[(0x6040, 0, 16), (0x6060, 0, 8), (0, 0, 8), (0x60FF, 0, 32), (0x6071, 0, 16)],
+        )],
+        inputs: vec![pdo(
+            0x1A00,
+            &[
+                (0x6041, 0, 16),
+                (0x6061, 0, 8),
+                (0, 0, 8),
+                (0x6064, 0, 32),
+                (0x606C, 0, 32),
+                (0x6077, 0, 16),
+                (0x603F, 0, 16),
+            ],
+        )],
+        ..Default::default()
+    }
+}
+
+/// Where an object lies in a drive's process data; whole bytes only.
+#[derive(Clone, Copy, Debug)]
+struct Field {
+    offset: usize,
+    bytes: usize,
+}
+
+impl Field {
+    fn find(pdos: &[PdoPlan], index: u16, subindex: u8) -> Option<Field> {
+        let (bit, bits) = crate::config::find_object(pdos, index, subindex)?;
+        (bit % 8 == 0 && bits % 8 == 0 && bits <= 32)
+            .then_some(Field { offset: bit as usize / 8, bytes: usize::from(bits / 8) })
+    }
+
+    /// The value, its sign extended; 0 where the data is too short.
+    fn read(self, data: &[u8]) -> i32 {
+        let Some(bytes) = data.get(self.offset..self.offset + self.bytes) else { return 0 };
+        let raw = bytes.iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
+        let unused = 32 - 8 * self.bytes as u32;
+        ((raw << unused) as i32) >> unused
+    }
+
+    fn write(self, data: &mut [u8], value: i32) {
+        if let Some(bytes) = data.get_mut(self.offset..self.offset + self.bytes) {
+            bytes.copy_from_slice(&value.to_le_bytes()[..self.bytes]);
+        }
+    }
+}
+
+/// Objects that the device reads, and where they lie.
+#[derive(Clone, Copy, Debug)]
+struct Inputs {
+    status: Field,
+    position: Field,
+    speed: Option<Field>,
+    torque: Option<Field>,
+    mode: Option<Field>,
+    error: Option<Field>,
+}
+
+/// Objects that the device writes, and where they lie.
+#[derive(Clone, Copy, Debug)]
+struct Outputs {
+    control: Field,
+    mode: Option<Field>,
+    position: Option<Field>,
+    speed: Option<Field>,
+    torque: Option<Field>,
+    torque_limit: Option<Field>,
+    interpolated_position: Option<Field>,
+}
+
+/// A drive of the profile CiA 402.
+#[derive(Clone, Debug)]
+pub struct Cia402Device {
+    inputs: Inputs,
+    outputs: Outputs,
+    /// Wheel angle of one count, rad; negative where the motor turns backwards.
+    rad_per_count: f64,
+    /// Wheel speed of one unit of the speed objects, rad/s.
+    rad_s_per_speed_unit: f64,
+    /// Wheel torque of one per mille, N·m.
+    nm_per_mille: f64,
+    torque_limit_per_mille: i32,
+    enabling: Enabling,
+    feedback: Feedback,
+    last_counts: Option<PositionCounts>,
+    progress: DriveProgress,
+}
+
+impl Cia402Device {
+    /// A drive as its plan says; refused where an object is missing that it can't do without.
+    pub fn new(plan: &DrivePlan) -> Result<Self, StageError> {
+        let need = |pdos: &[PdoPlan], index: u16, what: &str| {
+            Field::find(pdos, index, 0).ok_or_else(|| StageError::Refused {
+                setting: format!("drive {}", plan.name),
+                reason: format!("{what} ({index:04X}) must be mapped, whole and at a byte"),
+            })
+        };
+        let input = |index| Field::find(&plan.inputs, index, 0);
+        let output = |index| Field::find(&plan.outputs, index, 0);
+        let inputs = Inputs {
+            status: need(&plan.inputs, 0x6041, "the status word")?,
+            position: need(&plan.inputs, 0x6064, "the actual position")?,
+            speed: input(0x606C),
+            torque: input(0x6077),
+            mode: input(0x6061),
+            error: input(0x603F),
+        };
+        let outputs = Outputs {
+            control: need(&plan.outputs, 0x6040, "the control word")?,
+            mode: output(0x6060),
+            position: output(0x607A),
+            speed: output(0x60FF),
+            torque: output(0x6071),
+            torque_limit: output(0x6072),
+            interpolated_position: Field::find(&plan.outputs, 0x60C1, 1),
+        };
+        let DriveScale {
+            counts_per_revolution,
+            gear_ratio,
+            direction,
+            speed_unit,
+            rated_torque_nm,
+            peak_torque_nm,
+        } = plan.scale;
+        let sign = match direction {
+            TurnDirection::Forward => 1.0,
+            TurnDirection::Backward => -1.0,
+        };
+        let rad_per_count = sign * TAU / f64::from(counts_per_revolution) / gear_ratio;
+        let rad_s_per_speed_unit = match speed_unit {
+            SpeedUnit::CountsS => rad_per_count,
+            SpeedUnit::Rpm => sign * TAU / 60.0 / gear_ratio,
+            SpeedUnit::MilliRpm => sign * TAU / 60_000.0 / gear_ratio,
+        };
+        Ok(Cia402Device {
+            inputs,
+            outputs,
+            rad_per_count,
+            rad_s_per_speed_unit,
+            nm_per_mille: sign * rated_torque_nm * gear_ratio / 1000.0,
+            torque_limit_per_mille: nearest(1000.0 * peak_torque_nm / rated_torque_nm, 16),
+            enabling: Enabling::new(Settings::default()),
+            feedback: Feedback {
+                status: StatusWord::default(),
+                mode_code: inputs.mode.map(|_| 0),
+                actual: Targets::default(),
+                error: inputs.error.map(|_| ErrorCode::NONE),
+            },
+            last_counts: None,
+            progress: DriveProgress::Unknown,
+        })
+    }
+}
+
+impl Device for Cia402Device {
+    fn read(&mut self, _: &CycleTime, inputs: &[u8]) -> DriveMeasurement {
+        let get = |field: Field| field.read(inputs);
+        let counts = PositionCounts(get(self.inputs.position));
+        let increment = self.last_counts.map_or(0, |last| counts.since(last));
+        self.last_counts = Some(counts);
+        self.feedback = Feedback {
+            status: StatusWord(get(self.inputs.status) as u16),
+            mode_code: self.inputs.mode.map(|field| get(field) as i8),
+            actual: Targets {
+                position_counts: counts.0,
+                velocity_units: self.inputs.speed.map_or(0, get),
+                torque_per_mille: self.inputs.torque.map_or(0, get) as i16,
+            },
+            error: self.inputs.error.map(|field| ErrorCode(get(field) as u16)),
+        };
+        DriveMeasurement {
+            position_counts: counts.0,
+            increment_rad: f64::from(increment) * self.rad_per_count,
+            speed_rad_s: f64::from(self.feedback.actual.velocity_units) * self.rad_s_per_speed_unit,
+            torque_nm: f64::from(self.feedback.actual.torque_per_mille) * self.nm_per_mille,
+            status: self.feedback.status,
+            mode_code: self.feedback.mode_code.unwrap_or(0),
+            error: self.feedback.error.unwrap_or(ErrorCode::NONE),
+            progress: self.progress,
+        }
+    }
+
+    fn write(&mut self, time: &CycleTime, command: &DriveCommand, outputs: &mut [u8]) -> DriveProgress {
+        let mut targets = self.feedback.actual;
+        match command.command {
+            WheelCommand::SpeedRadS(speed) => {
+                targets.velocity_units = nearest(speed / self.rad_s_per_speed_unit, 32)
+            }
+            WheelCommand::TorqueNm(torque) => {
+                targets.torque_per_mille = nearest(torque / self.nm_per_mille, 16) as i16;
+            }
+        }
+        let request = Request { wanted: command.wanted, mode: command.mode, targets };
+        let output = self.enabling.advance(time.now_ns, &self.feedback, &request);
+        self.outputs.control.write(outputs, output.control.0.into());
+        let mut put = |field: Option<Field>, value: i32| {
+            if let Some(field) = field {
+                field.write(outputs, value);
+            }
+        };
+        put(self.outputs.mode, output.mode.code().into());
+        put(self.outputs.position, output.targets.position_counts);
+        put(self.outputs.interpolated_position, output.targets.position_counts);
+        put(self.outputs.speed, output.targets.velocity_units);
+        put(self.outputs.torque, output.targets.torque_per_mille.into());
+        put(self.outputs.torque_limit, self.torque_limit_per_mille);
+        self.progress = match output.progress {
+            Progress::Stepping { .. } | Progress::SwitchingMode { .. } => DriveProgress::UnderWay,
+            Progress::Running => DriveProgress::Running,
+            Progress::Holding(_) => DriveProgress::Idle,
+            Progress::Stopped(Problem::Fault(_) | Problem::FaultPersists(_)) => DriveProgress::Fault,
+            Progress::Stopped(Problem::QuickStop | Problem::QuickStopByDrive) => DriveProgress::QuickStop,
+            Progress::Stopped(_) => DriveProgress::Failed,
+        };
+        self.progress
+    }
+
+    fn acknowledge(&mut self) {
+        self.enabling.acknowledge();
+    }
+
+    fn problem(&self) -> Option<String> {
+        self.enabling.problem().map(|problem| problem.to_string())
+    }
+}
+
+/// The nearest whole number that fits so many bits with a sign; 0 for NaN.
+fn nearest(value: f64, bits: u32) -> i32 {
+    let greatest = (1_i64 << (bits - 1)) - 1;
+    (value.round() as i64).clamp(-greatest - 1, greatest) as i32
+}
+
+/// The mode in which a drive follows a command.
+pub(crate) fn mode_of(command: &WheelCommand) -> Mode {
+    match command {
+        WheelCommand::SpeedRadS(_) => Mode::CyclicSynchronousVelocity,
+        WheelCommand::TorqueNm(_) => Mode::CyclicSynchronousTorque,
+    }
+}

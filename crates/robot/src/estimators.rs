@@ -1,0 +1,87 @@
+//! Estimators: from what the drives say to what is known about the platform.
+
+use omnibase_platform::{Kinematics, Odometry, OdometrySettings, OdometryState, PerWheel, Pose2, Twist2};
+
+use crate::config::RobotPlan;
+use crate::registry::{Registry, StageError};
+use crate::signals::{Exchange, PlatformState, ReferenceStatus};
+use crate::stages::{Estimator, Observation};
+
+/// Registers the built-in estimator, `wheel_odometry`.
+pub fn register(registry: &mut Registry) {
+    registry.estimator("wheel_odometry", |plan| Ok(Box::new(WheelOdometry::new(plan)?)));
+}
+
+/// Odometry of the wheels: increments as exact arcs, holonomic regimes, covariance.
+#[derive(Clone, Debug)]
+pub struct WheelOdometry {
+    odometry: Odometry,
+    /// Periods since the last complete exchange: its increments span them all.
+    periods: u32,
+    state: PlatformState,
+}
+
+/// α of the filtered derivative, rad/s: its lag (5 ms) is short against the controllers' time constants.
+const SPEED_FILTER_RAD_S: f64 = 200.0;
+
+impl WheelOdometry {
+    /// Odometry as a plan says.
+    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
+        let kinematics: Kinematics = plan.kinematics.clone();
+        let settings = OdometrySettings {
+            speed_filter_rad_s: plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S),
+            // The devices give angles already; raw counts aren't read here.
+            ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
+        };
+        let odometry = Odometry::new(kinematics, settings).map_err(|error| StageError::Refused {
+            setting: "estimator".into(),
+            reason: error.to_string(),
+        })?;
+        let state = platform_state(odometry.state());
+        Ok(WheelOdometry { odometry, periods: 0, state })
+    }
+}
+
+impl Estimator for WheelOdometry {
+    fn reset(&mut self, from: &PlatformState) {
+        let Pose2 { x_m, y_m, heading_rad } = from.odom_from_body;
+        self.odometry.resync();
+        self.odometry.set_pose(Pose2::new(x_m, y_m, heading_rad));
+        self.periods = 0;
+        self.state = platform_state(self.odometry.state());
+    }
+
+    fn update(&mut self, observation: &Observation<'_>) -> PlatformState {
+        self.periods = self.periods.saturating_add(1);
+        if observation.exchange != Exchange::Complete {
+            return self.state;
+        }
+        let drives = observation.measurements.present();
+        let increments_rad = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].increment_rad);
+        let period_s = f64::from(self.periods) * observation.time.period_s();
+        let wished = observation.wished;
+        let reference_in_body = match wished.status {
+            ReferenceStatus::Moving => wished.twist_in_odom.rotated(-wished.odom_from_body.heading_rad),
+            ReferenceStatus::Resting | ReferenceStatus::Finished => Twist2::default(),
+        };
+        self.periods = 0;
+        self.state = match self.odometry.advance(&increments_rad, period_s, Some(reference_in_body)) {
+            Ok(state) => platform_state(state),
+            // What can't be used must not look like knowledge: safety stops on a state that isn't finite.
+            Err(_) => PlatformState { slip_residual_m_s: f64::NAN, ..self.state },
+        };
+        self.state
+    }
+}
+
+fn platform_state(state: &OdometryState) -> PlatformState {
+    let [[xx, xy, xh], [_, yy, yh], [_, _, hh]] = state.covariance;
+    PlatformState {
+        // Whole turns count: a reference may turn on and on.
+        odom_from_body: Pose2 { heading_rad: state.turned_rad, ..state.odom_from_base },
+        twist_in_body: state.twist_in_base,
+        covariance: [xx, xy, xh, yy, yh, hh],
+        regime: state.regime,
+        slip_residual_m_s: state.slip_residual_m_s,
+    }
+}

@@ -1,0 +1,41 @@
+//! The edge between the cycle and the bus: each wheel's process data as bytes.
+
+use crate::config::RobotPlan;
+
+/// The process data of all wheels' drives. A bus fills the inputs and sends the outputs; the cycle knows no bus.
+pub trait ProcessImage {
+    /// What the drive of a wheel sent; empty where there is no such wheel.
+    fn inputs(&self, wheel: usize) -> &[u8];
+
+    /// What the drive of a wheel will be sent; empty where there is no such wheel.
+    fn outputs(&mut self, wheel: usize) -> &mut [u8];
+}
+
+/// A process image in memory, for buses that keep their own, for replay and for tests.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImageBuffer {
+    /// Inputs, wheel by wheel.
+    pub inputs: Vec<Vec<u8>>,
+    /// Outputs, wheel by wheel.
+    pub outputs: Vec<Vec<u8>>,
+}
+
+impl ImageBuffer {
+    /// A buffer as long as a plan's drives need it, all zero.
+    pub fn new(plan: &RobotPlan) -> Self {
+        ImageBuffer {
+            inputs: plan.drives.iter().map(|drive| vec![0; drive.input_bytes()]).collect(),
+            outputs: plan.drives.iter().map(|drive| vec![0; drive.output_bytes()]).collect(),
+        }
+    }
+}
+
+impl ProcessImage for ImageBuffer {
+    fn inputs(&self, wheel: usize) -> &[u8] {
+        self.inputs.get(wheel).map_or(&[], Vec::as_slice)
+    }
+
+    fn outputs(&mut self, wheel: usize) -> &mut [u8] {
+        self.outputs.get_mut(wheel).map_or(&mut [], Vec::as_mut_slice)
+    }
+}

@@ -1,0 +1,31 @@
+//! The control half of a robot: from the drives' inputs to their outputs, once a cycle.
+//!
+//! - [`Robot::compute`]: the cycle, one function whose stages stand in source order.
+//! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
+//! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: by which name.
+//! - [`config`]: from a robot's file to a [`RobotPlan`], with every problem and its place.
+//! - [`devices`], [`estimators`], [`references`], [`controllers`], [`limiter`], [`safety`]: the built-in stages.
+//!
+//! Principles: a cycle has no link, no clock, no queue and no allocation: the same inputs give the same bits, so a
+//! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
+#![forbid(unsafe_code)]
+
+pub mod config;
+pub mod controllers;
+mod cycle;
+pub mod devices;
+pub mod estimators;
+mod image;
+mod lifecycle;
+pub mod limiter;
+pub mod references;
+pub mod registry;
+pub mod safety;
+pub mod signals;
+pub mod stages;
+
+pub use config::{Problem, RobotFile, RobotPlan};
+pub use cycle::Robot;
+pub use image::{ImageBuffer, ProcessImage};
+pub use registry::{Registry, StageError};
+pub use signals::{CycleRecord, CycleTime, Exchange, Phase, Request, RequestKind};

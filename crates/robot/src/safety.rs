@@ -1,0 +1,173 @@
+//! The last word on commands: limits, finite check and stops in one place.
+
+use crate::config::{Limits, SafetyPlan};
+use crate::signals::{
+    Allowed, Commands, DriveProgress, Exchange, Phase, Quantity, SafetyAction, SafetyReason, Stage,
+    StopCategory,
+};
+use crate::stages::{Safety, SafetyView};
+
+/// How far a measured wheel speed may lie above its limit before it stops: commands are held to the limit itself.
+const WHEEL_SPEED_MARGIN: f64 = 1.1;
+/// How far a wished speed may lie above its limit: rounding.
+const REFERENCE_MARGIN: f64 = 1.0 + 1e-6;
+
+/// The built-in chain: each check in its order; the first that objects decides.
+#[derive(Clone, Debug)]
+pub struct SafetyChain {
+    limits: Limits,
+    plan: SafetyPlan,
+    wheels: usize,
+    lost_in_a_row: u32,
+}
+
+/// What a check objects to: what to do, why, and about which wheel or stage.
+type Objection = Option<(SafetyAction, SafetyReason, u64)>;
+
+impl SafetyChain {
+    /// The chain of a robot with so many wheels.
+    pub fn new(limits: Limits, plan: SafetyPlan, wheels: usize) -> Self {
+        SafetyChain { limits, plan, wheels, lost_in_a_row: 0 }
+    }
+
+    fn exchange(&self, view: &SafetyView<'_>) -> Objection {
+        let lost = self.lost_in_a_row > self.plan.lost_exchanges_tolerated && is_powered(view.phase);
+        lost.then_some((SafetyAction::QuickStop, SafetyReason::ExchangeLost, 0))
+    }
+
+    fn finite(&self, view: &SafetyView<'_>) -> Objection {
+        let stage = if !view.measurements.present().iter().all(|drive| drive.is_finite()) {
+            Stage::Device
+        } else if !view.state.is_finite() {
+            Stage::Estimator
+        } else if !(view.wished.is_finite() && view.setpoint.is_finite()) {
+            Stage::Reference
+        } else if !view.commands.is_finite() {
+            Stage::Controller
+        } else {
+            return None;
+        };
+        Some((SafetyAction::QuickStop, SafetyReason::NotFinite, stage.code()))
+    }
+
+    /// With one drive gone the others can't steer: all brake.
+    fn drives(&self, view: &SafetyView<'_>) -> Objection {
+        if !is_powered(view.phase) {
+            return None;
+        }
+        let moving = view.phase != Phase::Enabling;
+        let failed = view.measurements.present().iter().position(|drive| match drive.progress {
+            DriveProgress::Fault | DriveProgress::Failed | DriveProgress::QuickStop => true,
+            DriveProgress::Unknown | DriveProgress::UnderWay | DriveProgress::Idle => moving,
+            DriveProgress::Running => false,
+        });
+        failed.map(|wheel| (SafetyAction::QuickStop, SafetyReason::Drive, wheel as u64))
+    }
+
+    fn wheel_speed(&self, view: &SafetyView<'_>) -> Objection {
+        let limit = WHEEL_SPEED_MARGIN * self.limits.wheel_speed_rad_s;
+        let drives = view.measurements.present();
+        let fast = drives.iter().position(|drive| drive.speed_rad_s.abs() > limit);
+        fast.map(|wheel| {
+            (SafetyAction::Stop(self.plan.wheel_speed_stop), SafetyReason::WheelSpeed, wheel as u64)
+        })
+    }
+
+    fn reference_speed(&self, view: &SafetyView<'_>) -> Objection {
+        let twist = &view.wished.twist_in_odom;
+        let fast = twist.speed_m_s() > REFERENCE_MARGIN * self.limits.speed_m_s
+            || twist.w_rad_s.abs() > REFERENCE_MARGIN * self.limits.turn_speed_rad_s;
+        fast.then_some((SafetyAction::Stop(self.plan.reference_speed_stop), SafetyReason::ReferenceSpeed, 0))
+    }
+
+    fn tracking(&self, view: &SafetyView<'_>) -> Objection {
+        let distance_m = view.wished.odom_from_body.distance_m(view.state.odom_from_body);
+        let far = distance_m > self.plan.tracking_error_m;
+        far.then_some((SafetyAction::Stop(self.plan.tracking_error_stop), SafetyReason::TrackingError, 0))
+    }
+
+    /// A trajectory that leaves the rectangle stops; a person at a joystick only can't go on outwards.
+    fn area(&self, view: &SafetyView<'_>) -> Objection {
+        let area = self.limits.area.filter(|_| view.velocity.is_none())?;
+        let pose = view.state.odom_from_body;
+        let outside = !(area.min_m[0]..=area.max_m[0]).contains(&pose.x_m)
+            || !(area.min_m[1]..=area.max_m[1]).contains(&pose.y_m);
+        outside.then_some((SafetyAction::Stop(self.plan.area_stop), SafetyReason::Area, 0))
+    }
+
+    fn command_age(&self, view: &SafetyView<'_>) -> Objection {
+        let old = view.velocity.is_some_and(|request| view.time.now_ns >= request.valid_until_ns);
+        old.then_some((SafetyAction::Stop(StopCategory::RampAndHold), SafetyReason::CommandAge, 0))
+    }
+}
+
+/// Whether drives carry torque, or soon will.
+fn is_powered(phase: Phase) -> bool {
+    matches!(phase, Phase::Enabling | Phase::Holding | Phase::Tracking | Phase::Stopping)
+}
+
+impl Safety for SafetyChain {
+    fn reset(&mut self) {
+        self.lost_in_a_row = 0;
+    }
+
+    fn apply(&mut self, view: &SafetyView<'_>) -> Allowed {
+        self.lost_in_a_row = match view.exchange {
+            Exchange::Complete => 0,
+            Exchange::Lost | Exchange::ShortCount { .. } => self.lost_in_a_row.saturating_add(1),
+        };
+        let is_tracking = view.phase == Phase::Tracking;
+        let objection = self
+            .exchange(view)
+            .or_else(|| self.finite(view))
+            .or_else(|| self.drives(view))
+            .or_else(|| if is_powered(view.phase) { self.wheel_speed(view) } else { None })
+            .or_else(|| if is_tracking { self.reference_speed(view) } else { None })
+            .or_else(|| if is_tracking || view.phase == Phase::Holding { self.tracking(view) } else { None })
+            .or_else(|| if is_tracking { self.area(view) } else { None })
+            .or_else(|| if is_tracking { self.command_age(view) } else { None });
+        match objection {
+            Some((SafetyAction::QuickStop, reason, where_index)) => Allowed {
+                // Nothing that was computed is trusted.
+                commands: Commands::default(),
+                action: SafetyAction::QuickStop,
+                reason,
+                where_index,
+            },
+            Some((action, reason, where_index)) => {
+                let commands = within(view.commands, &self.limits, self.wheels);
+                Allowed { commands, action, reason, where_index }
+            }
+            None => {
+                let commands = within(view.commands, &self.limits, self.wheels);
+                let scaled = commands.saturation < view.commands.saturation;
+                let reason = if scaled && commands.quantity == Quantity::Torque {
+                    SafetyReason::Torque
+                } else {
+                    SafetyReason::None
+                };
+                Allowed { commands, action: SafetyAction::Pass, reason, where_index: 0 }
+            }
+        }
+    }
+}
+
+/// Commands within the wheels' limits, scaled as a whole: a controller of a user's may not have done it.
+fn within(commands: &Commands, limits: &Limits, wheels: usize) -> Commands {
+    let limit = match commands.quantity {
+        Quantity::Nothing => return *commands,
+        Quantity::Speed => limits.wheel_speed_rad_s,
+        Quantity::Torque => limits.wheel_torque_nm,
+    };
+    let greatest =
+        commands.values.iter().take(wheels).fold(0.0_f64, |greatest, value| greatest.max(value.abs()));
+    // What stands at the limit after a controller's own scaling may lie a rounding above it.
+    if greatest <= limit * (1.0 + 1e-12) {
+        return *commands;
+    }
+    let factor = limit / greatest;
+    let mut scaled = *commands;
+    scaled.values.iter_mut().for_each(|value| *value *= factor);
+    scaled.saturation *= factor;
+    scaled
+}

@@ -1,0 +1,43 @@
+//! What flows through the cycle: plain structs, all recorded in one [`CycleRecord`].
+
+mod commands;
+mod exchange;
+mod measurements;
+mod motion;
+mod phase;
+mod record;
+#[cfg(test)]
+mod record_tests;
+mod request;
+
+pub use commands::{
+    Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,
+};
+pub use exchange::{CycleTime, Exchange};
+pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
+pub use motion::{PlatformState, ReferenceStatus, Setpoint};
+pub use omnibase_platform::MAX_WHEELS;
+pub use phase::Phase;
+pub use record::{Channel, CycleRecord, InputBytes, Value, ValueKind};
+pub use request::{Frame, Request, RequestAnswer, RequestKind};
+
+/// Bytes of process data that one drive can send or receive in a cycle.
+pub const MAX_INPUT_BYTES: usize = 64;
+
+/// Numbers for the choices of an enum, as recordings hold them.
+macro_rules! coded {
+    ($name:ident { $($variant:ident = $code:literal),+ $(,)? }) => {
+        impl $name {
+            /// The number by which recordings hold this choice.
+            pub const fn code(self) -> u64 {
+                match self { $($name::$variant => $code),+ }
+            }
+
+            /// The choice of a number; `None` where no choice has it.
+            pub const fn from_code(code: u64) -> Option<Self> {
+                match code { $($code => Some($name::$variant),)+ _ => None }
+            }
+        }
+    };
+}
+pub(crate) use coded;

@@ -1,0 +1,70 @@
+//! The moment of a cycle, and what became of its exchange.
+
+/// The moment of one cycle; the only clock that the stages know.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CycleTime {
+    /// Number of the cycle, from 0.
+    pub index: u64,
+    /// The cycle's own moment on its grid, ns since any fixed instant; it never runs backwards.
+    pub now_ns: u64,
+    /// Period, ns.
+    pub period_ns: u64,
+}
+
+impl CycleTime {
+    /// The moment of cycle `index` on a grid that begins at 0.
+    pub fn on_grid(index: u64, period_ns: u64) -> Self {
+        CycleTime { index, now_ns: index.saturating_mul(period_ns), period_ns }
+    }
+
+    /// Period, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_ns as f64 * 1e-9
+    }
+
+    /// The moment until which an answer is awaited that may take `timeout_ns`.
+    pub fn receive_deadline_ns(&self, timeout_ns: u64) -> u64 {
+        self.now_ns.saturating_add(timeout_ns)
+    }
+}
+
+/// What became of the exchange whose inputs a cycle works on. Losing a frame is a value, not an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exchange {
+    /// Every SubDevice took part: the inputs are new.
+    Complete,
+    /// No answer in time: the inputs are those of an earlier cycle.
+    #[default]
+    Lost,
+    /// Some SubDevice didn't take part: the inputs can't be trusted.
+    ShortCount {
+        /// Working counter with all SubDevices.
+        expected: u16,
+        /// Working counter that came back.
+        received: u16,
+    },
+}
+
+impl Exchange {
+    /// The three numbers by which recordings hold an exchange: sort, expected and received working counter.
+    pub fn codes(self) -> [u64; 3] {
+        match self {
+            Exchange::Complete => [0, 0, 0],
+            Exchange::Lost => [1, 0, 0],
+            Exchange::ShortCount { expected, received } => [2, expected.into(), received.into()],
+        }
+    }
+
+    /// The exchange of three numbers; `None` where no exchange has them.
+    pub fn from_codes(codes: [u64; 3]) -> Option<Self> {
+        Some(match codes {
+            [0, 0, 0] => Exchange::Complete,
+            [1, 0, 0] => Exchange::Lost,
+            [2, expected, received] => Exchange::ShortCount {
+                expected: expected.try_into().ok()?,
+                received: received.try_into().ok()?,
+            },
+            _ => return None,
+        })
+    }
+}

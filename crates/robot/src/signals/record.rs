@@ -1,0 +1,347 @@
+//! Everything of one cycle in one plain struct of fixed size.
+
+use omnibase_cia402::{ErrorCode, StatusWord};
+use omnibase_platform::{Pose2, Regime, Twist2};
+
+use super::{
+    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, MAX_INPUT_BYTES, MAX_WHEELS,
+    Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, SafetyAction,
+    SafetyReason, Setpoint,
+};
+
+const INPUT_WORDS: usize = MAX_INPUT_BYTES / 8;
+
+/// One drive's process data of a cycle, raw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputBytes(pub [u8; MAX_INPUT_BYTES]);
+
+impl Default for InputBytes {
+    fn default() -> Self {
+        InputBytes([0; MAX_INPUT_BYTES])
+    }
+}
+
+/// Everything of one cycle: what came in, what each stage made of it, and what went out.
+///
+/// `time`, `exchange`, `inputs` and `request` are enough to compute all the rest again, to the same bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CycleRecord {
+    /// The moment.
+    pub time: CycleTime,
+    /// What became of the exchange.
+    pub exchange: Exchange,
+    /// The drives' process data, raw, wheel by wheel.
+    pub inputs: [InputBytes; MAX_WHEELS],
+    /// What was asked in this cycle.
+    pub request: Option<Request>,
+    /// What became of that.
+    pub answer: RequestAnswer,
+    /// Where the robot is in its life.
+    pub phase: Phase,
+    /// Why it last stopped.
+    pub stop_reason: SafetyReason,
+    /// Which wheel, or which stage by its code, that reason is about.
+    pub stop_where: u64,
+    /// What the drives said.
+    pub measurements: Measurements,
+    /// What is known.
+    pub state: PlatformState,
+    /// What is wished.
+    pub wished: Setpoint,
+    /// What of it the platform's limits let through: what the controller follows.
+    pub setpoint: Setpoint,
+    /// What the controller wants.
+    pub commands: Commands,
+    /// What the controller estimates: mass kg, inertia kg·m², force N.
+    pub estimates: [f64; 3],
+    /// What safety allows.
+    pub allowed: Allowed,
+}
+
+/// How a channel's values are held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueKind {
+    /// A real number.
+    F64,
+    /// A whole number, or the code of a choice.
+    U64,
+}
+
+/// One channel of a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Its name, such as `wheel_1.speed`.
+    pub name: String,
+    /// Its unit; empty for codes and counts.
+    pub unit: &'static str,
+    /// How its values are held.
+    pub kind: ValueKind,
+}
+
+/// One value of a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// A real number.
+    F64(f64),
+    /// A whole number, or the code of a choice.
+    U64(u64),
+}
+
+impl Value {
+    /// The value as a real number, as plots need it.
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Value::F64(value) => value,
+            Value::U64(value) => value as f64,
+        }
+    }
+}
+
+impl CycleRecord {
+    /// The channels of a robot with `wheels` wheels, in a fixed order.
+    pub fn channels(wheels: usize) -> Vec<Channel> {
+        let mut list = Vec::new();
+        let mut record = CycleRecord::default();
+        record.visit(wheels, &mut |name, unit, slot| {
+            let kind = match slot {
+                Slot::F64(_) => ValueKind::F64,
+                Slot::U64(_) => ValueKind::U64,
+            };
+            list.push(Channel { name: name.to_string(), unit, kind });
+        });
+        list
+    }
+
+    /// Puts the values of all channels into `values`, which is emptied first; no allocation once it is long enough.
+    pub fn values(&self, values: &mut Vec<Value>) {
+        values.clear();
+        let mut copy = *self;
+        copy.visit(self.measurements.wheels, &mut |_, _, slot| {
+            values.push(match slot {
+                Slot::F64(value) => Value::F64(*value),
+                Slot::U64(value) => Value::U64(*value),
+            });
+        });
+    }
+
+    /// The record of such values; `None` where there are too few or too many, or one isn't of its channel's kind.
+    ///
+    /// Codes that no choice has are read as the choice's default.
+    pub fn from_values(wheels: usize, values: &[Value]) -> Option<CycleRecord> {
+        let mut record = CycleRecord::default();
+        record.measurements.wheels = wheels;
+        let mut rest = values.iter();
+        let mut fits = true;
+        record.visit(wheels, &mut |_, _, slot| match (slot, rest.next()) {
+            (Slot::F64(slot), Some(Value::F64(value))) => *slot = *value,
+            (Slot::U64(slot), Some(Value::U64(value))) => *slot = *value,
+            _ => fits = false,
+        });
+        (fits && rest.next().is_none()).then_some(record)
+    }
+
+    /// The one list of all channels: reading, writing and naming go through it.
+    fn visit(&mut self, wheels: usize, visitor: Visitor<'_>) {
+        let mut v = Visit { prefix: Name::default(), visitor };
+        v.u64("cycle.index", "", &mut self.time.index);
+        v.u64("cycle.time", "ns", &mut self.time.now_ns);
+        v.u64("cycle.period", "ns", &mut self.time.period_ns);
+        let mut codes = self.exchange.codes();
+        v.u64("exchange.result", "", &mut codes[0]);
+        v.u64("exchange.expected", "", &mut codes[1]);
+        v.u64("exchange.received", "", &mut codes[2]);
+        self.exchange = Exchange::from_codes(codes).unwrap_or_default();
+        let (mut codes, mut arguments) = Request::codes(self.request);
+        v.u64("request.kind", "", &mut codes[0]);
+        v.u64("request.argument", "", &mut codes[1]);
+        v.u64("request.valid_until", "ns", &mut codes[2]);
+        v.f64("request.value_1", "", &mut arguments[0]);
+        v.f64("request.value_2", "", &mut arguments[1]);
+        v.f64("request.value_3", "", &mut arguments[2]);
+        self.request = Request::from_codes(codes, arguments).flatten();
+        v.code("request.answer", &mut self.answer, RequestAnswer::code, RequestAnswer::from_code);
+        v.code("phase", &mut self.phase, Phase::code, Phase::from_code);
+        v.code("stop_reason", &mut self.stop_reason, SafetyReason::code, SafetyReason::from_code);
+
+        v.u64("stop_where", "", &mut self.stop_where);
+        v.pose("state.pose", &mut self.state.odom_from_body);
+        v.twist("state.twist_in_body", ["m/s", "m/s", "rad/s"], &mut self.state.twist_in_body);
+        let covariance =
+            ["xx", "xy", "xh", "yy", "yh", "hh"].iter().zip(["m²", "m²", "m·rad", "m²", "m·rad", "rad²"]);
+        for ((name, unit), value) in covariance.zip(&mut self.state.covariance) {
+            v.prefix = Name::new("state.covariance_");
+            v.f64(name, unit, value);
+        }
+        v.prefix = Name::default();
+        let mut regime = regime_code(self.state.regime);
+        v.u64("state.regime", "", &mut regime);
+        self.state.regime = regime_from_code(regime).unwrap_or(Regime::Integrated);
+        v.f64("state.slip_residual", "m/s", &mut self.state.slip_residual_m_s);
+        v.setpoint(["wished.pose", "wished.twist", "wished.acceleration", "wished.status"], &mut self.wished);
+        v.setpoint(
+            ["setpoint.pose", "setpoint.twist", "setpoint.acceleration", "setpoint.status"],
+            &mut self.setpoint,
+        );
+        v.f64("estimate.mass", "kg", &mut self.estimates[0]);
+        v.f64("estimate.inertia", "kg·m²", &mut self.estimates[1]);
+        v.f64("estimate.force", "N", &mut self.estimates[2]);
+        v.code("command.quantity", &mut self.commands.quantity, Quantity::code, Quantity::from_code);
+        v.f64("command.saturation", "", &mut self.commands.saturation);
+        v.code("allowed.quantity", &mut self.allowed.commands.quantity, Quantity::code, Quantity::from_code);
+        v.f64("allowed.saturation", "", &mut self.allowed.commands.saturation);
+        v.code("allowed.action", &mut self.allowed.action, SafetyAction::code, SafetyAction::from_code);
+        v.code("allowed.reason", &mut self.allowed.reason, SafetyReason::code, SafetyReason::from_code);
+        v.u64("allowed.where", "", &mut self.allowed.where_index);
+        for wheel in 0..wheels.min(MAX_WHEELS) {
+            v.prefix = Name::wheel(wheel);
+            v.drive(&mut self.measurements.drives[wheel]);
+            v.f64("command", "rad/s or N·m", &mut self.commands.values[wheel]);
+            v.f64("allowed", "rad/s or N·m", &mut self.allowed.commands.values[wheel]);
+            v.inputs(&mut self.inputs[wheel]);
+        }
+    }
+}
+
+enum Slot<'a> {
+    F64(&'a mut f64),
+    U64(&'a mut u64),
+}
+
+type Visitor<'a> = &'a mut dyn FnMut(&Name, &'static str, Slot<'_>);
+
+/// A channel's name, put together without allocation.
+#[derive(Clone, Copy)]
+struct Name {
+    bytes: [u8; 48],
+    length: usize,
+}
+
+impl Default for Name {
+    fn default() -> Self {
+        Name { bytes: [0; 48], length: 0 }
+    }
+}
+
+impl Name {
+    fn new(text: &str) -> Self {
+        Name::default().with(text)
+    }
+
+    fn wheel(index: usize) -> Self {
+        const NAMES: [&str; MAX_WHEELS] =
+            ["wheel_1.", "wheel_2.", "wheel_3.", "wheel_4.", "wheel_5.", "wheel_6.", "wheel_7.", "wheel_8."];
+        Name::new(NAMES[index])
+    }
+
+    fn with(mut self, text: &str) -> Self {
+        for byte in text.bytes() {
+            if let Some(slot) = self.bytes.get_mut(self.length) {
+                *slot = byte;
+                self.length += 1;
+            }
+        }
+        self
+    }
+}
+
+impl std::fmt::Display for Name {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(std::str::from_utf8(&self.bytes[..self.length]).unwrap_or_default())
+    }
+}
+
+struct Visit<'a> {
+    prefix: Name,
+    visitor: Visitor<'a>,
+}
+
+impl Visit<'_> {
+    fn f64(&mut self, name: &str, unit: &'static str, value: &mut f64) {
+        (self.visitor)(&self.prefix.with(name), unit, Slot::F64(value));
+    }
+
+    fn u64(&mut self, name: &str, unit: &'static str, value: &mut u64) {
+        (self.visitor)(&self.prefix.with(name), unit, Slot::U64(value));
+    }
+
+    fn code<T: Copy + Default>(
+        &mut self,
+        name: &str,
+        value: &mut T,
+        to: fn(T) -> u64,
+        from: fn(u64) -> Option<T>,
+    ) {
+        let mut code = to(*value);
+        self.u64(name, "", &mut code);
+        *value = from(code).unwrap_or_default();
+    }
+
+    fn pose(&mut self, name: &str, pose: &mut Pose2) {
+        self.prefix = Name::new(name);
+        self.f64(".x", "m", &mut pose.x_m);
+        self.f64(".y", "m", &mut pose.y_m);
+        self.f64(".heading", "rad", &mut pose.heading_rad);
+        self.prefix = Name::default();
+    }
+
+    fn twist(&mut self, name: &str, units: [&'static str; 3], twist: &mut Twist2) {
+        self.prefix = Name::new(name);
+        self.f64(".x", units[0], &mut twist.vx_m_s);
+        self.f64(".y", units[1], &mut twist.vy_m_s);
+        self.f64(".heading", units[2], &mut twist.w_rad_s);
+        self.prefix = Name::default();
+    }
+
+    fn setpoint(&mut self, names: [&str; 4], setpoint: &mut Setpoint) {
+        self.pose(names[0], &mut setpoint.odom_from_body);
+        self.twist(names[1], ["m/s", "m/s", "rad/s"], &mut setpoint.twist_in_odom);
+        self.twist(names[2], ["m/s²", "m/s²", "rad/s²"], &mut setpoint.acceleration_in_odom);
+        self.code(names[3], &mut setpoint.status, ReferenceStatus::code, ReferenceStatus::from_code);
+    }
+
+    fn drive(&mut self, drive: &mut DriveMeasurement) {
+        let mut counts = f64::from(drive.position_counts);
+        self.f64("position", "counts", &mut counts);
+        drive.position_counts = counts as i32;
+        self.f64("increment", "rad", &mut drive.increment_rad);
+        self.f64("speed", "rad/s", &mut drive.speed_rad_s);
+        self.f64("torque", "N·m", &mut drive.torque_nm);
+        let mut status = u64::from(drive.status.0);
+        self.u64("status_word", "", &mut status);
+        drive.status = StatusWord(status as u16);
+        let mut mode = f64::from(drive.mode_code);
+        self.f64("mode", "", &mut mode);
+        drive.mode_code = mode as i8;
+        let mut error = u64::from(drive.error.0);
+        self.u64("error", "", &mut error);
+        drive.error = ErrorCode(error as u16);
+        self.code("progress", &mut drive.progress, DriveProgress::code, DriveProgress::from_code);
+    }
+
+    fn inputs(&mut self, inputs: &mut InputBytes) {
+        const NAMES: [&str; INPUT_WORDS] =
+            ["input_0", "input_1", "input_2", "input_3", "input_4", "input_5", "input_6", "input_7"];
+        for (name, bytes) in NAMES.iter().zip(inputs.0.chunks_exact_mut(8)) {
+            let mut word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
+            self.u64(name, "", &mut word);
+            bytes.copy_from_slice(&word.to_le_bytes());
+        }
+    }
+}
+
+const REGIMES: [Regime; 5] =
+    [Regime::Standstill, Regime::Translation, Regime::Rotation, Regime::Tangent, Regime::Integrated];
+
+fn regime_code(regime: Regime) -> u64 {
+    match regime {
+        Regime::Standstill => 0,
+        Regime::Translation => 1,
+        Regime::Rotation => 2,
+        Regime::Tangent => 3,
+        Regime::Integrated => 4,
+    }
+}
+
+fn regime_from_code(code: u64) -> Option<Regime> {
+    REGIMES.into_iter().find(|regime| regime_code(*regime) == code)
+}

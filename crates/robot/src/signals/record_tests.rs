@@ -1,0 +1,90 @@
+//! A record as channels and back.
+
+use omnibase_cia402::StatusWord;
+use omnibase_platform::{Pose2, Regime, Twist2};
+
+use super::*;
+
+fn full(wheels: usize) -> CycleRecord {
+    let mut record = CycleRecord {
+        time: CycleTime { index: 7, now_ns: 7_000_000, period_ns: 1_000_000 },
+        exchange: Exchange::ShortCount { expected: 9, received: 6 },
+        request: Some(Request {
+            kind: RequestKind::Velocity { twist: Twist2::new(0.1, -0.2, 0.3), frame: Frame::Odom },
+            valid_until_ns: 99,
+        }),
+        answer: RequestAnswer::WrongPhase,
+        phase: Phase::QuickStopping,
+        stop_reason: SafetyReason::Drive,
+        stop_where: 2,
+        estimates: [70.0, 7.0, 20.0],
+        ..Default::default()
+    };
+    record.state.odom_from_body = Pose2::new(1.0, 2.0, 3.0);
+    record.state.covariance = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    record.state.regime = Regime::Tangent;
+    record.setpoint.status = ReferenceStatus::Finished;
+    record.wished.acceleration_in_odom = Twist2::new(0.5, 0.6, 0.7);
+    record.commands.quantity = Quantity::Torque;
+    record.allowed.action = SafetyAction::Stop(StopCategory::RampAndHold);
+    record.measurements.wheels = wheels;
+    for wheel in 0..wheels {
+        let drive = &mut record.measurements.drives[wheel];
+        drive.position_counts = i32::MIN + wheel as i32;
+        drive.status = StatusWord(0x1237);
+        drive.mode_code = -3;
+        drive.progress = DriveProgress::Running;
+        drive.torque_nm = -1.5;
+        record.commands.values[wheel] = 0.1 * wheel as f64;
+        record.inputs[wheel].0 = std::array::from_fn(|at| (at * 3 + wheel) as u8);
+    }
+    record
+}
+
+#[test]
+fn a_record_comes_back_to_the_bit() {
+    for wheels in [3, 4, MAX_WHEELS] {
+        let record = full(wheels);
+        let mut values = Vec::new();
+        record.values(&mut values);
+        assert_eq!(values.len(), CycleRecord::channels(wheels).len());
+        assert_eq!(CycleRecord::from_values(wheels, &values), Some(record));
+        assert_eq!(CycleRecord::from_values(wheels, &values[1..]), None);
+    }
+}
+
+#[test]
+fn channels_have_one_name_each_and_a_fixed_order() {
+    let channels = CycleRecord::channels(3);
+    let mut names: Vec<&str> = channels.iter().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(names[..2], ["cycle.index", "cycle.time"]);
+    for name in
+        ["state.pose.heading", "state.covariance_hh", "setpoint.twist.x", "wheel_3.speed", "wheel_1.input_7"]
+    {
+        assert!(names.contains(&name), "{name} in {names:?}");
+    }
+    assert!(!names.contains(&"wheel_4.speed"));
+    let speed = channels.iter().find(|channel| channel.name == "wheel_2.speed").unwrap();
+    assert_eq!((speed.unit, speed.kind), ("rad/s", ValueKind::F64));
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), channels.len());
+}
+
+#[test]
+fn every_request_comes_back() {
+    let kinds = [
+        RequestKind::Enable,
+        RequestKind::Track,
+        RequestKind::Stop(StopCategory::RampThenRemove),
+        RequestKind::Acknowledge,
+        RequestKind::SetGain { index: 4, value: 2.5 },
+    ];
+    for kind in kinds {
+        let request = Some(Request::lasting(kind));
+        let (codes, values) = Request::codes(request);
+        assert_eq!(Request::from_codes(codes, values), Some(request));
+    }
+    assert_eq!(Request::from_codes([0; 3], [0.0; 3]), Some(None));
+    assert_eq!(Request::from_codes([99, 0, 0], [0.0; 3]), None);
+}

@@ -1,0 +1,118 @@
+//! What is asked of a running robot: at most one request a cycle, recorded with it.
+
+use omnibase_platform::Twist2;
+
+use super::{StopCategory, coded};
+
+/// The frame of a velocity command.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frame {
+    /// base_link: x is forward.
+    #[default]
+    Body,
+    /// odom.
+    Odom,
+}
+
+coded!(Frame { Body = 0, Odom = 1 });
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RequestKind {
+    /// Bring the drives to operation and hold.
+    Enable,
+    /// Follow the reference from its start.
+    Track,
+    /// Stop.
+    Stop(StopCategory),
+    /// Somebody saw the fault and wants to go on.
+    Acknowledge,
+    /// Move at a speed; counts until the request's validity ends.
+    Velocity {
+        /// Speed.
+        twist: Twist2,
+        /// The frame of that speed.
+        frame: Frame,
+    },
+    /// Change a gain of the controller.
+    SetGain {
+        /// Its place in [`Controller::gain`](crate::stages::Controller::gain).
+        index: u32,
+        /// Its new value.
+        value: f64,
+    },
+}
+
+/// A request and how long it counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// What is asked.
+    pub kind: RequestKind,
+    /// The moment, on the clock of [`CycleTime`](super::CycleTime), from which it no longer counts, ns.
+    pub valid_until_ns: u64,
+}
+
+impl Request {
+    /// A request that counts whenever it arrives.
+    pub fn lasting(kind: RequestKind) -> Self {
+        Request { kind, valid_until_ns: u64::MAX }
+    }
+
+    /// The numbers by which recordings hold a request: sort, argument, validity, and three values.
+    pub fn codes(request: Option<Request>) -> ([u64; 3], [f64; 3]) {
+        let Some(Request { kind, valid_until_ns }) = request else { return ([0; 3], [0.0; 3]) };
+        let (sort, argument, values) = match kind {
+            RequestKind::Enable => (1, 0, [0.0; 3]),
+            RequestKind::Track => (2, 0, [0.0; 3]),
+            RequestKind::Stop(category) => (3, category.code(), [0.0; 3]),
+            RequestKind::Acknowledge => (4, 0, [0.0; 3]),
+            RequestKind::Velocity { twist, frame } => {
+                (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s])
+            }
+            RequestKind::SetGain { index, value } => (6, index.into(), [value, 0.0, 0.0]),
+        };
+        ([sort, argument, valid_until_ns], values)
+    }
+
+    /// The request of such numbers: `None` where no request has them, `Some(None)` where there was none.
+    pub fn from_codes(
+        [sort, argument, valid_until_ns]: [u64; 3],
+        values: [f64; 3],
+    ) -> Option<Option<Request>> {
+        let kind = match sort {
+            0 => return Some(None),
+            1 => RequestKind::Enable,
+            2 => RequestKind::Track,
+            3 => RequestKind::Stop(StopCategory::from_code(argument)?),
+            4 => RequestKind::Acknowledge,
+            5 => {
+                let [vx_m_s, vy_m_s, w_rad_s] = values;
+                RequestKind::Velocity {
+                    twist: Twist2 { vx_m_s, vy_m_s, w_rad_s },
+                    frame: Frame::from_code(argument)?,
+                }
+            }
+            6 => RequestKind::SetGain { index: argument.try_into().ok()?, value: values[0] },
+            _ => return None,
+        };
+        Some(Some(Request { kind, valid_until_ns }))
+    }
+}
+
+/// What became of a cycle's request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RequestAnswer {
+    /// There was none.
+    #[default]
+    None,
+    /// It is carried out.
+    Taken,
+    /// It came after its validity.
+    TooOld,
+    /// It doesn't fit the phase in which the robot is.
+    WrongPhase,
+    /// Its value isn't finite, or outside what is allowed.
+    Refused,
+}
+
+coded!(RequestAnswer { None = 0, Taken = 1, TooOld = 2, WrongPhase = 3, Refused = 4 });

@@ -1,0 +1,11 @@
+//! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
+
+mod lifecycle;
+mod promises;
+mod safety;
+mod support;
+
+use omnibase_host::CountingAllocator;
+
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;

@@ -1,0 +1,98 @@
+//! What every cycle promises: no allocation, the same bits again, and numbers that aren't finite stop.
+
+use omnibase_host::CountingAllocator;
+use omnibase_platform::Twist2;
+use omnibase_robot::signals::{Frame, Value};
+use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
+
+use crate::support::{BMM, Bench, MECANUM, plan};
+
+/// A life: enabled, moved about, tracked, stopped.
+fn life(bench: &mut Bench) -> Vec<CycleRecord> {
+    let mut records = vec![bench.step(None), bench.step(Some(RequestKind::Enable))];
+    for cycle in 0..3000_u32 {
+        let request = match cycle {
+            100..=1500 => {
+                let swing = f64::from(cycle) * 0.01;
+                let twist = Twist2::new(0.4 * swing.sin(), 0.3 * swing.cos(), 0.5 * (0.3 * swing).sin());
+                Some(RequestKind::Velocity { twist, frame: Frame::Body })
+            }
+            1600 => Some(RequestKind::SetGain { index: 0, value: 5.0 }),
+            2500 => Some(RequestKind::Stop(omnibase_robot::signals::StopCategory::RampThenRemove)),
+            _ => None,
+        };
+        records.push(bench.step(request));
+    }
+    assert!(records.iter().any(|record| record.phase == Phase::Tracking));
+    assert_eq!(bench.robot.phase(), Phase::Disabled);
+    records
+}
+
+fn bits(record: &CycleRecord) -> Vec<u64> {
+    let mut values = Vec::new();
+    record.values(&mut values);
+    let bits = |value: &Value| match value {
+        Value::F64(value) => value.to_bits(),
+        Value::U64(value) => *value,
+    };
+    values.iter().map(bits).collect()
+}
+
+#[test]
+fn a_cycle_never_allocates() {
+    let adaptive = adaptive(BMM);
+    for robot in [BMM, MECANUM, &adaptive] {
+        let mut bench = Bench::new(plan(robot));
+        bench.enable();
+        let before = CountingAllocator::allocations_of_this_thread();
+        for cycle in 0..2000_u32 {
+            let twist = Twist2::new(0.3, 0.2, 0.1);
+            let kind = (cycle < 1000).then_some(RequestKind::Velocity { twist, frame: Frame::Body });
+            bench.step(kind);
+            if cycle == 1500 {
+                bench.fail_drive(0);
+            }
+        }
+        assert_eq!(CountingAllocator::allocations_of_this_thread() - before, 0);
+    }
+}
+
+#[test]
+fn the_allocator_does_count() {
+    let before = CountingAllocator::allocations_of_this_thread();
+    let list = std::hint::black_box(vec![1_u8]);
+    assert_eq!(CountingAllocator::allocations_of_this_thread() - before, list.len() as u64);
+}
+
+/// The robot with the adaptive controller, and a square of its own to follow.
+pub fn adaptive(text: &str) -> String {
+    text.replace("kind = \"closed_loop_speed\"", "kind = \"adaptive_torque\"")
+}
+
+#[test]
+fn the_same_inputs_give_the_same_bits() {
+    for robot in [BMM.to_string(), adaptive(BMM)] {
+        let first = life(&mut Bench::new(plan(&robot)));
+        let second = life(&mut Bench::new(plan(&robot)));
+        assert!(first.iter().zip(&second).all(|(a, b)| bits(a) == bits(b)));
+    }
+}
+
+#[test]
+fn a_recording_replays_to_the_same_bits() {
+    for robot in [BMM.to_string(), adaptive(BMM), MECANUM.to_string()] {
+        let plan = plan(&robot);
+        let wheels = plan.drives.len();
+        let recorded = life(&mut Bench::new(plan.clone()));
+        let mut robot = Robot::build(&plan, &Registry::with_built_in()).unwrap();
+        let mut buffer = ImageBuffer::new(&plan);
+        for record in &recorded {
+            // Through channels, as a file holds them.
+            let mut values = Vec::new();
+            record.values(&mut values);
+            let read = CycleRecord::from_values(wheels, &values).unwrap();
+            let replayed = robot.replay(&read, &mut buffer);
+            assert_eq!(bits(replayed), bits(record), "cycle {}", record.time.index);
+        }
+    }
+}

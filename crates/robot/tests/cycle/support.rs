@@ -1,0 +1,250 @@
+//! A rigid body on ideal wheels and drives without delay, for tests of the cycle: not the simulator.
+
+use omnibase_platform::{Kinematics, PerWheel, Pose2, Twist2};
+use omnibase_robot::{
+    CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
+};
+
+pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
+pub const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
+
+pub fn plan(text: &str) -> RobotPlan {
+    plan_with(text, &Registry::with_built_in())
+}
+
+pub fn plan_with(text: &str, registry: &Registry) -> RobotPlan {
+    let no_files = |name: &str| Err(format!("no file {name}"));
+    RobotPlan::from_toml(text, registry, &no_files).unwrap_or_else(|problems| {
+        panic!("{}", problems.iter().map(|problem| format!("{problem}\n")).collect::<String>())
+    })
+}
+
+/// One of the drives, seen from its process data: it obeys within one cycle.
+#[derive(Clone, Debug)]
+struct Servo {
+    status: u16,
+    mode: i8,
+    counts: f64,
+    first_counts: i32,
+    fault: bool,
+    fault_reset: bool,
+}
+
+/// A body on wheels that never slip, its drives, and the cycle that drives it.
+pub struct Bench {
+    pub robot: Robot,
+    pub plan: RobotPlan,
+    pub image: ImageBuffer,
+    pub kinematics: Kinematics,
+    pub pose: Pose2,
+    pub twist_in_body: Twist2,
+    pub mass_kg: f64,
+    pub inertia_kg_m2: f64,
+    /// Coulomb friction against translation, N, and rotation, N·m.
+    pub friction: [f64; 2],
+    /// What the next exchanges will be.
+    pub exchange: Exchange,
+    pub index: u64,
+    servos: Vec<Servo>,
+    wheel_speeds: PerWheel,
+    torques: PerWheel,
+}
+
+impl Bench {
+    pub fn new(plan: RobotPlan) -> Bench {
+        Bench::with_registry(plan, &Registry::with_built_in())
+    }
+
+    pub fn with_registry(plan: RobotPlan, registry: &Registry) -> Bench {
+        let robot = Robot::build(&plan, registry).unwrap();
+        let wheels = plan.drives.len();
+        let servo = |wheel: usize| Servo {
+            status: 0x0250,
+            mode: 0,
+            counts: 0.0,
+            // Any first value, close to the wrap of one of them.
+            first_counts: [2_147_483_000, -5, 123_456, 0, 7, 9, 11, 13][wheel],
+            fault: false,
+            fault_reset: false,
+        };
+        Bench {
+            robot,
+            image: ImageBuffer::new(&plan),
+            kinematics: plan.kinematics.clone(),
+            pose: Pose2::default(),
+            twist_in_body: Twist2::default(),
+            mass_kg: plan.simulation.mass_kg.unwrap_or(70.0),
+            inertia_kg_m2: plan.simulation.inertia_kg_m2.unwrap_or(7.0),
+            friction: [20.0, 5.0],
+            exchange: Exchange::Complete,
+            index: 0,
+            servos: (0..wheels).map(servo).collect(),
+            wheel_speeds: PerWheel::from_fn(wheels, |_| 0.0),
+            torques: PerWheel::from_fn(wheels, |_| 0.0),
+            plan,
+        }
+    }
+
+    pub fn fail_drive(&mut self, wheel: usize) {
+        self.servos[wheel].fault = true;
+    }
+
+    pub fn repair_drive(&mut self, wheel: usize) {
+        self.servos[wheel].fault = false;
+    }
+
+    /// Status word of a drive, as its process data say.
+    pub fn status(&self, wheel: usize) -> u16 {
+        self.servos[wheel].status
+    }
+
+    pub fn control_word(&self, wheel: usize) -> u16 {
+        u16::from_le_bytes([self.image.outputs[wheel][0], self.image.outputs[wheel][1]])
+    }
+
+    /// One cycle, and one period of the body.
+    pub fn step(&mut self, kind: Option<RequestKind>) -> CycleRecord {
+        let period_ns = self.plan.bus.cycle_ns;
+        let time = CycleTime::on_grid(self.index, period_ns);
+        self.index += 1;
+        if self.exchange == Exchange::Complete {
+            self.servos_read_and_answer();
+        }
+        let request = kind.map(Request::lasting);
+        let record = *self.robot.compute(time, self.exchange, request, &mut self.image);
+        self.move_body(period_ns as f64 * 1e-9);
+        record
+    }
+
+    pub fn run(&mut self, cycles: u64) -> CycleRecord {
+        for _ in 0..cycles {
+            self.step(None);
+        }
+        *self.robot.record()
+    }
+
+    /// To operation; panics where that takes more than a second.
+    pub fn enable(&mut self) {
+        self.step(None);
+        self.step(Some(RequestKind::Enable));
+        for _ in 0..1000 {
+            if self.robot.phase() == Phase::Holding {
+                return;
+            }
+            self.step(None);
+        }
+        panic!("not enabled: {:?} {:?}", self.robot.phase(), self.robot.drive_problems().collect::<Vec<_>>());
+    }
+
+    fn field(&self, inputs: bool, wheel: usize, object: u16) -> Option<(usize, usize)> {
+        let drive = &self.plan.drives[wheel];
+        let pdos = if inputs { &drive.inputs } else { &drive.outputs };
+        let mut bit = 0;
+        for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
+            if entry.index == object {
+                return Some((bit / 8, usize::from(entry.bits) / 8));
+            }
+            bit += usize::from(entry.bits);
+        }
+        None
+    }
+
+    fn output(&self, wheel: usize, object: u16) -> i64 {
+        let Some((at, bytes)) = self.field(false, wheel, object) else { return 0 };
+        let raw =
+            self.image.outputs[wheel][at..at + bytes].iter().rev().fold(0_i64, |v, b| v << 8 | i64::from(*b));
+        let unused = 64 - 8 * bytes;
+        raw << unused >> unused
+    }
+
+    fn input(&mut self, wheel: usize, object: u16, value: i64) {
+        if let Some((at, bytes)) = self.field(true, wheel, object) {
+            self.image.inputs[wheel][at..at + bytes].copy_from_slice(&value.to_le_bytes()[..bytes]);
+        }
+    }
+
+    fn servos_read_and_answer(&mut self) {
+        for wheel in 0..self.servos.len() {
+            let control = self.output(wheel, 0x6040) as u16;
+            let mode = self.output(wheel, 0x6060) as i8;
+            let scale = self.plan.drives[wheel].scale;
+            let counts_per_rad =
+                f64::from(scale.counts_per_revolution) * scale.gear_ratio / std::f64::consts::TAU;
+            let servo = &mut self.servos[wheel];
+            let state = servo.status & 0x6F;
+            let reset = control & 0x80 != 0 && !servo.fault_reset;
+            servo.fault_reset = control & 0x80 != 0;
+            let next = match state {
+                _ if servo.fault => 0x08,
+                0x08 if reset => 0x40,
+                0x08 => 0x08,
+                _ if control & 0x02 == 0 => 0x40,
+                0x27 if control & 0x04 == 0 => 0x07,
+                0x07 => 0x07,
+                _ if control & 0x06 == 0x06 => match (state, control & 0x0F) {
+                    (0x40, _) => 0x21,
+                    (0x21, 0x07 | 0x0F) => 0x23,
+                    (0x23, 0x0F) => 0x27,
+                    (now, 0x0F) => now,
+                    (0x27, 0x07) => 0x23,
+                    (_, 0x06) => 0x21,
+                    (now, _) => now,
+                },
+                now => now,
+            };
+            servo.status = 0x0210 | next;
+            servo.mode = mode;
+            let speed = self.wheel_speeds[wheel];
+            let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
+            let (status, mode) = (servo.status, servo.mode);
+            let torque = 1000.0 * self.torques[wheel] / (scale.rated_torque_nm * scale.gear_ratio);
+            self.input(wheel, 0x6041, status.into());
+            self.input(wheel, 0x6061, mode.into());
+            self.input(wheel, 0x6064, counts.into());
+            self.input(wheel, 0x606C, (speed * counts_per_rad).round() as i64);
+            self.input(wheel, 0x6077, torque.round() as i64);
+        }
+    }
+
+    fn move_body(&mut self, period_s: f64) {
+        let wheels = self.servos.len();
+        let running = (0..wheels).filter(|wheel| self.servos[*wheel].status & 0x6F == 0x27).count() == wheels;
+        let by_torque = self.servos[0].mode == 10;
+        let scale = |wheel: usize| self.plan.drives[wheel].scale;
+        let command = |bench: &Bench, object: u16, wheel: usize| bench.output(wheel, object) as f64;
+        if running && !by_torque {
+            // A stiff speed loop: the wheels turn as told.
+            let told = PerWheel::from_fn(wheels, |wheel| {
+                let counts = f64::from(scale(wheel).counts_per_revolution) * scale(wheel).gear_ratio;
+                command(self, 0x60FF, wheel) * std::f64::consts::TAU / counts
+            });
+            self.twist_in_body = self.kinematics.twist(&told).twist_in_base;
+        } else {
+            let torques = PerWheel::from_fn(wheels, |wheel| {
+                let drive = scale(wheel);
+                command(self, 0x6071, wheel) * drive.rated_torque_nm * drive.gear_ratio / 1000.0
+            });
+            self.torques = if running { torques } else { torques.map(|_| 0.0) };
+            let wrench = self.kinematics.wrench(&self.torques).rotated(self.pose.heading_rad);
+            let mut twist = self.twist_in_body.rotated(self.pose.heading_rad);
+            // Quick stop: the drives brake hard.
+            let braking = (0..wheels).any(|wheel| self.servos[wheel].status & 0x6F == 0x07);
+            let grip = if braking { 20.0 } else { 1.0 };
+            let speed = twist.speed_m_s().max(1e-3);
+            let friction = self.friction.map(|friction| friction * grip);
+            twist.vx_m_s += period_s * (wrench.fx_n - friction[0] * twist.vx_m_s / speed) / self.mass_kg;
+            twist.vy_m_s += period_s * (wrench.fy_n - friction[0] * twist.vy_m_s / speed) / self.mass_kg;
+            let turning = (twist.w_rad_s / 1e-2).clamp(-1.0, 1.0);
+            twist.w_rad_s += period_s * (wrench.torque_nm - friction[1] * turning) / self.inertia_kg_m2;
+            self.twist_in_body = twist.rotated(-self.pose.heading_rad);
+        }
+        self.wheel_speeds = self.kinematics.wheel_speeds_rad_s(self.twist_in_body);
+        let heading = self.pose.heading_rad + self.twist_in_body.w_rad_s * period_s;
+        self.pose = Pose2 { heading_rad: heading, ..self.pose.moved_by(self.twist_in_body.over(period_s)) };
+        for wheel in 0..wheels {
+            let drive = scale(wheel);
+            let counts = f64::from(drive.counts_per_revolution) * drive.gear_ratio / std::f64::consts::TAU;
+            self.servos[wheel].counts += self.wheel_speeds[wheel] * period_s * counts;
+        }
+    }
+}
