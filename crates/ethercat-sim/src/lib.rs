@@ -9,6 +9,7 @@
 //! - [`serve`](mod@serve): a segment behind a network interface, in real time.
 //! - [`sim_link`]: a segment in the process, on virtual time, as a link of a MainDevice.
 //! - [`pdi`]: the line between the chip and the firmware behind it.
+//! - [`pdi_socket`]: firmware in another process.
 //!
 //! Firmware half: what runs behind the chip, through [`pdi`] alone.
 //!
@@ -25,6 +26,7 @@ pub mod fault;
 pub mod fault_link;
 pub mod firmware;
 pub mod pdi;
+pub mod pdi_socket;
 pub mod segment;
 pub mod segment_file;
 pub mod serve;
@@ -33,6 +35,7 @@ pub mod sim_link;
 pub use esc::EscConfig;
 pub use fault::{Fault, FaultError};
 pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection, Target};
+pub use pdi_socket::{Pace, SocketApplication};
 pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
 pub use segment_file::{SegmentFile, SegmentFileError};
 pub use serve::{Served, serve};

@@ -6,6 +6,7 @@ mod commands;
 mod firmware_events;
 mod fmmus;
 mod in_process;
+mod pdi_socket;
 mod sii;
 mod sync_managers;
 mod topology;

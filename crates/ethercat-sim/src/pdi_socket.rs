@@ -1,0 +1,293 @@
+//! Firmware in another process, over a Unix socket; the protocol is described in `docs/pdi-socket.md`.
+
+use crate::pdi::{AlEvent, Application, ApplicationFault, Pdi};
+use core::time::Duration;
+use omnibase_ethercat_wire::HostTime;
+use omnibase_ethercat_wire::bytes::{put_u16, put_u32, u16_at, u64_at};
+use omnibase_ethercat_wire::register as reg;
+use std::io::{self, ErrorKind, Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Bytes of a message's header.
+const HEADER: usize = 8;
+/// Bytes of the AL event word that follows the header in messages to the firmware.
+const EVENT_WORD: usize = 4;
+/// Bytes that one read or write may have at most.
+const MAX_LENGTH: usize = 4096;
+const READ: u8 = 0x01;
+const WRITE: u8 = 0x02;
+const YIELD: u8 = 0x03;
+const READ_ANSWER: u8 = 0x81;
+const WRITE_ANSWER: u8 = 0x82;
+const EVENT: u8 = 0x83;
+const POWER_ON: u8 = 0x84;
+/// Simulated time between looks at the socket while the firmware runs freely.
+const FREE_POLL: Duration = Duration::from_micros(50);
+/// Simulated time between looks for a firmware that isn't connected, or that hangs.
+const IDLE_POLL: Duration = Duration::from_millis(1);
+/// Real time after which firmware that doesn't yield counts as hung, and one that doesn't read as gone.
+const HUNG_AFTER: Duration = Duration::from_secs(1);
+/// How often a free-running socket is looked at again for the next access of a burst.
+const BURST_LOOKS: u32 = 50;
+
+/// How the firmware's time goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// In real time, on its own.
+    Free,
+    /// Only while simulated time stands still: until it yields.
+    Lockstep,
+}
+
+/// The application side of a SubDevice whose firmware connects to a Unix socket.
+#[derive(Debug)]
+pub struct SocketApplication {
+    listener: UnixListener,
+    path: PathBuf,
+    pace: Pace,
+    firmware: Option<Firmware>,
+}
+
+/// A connected firmware.
+#[derive(Debug)]
+struct Firmware {
+    stream: UnixStream,
+    /// Bytes received that aren't a whole message yet.
+    received: Vec<u8>,
+    /// It must be told that power came.
+    announce: bool,
+    /// It yielded and waits for an event.
+    waiting: bool,
+    /// It didn't yield in time: nobody waits for it.
+    hung: bool,
+    /// When it wants to run again.
+    wake: Option<HostTime>,
+    /// The AL events that it knows of.
+    known: u32,
+}
+
+/// What a look at the socket gave.
+enum Look {
+    Message,
+    Nothing,
+}
+
+impl SocketApplication {
+    /// Listens at `path`, which must not exist yet and is removed in the end.
+    pub fn bind(path: impl AsRef<Path>, pace: Pace) -> io::Result<Self> {
+        let path = path.as_ref().to_path_buf();
+        let listener = UnixListener::bind(&path)?;
+        listener.set_nonblocking(true)?;
+        Ok(SocketApplication { listener, path, pace, firmware: None })
+    }
+
+    /// Waits until a firmware has connected, at most for `timeout` of real time.
+    pub fn wait_for_firmware(&mut self, timeout: Duration) -> io::Result<()> {
+        let begin = Instant::now();
+        loop {
+            self.accept();
+            if self.firmware.is_some() {
+                return Ok(());
+            }
+            if begin.elapsed() > timeout {
+                return Err(io::Error::new(ErrorKind::TimedOut, "no firmware connected"));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Takes a firmware that wants to connect.
+    fn accept(&mut self) {
+        if self.firmware.is_some() {
+            return;
+        }
+        // Whatever goes wrong here goes wrong for the firmware: it sees its connection end.
+        let Ok((stream, _)) = self.listener.accept() else { return };
+        let prepared = stream
+            .set_nonblocking(self.pace == Pace::Free)
+            .and_then(|()| stream.set_read_timeout(Some(HUNG_AFTER)))
+            .and_then(|()| stream.set_write_timeout(Some(HUNG_AFTER)));
+        if prepared.is_ok() {
+            self.firmware = Some(Firmware {
+                stream,
+                received: Vec::new(),
+                announce: true,
+                waiting: true,
+                hung: false,
+                wake: None,
+                known: 0,
+            });
+        }
+    }
+}
+
+impl Drop for SocketApplication {
+    fn drop(&mut self) {
+        // Nothing depends on it: a leftover socket only makes the next bind fail with a clear error.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+impl Application for SocketApplication {
+    fn power_on(&mut self, _pdi: &mut dyn Pdi, _now: HostTime) {
+        if let Some(firmware) = &mut self.firmware {
+            firmware.announce = true;
+            firmware.wake = None;
+        }
+    }
+
+    fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime> {
+        self.accept();
+        let Some(firmware) = &mut self.firmware else { return Some(now + IDLE_POLL) };
+        let turn = match self.pace {
+            Pace::Free => firmware.run_free(pdi, event, now),
+            Pace::Lockstep => firmware.run_lockstep(pdi, event, now),
+        };
+        match turn {
+            Ok(wake) => wake,
+            Err(_) => {
+                self.firmware = None;
+                Some(now + IDLE_POLL)
+            }
+        }
+    }
+
+    fn inject(&mut self, _fault: &ApplicationFault, _now: HostTime) -> bool {
+        false
+    }
+}
+
+impl Firmware {
+    fn run_free(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> io::Result<Option<HostTime>> {
+        let mask = event_mask(pdi);
+        let timed = self.waiting && self.wake.is_some_and(|wake| wake <= now);
+        if self.announce || timed || event.0 & mask & !self.known != 0 {
+            self.tell(event, now)?;
+        }
+        self.known = event.0;
+        let mut looks = 0;
+        while looks < BURST_LOOKS {
+            match self.look(pdi, now)? {
+                Look::Message => looks = 0,
+                Look::Nothing => {
+                    looks += 1;
+                    std::thread::yield_now();
+                }
+            }
+        }
+        Ok(Some(now + FREE_POLL))
+    }
+
+    fn run_lockstep(
+        &mut self,
+        pdi: &mut dyn Pdi,
+        event: AlEvent,
+        now: HostTime,
+    ) -> io::Result<Option<HostTime>> {
+        if self.waiting || self.announce {
+            self.tell(event, now)?;
+        }
+        while !self.waiting {
+            if let Look::Nothing = self.look(pdi, now)? {
+                self.set_hung(true)?;
+                return Ok(Some(now + IDLE_POLL));
+            }
+        }
+        self.set_hung(false)?;
+        Ok(self.wake)
+    }
+
+    fn set_hung(&mut self, hung: bool) -> io::Result<()> {
+        if self.hung != hung {
+            self.stream.set_nonblocking(hung)?;
+            self.hung = hung;
+        }
+        Ok(())
+    }
+
+    /// Sends an event, or that power came.
+    fn tell(&mut self, event: AlEvent, now: HostTime) -> io::Result<()> {
+        let kind = if core::mem::take(&mut self.announce) { POWER_ON } else { EVENT };
+        self.waiting = false;
+        self.wake = None;
+        self.send(kind, 0, event, &now.0.to_le_bytes())
+    }
+
+    fn send(&mut self, kind: u8, address: u16, event: AlEvent, data: &[u8]) -> io::Result<()> {
+        let mut message = [0; HEADER + EVENT_WORD + MAX_LENGTH];
+        message[0] = kind;
+        put_u16(&mut message, 2, address);
+        put_u16(&mut message, 4, data.len() as u16);
+        put_u32(&mut message, HEADER, event.0);
+        let start = HEADER + EVENT_WORD;
+        message[start..start + data.len()].copy_from_slice(data);
+        self.stream.write_all(&message[..start + data.len()])
+    }
+
+    /// Answers one message, if one is there or comes within the stream's timeout.
+    fn look(&mut self, pdi: &mut dyn Pdi, now: HostTime) -> io::Result<Look> {
+        loop {
+            if let Some(length) = self.message_length()? {
+                let message: Vec<u8> = self.received.drain(..length).collect();
+                self.answer(&message, pdi, now)?;
+                return Ok(Look::Message);
+            }
+            let mut buffer = [0; HEADER + MAX_LENGTH];
+            match self.stream.read(&mut buffer) {
+                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+                Ok(length) => self.received.extend_from_slice(&buffer[..length]),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    return Ok(Look::Nothing);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// The length of the message that is received first, if it is there as a whole.
+    fn message_length(&self) -> io::Result<Option<usize>> {
+        if self.received.len() < HEADER {
+            return Ok(None);
+        }
+        let length = usize::from(u16_at(&self.received, 4));
+        let whole = match self.received[0] {
+            READ if length <= MAX_LENGTH => HEADER,
+            WRITE if length <= MAX_LENGTH => HEADER + length,
+            YIELD if length == 8 => HEADER + length,
+            _ => return Err(ErrorKind::InvalidData.into()),
+        };
+        Ok((self.received.len() >= whole).then_some(whole))
+    }
+
+    fn answer(&mut self, message: &[u8], pdi: &mut dyn Pdi, now: HostTime) -> io::Result<()> {
+        let (address, length) = (u16_at(message, 2), usize::from(u16_at(message, 4)));
+        match message[0] {
+            READ => {
+                let mut data = [0; MAX_LENGTH];
+                let event = pdi.read(address, &mut data[..length]);
+                self.known &= event.0;
+                self.send(READ_ANSWER, address, event, &data[..length])
+            }
+            WRITE => {
+                let event = pdi.write(address, &message[HEADER..]);
+                self.known &= event.0;
+                self.send(WRITE_ANSWER, address, event, &[])
+            }
+            _ => {
+                let wait = u64_at(message, HEADER);
+                self.waiting = true;
+                self.wake = (wait != u64::MAX).then(|| now + Duration::from_nanos(wait));
+                Ok(())
+            }
+        }
+    }
+}
+
+fn event_mask(pdi: &mut dyn Pdi) -> u32 {
+    let mut mask = [0; 4];
+    pdi.read(reg::AL_EVENT_MASK, &mut mask);
+    u32::from_le_bytes(mask)
+}
