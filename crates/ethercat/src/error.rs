@@ -5,7 +5,6 @@ use core::fmt;
 use crate::clock_setup::DcError;
 use crate::configure::Mismatch;
 use crate::eeprom::EepromError;
-use crate::fmmu::FmmuError;
 use crate::image::PlanError;
 use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
 use crate::mapping::MappingError;
@@ -135,9 +134,6 @@ pub enum SetUpError {
     /// A state was not reached.
     #[error(transparent)]
     State(#[from] StateError),
-    /// The process data don't fit into a cycle.
-    #[error(transparent)]
-    Image(#[from] PlanError),
     /// What is there isn't what is configured.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
@@ -173,9 +169,9 @@ pub enum SetUpError {
     /// A PDO map can't be used.
     #[error(transparent)]
     Mapping(#[from] MappingError),
-    /// FMMUs don't suffice.
+    /// The process data don't fit.
     #[error(transparent)]
-    Fmmu(#[from] FmmuError),
+    Image(#[from] PlanError),
     /// The distributed clocks say what can't be.
     #[error(transparent)]
     Dc(#[from] DcError),
