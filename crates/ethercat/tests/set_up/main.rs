@@ -3,5 +3,6 @@
 mod matching;
 mod scan;
 mod segment;
+mod servos;
 mod states;
 mod under_fire;
