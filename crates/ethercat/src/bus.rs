@@ -3,11 +3,8 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::clock_setup;
-use crate::cyclic::{CyclicBus, CyclicParts};
 use crate::eeprom::{EepromError, SiiExtent, SiiReader};
 use crate::error::SetUpError;
-use crate::image::{ClockUse, ImagePlan, Member, ProcessImage};
 use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ObjectList, Operation, list_indices};
 use crate::procedure::Procedure;
 use crate::start_up::SdoAccess;
@@ -77,31 +74,6 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Which clock follows which.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ClockFollowing {
-    /// The host's cycle follows the reference clock of the segment, where it has one.
-    #[default]
-    CycleFollowsDc,
-    /// The reference clock follows the host's.
-    DcFollowsHost,
-    /// No clock is distributed.
-    NoClock,
-}
-
-/// A segment that is ready to be cycled.
-#[derive(Debug)]
-pub struct ReadyBus<L, C> {
-    /// The cycle.
-    pub cyclic: CyclicBus<L>,
-    /// The process data, all zero.
-    pub image: ProcessImage,
-    /// The host's clock.
-    pub clock: C,
-    /// The SubDevices with their tables and start-up lists, by position.
-    pub subdevices: Vec<SubDevice>,
-}
-
 /// A segment while it is being set up.
 #[derive(Debug)]
 pub struct Bus<L, C> {
@@ -133,24 +105,6 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// The exchange below: counters, link and clock.
     pub fn transactor(&mut self) -> &mut Transactor<L, C> {
         &mut self.transactor
-    }
-
-    /// Hands the configured segment over to the cycle; nothing is sent.
-    ///
-    /// Every SubDevice must have been through [`Bus::configure`]; SAFE-OP and OP are asked while cycling.
-    pub fn into_cyclic(self, clocks: ClockFollowing) -> Result<ReadyBus<L, C>, SetUpError> {
-        let reference = clock_setup::reference_clock(&self.subdevices).map(|one| one.position);
-        let clock_use = match (clocks, reference) {
-            (ClockFollowing::NoClock, _) | (_, None) => ClockUse::None,
-            (ClockFollowing::CycleFollowsDc, Some(reference)) => ClockUse::Distribute { reference },
-            (ClockFollowing::DcFollowsHost, Some(reference)) => ClockUse::Steer { reference },
-        };
-        let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
-        let plan = ImagePlan::new(&members, clock_use)?;
-        let image = plan.image();
-        let parts = CyclicParts { members, plan, mailboxes: self.mailboxes };
-        let Transactor { link, clock, .. } = self.transactor;
-        Ok(ReadyBus { cyclic: CyclicBus::new(link, parts), image, clock, subdevices: self.subdevices })
     }
 
     /// The whole EEPROM of the SubDevice at `position`, as bytes.

@@ -8,6 +8,7 @@ use crate::bus::Bus;
 use crate::clock_setup;
 use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
 use crate::error::SetUpError;
+use crate::fmmu;
 use crate::image::{ClockUse, ImagePlan, Member};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
@@ -346,10 +347,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
-    /// The process image, and the FMMUs that follow from it; the use of clocks doesn't change where data stand.
+    /// The process image, and the FMMUs that follow from it.
     fn place_process_data(&mut self) -> Result<(), SetUpError> {
         let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
         ImagePlan::new(&members, ClockUse::None)?.apply(&mut self.subdevices);
+        for subdevice in &mut self.subdevices {
+            subdevice.fmmus = fmmu::of_subdevice(subdevice)?;
+        }
         Ok(())
     }
 

@@ -19,6 +19,7 @@ mod counters;
 mod diagnosis;
 mod error;
 mod frame;
+mod handover;
 #[cfg(test)]
 mod tests;
 mod transition;
@@ -45,6 +46,7 @@ pub use clock::{DcFollower, FollowerGains, HostToDc};
 pub use counters::{CommandSet, CycleCounters};
 pub use diagnosis::Health;
 pub use error::{Programmed, TransitionError};
+pub use handover::{ClockDirection, Handover};
 pub use transition::{Goal, Step, TransitionOptions};
 
 /// What became of one cycle's frames.

@@ -5,6 +5,7 @@ use core::fmt;
 use crate::clock_setup::DcError;
 use crate::configure::Mismatch;
 use crate::eeprom::EepromError;
+use crate::fmmu::FmmuError;
 use crate::image::PlanError;
 use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
 use crate::mapping::MappingError;
@@ -134,6 +135,9 @@ pub enum SetUpError {
     /// A state was not reached.
     #[error(transparent)]
     State(#[from] StateError),
+    /// The process data don't fit into a cycle.
+    #[error(transparent)]
+    Image(#[from] PlanError),
     /// What is there isn't what is configured.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
@@ -169,9 +173,9 @@ pub enum SetUpError {
     /// A PDO map can't be used.
     #[error(transparent)]
     Mapping(#[from] MappingError),
-    /// The process data don't fit.
+    /// FMMUs don't suffice.
     #[error(transparent)]
-    Image(#[from] PlanError),
+    Fmmu(#[from] FmmuError),
     /// The distributed clocks say what can't be.
     #[error(transparent)]
     Dc(#[from] DcError),

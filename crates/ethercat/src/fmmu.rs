@@ -1,6 +1,9 @@
 //! FMMUs: which logical bits are which physical ones.
 
-use crate::subdevice::{Direction, LogicalBits};
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::subdevice::{Direction, LogicalBits, SubDevice};
 
 /// An FMMU in use, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +19,15 @@ pub struct Fmmu {
 }
 
 impl Fmmu {
+    /// Whether an area goes on where this one ends, in the process image and in the SubDevice's memory.
+    fn is_followed_by(&self, logical: LogicalBits, physical_start: u16) -> bool {
+        let bits = self.logical.bit_length;
+        let ends_on_byte = bits.is_multiple_of(8) && self.logical.start_bit == logical.start_bit;
+        ends_on_byte
+            && self.logical.address.checked_add(bits / 8) == Some(logical.address)
+            && u32::from(self.physical_start) + bits / 8 == u32::from(physical_start)
+    }
+
     /// Its sixteen registers from 0x0600 + 16n, switched on.
     ///
     /// Length counts every logical byte that is touched, first and last bit are those of the first and the last
@@ -41,6 +53,78 @@ impl Fmmu {
         registers[12] = 1;
         registers
     }
+}
+
+/// Why a SubDevice's FMMUs don't suffice for its place in the process image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FmmuError {
+    /// The SubDevice.
+    pub position: u16,
+    /// Why.
+    pub cause: FmmuFailure,
+}
+
+/// What is wrong with a set of FMMUs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FmmuFailure {
+    /// The controller has fewer than are needed.
+    TooFew {
+        /// FMMUs needed.
+        needed: usize,
+        /// FMMUs that the controller has.
+        count: u8,
+    },
+    /// The controller maps whole bytes, the place in the image starts within one.
+    NotOnByte(LogicalBits),
+}
+
+impl fmt::Display for FmmuError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "SubDevice {}: ", self.position)?;
+        match self.cause {
+            FmmuFailure::TooFew { needed, count } => {
+                write!(f, "its process data need {needed} FMMUs, the controller has {count}")
+            }
+            FmmuFailure::NotOnByte(LogicalBits { address, start_bit, .. }) => write!(
+                f,
+                "its controller maps whole bytes only, but its data start at bit {start_bit} of logical \
+                 0x{address:08x}"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for FmmuError {}
+
+/// The FMMUs that put a SubDevice's process data at the logical places of its SyncManagers: outputs first, areas
+/// that follow each other on both sides sharing one.
+pub fn of_subdevice(subdevice: &SubDevice) -> Result<Vec<Fmmu>, FmmuError> {
+    let (position, count) = (subdevice.position, subdevice.esc.fmmu_count);
+    let mut fmmus: Vec<Fmmu> = Vec::new();
+    for direction in [Direction::Outputs, Direction::Inputs] {
+        for manager in subdevice.process_data(direction) {
+            let Some(logical) = manager.logical else { continue };
+            if !subdevice.esc.maps_bits() && logical.start_bit != 0 {
+                return Err(FmmuError { position, cause: FmmuFailure::NotOnByte(logical) });
+            }
+            let physical_start = manager.area.start;
+            match fmmus.last_mut() {
+                Some(last) if last.direction == direction && last.is_followed_by(logical, physical_start) => {
+                    last.logical.bit_length += logical.bit_length;
+                }
+                _ => fmmus.push(Fmmu { logical, physical_start, physical_start_bit: 0, direction }),
+            }
+        }
+    }
+    if !subdevice.esc.maps_bits() {
+        for fmmu in &mut fmmus {
+            fmmu.logical.bit_length = fmmu.logical.bit_length.next_multiple_of(8);
+        }
+    }
+    if fmmus.len() > usize::from(count) {
+        return Err(FmmuError { position, cause: FmmuFailure::TooFew { needed: fmmus.len(), count } });
+    }
+    Ok(fmmus)
 }
 
 #[cfg(test)]

@@ -16,7 +16,6 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::config::LrwPermission;
-use crate::fmmu::Fmmu;
 use crate::subdevice::{Direction, LogicalBits, SubDevice};
 
 pub use frames::{DatagramPlan, FramePlan, Role, Touch};
@@ -68,16 +67,6 @@ impl ClockUse {
 /// Why no image can be planned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// The SubDevice has fewer FMMUs than SyncManagers with process data.
-    #[error("SubDevice {position} needs {needed} FMMUs for its process data and has {available}")]
-    TooFewFmmus {
-        /// Position.
-        position: u16,
-        /// FMMUs needed.
-        needed: usize,
-        /// FMMUs that exist.
-        available: usize,
-    },
     /// More process data than frames of one cycle.
     #[error("the process data need {needed} frames a cycle, the limit is {limit}")]
     TooManyFrames {
@@ -105,14 +94,14 @@ pub struct Placement {
     pub direction: Direction,
     /// Byte offset in [`ProcessImage::outputs`] or [`ProcessImage::inputs`].
     pub offset: usize,
-    /// The FMMU that maps it, with the logical address.
-    pub fmmu: Fmmu,
+    /// Its bits in the logical address space.
+    pub logical: LogicalBits,
 }
 
 impl Placement {
     /// Bytes of the image that the data touch.
     pub fn bytes(&self) -> core::ops::Range<usize> {
-        let end = u32::from(self.fmmu.logical.start_bit) + self.fmmu.logical.bit_length;
+        let end = u32::from(self.logical.start_bit) + self.logical.bit_length;
         self.offset..self.offset + end.div_ceil(8) as usize
     }
 }
@@ -152,13 +141,6 @@ impl ImagePlan {
             && members.get(usize::from(position)).is_none_or(|member| member.clock.is_none())
         {
             return Err(PlanError::NoReferenceClock { position });
-        }
-        for member in members {
-            let needed = member.areas.len();
-            if needed > member.fmmu_count {
-                let available = member.fmmu_count;
-                return Err(PlanError::TooFewFmmus { position: member.position, needed, available });
-            }
         }
         let both_ways = members.iter().any(|member| !member.areas.is_empty());
         let combined = both_ways && members.iter().all(|member| member.lrw == LrwPermission::Allowed);
@@ -231,7 +213,7 @@ impl ImagePlan {
                 sync_manager: area.sync_manager,
                 direction,
                 offset: (logical.address - start) as usize,
-                fmmu: Fmmu { logical, physical_start: area.physical_start, physical_start_bit: 0, direction },
+                logical,
             });
         }
     }
@@ -251,15 +233,14 @@ impl ImagePlan {
         &self.placements[start..end]
     }
 
-    /// Gives each SubDevice its logical addresses and its FMMUs.
+    /// Tells each SubDevice's SyncManagers where their data stand; its FMMUs follow from that.
     pub fn apply(&self, subdevices: &mut [SubDevice]) {
         for subdevice in subdevices {
             let placements = self.placements_of(subdevice.position);
             for sync_manager in &mut subdevice.sync_managers {
                 let mine = |placement: &&Placement| placement.sync_manager == sync_manager.index;
-                sync_manager.logical = placements.iter().find(mine).map(|placement| placement.fmmu.logical);
+                sync_manager.logical = placements.iter().find(mine).map(|placement| placement.logical);
             }
-            subdevice.fmmus = placements.iter().map(|placement| placement.fmmu).collect();
         }
     }
 }

@@ -48,7 +48,7 @@ pub mod watchdog;
 
 pub use omnibase_ethercat_wire as wire;
 
-pub use bus::{Bus, BusOptions, ClockFollowing, ReadyBus, Warning};
+pub use bus::{Bus, BusOptions, Warning};
 pub use config::{DcConfig, Match, SubDeviceConfig};
 pub use cyclic::{CyclicBus, CyclicParts, Exchange};
 pub use error::SetUpError;

@@ -5,6 +5,7 @@
 //!   no system call at all.
 //! - [`MonotonicClock`]: the clock that runners own.
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
+//! - [`stop_on_signals`]: a clean end on Ctrl-C.
 //! - [`interface`]: which network interfaces there are, and whether their cables are in.
 //! - [`CountingAllocator`] and [`Namespace`]: for tests and benches that count allocations or need a cable.
 //!
@@ -19,6 +20,7 @@ mod packet_ring;
 mod packet_socket;
 mod raw;
 pub mod real_time;
+mod stop;
 
 pub use allocator::CountingAllocator;
 pub use clock::MonotonicClock;
@@ -27,3 +29,4 @@ pub use namespace::{Namespace, NamespaceError};
 pub use packet_ring::{PacketRing, Waiting};
 pub use packet_socket::PacketSocket;
 pub use raw::{DropCounts, OpenError};
+pub use stop::stop_on_signals;

@@ -1,16 +1,40 @@
-//! One file per command.
+//! One file per command, and what several of them do alike.
 
 pub mod decode;
+pub mod exchange;
+pub mod scan;
+pub mod sdo;
 pub mod sii;
+pub mod simulate;
 
 use crate::Outcome;
 use crate::cli::Command;
+use crate::progress::note;
+use crate::target::{AnyBus, Target};
+use anyhow::Context;
 use std::io::Write;
 
 /// Runs a command; data go to `output`.
 pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
+        Command::Scan(arguments) => scan::run(arguments, output),
+        Command::Sdo(arguments) => sdo::run(arguments, output),
+        Command::Exchange(arguments) => exchange::run(arguments, output),
+        Command::Simulate(arguments) => simulate::run(arguments, output),
         Command::Decode(arguments) => decode::run(arguments, output),
         Command::Sii(arguments) => sii::run(arguments, output),
+    }
+}
+
+/// Finds the SubDevices behind `target`; an error says where it looked.
+fn scan_bus(bus: &mut AnyBus, target: &Target) -> anyhow::Result<()> {
+    bus.scan().with_context(|| target.to_string())?;
+    Ok(())
+}
+
+/// Tells what a person should know of the segment.
+fn note_warnings(bus: &AnyBus) {
+    for warning in bus.warnings() {
+        note(format_args!("warning: {warning}"));
     }
 }

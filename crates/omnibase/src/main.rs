@@ -4,9 +4,14 @@
 mod cli;
 mod commands;
 mod decode;
+mod dictionary;
 mod hex;
+mod progress;
 mod quantiles;
+mod segment;
 mod sii_json;
+mod target;
+mod value;
 
 use clap::Parser;
 use std::io::{self, BufWriter, Write};

@@ -9,7 +9,8 @@ pub struct Distribution(Histogram<u64>);
 /// The numbers of a distribution that people ask for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Quantiles {
-    /// The smallest.
+    /// The smallest; text only.
+    #[serde(skip)]
     pub min: u64,
     /// Half of the values are at most this.
     pub p50: u64,
@@ -47,6 +48,34 @@ impl Distribution {
             max: self.0.max(),
         })
     }
+
+    /// The distribution as lines of bars, `rows` at most, each with its upper bound and count.
+    pub fn bars(&self, rows: usize) -> Vec<String> {
+        const WIDTH: u64 = 40;
+        let Some(Quantiles { min, p999, .. }) = self.quantiles() else { return Vec::new() };
+        let step = ((p999 - min) / rows.max(1) as u64 + 1).max(1);
+        let mut counts = vec![0u64; rows.max(1) + 1];
+        for value in self.0.iter_recorded() {
+            let row = (value.value_iterated_to().saturating_sub(min) / step) as usize;
+            let row = row.min(counts.len() - 1);
+            counts[row] += value.count_since_last_iteration();
+        }
+        let largest = counts.iter().copied().max().unwrap_or(1).max(1);
+        counts
+            .iter()
+            .enumerate()
+            .filter(|(_, count)| **count > 0)
+            .map(|(row, count)| {
+                let bar = "#".repeat((count * WIDTH).div_ceil(largest) as usize);
+                let bound = if row == counts.len() - 1 {
+                    format!("> {}", microseconds(min + step * row as u64))
+                } else {
+                    format!("< {}", microseconds(min + step * (row as u64 + 1)))
+                };
+                format!("{bound:>14} {count:>9} {bar}")
+            })
+            .collect()
+    }
 }
 
 /// Nanoseconds as microseconds with three digits behind the point.
@@ -69,5 +98,18 @@ mod tests {
         assert_eq!(found, Quantiles { min: 1, p50: 500, p99: 990, p999: 999, max: 1000 });
         distribution.record(u64::MAX);
         assert!(distribution.quantiles().unwrap().max >= LARGEST, "too large values are kept as the largest");
+    }
+
+    #[test]
+    fn bars_hold_every_value() {
+        let mut distribution = Distribution::new();
+        for value in [10_000, 10_000, 20_000, 30_000, 900_000] {
+            distribution.record(value);
+        }
+        let bars = distribution.bars(10);
+        let counted: u64 =
+            bars.iter().map(|bar| bar[15..].split_whitespace().next().unwrap().parse::<u64>().unwrap()).sum();
+        assert_eq!(counted, 5, "{bars:#?}");
+        assert!(Distribution::new().bars(10).is_empty());
     }
 }

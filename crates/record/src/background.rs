@@ -15,9 +15,16 @@ const ENTRY_HEADER: usize = 11;
 /// How long the writer rests when the ring is empty.
 const REST: Duration = Duration::from_millis(5);
 
-/// A sink that never waits: the frame goes into a ring, a thread of its own writes it to the output.
-///
-/// Where the ring is full the frame is dropped and counted; [`BackgroundRecorder::finish`] tells how many.
+/// What happens to a frame that finds the ring full.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhenFull {
+    /// It is dropped and counted: the cycle never waits. For real time.
+    Drop,
+    /// The sender waits for the disk: nothing is lost. For virtual time.
+    Wait,
+}
+
+/// Takes frames through a ring, so that a thread of its own writes them to the output.
 pub struct BackgroundRecorder {
     writer: JoinHandle<io::Result<u64>>,
     dropped: Arc<AtomicU64>,
@@ -27,6 +34,7 @@ pub struct BackgroundRecorder {
 struct RingSink {
     ring: Producer<u8>,
     dropped: Arc<AtomicU64>,
+    when_full: WhenFull,
 }
 
 /// What became of a recording.
@@ -42,12 +50,13 @@ impl BackgroundRecorder {
     /// Starts the thread that writes to `writer`; the second value is the sink for the cyclic thread.
     pub fn start<W: Write + Send + 'static>(
         writer: PcapngWriter<W>,
+        when_full: WhenFull,
     ) -> io::Result<(BackgroundRecorder, Box<dyn FrameSink + Send>)> {
         let (producer, consumer) = RingBuffer::new(RING);
         let dropped = Arc::new(AtomicU64::new(0));
         let thread =
             std::thread::Builder::new().name("recorder".to_owned()).spawn(move || drain(consumer, writer))?;
-        let sink = Box::new(RingSink { ring: producer, dropped: dropped.clone() });
+        let sink = Box::new(RingSink { ring: producer, dropped: dropped.clone(), when_full });
         Ok((BackgroundRecorder { writer: thread, dropped }, sink))
     }
 
@@ -68,7 +77,11 @@ impl FrameSink for RingSink {
         let Ok(length) = u16::try_from(frame.len()) else {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "frame too long"));
         };
-        let Ok(chunk) = self.ring.write_chunk_uninit(ENTRY_HEADER + frame.len()) else {
+        let needed = ENTRY_HEADER + frame.len();
+        while self.when_full == WhenFull::Wait && self.ring.slots() < needed && !self.ring.is_abandoned() {
+            std::thread::sleep(REST);
+        }
+        let Ok(chunk) = self.ring.write_chunk_uninit(needed) else {
             self.dropped.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         };
@@ -158,7 +171,7 @@ mod tests {
     fn what_went_in_stands_in_the_file_in_order() {
         let memory = Memory::default();
         let writer = PcapngWriter::new(memory.clone(), "sim").unwrap();
-        let (recorder, mut sink) = BackgroundRecorder::start(writer).unwrap();
+        let (recorder, mut sink) = BackgroundRecorder::start(writer, WhenFull::Wait).unwrap();
         for number in 0..5000u64 {
             let direction = if number % 2 == 0 { Direction::Outbound } else { Direction::Inbound };
             sink.record(number, direction, &vec![number as u8; (number % 300) as usize]).unwrap();
@@ -177,12 +190,26 @@ mod tests {
     }
 
     #[test]
+    fn a_sender_that_waits_loses_nothing() {
+        let memory = Memory::default();
+        let writer = PcapngWriter::new(memory.clone(), "sim").unwrap();
+        let (recorder, mut sink) = BackgroundRecorder::start(writer, WhenFull::Wait).unwrap();
+        let frame = vec![7; 60_000];
+        let frames = 3 * RING / frame.len();
+        for _ in 0..frames {
+            sink.record(1, Direction::Outbound, &frame).unwrap();
+        }
+        drop(sink);
+        assert_eq!(recorder.finish().unwrap(), Recorded { frames: frames as u64, dropped: 0 });
+    }
+
+    #[test]
     fn a_full_ring_drops_and_counts_and_never_waits() {
         let (release, stuck) = channel();
         // Section header and interface description are four writes each and are made before the thread starts.
         let gate = Gate { open_for: 8, stuck };
         let writer = PcapngWriter::new(gate, "sim").unwrap();
-        let (recorder, mut sink) = BackgroundRecorder::start(writer).unwrap();
+        let (recorder, mut sink) = BackgroundRecorder::start(writer, WhenFull::Drop).unwrap();
         let frame = vec![7; 1500];
         let wanted = RING / 1500 + 100;
         for _ in 0..wanted {

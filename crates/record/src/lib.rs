@@ -13,7 +13,7 @@ mod pcapng;
 mod recording_link;
 pub mod run;
 
-pub use background::{BackgroundRecorder, Recorded};
+pub use background::{BackgroundRecorder, Recorded, WhenFull};
 pub use capture::{Capture, CaptureError, CapturedFrame, Warning};
 pub use pcapng::PcapngWriter;
 pub use recording_link::{FrameSink, RecordingLink};

@@ -17,14 +17,12 @@ fn members(count: u16) -> Vec<Member> {
     let area = |sync_manager, direction| Area {
         sync_manager,
         direction,
-        physical_start: 0x1000,
         bit_length: BYTES * 8,
         packing: Packing::Bytes,
     };
     let member = |position| Member {
         position,
         station: 0x1000 + position,
-        fmmu_count: 3,
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: None,

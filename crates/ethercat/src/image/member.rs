@@ -22,8 +22,6 @@ pub struct Area {
     pub sync_manager: u8,
     /// The way of the data.
     pub direction: Direction,
-    /// First byte in the SubDevice's memory.
-    pub physical_start: u16,
     /// Bits.
     pub bit_length: u32,
     /// Whether a byte may be shared.
@@ -37,8 +35,6 @@ pub struct Member {
     pub position: u16,
     /// Station address.
     pub station: u16,
-    /// FMMUs that exist.
-    pub fmmu_count: usize,
     /// Whether LRW may touch it.
     pub lrw: LrwPermission,
     /// Its process data.
@@ -77,19 +73,13 @@ impl From<&SubDevice> for Member {
             subdevice.process_data(direction).map(move |sync_manager| Area {
                 sync_manager: sync_manager.index,
                 direction,
-                physical_start: sync_manager.area.start,
-                bit_length: match packing {
-                    Packing::Bits => sync_manager.bit_length(),
-                    // Such FMMUs know no last bit.
-                    Packing::Bytes => sync_manager.bit_length().next_multiple_of(8),
-                },
+                bit_length: sync_manager.bit_length(),
                 packing,
             })
         });
         Member {
             position: subdevice.position,
             station: subdevice.station_address,
-            fmmu_count: usize::from(subdevice.esc.fmmu_count),
             lrw: if subdevice.lrw_allowed { LrwPermission::Allowed } else { LrwPermission::Barred },
             areas: areas.collect(),
             mailbox: subdevice.mailbox.filter(MailboxConfig::speaks_coe),

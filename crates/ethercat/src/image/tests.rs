@@ -5,7 +5,7 @@ use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME};
 use crate::wire::{Address, Command};
 
 fn area(sync_manager: u8, direction: Direction, bit_length: u32) -> Area {
-    Area { sync_manager, direction, physical_start: 0x1000, bit_length, packing: Packing::Bits }
+    Area { sync_manager, direction, bit_length, packing: Packing::Bits }
 }
 
 fn member(position: u16, outputs: u32, inputs: u32) -> Member {
@@ -20,7 +20,6 @@ fn member(position: u16, outputs: u32, inputs: u32) -> Member {
     Member {
         position,
         station: 0x1000 + position,
-        fmmu_count: 3,
         lrw: LrwPermission::Barred,
         areas,
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
@@ -86,14 +85,13 @@ fn small_devices_share_a_byte_where_their_fmmus_map_bits() {
     all[2].areas[0].bit_length = 2;
     all[3].areas[0].bit_length = 12;
     let plan = ImagePlan::new(&all, ClockUse::None).unwrap();
-    let places: Vec<_> =
-        plan.placements.iter().map(|p| (p.offset, p.fmmu.logical.start_bit, p.bytes())).collect();
+    let places: Vec<_> = plan.placements.iter().map(|p| (p.offset, p.logical.start_bit, p.bytes())).collect();
     assert_eq!(places, [(0, 0, 0..1), (0, 4, 0..1), (1, 0, 1..2), (2, 0, 2..4)]);
     for member in &mut all {
         member.areas[0].packing = Packing::Bytes;
     }
     let plan = ImagePlan::new(&all, ClockUse::None).unwrap();
-    assert!(plan.placements.iter().all(|placement| placement.fmmu.logical.start_bit == 0));
+    assert!(plan.placements.iter().all(|placement| placement.logical.start_bit == 0));
     assert_eq!(plan.outputs.length, 5);
 }
 
@@ -172,10 +170,6 @@ fn no_subdevices_need_no_frame_and_couplers_only_need_the_status() {
 
 #[test]
 fn refusals_name_what_is_missing() {
-    let mut all = members(2, 8, 8);
-    all[1].fmmu_count = 1;
-    let error = ImagePlan::new(&all, ClockUse::None).unwrap_err();
-    assert_eq!(error, PlanError::TooFewFmmus { position: 1, needed: 2, available: 1 });
     let error = ImagePlan::new(&members(1, 8, 8), ClockUse::Distribute { reference: 7 }).unwrap_err();
     assert_eq!(error, PlanError::NoReferenceClock { position: 7 });
     let error = ImagePlan::new(&members(1000, 8000, 8000), ClockUse::None).unwrap_err();

@@ -3,6 +3,5 @@
 mod matching;
 mod scan;
 mod segment;
-mod servos;
 mod states;
 mod under_fire;

@@ -1,0 +1,185 @@
+//! `omnibase exchange`: to OP and cycle.
+
+mod report;
+mod runner;
+
+use crate::progress::note;
+use crate::target::{Port, Target, finish_recording};
+use crate::{Outcome, commands};
+use omnibase_ethercat::cyclic::ClockDirection;
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::wire::sii;
+use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
+use omnibase_host::real_time::{self, Wishes};
+use omnibase_host::{Waiting, stop_on_signals};
+use runner::{Plan, Runner};
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Brings a segment to OP, exchanges process data cycle by cycle, and measures. Ctrl-C ends it cleanly.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase exchange sim:segments/three-sgdv.toml --dc                  a simulated segment in virtual time
+  omnibase exchange eth1 --cycle-us 500 --cycles 100000 --realtime     five hundred microseconds, real-time thread
+  omnibase exchange eth1 --dc --ring --busy-poll --json                SYNC0, mapped rings, no sleeping receive
+  omnibase exchange eth1 --record run.pcapng                           with a recording for Wireshark
+
+All outputs are zero and no drive is enabled, but the segment goes to OP: wheels off the ground. At the end it is
+brought back to INIT. Exit code 1 where OP was not reached or not kept.")]
+pub struct Arguments {
+    /// Network interface, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    /// Cycle time, microseconds, from 10 to 1000000.
+    #[arg(long, default_value = "1000", value_name = "MICROSECONDS", value_parser = parse_cycle)]
+    cycle_us: Duration,
+    /// Cycles in OP.
+    #[arg(long, default_value_t = 10_000, value_name = "N")]
+    cycles: u64,
+    /// Synchronise by distributed clocks: SYNC0 at the cycle, and the cycle follows the reference clock.
+    #[arg(long)]
+    dc: bool,
+    /// Shift of SYNC0 against the multiples of the cycle, microseconds (frames pass half a cycle before it).
+    #[arg(
+        long,
+        default_value_t = 0,
+        value_name = "MICROSECONDS",
+        requires = "dc",
+        allow_negative_numbers = true
+    )]
+    shift_us: i32,
+    /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
+    #[arg(long)]
+    ring: bool,
+    /// Look at the ring until the frame is back instead of sleeping; uses up a CPU.
+    #[arg(long, requires = "ring")]
+    busy_poll: bool,
+    /// SCHED_FIFO, locked memory, shallow idle for the cycle, as far as granted.
+    #[arg(long)]
+    realtime: bool,
+    /// The CPU on which the cycle shall run.
+    #[arg(long, value_name = "CPU")]
+    cpu: Option<usize>,
+    /// Record all frames into this pcapng file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Print one JSON object: {"operational", "cycles", "lost_frames", ...}.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let stop = stop_on_signals()?;
+    let mut cable = arguments.target.open(arguments.port())?;
+    let mut recorder = None;
+    if let Some(path) = &arguments.record {
+        let (recorded, running) = cable.record(path)?;
+        (cable, recorder) = (recorded, Some((running, path)));
+    }
+    let mut bus = cable.into_bus();
+    commands::scan_bus(&mut bus, &arguments.target)?;
+    let configs: Vec<SubDeviceConfig> = bus.subdevices().iter().map(|one| arguments.config(one)).collect();
+    let configured = bus.configure(&configs);
+    commands::note_warnings(&bus);
+    configured?;
+    let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc)?;
+
+    // Until the end of the cycle.
+    let _granted = arguments.real_time();
+    let plan = Plan {
+        cycle: arguments.cycle_us,
+        cycles: arguments.cycles,
+        follow_clock: arguments.dc,
+        paced: matches!(arguments.target, Target::Interface(_)),
+    };
+    let mut runner = Runner::new(handover, plan);
+    let ended = runner.run(stop);
+    let report = runner.report();
+    drop(runner);
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut *output, &report.json())?;
+        writeln!(output)?;
+    } else {
+        report.print(output)?;
+    }
+    if let Some((recorder, path)) = recorder {
+        finish_recording(recorder, path)?;
+    }
+    ended?;
+    Ok(if report.operational { Outcome::Done } else { Outcome::Failed })
+}
+
+impl Arguments {
+    fn port(&self) -> Port {
+        match (self.ring, self.busy_poll) {
+            (false, _) => Port::Socket,
+            (true, false) => Port::Ring(Waiting::Sleep),
+            (true, true) => Port::Ring(Waiting::BusyPoll),
+        }
+    }
+
+    fn config(&self, one: &SubDevice) -> SubDeviceConfig {
+        let dc = if self.dc && wants_sync(one) {
+            DcConfig::Sync0 {
+                cycle_ns: self.cycle_us.as_nanos() as u32,
+                shift_ns: self.shift_us.saturating_mul(1000),
+            }
+        } else {
+            DcConfig::Off
+        };
+        SubDeviceConfig { place: Some(Match::Position(one.position)), dc, ..SubDeviceConfig::default() }
+    }
+
+    /// Asks for what the cycle wants of the machine; keeps it while the result lives.
+    fn real_time(&self) -> Option<real_time::Granted> {
+        let wishes = match (self.realtime, self.cpu) {
+            (false, None) => return None,
+            (true, cpu) => Wishes { cpu, ..Wishes::default() },
+            (false, cpu) => Wishes {
+                fifo_priority: None,
+                memory: real_time::Memory::AsIs,
+                cpu,
+                idle: real_time::Idle::AsIs,
+            },
+        };
+        let granted = real_time::apply(&wishes);
+        for outcome in &granted.outcomes {
+            note(format_args!("real time: {outcome}"));
+        }
+        Some(granted)
+    }
+}
+
+/// Whether SYNC0 makes sense: a clock, process data, and an application that may use it. A SubDevice without a
+/// mailbox (a digital terminal) uses it only where its SII says so.
+fn wants_sync(one: &SubDevice) -> bool {
+    const SYNC0: u16 = 0x0200;
+    let offers = one.sii.dc_modes.iter().any(|mode| mode.assign_activate & SYNC0 != 0);
+    let speaks_coe = one.sii.header.mailbox_protocols & sii::PROTOCOL_COE != 0;
+    let has_pdos = !(one.sii.tx_pdos.is_empty() && one.sii.rx_pdos.is_empty());
+    one.dc.is_some() && (speaks_coe || (offers && has_pdos))
+}
+
+fn parse_cycle(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(microseconds) if (10.0..=1e6).contains(&microseconds) => {
+            Ok(Duration::from_nanos((microseconds * 1000.0).round() as u64))
+        }
+        _ => Err("expected microseconds from 10 to 1000000".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cycles_are_microseconds_within_bounds() {
+        assert_eq!(parse_cycle("62.5"), Ok(Duration::from_nanos(62_500)));
+        for wrong in ["9.9", "1000001", "x", "NaN", "-1"] {
+            assert!(parse_cycle(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! What `exchange` measured, as JSON and as text.
+
+use crate::quantiles::{Quantiles, microseconds};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::time::Duration;
+
+/// A distribution's numbers, and its bars.
+pub type Measure = (Option<Quantiles>, Vec<String>);
+
+/// What a run showed.
+pub struct Report {
+    /// OP was reached and kept by everyone.
+    pub operational: bool,
+    /// Cycle time.
+    pub cycle: Duration,
+    /// Cycles in OP.
+    pub cycles: u64,
+    /// Cycles that began late by a whole cycle or more.
+    pub overruns: u64,
+    /// Frames that weren't back at their deadline.
+    pub lost_frames: u64,
+    /// Cycles with a wrong working counter.
+    pub working_counter_errors: u64,
+    /// Frames that came after their deadline.
+    pub late_frames: u64,
+    /// Frames of others.
+    pub foreign_frames: u64,
+    /// Frames with process data in each cycle.
+    pub frames_per_cycle: usize,
+    /// SubDevices.
+    pub subdevices: usize,
+    /// Commands in all frames since PRE-OP.
+    pub commands_used: Vec<&'static str>,
+    /// SubDevices that aren't well, and what they have.
+    pub unwell: Vec<String>,
+    /// From the send to the last frame's return.
+    pub round_trip: Measure,
+    /// How late the cycle began.
+    pub wake_up: Measure,
+    /// Distance of the frames from their place in the DC cycle, without sign.
+    pub phase: Measure,
+}
+
+/// The report's JSON form.
+#[derive(Serialize)]
+pub struct ReportJson<'a> {
+    operational: bool,
+    cycles: u64,
+    lost_frames: u64,
+    working_counter_errors: u64,
+    frames_per_cycle: usize,
+    round_trip_ns: Option<Quantiles>,
+    wakeup_ns: Option<Quantiles>,
+    dc_phase_ns: Option<Quantiles>,
+    commands_used: &'a [&'static str],
+}
+
+impl Report {
+    /// As JSON; what wasn't measured is null.
+    pub fn json(&self) -> ReportJson<'_> {
+        ReportJson {
+            operational: self.operational,
+            cycles: self.cycles,
+            lost_frames: self.lost_frames,
+            working_counter_errors: self.working_counter_errors,
+            frames_per_cycle: self.frames_per_cycle,
+            round_trip_ns: self.round_trip.0,
+            wakeup_ns: self.wake_up.0,
+            dc_phase_ns: self.phase.0,
+            commands_used: &self.commands_used,
+        }
+    }
+
+    /// As text.
+    pub fn print(&self, output: &mut dyn Write) -> io::Result<()> {
+        writeln!(output, "operational             {}", if self.operational { "yes" } else { "NO" })?;
+        writeln!(
+            output,
+            "cycles                  {} of {}, {} SubDevices, {} frames each",
+            self.cycles,
+            microseconds(self.cycle.as_nanos() as u64),
+            self.subdevices,
+            self.frames_per_cycle
+        )?;
+        writeln!(output, "lost frames             {}", self.lost_frames)?;
+        writeln!(output, "working counter errors  {}", self.working_counter_errors)?;
+        writeln!(
+            output,
+            "late, foreign, overrun  {}, {}, {}",
+            self.late_frames, self.foreign_frames, self.overruns
+        )?;
+        writeln!(output, "commands used           {}", self.commands_used.join(", "))?;
+        for unwell in &self.unwell {
+            writeln!(output, "not well                {unwell}")?;
+        }
+        measure(output, "round trip", &self.round_trip)?;
+        measure(output, "wake-up late by", &self.wake_up)?;
+        measure(output, "DC phase error", &self.phase)
+    }
+}
+
+fn measure(output: &mut dyn Write, name: &str, (quantiles, bars): &Measure) -> io::Result<()> {
+    let Some(Quantiles { p50, p99, p999, max, .. }) = *quantiles else { return Ok(()) };
+    let [p50, p99, p999, max] = [p50, p99, p999, max].map(microseconds);
+    writeln!(output, "{name:<23} p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}")?;
+    for bar in bars {
+        writeln!(output, "  {bar}")?;
+    }
+    Ok(())
+}

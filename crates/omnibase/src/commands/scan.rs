@@ -1,0 +1,123 @@
+//! `omnibase scan`: what is there.
+
+mod report;
+
+use crate::dictionary;
+use crate::progress::note;
+use crate::target::{AnyBus, Target};
+use crate::{Outcome, commands};
+use omnibase_ethercat::SetUpError;
+use omnibase_ethercat::transaction::Access;
+use omnibase_ethercat::wire::bytes::u16_at;
+use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
+use report::{Report, SubDeviceReport};
+use std::io::Write;
+
+/// Shows what is in a segment: identity, position, alias, ports, states, SyncManagers, FMMUs, PDOs.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase scan eth1                                   what hangs at this interface
+  omnibase scan eth1 --dictionary                      with all objects and their values
+  omnibase scan sim:segments/three-sgdv.toml --json    a simulated segment, as JSON
+
+The segment is reset to INIT and brought to PRE-OP, where it stays; no object is written. Don't run this while
+another program drives the segment. Exit code 1 where no SubDevice was found or one of them refused.")]
+pub struct Arguments {
+    /// Network interface, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    /// Read the whole object dictionary with its values (SDO Information).
+    #[arg(long)]
+    dictionary: bool,
+    /// Print one JSON object: {"subdevices": [...]}.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let mut bus = arguments.target.bus()?;
+    commands::scan_bus(&mut bus, &arguments.target)?;
+    // What was found is shown even where it can't be configured.
+    let refusal = bus.configure(&[]).err();
+    commands::note_warnings(&bus);
+    let states = states(&mut bus);
+    let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
+    for (one, state) in report.subdevices.iter_mut().zip(states) {
+        one.state = state;
+    }
+    if arguments.dictionary && refusal.is_none() {
+        for one in &mut report.subdevices {
+            one.dictionary = read_dictionary(&mut bus, one.position)?;
+        }
+    }
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut *output, &report)?;
+        writeln!(output)?;
+    } else {
+        report.print(output)?;
+    }
+    match refusal {
+        Some(error) => Err(error.into()),
+        None => Ok(Outcome::Done),
+    }
+}
+
+/// The dictionary; `None` where the SubDevice has none to show.
+fn read_dictionary(bus: &mut AnyBus, position: u16) -> Result<Option<Vec<dictionary::Object>>, SetUpError> {
+    let one = bus.subdevice(position)?;
+    let speaks_coe = one.mailbox.is_some_and(|mailbox| mailbox.speaks_coe());
+    if !speaks_coe || one.coe_details & sii::COE_SDO_INFO == 0 {
+        let lacks = if speaks_coe { "no SDO Information" } else { "no CoE mailbox" };
+        note(format_args!("SubDevice {position} ({}): no dictionary to read: it has {lacks}", one.name));
+        return Ok(None);
+    }
+    dictionary::read(bus, position).map(Some)
+}
+
+/// The state of each SubDevice in words.
+fn states(bus: &mut AnyBus) -> Vec<String> {
+    let mut accesses: Vec<Access> = bus
+        .subdevices()
+        .iter()
+        .map(|one| Access::read("reading AL status", one.target(), register::AL_STATUS, 6))
+        .collect();
+    // An unreachable SubDevice shows in its own state.
+    let all_answered = bus.transactor().perform(&mut accesses).is_ok();
+    accesses
+        .iter()
+        .map(|access| match (&access.found, all_answered) {
+            (omnibase_ethercat::error::Found::WorkingCounter(1), _) => state_words(&access.data),
+            _ => "does not answer".to_owned(),
+        })
+        .collect()
+}
+
+fn state_words(bytes: &[u8]) -> String {
+    if bytes.len() < 6 {
+        return "does not answer".to_owned();
+    }
+    let status = u16_at(bytes, 0);
+    let state = AlState::from_bits(status)
+        .map_or_else(|| format!("unknown state 0x{:x}", status & 0x0F), |state| state.name().to_owned());
+    if status & AlState::ERROR == 0 {
+        return state;
+    }
+    format!("{state} + ERROR {}", AlStatusCode(u16_at(bytes, 4)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_come_in_words() {
+        assert_eq!(state_words(&[2, 0, 0, 0, 0, 0]), "PRE-OP");
+        assert_eq!(
+            state_words(&[0x11, 0, 0, 0, 0x16, 0]),
+            "INIT + ERROR 0x0016 invalid mailbox configuration"
+        );
+        assert_eq!(state_words(&[7, 0, 0, 0, 0, 0]), "unknown state 0x7");
+        assert_eq!(state_words(&[]), "does not answer");
+    }
+}

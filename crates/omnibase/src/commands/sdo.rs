@@ -1,0 +1,236 @@
+//! `omnibase sdo`: objects of one SubDevice.
+
+use crate::hex;
+use crate::progress::note;
+use crate::target::{AnyBus, Target};
+use crate::value::DataType;
+use crate::{Outcome, commands, dictionary};
+use anyhow::Context;
+use omnibase_ethercat::mailbox::{MailboxRequest, Operation};
+use omnibase_ethercat::start_up::SdoAccess;
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::sii;
+use serde::Serialize;
+use std::io::Write;
+
+/// Reads or writes objects of one SubDevice.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Read(ReadArguments),
+    Write(WriteArguments),
+}
+
+/// Reads objects and prints their values.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase sdo read eth1 0 6041:00                        the status word of the first SubDevice
+  omnibase sdo read eth1 2 1008:0 1018:1 1018:2 --json    several objects, as JSON
+  omnibase sdo read eth1 0 1c12 --complete                a whole object in one transfer
+  omnibase sdo read sim:segments/three-sgdv.toml 0 6064:0 --type i32
+
+Index and subindex are hexadecimal. Without --type the type comes from the SubDevice's SDO Information, else
+the bytes are shown. The segment is reset to INIT and brought to PRE-OP first.")]
+struct ReadArguments {
+    #[command(flatten)]
+    place: Place,
+    /// Objects as index:subindex.
+    #[arg(required = true, value_name = "INDEX:SUBINDEX", value_parser = parse_object)]
+    objects: Vec<ObjectAddress>,
+}
+
+/// Writes objects, one after another.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase sdo write eth1 0 6060:00 8                     mode of operation: csp (type by SDO Information)
+  omnibase sdo write eth1 0 6060:0 8 60c2:1 1 --type u8   several objects
+  omnibase sdo write eth1 0 2000:1 0a0b0c --type hex      any bytes
+
+Index and subindex are hexadecimal; numbers are decimal, or hexadecimal with 0x. Stops at the first object that is
+refused. The segment is reset to INIT and brought to PRE-OP first.")]
+struct WriteArguments {
+    #[command(flatten)]
+    place: Place,
+    /// Objects and their values in turn.
+    #[arg(required = true, num_args = 2.., value_names = ["INDEX:SUBINDEX", "VALUE"], allow_negative_numbers = true)]
+    pairs: Vec<String>,
+}
+
+#[derive(Debug, clap::Args)]
+struct Place {
+    /// Network interface, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    /// Position of the SubDevice, from 0.
+    position: u16,
+    /// Type of all values: bool, u8 to u64, i8 to i64, f32, f64, string, hex.
+    #[arg(long = "type", value_name = "TYPE")]
+    data_type: Option<DataType>,
+    /// Whole objects from the given subindex (0 or 1) in one transfer; values are bytes.
+    #[arg(long)]
+    complete: bool,
+    /// Print one JSON object: {"objects": [{"index", "subindex", "type", "value", "data"}]}.
+    #[arg(long)]
+    json: bool,
+}
+
+/// One object as JSON.
+#[derive(Serialize)]
+struct ObjectJson {
+    index: u16,
+    subindex: u8,
+    /// Name of the type.
+    r#type: String,
+    value: serde_json::Value,
+    /// The bytes in hexadecimal.
+    data: String,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    match &arguments.action {
+        Action::Read(arguments) => read(arguments, output),
+        Action::Write(arguments) => write(arguments, output),
+    }
+}
+
+fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let place = &arguments.place;
+    let mut bus = place.open()?;
+    let (mut objects, mut failed) = (Vec::new(), false);
+    for &object in &arguments.objects {
+        let data = match bus.sdo_read(place.position, object, place.access()) {
+            Ok(data) => data,
+            // The other objects may be there all the same.
+            Err(error) => {
+                note(format_args!("error: {error}"));
+                failed = true;
+                continue;
+            }
+        };
+        let data_type = place.data_type(&mut bus, object)?.unwrap_or(DataType::Bytes);
+        if !place.json {
+            writeln!(output, "{object} {}", data_type.to_words(&data))?;
+        }
+        objects.push(object_json(object, data_type, &data));
+    }
+    place.finish(output, objects)?;
+    Ok(if failed { Outcome::Failed } else { Outcome::Done })
+}
+
+fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let place = &arguments.place;
+    anyhow::ensure!(
+        arguments.pairs.len().is_multiple_of(2),
+        "the value for `{}` is missing",
+        arguments.pairs.last().map_or("", String::as_str)
+    );
+    let mut pairs = Vec::new();
+    for pair in arguments.pairs.chunks_exact(2) {
+        pairs.push((parse_object(&pair[0]).map_err(anyhow::Error::msg)?, &pair[1]));
+    }
+    // A value that can't be one shall not be found out when half of them are written.
+    if let Some(data_type) = place.data_type {
+        for (_, text) in &pairs {
+            data_type.parse(text)?;
+        }
+    }
+    let mut bus = place.open()?;
+    let mut objects = Vec::new();
+    for (object, text) in pairs {
+        let data_type = place.data_type(&mut bus, object)?.with_context(|| {
+            format!("SubDevice {} does not tell the type of {object}: give it with --type", place.position)
+        })?;
+        let data = data_type.parse(text).with_context(|| format!("value for {object}"))?;
+        let operation = Operation::Download { object, access: place.access() };
+        bus.request(place.position, MailboxRequest::new(operation, data.clone()))?;
+        if !place.json {
+            writeln!(output, "{object} written: {}", data_type.to_words(&data))?;
+        }
+        objects.push(object_json(object, data_type, &data));
+    }
+    place.finish(output, objects)?;
+    Ok(Outcome::Done)
+}
+
+impl Place {
+    fn open(&self) -> anyhow::Result<AnyBus> {
+        let mut bus = self.target.bus()?;
+        commands::scan_bus(&mut bus, &self.target)?;
+        bus.subdevice(self.position)?;
+        bus.configure(&[])?;
+        Ok(bus)
+    }
+
+    fn access(&self) -> SdoAccess {
+        if self.complete { SdoAccess::Complete } else { SdoAccess::Entry }
+    }
+
+    /// The type as given or as the SubDevice tells it.
+    fn data_type(&self, bus: &mut AnyBus, object: ObjectAddress) -> anyhow::Result<Option<DataType>> {
+        if self.data_type.is_some() {
+            return Ok(self.data_type);
+        }
+        if self.complete {
+            return Ok(Some(DataType::Bytes));
+        }
+        if bus.subdevice(self.position)?.coe_details & sii::COE_SDO_INFO == 0 {
+            return Ok(None);
+        }
+        Ok(dictionary::data_type(bus, self.position, object)?)
+    }
+
+    fn finish(&self, output: &mut dyn Write, objects: Vec<ObjectJson>) -> anyhow::Result<()> {
+        if self.json {
+            serde_json::to_writer_pretty(&mut *output, &serde_json::json!({ "objects": objects }))?;
+            writeln!(output)?;
+        }
+        Ok(())
+    }
+}
+
+fn object_json(object: ObjectAddress, data_type: DataType, data: &[u8]) -> ObjectJson {
+    ObjectJson {
+        index: object.index,
+        subindex: object.subindex,
+        r#type: data_type.to_string(),
+        value: data_type.to_json(data),
+        data: hex::compact(data),
+    }
+}
+
+/// `index:subindex`, hexadecimal with or without 0x; a missing subindex is 0.
+fn parse_object(text: &str) -> Result<ObjectAddress, String> {
+    let (index, subindex) = text.split_once(':').unwrap_or((text, "0"));
+    let digits = |text: &str| {
+        let text = text.strip_prefix("0x").unwrap_or(text);
+        u16::from_str_radix(text, 16).ok().filter(|_| !text.starts_with('+'))
+    };
+    let subindex = digits(subindex).and_then(|subindex| u8::try_from(subindex).ok());
+    match (digits(index), subindex) {
+        (Some(index), Some(subindex)) => Ok(ObjectAddress::new(index, subindex)),
+        _ => {
+            Err(format!("`{text}` is no object: expected index:subindex in hexadecimal, for example 6041:00"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_hexadecimal() {
+        assert_eq!(parse_object("6041:00"), Ok(ObjectAddress::new(0x6041, 0)));
+        assert_eq!(parse_object("0x1c12:0x1A"), Ok(ObjectAddress::new(0x1C12, 0x1A)));
+        assert_eq!(parse_object("1008"), Ok(ObjectAddress::new(0x1008, 0)));
+        for wrong in ["", ":", "6041:", "60411:0", "6041:100", "+1:0", "x:0"] {
+            assert!(parse_object(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Faults of the command line: `<fault>@<position>:<seconds>[:<argument>]`.
+
+use omnibase_ethercat_sim::Fault;
+use omnibase_ethercat_sim::pdi::ApplicationFault;
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// The names of all faults, for messages.
+const NAMES: &str = "power-off, power-on, power-cycle, cable-cut, cable-restored, crc-errors, al-error, drive-fault, \
+                     mailbox-silence, mailbox-back, freeze, unfreeze";
+/// The latest time of a fault, s: a day.
+const LATEST_S: f64 = 86_400.0;
+
+/// A fault and when it comes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TimedFault {
+    /// Which SubDevice.
+    pub position: usize,
+    /// After the start of the simulation.
+    pub after: Duration,
+    /// What.
+    pub fault: Fault,
+    /// As the user wrote it.
+    text: String,
+}
+
+impl fmt::Display for TimedFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl FromStr for TimedFault {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, place) = text
+            .split_once('@')
+            .ok_or("expected <fault>@<position>:<seconds>, for example power-cycle@1:5")?;
+        let mut parts = place.split(':');
+        let position = parts.next().and_then(|part| part.parse().ok()).ok_or("the position is no number")?;
+        let seconds = parts.next().ok_or("the time is missing: <fault>@<position>:<seconds>")?;
+        let after = duration(seconds)?;
+        let argument = parts.next();
+        if parts.next().is_some() {
+            return Err("there is more behind the argument".to_owned());
+        }
+        Ok(TimedFault { position, after, fault: fault(name, argument)?, text: text.to_owned() })
+    }
+}
+
+fn fault(name: &str, argument: Option<&str>) -> Result<Fault, String> {
+    let number = |default: u32, limit: u32| match argument {
+        None => Ok(default),
+        Some(text) => {
+            let parsed = match text.strip_prefix("0x") {
+                Some(digits) => u32::from_str_radix(digits, 16).ok(),
+                None => text.parse().ok(),
+            };
+            parsed
+                .filter(|number| *number <= limit)
+                .ok_or_else(|| format!("argument `{text}`: expected a number up to {limit}"))
+        }
+    };
+    let code = || match argument {
+        None => Err(format!("{name} needs a code behind the time, for example {name}@0:5:0x1b")),
+        Some(_) => number(0, 0xFFFF).map(|code| code as u16),
+    };
+    let plain = |fault| match argument {
+        None => Ok(fault),
+        Some(text) => Err(format!("{name} takes no argument, found `{text}`")),
+    };
+    let application = |fault| plain(Fault::Application(fault));
+    match name {
+        "power-off" => plain(Fault::PowerOff),
+        "power-on" => plain(Fault::PowerOn),
+        "power-cycle" => {
+            Ok(Fault::PowerCycle { off_for: argument.map_or(Ok(Duration::from_secs(1)), duration)? })
+        }
+        "cable-cut" => Ok(Fault::CableCut { port: number(1, 3)? as u8 }),
+        "cable-restored" => Ok(Fault::CableRestored { port: number(1, 3)? as u8 }),
+        "crc-errors" => Ok(Fault::CrcErrors { port: 0, frames: number(1, 1_000_000)? }),
+        "al-error" => Ok(Fault::Application(ApplicationFault::AlError(code()?))),
+        "drive-fault" => Ok(Fault::Application(ApplicationFault::DriveFault(code()?))),
+        "mailbox-silence" => application(ApplicationFault::MailboxSilence(true)),
+        "mailbox-back" => application(ApplicationFault::MailboxSilence(false)),
+        "freeze" => application(ApplicationFault::Frozen(true)),
+        "unfreeze" => application(ApplicationFault::Frozen(false)),
+        _ => Err(format!("`{name}` is no fault; there are {NAMES}")),
+    }
+}
+
+fn duration(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=LATEST_S).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err(format!("`{text}` is no time: expected seconds from 0 to {LATEST_S}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> (usize, u64, Fault) {
+        let fault: TimedFault = text.parse().unwrap();
+        (fault.position, fault.after.as_millis() as u64, fault.fault)
+    }
+
+    #[test]
+    fn faults_have_a_place_a_time_and_an_argument() {
+        let off_for = Duration::from_millis(500);
+        assert_eq!(parsed("power-cycle@1:5:0.5"), (1, 5000, Fault::PowerCycle { off_for }));
+        assert_eq!(parsed("cable-cut@0:0.25"), (0, 250, Fault::CableCut { port: 1 }));
+        let error = ApplicationFault::AlError(0x1B);
+        assert_eq!(parsed("al-error@2:1:0x1b"), (2, 1000, Fault::Application(error)));
+    }
+
+    #[test]
+    fn what_is_no_fault_is_refused_in_words() {
+        let cases = [
+            ("power-cycle", "expected <fault>@<position>:<seconds>"),
+            ("power-cycle@x:1", "the position is no number"),
+            ("power-cycle@1", "the time is missing"),
+            ("power-cycle@1:-1", "`-1` is no time"),
+            ("power-cycle@1:NaN", "is no time"),
+            ("fire@1:1", "`fire` is no fault; there are power-off"),
+            ("al-error@1:1", "al-error needs a code"),
+            ("freeze@1:1:7", "freeze takes no argument"),
+            ("cable-cut@1:1:4", "expected a number up to 3"),
+            ("cable-cut@1:1:2:3", "more behind the argument"),
+        ];
+        for (text, expected) in cases {
+            let error = text.parse::<TimedFault>().unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Simulated segments from files.
+
+use anyhow::Context;
+use omnibase_ethercat_sim::Segment;
+use omnibase_ethercat_sim::segment_file::{SegmentFile, line_of_images};
+use std::path::{Path, PathBuf};
+
+/// Reads a segment file; everything that is wrong in it comes at once, each with file, line and column.
+pub fn load(path: &Path) -> anyhow::Result<Segment> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
+    let base = path.parent().unwrap_or(Path::new("."));
+    SegmentFile::parse(&text).and_then(|file| file.build(base)).map_err(|error| {
+        let places: Vec<String> =
+            error.problems.iter().map(|problem| format!("{}:{problem}", path.display())).collect();
+        anyhow::Error::msg(places.join("\n       "))
+    })
+}
+
+/// A line of devices from SII images.
+pub fn from_images(paths: &[PathBuf]) -> anyhow::Result<Segment> {
+    let mut images = Vec::with_capacity(paths.len());
+    for path in paths {
+        images.push(std::fs::read(path).with_context(|| format!("reading `{}`", path.display()))?);
+    }
+    Ok(line_of_images(&images)?)
+}
