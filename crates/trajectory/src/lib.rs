@@ -1,2 +1,30 @@
-//! Under construction.
+//! Motion of a platform over time: planned, checked against limits, and limited in every cycle.
+//!
+//! - [`trajectory`]: [`Trajectory`] and its [`Setpoint`]: pose, twist, acceleration and jerk at a time.
+//! - [`path_points`]: files of `(t, x, y, θ)`, with errors by line and column.
+//! - [`interpolation`]: cubic, quintic, C2 spline and B-spline through [`PathPoints`]; [`polynomial`] below it.
+//! - [`shape`]: circle, ellipse, Archimedes spiral and figure of eight, from rest to rest.
+//! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
+//! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
+//! - [`playback`]: [`Playback`] pauses, resumes and reverses a trajectory without leaving its path or its limits.
+//!
+//! Units are SI; poses are in odom, translation is limited as a vector. Planning allocates; sampling, limiting and
+//! playing do not.
 #![forbid(unsafe_code)]
+
+pub mod interpolation;
+pub mod limiter;
+pub mod limits;
+pub mod path_points;
+pub mod playback;
+pub mod polynomial;
+pub mod shape;
+pub mod trajectory;
+
+pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
+pub use limiter::{LimitedTwist, TwistLimiter};
+pub use limits::{Limits, LimitsError, Peaks, Refusal};
+pub use path_points::{PathPoint, PathPoints, PathPointsError};
+pub use playback::{Playback, PlaybackError};
+pub use shape::{Heading, Shape, ShapeError, ShapeTrajectory};
+pub use trajectory::{Placed, Setpoint, Trajectory};

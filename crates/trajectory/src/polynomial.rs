@@ -1,0 +1,58 @@
+//! Polynomials over the time of one segment.
+
+/// A polynomial of degree five at most: the sum of `coefficients[k]`·tᵏ.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Polynomial {
+    /// From the constant upwards.
+    pub coefficients: [f64; 6],
+}
+
+/// Value, speed and acceleration at one end of a segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct End {
+    /// The value.
+    pub position: f64,
+    /// Its rate.
+    pub speed: f64,
+    /// The rate of that; a cubic ignores it.
+    pub acceleration: f64,
+}
+
+impl Polynomial {
+    /// The cubic between two ends, `duration_s` apart (a positive time).
+    ///
+    /// a2 = (3(qf−qi) − (2vi+vf)T)/T², a3 = (2(qi−qf) + (vi+vf)T)/T³.
+    pub fn cubic(from: End, to: End, duration_s: f64) -> Polynomial {
+        let (t, way) = (duration_s, to.position - from.position);
+        let a2 = (3.0 * way - (2.0 * from.speed + to.speed) * t) / (t * t);
+        let a3 = (-2.0 * way + (from.speed + to.speed) * t) / (t * t * t);
+        Polynomial { coefficients: [from.position, from.speed, a2, a3, 0.0, 0.0] }
+    }
+
+    /// The quintic between two ends, `duration_s` apart (a positive time).
+    pub fn quintic(from: End, to: End, duration_s: f64) -> Polynomial {
+        let t = duration_s;
+        // What is left after the Taylor polynomial of the first end, in units of the segment.
+        let way = to.position - from.position - from.speed * t - from.acceleration * t * t / 2.0;
+        let speed = (to.speed - from.speed - from.acceleration * t) * t;
+        let acceleration = (to.acceleration - from.acceleration) * t * t;
+        let cube = t * t * t;
+        let a3 = (10.0 * way - 4.0 * speed + acceleration / 2.0) / cube;
+        let a4 = (-15.0 * way + 7.0 * speed - acceleration) / (cube * t);
+        let a5 = (6.0 * way - 3.0 * speed + acceleration / 2.0) / (cube * t * t);
+        Polynomial { coefficients: [from.position, from.speed, from.acceleration / 2.0, a3, a4, a5] }
+    }
+
+    /// Value and first three derivatives at a time since the segment's beginning.
+    pub fn derivatives(&self, time_s: f64) -> [f64; 4] {
+        let mut found = [0.0; 4];
+        for coefficient in self.coefficients.into_iter().rev() {
+            // Horner's rule for all derivatives at once; they come without their factorials.
+            found[3] = found[3] * time_s + found[2];
+            found[2] = found[2] * time_s + found[1];
+            found[1] = found[1] * time_s + found[0];
+            found[0] = found[0] * time_s + coefficient;
+        }
+        [found[0], found[1], 2.0 * found[2], 6.0 * found[3]]
+    }
+}
