@@ -95,3 +95,24 @@ fn cycle(bencher: Bencher<'_, '_>, count: u16) {
     assert_eq!(u16::from_le_bytes([answer[34], answer[35]]), count);
     assert_eq!(u16::from_le_bytes([answer[frame.len() - 2], answer[frame.len() - 1]]), count);
 }
+
+/// A frame for one SubDevice of a long line, as start-up sends them.
+#[divan::bench(args = [1, 100, 1000])]
+fn one_of_many(bencher: Bencher<'_, '_>, count: u16) {
+    let devices = (0..count).map(|_| SubDevice::new(EscConfig::default(), Box::new(Mirror))).collect();
+    let mut segment = Segment::line(devices).unwrap();
+    let mut number = FrameBuilder::new();
+    number.push(Command::Apwr, 0, Address::position(count - 1, reg::STATION_ADDRESS), &[1, 0x10]).unwrap();
+    segment.process(number.bytes_mut(), HostTime(0)).unwrap();
+    let mut frame = FrameBuilder::new();
+    frame.push_zeros(Command::Fprd, 0, Address::station(0x1001, reg::AL_STATUS), 2).unwrap();
+    let frame = frame.bytes().to_vec();
+    let mut buffer = [0; MAX_FRAME];
+    let mut now = HostTime(1_000_000);
+    bencher.bench_local(|| {
+        now.0 += 1_000_000;
+        buffer[..frame.len()].copy_from_slice(&frame);
+        segment.process(&mut buffer[..frame.len()], now)
+    });
+    assert_eq!(buffer[frame.len() - 2], 1);
+}

@@ -18,7 +18,7 @@ pub mod sync;
 pub mod sync_manager;
 pub mod watchdog;
 
-pub use config::EscConfig;
+pub use config::{DcRegisters, EscConfig};
 pub use datagram::Telegram;
 pub use pdi_port::PdiPort;
 
@@ -34,6 +34,8 @@ use watchdog::Watchdog;
 
 /// Size of the register space; process-data memory follows.
 pub(crate) const REGISTERS: usize = 0x1000;
+/// From here on SyncManagers can guard addresses: the digital outputs (0x0F00), and all memory.
+pub(crate) const GUARDED: usize = 0x0F00;
 /// ECAT event request bit 2: DL status changed.
 const ECAT_EVENT_DL_STATUS: u16 = 1 << 2;
 /// ECAT event request bit 3: AL status changed.
@@ -172,14 +174,14 @@ impl Esc {
         self.memory[0x0150..0x0152].copy_from_slice(&area[2..4]);
         self.memory[0x0152..0x0154].copy_from_slice(&area[6..8]);
         self.device_emulation = area[1] & 1 != 0;
-        if self.dc.is_some() {
+        if self.config.has_system_time() {
             self.memory[usize::from(reg::DC_PULSE_LENGTH)..][..2].copy_from_slice(&area[4..6]);
         }
     }
 
     /// The distributed clock's system time at `now`; `None` without such a unit.
     pub fn system_time(&self, now: HostTime) -> Option<DcTime> {
-        self.dc.as_ref().map(|dc| DcTime(dc.system_time(now.0)))
+        self.dc.as_ref().filter(|_| self.config.has_system_time()).map(|dc| DcTime(dc.system_time(now.0)))
     }
 
     /// The bytes of registers and memory from `address` on as they lie in the chip, without any effect; values

@@ -32,7 +32,7 @@ pub mod segment_file;
 pub mod serve;
 pub mod sim_link;
 
-pub use esc::EscConfig;
+pub use esc::{DcRegisters, EscConfig};
 pub use fault::{Fault, FaultError};
 pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection, Target};
 pub use pdi_socket::{Pace, SocketApplication};

@@ -51,6 +51,9 @@ impl AccessMap {
             (reg::SII_PDI_ACCESS, 1, READ | PDI_WRITE),
             (reg::SII_CONTROL, 14, READ | ECAT_WRITE | PDI_WRITE),
             (reg::FMMU, fmmus, READ | ECAT_WRITE),
+            (0x0F00, 4, READ | ECAT_WRITE),
+            (0x0F10, 8, READ | ECAT_WRITE),
+            (0x0F18, 8, READ | PDI_WRITE),
             (0x0F80, 0x80, READ | ECAT_WRITE | PDI_WRITE),
         ] {
             map.set(first, length, permissions);
@@ -63,6 +66,9 @@ impl AccessMap {
             map.set(first + 7, 1, READ | PDI_WRITE);
         }
         if config.has(reg::FEATURE_DC) {
+            map.set(reg::DC_RECEIVE_TIMES, 16, READ | ECAT_WRITE);
+        }
+        if config.has_system_time() {
             map.distributed_clock();
         }
         map
@@ -70,7 +76,6 @@ impl AccessMap {
 
     fn distributed_clock(&mut self) {
         for (first, length, permissions) in [
-            (reg::DC_RECEIVE_TIMES, 16, READ | ECAT_WRITE),
             (reg::DC_SYSTEM_TIME, 8, READ | ECAT_WRITE),
             (reg::DC_RECEIVE_TIME_UNIT, 8, READ),
             (reg::DC_SYSTEM_TIME_OFFSET, 8, READ | ECAT_WRITE),

@@ -62,7 +62,7 @@ impl LocalClock {
         let estimate = match u64::try_from(missing) {
             // The usual case, a fast one: up to 16 ms ahead.
             Ok(short) => (short as f64 / pace as f64) as u64,
-            Err(_) => (missing / pace.max(1) as u128) as u64,
+            Err(_) => u64::try_from(missing / pace.max(1) as u128).unwrap_or(u64::MAX),
         };
         let mut at = host.saturating_add(estimate);
         while self.fine(at) < target && at < u64::MAX {

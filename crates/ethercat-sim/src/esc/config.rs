@@ -2,6 +2,17 @@
 
 use omnibase_ethercat_wire::register;
 
+/// Which registers a chip with distributed clocks shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DcRegisters {
+    /// All of them.
+    #[default]
+    Full,
+    /// Only the receive times of the ports (0x0900): the rest is switched off to save power, though the features
+    /// still say that distributed clocks are there. Many digital terminals are made so.
+    ReceiveTimesOnly,
+}
+
 /// The make of an ESC, the content of its EEPROM, and the quality of its quartz.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EscConfig {
@@ -23,6 +34,8 @@ pub struct EscConfig {
     pub features: u16,
     /// The EEPROM's content.
     pub sii: Vec<u8>,
+    /// How much of its distributed clock it shows, if it has one.
+    pub dc_registers: DcRegisters,
     /// Local clock at power-on, ns.
     pub dc_offset_ns: u64,
     /// How much faster than virtual time the quartz runs, parts per million; slower where negative.
@@ -49,6 +62,7 @@ impl Default for EscConfig {
             port_descriptor: 0xFF,
             features: register::FEATURE_DC | register::FEATURE_DC_64,
             sii: Vec::new(),
+            dc_registers: DcRegisters::Full,
             dc_offset_ns: 0,
             dc_drift_ppm: 0.0,
             forward_delay_ns: 300,
@@ -62,6 +76,11 @@ impl EscConfig {
     /// Whether the chip has this port (0 to 3) and it is configured.
     pub fn has_port(&self, port: u8) -> bool {
         port < 4 && (self.port_descriptor >> (2 * port)) & 0b10 != 0
+    }
+
+    /// Whether it has a system time and SYNC pulses, not only receive times.
+    pub fn has_system_time(&self) -> bool {
+        self.has(register::FEATURE_DC) && self.dc_registers == DcRegisters::Full
     }
 
     /// Whether all bits of `feature` are set.

@@ -154,7 +154,7 @@ impl Esc {
                 put_u64(&mut self.memory, UNIT_TIME, dc.clock.at(now));
                 written = true;
             }
-            if touches(SYSTEM_TIME, 8) {
+            if touches(SYSTEM_TIME, 8) && self.config.has_system_time() {
                 written = true;
                 if start <= SYSTEM_TIME && end >= SYSTEM_TIME + 4 {
                     dc.compare(u32_at(data, SYSTEM_TIME - start), now);

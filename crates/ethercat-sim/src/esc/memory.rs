@@ -1,7 +1,7 @@
 //! Process-data memory, and the SyncManagers that guard it.
 
 use super::sync_manager::{Access, Side};
-use super::{Esc, REGISTERS};
+use super::{Esc, GUARDED, REGISTERS};
 use omnibase_ethercat_wire::register::al_event;
 
 /// Who guards an address.
@@ -19,29 +19,30 @@ impl Esc {
     /// Returns whether any byte was read.
     pub(super) fn read_bytes(&mut self, side: Side, address: u16, data: &mut [u8], now: u64) -> bool {
         let start = usize::from(address);
-        if start >= REGISTERS {
-            return self.read_memory(side, start, data);
+        if start >= GUARDED {
+            return self.read_memory(side, start, data, now);
         }
-        let split = data.len().min(REGISTERS - start);
+        let split = data.len().min(GUARDED - start);
         let (registers, memory) = data.split_at_mut(split);
         let read = self.read_registers(side, start, registers, now);
-        read | (!memory.is_empty() && self.read_memory(side, REGISTERS, memory))
+        read | (!memory.is_empty() && self.read_memory(side, GUARDED, memory, now))
     }
 
     /// Writes registers and memory from `address` on; returns whether any byte was written.
     pub(super) fn write_bytes(&mut self, side: Side, address: u16, data: &[u8], now: u64) -> bool {
         let start = usize::from(address);
-        if start >= REGISTERS {
+        if start >= GUARDED {
             return self.write_memory(side, start, data, now);
         }
-        let (registers, memory) = data.split_at(data.len().min(REGISTERS - start));
+        let (registers, memory) = data.split_at(data.len().min(GUARDED - start));
         let written = self.write_registers(side, start, registers, now);
-        written | (!memory.is_empty() && self.write_memory(side, REGISTERS, memory, now))
+        written | (!memory.is_empty() && self.write_memory(side, GUARDED, memory, now))
     }
 
     /// Who guards `at`, and up to where (at most `end`).
     fn guard(&self, at: usize, end: usize) -> (Guard, usize) {
-        let mut free_until = end;
+        // Registers that no SyncManager guards have their own rules, memory behind them has none.
+        let mut free_until = if at < REGISTERS { end.min(REGISTERS) } else { end };
         for (n, manager) in self.sync_managers.iter().enumerate() {
             if !manager.active() {
                 continue;
@@ -61,13 +62,14 @@ impl Esc {
         (Guard::Free, free_until)
     }
 
-    fn read_memory(&mut self, side: Side, start: usize, data: &mut [u8]) -> bool {
+    fn read_memory(&mut self, side: Side, start: usize, data: &mut [u8], now: u64) -> bool {
         let end = (start + data.len()).min(self.memory.len());
         let (mut at, mut read) = (start, false);
         while at < end {
             let (guard, stop) = self.guard(at, end);
             let part = &mut data[at - start..stop - start];
             match guard {
+                Guard::Free if at < REGISTERS => read |= self.read_registers(side, at, part, now),
                 Guard::Free => {
                     part.copy_from_slice(&self.memory[at..stop]);
                     read = true;
@@ -90,6 +92,7 @@ impl Esc {
             let (guard, stop) = self.guard(at, end);
             let part = &data[at - start..stop - start];
             match guard {
+                Guard::Free if at < REGISTERS => written |= self.write_registers(side, at, part, now),
                 Guard::Free => {
                     self.memory[at..stop].copy_from_slice(part);
                     written = true;

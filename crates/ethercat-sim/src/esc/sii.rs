@@ -208,6 +208,6 @@ impl SiiUnit {
             self.errors |= COMMAND_ERROR;
             return;
         }
-        self.job = Some((job, word, now + duration));
+        self.job = Some((job, word, now.saturating_add(duration)));
     }
 }

@@ -1,5 +1,8 @@
 //! The SYNC0/SYNC1 generator of a distributed-clock unit (registers 0x0980 to 0x09A7).
 
+/// The shortest SYNC0 cycle that is generated, ns; shorter ones are drawn out to it.
+const SHORTEST_CYCLE_NS: u32 = 1000;
+
 /// Which pulses came.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pulses {
@@ -100,10 +103,11 @@ impl SyncUnit {
         if self.next0 == Some(due) {
             fired.sync0 = true;
             self.pending0 = false;
-            self.next0 = (self.cycle0 > 0).then(|| due + u64::from(self.cycle0));
+            self.next0 =
+                due.checked_add(u64::from(self.cycle0.max(SHORTEST_CYCLE_NS))).filter(|_| self.cycle0 > 0);
             if self.waiting1 {
                 self.waiting1 = false;
-                self.next1 = Some(due + u64::from(self.cycle1));
+                self.next1 = due.checked_add(u64::from(self.cycle1));
             }
         }
         if self.next1 == Some(due) {
@@ -122,7 +126,7 @@ fn next_match(target: u64, now: u64, width: TimeWidth) -> Option<u64> {
         TimeWidth::Bits64 => (target > now).then_some(target),
         TimeWidth::Bits32 => {
             let ahead = (target as u32).wrapping_sub(now as u32);
-            Some(now + if ahead == 0 { 1 << 32 } else { u64::from(ahead) })
+            now.checked_add(if ahead == 0 { 1 << 32 } else { u64::from(ahead) })
         }
     }
 }

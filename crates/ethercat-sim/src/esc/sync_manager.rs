@@ -1,5 +1,6 @@
 //! A SyncManager: guards an area of memory so that both sides see whole messages (ESC datasheet, "SyncManager").
 
+use super::REGISTERS;
 use core::ops::Range;
 
 /// Who accesses the memory.
@@ -81,8 +82,12 @@ impl SyncManager {
 
     /// All memory that it occupies: three buffers in buffered mode.
     pub fn occupied(&self) -> Range<usize> {
-        let buffers = if self.mailbox() { 1 } else { 3 };
-        usize::from(self.start)..usize::from(self.start) + buffers * usize::from(self.length)
+        usize::from(self.start)..usize::from(self.start) + self.buffers() * usize::from(self.length)
+    }
+
+    /// Digital outputs are registers: there is one of each, as in a mailbox.
+    fn buffers(&self) -> usize {
+        if self.mailbox() || usize::from(self.start) < REGISTERS { 1 } else { 3 }
     }
 
     fn mailbox(&self) -> bool {
@@ -140,7 +145,7 @@ impl SyncManager {
         }
         let opened = address == usize::from(self.start);
         if opened {
-            self.writing = Some(if self.mailbox() { 0 } else { self.free_buffer() });
+            self.writing = Some(if self.buffers() == 1 { 0 } else { self.free_buffer() });
             self.read_event = false;
         }
         let Some(buffer) = self.writing else { return Access::Denied };

@@ -1,7 +1,7 @@
 //! Distributed clocks: receive times, system time, drift control, SYNC pulses.
 
 use crate::bench::{Bench, firmware, idle};
-use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, SubDevice};
+use omnibase_ethercat_sim::{Attachment, DcRegisters, EscConfig, Parent, Segment, SubDevice};
 use omnibase_ethercat_wire::register::{self as reg, al_event};
 use omnibase_ethercat_wire::{Address, Command, HostTime};
 use std::sync::{Arc, Mutex};
@@ -273,6 +273,21 @@ fn sync_registers_belong_to_the_side_that_0x0980_says() {
     assert_eq!(bench.fpwr(0x1001, reg::DC_CYCLIC_CONTROL, &[0]), 1);
     start_sync(&mut bench, 20_000_000, (1_000_000, 0), 3);
     assert_eq!(bench.fpwr(0x1001, reg::DC_START_TIME, &[9; 8]), 0);
+}
+
+#[test]
+fn chips_whose_clock_is_switched_off_show_receive_times_only() {
+    let config = EscConfig { dc_registers: DcRegisters::ReceiveTimesOnly, ..clock(5_000, 0.0) };
+    let mut bench = Bench::single(config, idle());
+    assert_eq!(bench.fpwr(0x1001, reg::DC_RECEIVE_TIMES, &[0; 4]), 1);
+    let latched = bench.now.0 + 100 + 5_000;
+    assert_eq!(bench.number_at(0x1001, reg::DC_RECEIVE_TIMES, 4), latched);
+    for register in
+        [reg::DC_SYSTEM_TIME, reg::DC_RECEIVE_TIME_UNIT, reg::DC_SYSTEM_TIME_OFFSET, reg::DC_ACTIVATION]
+    {
+        assert_eq!(bench.fprd(0x1001, register, 4), None, "0x{register:04x}");
+        assert_eq!(bench.fpwr(0x1001, register, &[0; 4]), 0, "0x{register:04x}");
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The hardware half of the simulation at the level of registers and frames, without any MainDevice.
 
+mod any_bytes;
 mod bench;
 mod clocks;
 mod commands;
@@ -7,6 +8,7 @@ mod firmware_events;
 mod fmmus;
 mod in_process;
 mod pdi_socket;
+mod replay;
 mod sii;
 mod sync_managers;
 mod topology;

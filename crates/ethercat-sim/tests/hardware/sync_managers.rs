@@ -168,3 +168,18 @@ fn a_sync_manager_past_the_end_of_memory_denies_everything() {
     bench.fpwr(0x1001, reg::SM + 8, &sync_manager(0xFFFF, 0xFFFF, 0x64));
     assert_eq!(bench.fpwr(0x1001, 0xFFFF, &[0; 2]), 0);
 }
+
+#[test]
+fn digital_outputs_are_guarded_registers_of_one_byte_each() {
+    // As an EL2889 is set up: two SyncManagers of one byte, side by side, with watchdog.
+    let mut bench = Bench::single(EscConfig::default(), idle());
+    let both = [sync_manager(0x0F00, 1, 0x44), sync_manager(0x0F01, 1, 0x44)].concat();
+    assert_eq!(bench.fpwr(0x1001, reg::SM, &both), 1);
+    assert_eq!(bench.number_at(0x1001, reg::WATCHDOG_STATUS, 1), 0);
+    assert_eq!(bench.fpwr(0x1001, 0x0F00, &[0x12, 0x34]), 1);
+    assert_eq!(bench.number_at(0x1001, reg::WATCHDOG_STATUS, 1), 1);
+    assert_eq!(bench.pdi_read(0x0F00, 2), [0x12, 0x34]);
+    // Without a SyncManager they are plain registers.
+    assert_eq!(bench.fpwr(0x1001, 0x0F02, &[0x56]), 1);
+    assert_eq!(bench.fprd(0x1001, 0x0F02, 1), Some(vec![0x56]));
+}
