@@ -1,6 +1,6 @@
 """SOEM (as pysoem) drives a segment of CiA 402 servos: to OP, process data, SDOs of all lengths, dictionary, SYNC0.
 
-Usage: soem.py INTERFACE COUNT LRW|NO-LRW
+Usage: soem.py INTERFACE COUNT
 Prints one JSON object; a check that fails ends with exit code 1 and says which.
 """
 
@@ -10,9 +10,12 @@ import time
 
 import pysoem
 
-CYCLE_S = 0.002
-STATUS_WORD, MODE_OF_OPERATION = 0x6041, 0x6060
-PATTERN_OBJECT, TEXT_OBJECT = 0x2000, 0x1008
+# Python keeps no cycle time on a busy machine: four frames for each SYNC0, and patience for its pauses.
+CYCLE_S = 0.001
+SYNC0_S = 0.004
+SYNC_ERROR_LIMIT = (500).to_bytes(2, "little")
+STATUS_WORD, MODE_OF_OPERATION, PROFILE_VELOCITY = 0x6041, 0x6060, 0x6081
+DEVICE_NAME, SCRATCH_MEMORY = 0x1008, 0x2F00
 
 
 def fail(message):
@@ -23,18 +26,18 @@ def fail(message):
 def check_sdos(servo):
     """Expedited, normal and segmented transfers, both ways."""
     # 1, 2 and 4 bytes: expedited.
-    for index, subindex, values in ((0x6060, 0, (b"\x08", b"\x09")), (0x1C32, 1, (b"\x02\x00",)), (0x6081, 0, (b"\x10\x27\0\0",))):
+    for index, subindex, values in ((MODE_OF_OPERATION, 0, (b"\x08", b"\x09")), (0x1C32, 1, (b"\x02\x00",)), (PROFILE_VELOCITY, 0, (b"\x10\x27\0\0",))):
         for value in values:
             servo.sdo_write(index, subindex, value)
             if servo.sdo_read(index, subindex) != value:
                 fail(f"{index:04x}:{subindex:02x} reads back {servo.sdo_read(index, subindex)}, wrote {value}")
     # A name of more than four bytes: normal. The pattern object: segmented.
-    name = servo.sdo_read(TEXT_OBJECT, 0, 64).rstrip(b"\0").decode()
+    name = servo.sdo_read(DEVICE_NAME, 0, 64).rstrip(b"\0").decode()
     lengths = {}
     for length in (5, 100, 1000, 4096):
         pattern = bytes((7 * i + length) & 0xFF for i in range(length))
-        servo.sdo_write(PATTERN_OBJECT, 0, pattern)
-        back = servo.sdo_read(PATTERN_OBJECT, 0, 8192)
+        servo.sdo_write(SCRATCH_MEMORY, 0, pattern)
+        back = servo.sdo_read(SCRATCH_MEMORY, 0, 8192)
         if back != pattern:
             fail(f"pattern of {length} bytes came back as {len(back)} bytes, different")
         lengths[length] = len(back)
@@ -58,7 +61,7 @@ def check_dictionary(servo):
 
 
 def main():
-    interface, count, allows_lrw = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "LRW"
+    interface, count = sys.argv[1], int(sys.argv[2])
     master = pysoem.Master()
     master.open(interface)
     found = master.config_init()
@@ -69,25 +72,32 @@ def main():
         names.append(servo.name)
         if position in (0, count - 1):
             sdos = check_sdos(servo)
-            servo.sdo_write(0x6060, 0, b"\x09")
-            servo.sdo_write(0x1C32, 1, b"\x02\x00")
+        servo.sdo_write(MODE_OF_OPERATION, 0, b"\x09")
+        servo.sdo_write(0x1C32, 1, b"\x02\x00")
+        servo.sdo_write(0x10F1, 2, SYNC_ERROR_LIMIT)
     dictionary = check_dictionary(master.slaves[0])
 
-    overlap = allows_lrw is False
-    if overlap:
-        # Without LRW outputs and inputs go by LWR and LRD: SOEM does so where the SII says "no LRW".
-        master.config_map()
-    else:
-        master.config_map()
+    # By itself SOEM asks for SAFE-OP while mapping. Here SYNC0 is armed before SAFE-OP, and data flow before SYNC0
+    # fires (100 ms later): drives whose sync mode is SYNC0 refuse the one and raise a fault at the other.
+    master.manual_state_change = True
+    master.config_map()
     master.config_dc()
-    for servo in master.slaves:
-        servo.dc_sync(act=True, sync0_cycle_time=int(CYCLE_S * 1e9))
 
     def exchange():
         master.send_processdata()
         return master.receive_processdata(20000)
 
-    if master.state_check(pysoem.SAFEOP_STATE, 2_000_000) != pysoem.SAFEOP_STATE:
+    for servo in master.slaves:
+        servo.dc_sync(act=True, sync0_cycle_time=int(SYNC0_S * 1e9))
+        exchange()
+    master.state = pysoem.SAFEOP_STATE
+    master.write_state()
+    for _ in range(1000):
+        exchange()
+        time.sleep(CYCLE_S)
+        if master.state_check(pysoem.SAFEOP_STATE, 500) == pysoem.SAFEOP_STATE:
+            break
+    else:
         master.read_state()
         fail("SAFE-OP not reached: " + str([(s.name, s.state, hex(s.al_status)) for s in master.slaves]))
     for _ in range(200):

@@ -1,0 +1,34 @@
+//! EtherCrab drives the simulated segment over a virtual cable: OP, process data, SDOs, dictionary, SYNC0.
+
+use omnibase_host::Namespace;
+use omnibase_peers::{behind_a_cable, drives, ethercrab};
+use std::time::Duration;
+
+fn reaches_op_with(count: usize) {
+    let Some(namespace) = Namespace::for_test("EtherCrab over a virtual cable") else { return };
+    let report = behind_a_cable(&namespace, drives("servo", count), || {
+        ethercrab::drive(Namespace::NEAR, Duration::from_millis(5), 200)
+    })
+    .unwrap();
+    assert_eq!(report.names.len(), count);
+    assert!(report.dictionary > 30, "{} objects", report.dictionary);
+    assert!(report.clock_difference_ns < 1000);
+    // LRW counts 3 for each servo: 1 for its inputs, 2 for its outputs.
+    assert_eq!(usize::from(report.working_counter), 3 * count);
+    assert!(report.cycles >= 200);
+}
+
+#[test]
+fn one_servo() {
+    reaches_op_with(1);
+}
+
+#[test]
+fn three_servos() {
+    reaches_op_with(3);
+}
+
+#[test]
+fn twenty_servos() {
+    reaches_op_with(20);
+}

@@ -1,0 +1,57 @@
+//! SOEM drives the simulated segment over a virtual cable: OP, process data, SDOs of all lengths, dictionary, SYNC0.
+
+use omnibase_host::Namespace;
+use omnibase_peers::{behind_a_cable, drives, soem};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// Python with `pysoem`, made by the first test that asks.
+fn python() -> Option<&'static Path> {
+    static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
+    let python = PYTHON.get_or_init(|| {
+        let python = soem::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("pysoem"));
+        python.inspect_err(|reason| eprintln!("SKIPPED: SOEM: {reason}")).ok()
+    });
+    python.as_deref()
+}
+
+fn reaches_op_with(kind: &str, count: usize) {
+    let Some(namespace) = Namespace::for_test("SOEM over a virtual cable") else { return };
+    let Some(python) = python() else { return };
+    let report =
+        behind_a_cable(&namespace, drives(kind, count), || soem::drive(python, Namespace::NEAR, count))
+            .unwrap();
+    assert!(report.contains(&format!("\"subdevices\": {count}")), "{report}");
+    assert!(report.contains("\"states\": [33, 35, 39]"), "{report}");
+    assert!(report.contains("\"4096\": 4096"), "{report}");
+}
+
+#[test]
+fn one_servo() {
+    reaches_op_with("servo", 1);
+}
+
+#[test]
+fn three_servos() {
+    reaches_op_with("servo", 3);
+}
+
+#[test]
+fn twenty_servos() {
+    reaches_op_with("servo", 20);
+}
+
+#[test]
+fn one_sgdv() {
+    reaches_op_with("sgdv", 1);
+}
+
+#[test]
+fn three_sgdv() {
+    reaches_op_with("sgdv", 3);
+}
+
+#[test]
+fn twenty_sgdv() {
+    reaches_op_with("sgdv", 20);
+}
