@@ -57,6 +57,14 @@ pub trait Device: Send {
     /// Moves on to `moment`: takes outputs from the dictionary, leaves inputs there. Doesn't allocate.
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment);
 
+    /// When the device wants to move on between two beats of its process data; `None` where it needn't.
+    fn due(&self) -> Option<HostTime> {
+        None
+    }
+
+    /// Moves on to `now` with what it was told last. Doesn't allocate.
+    fn tick(&mut self, _: &mut Dictionary, _now: HostTime) {}
+
     /// Whether an SDO may write this value, which fits its entry.
     fn check_write(&self, _: &Dictionary, _: ObjectAddress, _: &[u8]) -> Result<(), AbortCode> {
         Ok(())

@@ -211,6 +211,9 @@ impl Application for Firmware {
             let below = self.states.state().min(AlState::SafeOp);
             self.fall(pdi, below, code);
         }
+        if self.device.due().is_some_and(|due| due <= now) {
+            self.device.tick(&mut self.dictionary, now);
+        }
         if event & self.process.events() != 0 || self.process.is_due(now) {
             self.run_process_data(pdi, event, now);
         }
@@ -220,7 +223,7 @@ impl Application for Firmware {
         if self.mailbox.is_some() {
             self.run_mailbox(pdi, event, now);
         }
-        earlier(self.states.due(), self.process.due())
+        earlier(earlier(self.states.due(), self.process.due()), self.device.due())
     }
 
     fn inject(&mut self, fault: &ApplicationFault, _: HostTime) -> bool {

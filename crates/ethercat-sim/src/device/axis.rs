@@ -10,6 +10,8 @@ pub struct AxisState {
     pub position_rad: f64,
     /// Speed, rad/s.
     pub speed_rad_s: f64,
+    /// Torque that the motor really gives, N·m: less than was applied where the motor has limits of its own.
+    pub torque_n_m: f64,
 }
 
 /// A motor's load: an axis of its own, or one wheel of a body that several motors share.
@@ -95,6 +97,7 @@ impl Axis for SingleAxis {
 
     fn apply(&mut self, torque_n_m: f64) {
         self.torque_n_m = torque_n_m;
+        self.state.torque_n_m = torque_n_m;
     }
 
     fn nominal_inertia_kg_m2(&self) -> f64 {
@@ -120,7 +123,7 @@ mod tests {
     fn friction_holds_and_stops_but_never_reverses() {
         let mut axis = SingleAxis::new(Load { inertia_kg_m2: 0.5, viscous_n_m_s: 0.1, coulomb_n_m: 1.0 });
         axis.apply(0.9);
-        assert_eq!(axis.advance(HostTime(10_000_000)), AxisState::default());
+        assert_eq!(axis.advance(HostTime(10_000_000)), AxisState { torque_n_m: 0.9, ..AxisState::default() });
         axis.apply(5.0);
         assert!(axis.advance(HostTime(100_000_000)).speed_rad_s > 0.5);
         axis.apply(0.0);

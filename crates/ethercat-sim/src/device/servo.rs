@@ -281,6 +281,11 @@ impl Servo {
         self.stop = Some(Stop { rate_counts_s2, then: Some(then) });
     }
 
+    /// Whether the motor has current, and the rate of a stop on its way.
+    fn drive(&self) -> (bool, Option<f64>) {
+        (self.power.is_energized(), self.stop.map(|stop| stop.rate_counts_s2))
+    }
+
     fn limits(&self, dictionary: &Dictionary) -> Limits {
         let f = &self.fields;
         let torque = f64::from(dictionary.get(f.max_torque)) / 1000.0 * self.config.rated_torque_n_m;
@@ -330,9 +335,8 @@ impl Device for Servo {
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
         let limits = self.limits(dictionary);
-        let energized = self.power.is_energized();
-        let stop = self.stop.map(|stop| stop.rate_counts_s2);
-        self.motion.advance(self.axis.as_mut(), moment.now, &limits, (energized, stop));
+        let drive = self.drive();
+        self.motion.advance(self.axis.as_mut(), moment.now, &limits, drive);
         self.run_power(dictionary, moment.now);
         let follows = self.power == PowerState::OperationEnabled && self.stop.is_none();
         let fresh = moment.outputs != Outputs::Held;
@@ -340,10 +344,22 @@ impl Device for Servo {
         if follows && self.motion.follows_badly(dictionary, &self.fields, moment.now) {
             self.raise_fault(dictionary, FOLLOWING_ERROR);
         }
-        let energized = self.power.is_energized();
-        let stop = self.stop.map(|stop| stop.rate_counts_s2);
-        self.motion.apply(self.axis.as_mut(), &limits, (energized, stop));
+        let drive = self.drive();
+        self.motion.apply(self.axis.as_mut(), &limits, drive);
         self.show(dictionary);
+    }
+
+    fn due(&self) -> Option<HostTime> {
+        (self.power.is_energized() || self.motion.drives()).then(|| self.motion.next_loop())
+    }
+
+    fn tick(&mut self, dictionary: &mut Dictionary, now: HostTime) {
+        let limits = self.limits(dictionary);
+        let drive = self.drive();
+        self.motion.advance(self.axis.as_mut(), now, &limits, drive);
+        self.finish_stop();
+        let drive = self.drive();
+        self.motion.apply(self.axis.as_mut(), &limits, drive);
     }
 
     fn check_write(&self, _: &Dictionary, address: ObjectAddress, data: &[u8]) -> Result<(), AbortCode> {

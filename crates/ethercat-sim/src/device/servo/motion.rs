@@ -246,6 +246,18 @@ impl Motion {
         }
     }
 
+    /// Whether the motor still has a torque.
+    pub fn drives(&self) -> bool {
+        self.torque != 0.0
+    }
+
+    /// When the loops run next by themselves: all servos at the same instants, so that those that share a body see
+    /// it in the same state.
+    pub fn next_loop(&self) -> HostTime {
+        let period = self.loop_period.as_nanos() as u64;
+        HostTime((self.now.0 / period + 1) * period)
+    }
+
     /// Demands as they are at `self.now`.
     fn move_demands(&mut self, step_s: f64, limits: &Limits, stop_rate: Option<f64>) {
         if let Some(rate) = stop_rate {
@@ -350,6 +362,9 @@ impl Motion {
         let wished = self.torque_demand;
         self.torque_demand = wished.clamp(-limits.torque_n_m, limits.torque_n_m);
         self.limited = wished != self.torque_demand;
+        if self.torque_time_constant_s == 0.0 {
+            self.torque = self.torque_demand;
+        }
         axis.apply(self.torque.clamp(-limits.torque_n_m, limits.torque_n_m));
     }
 
@@ -506,7 +521,7 @@ impl Motion {
             following_error: (demand - position as f64) as i32,
             velocity: (self.state.speed_rad_s * self.counts_per_rad).round() as i32,
             velocity_demand: self.speed_demand.round() as i32,
-            torque: per_mille(self.torque),
+            torque: per_mille(self.state.torque_n_m),
             torque_demand: per_mille(self.torque_demand),
         }
     }
