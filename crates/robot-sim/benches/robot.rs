@@ -2,10 +2,16 @@
 //!
 //! One item is a millisecond of simulated time, in eight steps.
 
+#[path = "../tests/main_device/mod.rs"]
+mod main_device;
+
 use divan::counter::ItemsCount;
+use main_device::MainDevice;
+use omnibase_ethercat_sim::device::drive::DriveKind;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    Body, BodyParameters, Machine, MachineParameters, MotorParameters, Payload, WheelDrive, WheelParameters,
+    Body, BodyParameters, DriveStation, Machine, MachineParameters, MotorParameters, Payload, RobotSim,
+    RobotSimDescription, WheelDrive, WheelParameters,
 };
 
 fn main() {
@@ -21,7 +27,6 @@ fn parameters(count: usize) -> MachineParameters {
         WheelDrive {
             wheel: WheelParameters::omni([0.35 * cos, 0.35 * sin], [-sin, cos], 0.1),
             motor: MotorParameters::default(),
-            encoder_start_rad: 0.0,
         }
     };
     MachineParameters {
@@ -76,6 +81,28 @@ fn machine(bencher: divan::Bencher, wheels: usize) {
                 machine.ask(i, *torque);
             }
         }
+        machine.truth()
+    });
+}
+
+/// The whole robot: frames, chips, firmware, drives in speed mode, machine; one exchange a millisecond.
+#[divan::bench(args = [3, 4])]
+fn robot(bencher: divan::Bencher, wheels: usize) {
+    let drives = (0..wheels).map(|wheel| DriveStation::new(DriveKind::Generic, wheel)).collect();
+    let description = RobotSimDescription { machine: parameters(wheels), drives };
+    let robot = RobotSim::new(&description).expect("a sound robot");
+    let (segment, machine) = robot.into_line().expect("a line");
+    let mut main = MainDevice::bring_up(segment, 9, 1_000_000);
+    let mut time_ms = 0;
+    bencher.counter(ItemsCount::new(ROUND_MS)).bench_local(move || {
+        for _ in 0..ROUND_MS {
+            time_ms += 1;
+            for (output, share) in main.outputs.iter_mut().zip(torques(time_ms)) {
+                output.speed_counts_s = (share * 100_000.0) as i32;
+            }
+            main.cycle();
+        }
+        divan::black_box(&main.inputs);
         machine.truth()
     });
 }

@@ -170,29 +170,28 @@ impl Wheel {
 
 /// Solves the step; leaves each wheel's speed in `speed` and returns the body's velocities.
 pub(crate) fn solve(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
-    let mut v = start;
-    let mut settled = false;
+    let v = balance(mass, wheels, start);
+    if wheels.iter().all(Wheel::at_rest) {
+        wheels.iter_mut().for_each(|wheel| wheel.speed = 0.0);
+        return [0.0; 3];
+    }
+    v
+}
+
+/// Finds the velocities at which all forces balance, stiction as the steep line that it is here.
+fn balance(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
     for _ in 0..PLAIN_STEPS {
-        v = newton(mass, wheels);
+        let v = newton(mass, wheels);
         let mut changed = false;
         for wheel in wheels.iter_mut() {
             changed |= wheel.follow();
         }
         if !changed {
-            settled = true;
-            break;
+            wheels.iter_mut().for_each(|wheel| wheel.speed = wheel.trial.speed);
+            return v;
         }
     }
-    if settled {
-        wheels.iter_mut().for_each(|wheel| wheel.speed = wheel.trial.speed);
-    } else {
-        v = search(mass, wheels, start);
-    }
-    if wheels.iter().all(Wheel::at_rest) {
-        wheels.iter_mut().for_each(|wheel| wheel.speed = 0.0);
-        v = [0.0; 3];
-    }
-    v
+    search(mass, wheels, start)
 }
 
 /// Solves the equations with every friction on the line of its regime; what they say about a wheel goes to `trial`.

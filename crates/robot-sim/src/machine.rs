@@ -12,8 +12,6 @@ pub struct WheelDrive {
     pub wheel: WheelParameters,
     /// The motor.
     pub motor: MotorParameters,
-    /// Angle that the motor's encoder shows where the simulation starts: absolute encoders start anywhere.
-    pub encoder_start_rad: f64,
 }
 
 /// A whole machine without its electronics.
@@ -61,7 +59,7 @@ pub enum MachineError {
 /// What a motor's encoder and its drive see.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shaft {
-    /// Angle of the motor's shaft, counting on over full turns; starts where the encoder starts.
+    /// Angle that the motor's shaft turned since the start, counting on over full turns.
     pub angle_rad: f64,
     /// Its speed.
     pub speed_rad_s: f64,
@@ -89,7 +87,6 @@ pub struct Truth {
 pub struct Machine {
     body: Body,
     motors: Vec<Motor>,
-    encoder_start_rad: Vec<f64>,
     torques_n_m: Vec<f64>,
     step_ns: u64,
     /// The last point of the grid.
@@ -111,15 +108,6 @@ impl Machine {
             if let Some((parameter, value, must)) = drive.motor.problem() {
                 return Err(MachineError::Motor { motor: i + 1, parameter, value, must });
             }
-            if !drive.encoder_start_rad.is_finite() {
-                let (value, must) = (drive.encoder_start_rad, "a finite number");
-                return Err(MachineError::Motor {
-                    motor: i + 1,
-                    parameter: "encoder_start_rad",
-                    value,
-                    must,
-                });
-            }
             let gear = drive.motor.gear_ratio;
             let rotor = gear * gear * drive.motor.rotor_inertia_kg_m2;
             wheels.push(WheelParameters { inertia_kg_m2: drive.wheel.inertia_kg_m2 + rotor, ..drive.wheel });
@@ -130,7 +118,6 @@ impl Machine {
         Ok(Self {
             body,
             motors,
-            encoder_start_rad: parameters.wheels.iter().map(|w| w.encoder_start_rad).collect(),
             torques_n_m: vec![0.0; parameters.wheels.len()],
             step_ns: u64::from(parameters.step_ns),
             grid_ns: 0,
@@ -185,7 +172,7 @@ impl Machine {
         let gear = motor.parameters().gear_ratio;
         let turned = wheel.angle_rad + wheel.speed_rad_s * self.since_grid_s();
         Shaft {
-            angle_rad: self.encoder_start_rad[index] + gear * turned,
+            angle_rad: gear * turned,
             speed_rad_s: gear * wheel.speed_rad_s,
             torque_n_m: motor.torque_n_m(),
         }

@@ -146,6 +146,23 @@ fn the_work_of_the_motors_is_the_kinetic_energy() {
 }
 
 #[test]
+fn nothing_but_the_motors_gives_energy() {
+    // Everything slides, creeps and rolls at once, and the loads shift: friction only ever takes.
+    let mut body = lossy_bmm();
+    body.set_twist(Twist { vx_m_s: 1.2, vy_m_s: -0.8, w_rad_s: 3.0 });
+    [9.0, -30.0, 4.0].iter().enumerate().for_each(|(i, speed)| body.set_wheel_speed(i, *speed));
+    let start = body.kinetic_energy_j();
+    let mut before = start;
+    for step in 0..120_000 {
+        body.step(&[], STEP_S);
+        let energy = body.kinetic_energy_j();
+        assert!(energy <= before * (1.0 + 1e-12), "step {step}: {before} J became {energy} J");
+        before = energy;
+    }
+    assert!(start > 100.0 && before == 0.0, "{start} J, at the end {before} J");
+}
+
+#[test]
 fn a_body_without_grip_keeps_its_momentum() {
     let mut body =
         Body::new(platform([0.08, 0.03]), &bmm_wheels(Contact::ideal(0.0))).expect("a sound machine");

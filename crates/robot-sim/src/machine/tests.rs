@@ -5,10 +5,9 @@ const HALF_SQRT3: f64 = 0.866_025_403_784_438_6;
 
 fn parameters() -> MachineParameters {
     let p = 0.35;
-    let wheel = |position, rolling, encoder_start_rad| WheelDrive {
+    let wheel = |position, rolling| WheelDrive {
         wheel: WheelParameters::omni(position, rolling, 0.1),
         motor: MotorParameters::default(),
-        encoder_start_rad,
     };
     MachineParameters {
         body: BodyParameters {
@@ -19,9 +18,9 @@ fn parameters() -> MachineParameters {
         },
         payload: Payload::default(),
         wheels: vec![
-            wheel([-p, 0.0], [0.0, 1.0], 0.0),
-            wheel([0.5 * p, -HALF_SQRT3 * p], [-HALF_SQRT3, -0.5], 1.0),
-            wheel([0.5 * p, HALF_SQRT3 * p], [HALF_SQRT3, -0.5], -2000.0),
+            wheel([-p, 0.0], [0.0, 1.0]),
+            wheel([0.5 * p, -HALF_SQRT3 * p], [-HALF_SQRT3, -0.5]),
+            wheel([0.5 * p, HALF_SQRT3 * p], [HALF_SQRT3, -0.5]),
         ],
         step_ns: DEFAULT_STEP_NS,
     }
@@ -76,28 +75,14 @@ fn between_the_points_of_the_grid_motion_goes_on() {
 }
 
 #[test]
-fn encoders_start_where_they_start() {
-    let mut machine = machine();
-    assert_eq!([0, 1, 2].map(|i| machine.shaft(i).angle_rad), [0.0, 1.0, -2000.0]);
-    machine.ask(1, -3.0);
-    machine.advance(100 * MS);
-    assert_eq!(machine.shaft(1).angle_rad, 1.0 + machine.body().wheels()[1].angle_rad);
-    assert_eq!(machine.shaft(7), Shaft::default());
-}
-
-#[test]
 fn a_gear_turns_speed_down_and_torque_up() {
     let mut geared = parameters();
-    let mut direct = parameters();
+    let direct = parameters();
     for drive in &mut geared.wheels {
-        drive.encoder_start_rad = 0.0;
         drive.motor.gear_ratio = -5.0;
         drive.motor.rated_speed_rad_s *= 5.0;
         drive.motor.maximum_speed_rad_s *= 5.0;
         drive.motor.rotor_inertia_kg_m2 = 0.0077 / 25.0;
-    }
-    for drive in &mut direct.wheels {
-        drive.encoder_start_rad = 0.0;
     }
     let mut geared = Machine::new(&geared).expect("a sound machine");
     let mut direct = Machine::new(&direct).expect("a sound machine");
@@ -109,6 +94,7 @@ fn a_gear_turns_speed_down_and_torque_up() {
     geared.advance(1000 * MS);
     let (a, b) = (direct.truth().pose.heading_rad, geared.truth().pose.heading_rad);
     assert!(a < -0.1 && (a - b).abs() < 1e-9, "{a} {b}");
+    assert_eq!(direct.shaft(7), Shaft::default());
     assert!((geared.shaft(0).angle_rad + 5.0 * direct.shaft(0).angle_rad).abs() < 1e-8);
     assert!((25.0 * geared.nominal_inertia_kg_m2(0) - direct.nominal_inertia_kg_m2(0)).abs() < 1e-12);
     // 100 kg on three wheels of 0.1 m, a disc of 2.5 kg and the rotor.
