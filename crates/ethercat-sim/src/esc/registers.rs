@@ -264,7 +264,8 @@ impl Esc {
             let control = u16_at(&self.memory, usize::from(reg::AL_CONTROL));
             put_u16(&mut self.memory, usize::from(reg::AL_STATUS), control & 0x1F);
             self.set_ecat_event(ECAT_EVENT_AL_STATUS, true);
-        } else if stored {
+        }
+        if stored {
             self.raise(al_event::AL_CONTROL);
         }
         stored
