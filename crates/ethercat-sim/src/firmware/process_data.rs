@@ -328,7 +328,8 @@ impl ProcessData {
         self.outputs.iter().fold(0, |events, area| {
             let mut status = [0];
             pdi.read(reg::SM + reg::SM_SIZE * u16::from(area.plan.number) + 5, &mut status);
-            let written = status[0] & 1 != 0;
+            // Digital outputs among the registers (0x0F00) have no buffers: what stands there holds.
+            let written = status[0] & 1 != 0 || area.plan.start < reg::PROCESS_DATA;
             if written { events | al_event::sync_manager(area.plan.number) } else { events }
         })
     }
