@@ -1,7 +1,9 @@
 //! The set-up against the simulated segment.
 
 mod matching;
+mod operational;
 mod scan;
 mod segment;
+mod servos;
 mod states;
 mod under_fire;

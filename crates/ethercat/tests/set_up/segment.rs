@@ -3,8 +3,11 @@
 use omnibase_ethercat::wire::bytes::{put_u16, put_u32};
 use omnibase_ethercat::wire::sii::{Identity, checksum};
 use omnibase_ethercat::wire::{AlState, HostTime, register};
+use omnibase_ethercat_sim::device::Piece;
+use omnibase_ethercat_sim::device::axis::Load;
+use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
 use omnibase_ethercat_sim::pdi::{AlEvent, Application, ApplicationFault, Pdi};
-use omnibase_ethercat_sim::{EscConfig, SubDevice};
+use omnibase_ethercat_sim::{EscConfig, Segment, SubDevice};
 
 /// Firmware that enters every state it is asked for, and has no mailbox.
 pub struct Obedient;
@@ -70,4 +73,16 @@ pub fn with_mailbox(mut sii: Vec<u8>) -> Vec<u8> {
         put_u16(&mut sii, 2 * word, value);
     }
     sii
+}
+
+/// A line of drives with aliases from 1 on, whose clocks differ and drift.
+pub fn drives(kind: DriveKind, count: u16) -> Segment {
+    let drive = Drive::new(kind);
+    let piece = |n: u16| Piece {
+        alias: n + 1,
+        dc_offset_ns: u64::from(n) * 77_000_001,
+        dc_drift_ppm: f64::from(n % 5) * 25.0 - 50.0,
+        ..Piece::default()
+    };
+    Segment::line((0..count).map(|n| drive.build(&piece(n), Load::default())).collect()).unwrap()
 }

@@ -1,0 +1,176 @@
+//! From power-on to OP: the segments that the repository ships, with and without SYNC0.
+
+use std::path::Path;
+use std::time::Duration;
+
+use omnibase_ethercat::config::DcConfig;
+use omnibase_ethercat::cyclic::{
+    ClockDirection, DcFollower, Exchange, FollowerGains, Goal, Handover, Phase, TransitionOptions,
+};
+use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::wire::bytes::u16_at;
+use omnibase_ethercat::wire::{AlState, Clock, HostTime, Link, register};
+use omnibase_ethercat::{Bus, BusOptions, CyclicBus, ProcessImage, SubDeviceConfig};
+use omnibase_ethercat_sim::segment_file::line_of_images;
+use omnibase_ethercat_sim::{Segment, SegmentFile, VirtualClock, in_process};
+
+use crate::segment::recorded_sii;
+
+const CYCLE: Duration = Duration::from_millis(1);
+/// Where in the cycle frames leave, after SYNC0.
+const PHASE: Duration = Duration::from_micros(500);
+/// First SYNC0 so far ahead: a tenth of what a real host takes, whose cycles are late now and then.
+const SYNC_MARGIN: Duration = Duration::from_millis(10);
+/// Cycles after which a segment counts as hung.
+const CYCLE_LIMIT: usize = 30_000;
+
+/// A segment of the repository.
+pub fn segment_file(name: &str) -> Segment {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments"));
+    let text = std::fs::read_to_string(folder.join(name)).unwrap();
+    SegmentFile::parse(&text).unwrap().build(folder).unwrap()
+}
+
+/// A segment that cycles.
+pub struct Operational<L> {
+    pub bus: CyclicBus<L>,
+    pub image: ProcessImage,
+    pub subdevices: Vec<SubDevice>,
+}
+
+/// Takes a segment all the way to OP; every failure in words.
+pub fn to_op<L: Link>(
+    link: L,
+    clock: VirtualClock,
+    configs: impl Fn(&[SubDevice]) -> Vec<SubDeviceConfig>,
+) -> Result<Operational<L>, String> {
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().map_err(|error| error.to_string())?;
+    let configs = configs(bus.subdevices());
+    bus.configure(&configs).map_err(|error| error.to_string())?;
+    let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| error.to_string())?;
+    let Handover { mut bus, mut clock, subdevices } = handover;
+    let mut image = bus.plan().image();
+    let mut follower = DcFollower::new(CYCLE, PHASE, FollowerGains::default());
+    let mut wake = clock.now();
+    let options = TransitionOptions { sync_margin: SYNC_MARGIN, ..TransitionOptions::default() };
+    bus.request(Goal::Op, options, wake);
+    for _ in 0..CYCLE_LIMIT {
+        clock.sleep_until(wake);
+        bus.exchange(&mut image, wake + CYCLE / 2).map_err(|error| error.to_string())?;
+        match bus.phase() {
+            Phase::Reached(Goal::Op) => {
+                return Ok(Operational { bus, image, subdevices });
+            }
+            Phase::Failed(error) => return Err(error.to_string()),
+            _ => {}
+        }
+        wake = follower.next_wake(wake, bus.clock());
+    }
+    Err("hung".into())
+}
+
+pub fn unconfigured(_: &[SubDevice]) -> Vec<SubDeviceConfig> {
+    Vec::new()
+}
+
+/// SYNC0 at the cycle for every SubDevice that has a mailbox, thus an application that cares.
+pub fn with_sync0(found: &[SubDevice]) -> Vec<SubDeviceConfig> {
+    let dc = DcConfig::Sync0 { cycle_ns: CYCLE.as_nanos() as u32, shift_ns: 0 };
+    let config = |one: &SubDevice| SubDeviceConfig {
+        dc: if one.sii.header.mailbox_protocols != 0 { dc } else { DcConfig::Off },
+        ..SubDeviceConfig::default()
+    };
+    found.iter().map(config).collect()
+}
+
+/// Everything in OP, and the clocks of all that have one within 1 us; gives the bus time that it took.
+fn check(name: &str, configs: impl Fn(&[SubDevice]) -> Vec<SubDeviceConfig>) -> HostTime {
+    let (link, clock) = in_process(segment_file(name));
+    let operational = to_op(link, clock.clone(), configs).unwrap();
+    let reached = clock.now();
+    assert_eq!(operational.bus.last_exchange(), Exchange::Complete);
+    let segment = operational.bus.link().segment();
+    let time_at = |n: usize| segment.sub_devices()[n].esc().system_time(reached);
+    let reference = (0..operational.subdevices.len()).find_map(time_at).map(|time| time.0);
+    for (number, one) in operational.subdevices.iter().enumerate() {
+        let esc = segment.sub_devices()[number].esc();
+        let status = esc.peek(register::AL_STATUS, 2).map(|bytes| u16_at(bytes, 0));
+        assert_eq!(status, Some(AlState::Op.bits()), "SubDevice {number}");
+        if let (Some(time), Some(reference)) = (esc.system_time(reached), reference) {
+            let apart = time.0.abs_diff(reference);
+            assert!(one.dc.is_some() && apart < 1000, "SubDevice {number} is {apart} ns apart");
+        }
+    }
+    println!("{name}: OP after {:?} of bus time", Duration::from_nanos(reached.0));
+    reached
+}
+
+fn seconds(seconds: u64) -> HostTime {
+    HostTime(seconds * 1_000_000_000)
+}
+
+#[test]
+fn three_sgdv_reach_op_with_sync0_within_two_seconds() {
+    assert!(check("three-sgdv.toml", with_sync0) < seconds(2));
+}
+
+#[test]
+fn three_servos_reach_op_with_and_without_sync0() {
+    assert!(check("three-servos.toml", with_sync0) < seconds(2));
+    assert!(check("three-servos.toml", unconfigured) < seconds(2));
+}
+
+#[test]
+fn a_hundred_servos_reach_op_within_ten_seconds() {
+    assert!(check("hundred-servos.toml", with_sync0) < seconds(10));
+}
+
+#[test]
+fn a_mixed_tree_reaches_op_and_its_bits_arrive() {
+    assert!(check("mixed-tree.toml", with_sync0) < seconds(4));
+    let (link, clock) = in_process(segment_file("mixed-tree.toml"));
+    let Operational { mut bus, mut image, subdevices } = to_op(link, clock.clone(), with_sync0).unwrap();
+    let lengths =
+        subdevices.iter().map(|one| (one.bit_length(Direction::Outputs), one.bit_length(Direction::Inputs)));
+    let bits = [(0, 0), (0, 8), (8, 0), (5, 3), (160, 160), (160, 160), (128, 128), (0, 0), (16, 0)];
+    assert_eq!(lengths.collect::<Vec<_>>(), bits);
+    // The bits that the plan gives to "odd-bits" are those that reach its memory, and no others.
+    let odd = bus.plan().placements_of(3).iter().find(|place| place.direction == Direction::Outputs);
+    let odd = *odd.unwrap();
+    let memory = |bus: &CyclicBus<_>| -> Option<u8> {
+        let start = subdevices[3].process_data(Direction::Outputs).next()?.area.start;
+        let link: &omnibase_ethercat_sim::SimLink = bus.link();
+        link.segment().sub_devices()[3].esc().peek(start, 1).map(|bytes| bytes[0])
+    };
+    for pattern in [0b10101u8, 0b01010] {
+        image.outputs.fill(0);
+        image.outputs[odd.offset] = pattern << odd.logical.start_bit;
+        let deadline = clock.now() + CYCLE;
+        assert_eq!(bus.exchange(&mut image, deadline).unwrap(), Exchange::Complete);
+        let deadline = clock.now() + CYCLE;
+        bus.exchange(&mut image, deadline).unwrap();
+        assert_eq!(memory(&bus).map(|byte| byte & 0x1F), Some(pattern));
+    }
+}
+
+/// The recorded images behind the simulator's generic device, the servo drive with its dozens of PDOs among them.
+#[test]
+fn recorded_devices_reach_op() {
+    let names = ["ek1100-sii.bin", "el2828-sii.bin", "el2889-sii.bin", "akd-sii.bin"];
+    let Some(images) = names.map(recorded_sii).into_iter().collect::<Option<Vec<_>>>() else { return };
+    let (link, clock) = in_process(line_of_images(&images).unwrap());
+    let Operational { mut bus, mut image, subdevices } = to_op(link, clock.clone(), unconfigured).unwrap();
+    let outputs = subdevices.iter().map(|one| one.bit_length(Direction::Outputs));
+    assert_eq!(outputs.collect::<Vec<_>>(), [0, 8, 16, 48]);
+    // Each terminal's bytes arrive in its digital outputs, those of the EL2889 through two SyncManagers.
+    for (position, pattern) in [(1, vec![0xA5]), (2, vec![0x3C, 0xC3])] {
+        let places: Vec<_> = bus.plan().placements_of(position).iter().map(|place| place.offset).collect();
+        for (offset, byte) in places.into_iter().zip(&pattern) {
+            image.outputs[offset] = *byte;
+        }
+        assert_eq!(bus.exchange(&mut image, clock.now() + CYCLE).unwrap(), Exchange::Complete);
+        let esc = bus.link().segment().sub_devices()[usize::from(position)].esc();
+        assert_eq!(esc.peek(0x0F00, pattern.len()), Some(&pattern[..]));
+    }
+}
