@@ -50,13 +50,15 @@ impl Robot {
     ) -> Result<Robot, StageError> {
         let devices =
             plan.drives.iter().map(|drive| registry.make_device(drive)).collect::<Result<_, _>>()?;
+        let limiter = Limiter::new(&plan.limits, plan.bus.cycle_ns as f64 * 1e-9)
+            .map_err(|error| StageError::Refused { setting: "limits".into(), reason: error.to_string() })?;
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
         Ok(Robot {
             devices,
             estimator: registry.make_estimator(plan)?,
             reference: registry.make_reference(plan)?,
-            limiter: Limiter::new(&plan.limits),
+            limiter,
             controller: registry.make_controller(plan)?,
             safety,
             lifecycle: Lifecycle::new(plan.safety),
@@ -291,17 +293,18 @@ impl Robot {
 
     /// The platform's limits on speed, acceleration and jerk.
     fn limit(&mut self) -> Setpoint {
-        let (wished, period_s) = (self.record.wished, self.record.time.period_s());
+        let wished = self.record.wished;
         let limited = match self.lifecycle.phase() {
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
                 self.limiter.reset(wished.odom_from_body);
                 self.limiter.setpoint()
             }
-            Phase::Stopping => self.limiter.toward(Twist2::default(), period_s),
-            Phase::Tracking if self.velocity.is_some() => self.limiter.toward(wished.twist_in_odom, period_s),
-            Phase::Holding | Phase::Tracking => self.limiter.follow(&wished, period_s),
+            Phase::Stopping => self.limiter.toward(Twist2::default()),
+            Phase::Tracking if self.velocity.is_some() => self.limiter.toward(wished.twist_in_odom),
+            Phase::Holding | Phase::Tracking => self.limiter.follow(&wished),
         };
-        let status = if self.limiter.is_at_rest() { wished.status } else { ReferenceStatus::Moving };
+        let rests = self.limiter.is_at_rest() || self.limiter.has_reached(&wished.odom_from_body);
+        let status = if rests { wished.status } else { ReferenceStatus::Moving };
         Setpoint { status, ..limited }
     }
 

@@ -21,8 +21,8 @@ pub struct WheelOdometry {
     state: PlatformState,
 }
 
-/// α of the filtered derivative, rad/s: its lag (5 ms) is short against the controllers' time constants.
-const SPEED_FILTER_RAD_S: f64 = 200.0;
+/// α of the filtered derivative, rad/s: its lag (2.5 ms) is short against the controllers' time constants.
+const SPEED_FILTER_RAD_S: f64 = 400.0;
 
 impl WheelOdometry {
     /// Odometry as a plan says.

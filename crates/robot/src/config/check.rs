@@ -111,6 +111,9 @@ impl Check {
         let estimator_known = self.known_name("estimator.kind", estimator_kind, &registry.estimators());
         let reference = self.reference(file.reference, registry, read_file);
         self.simulation(&file.simulation);
+        if let (Some(reference), Some(limits)) = (&reference, &limits) {
+            self.reachable(reference, limits);
+        }
         let (limits, drives) = (limits?, drives?);
         self.motors_reach_limits(&drives, &limits);
         if let Some(controller) = &controller {
@@ -276,6 +279,19 @@ impl Check {
         resolve_reference(self, table, read_file)
     }
 
+    /// What the limits don't let the platform reach in its time is refused beforehand.
+    fn reachable(&mut self, reference: &ReferenceTable, limits: &Limits) {
+        let Err(refusals) = crate::references::trajectory(reference, limits) else { return };
+        for refusal in refusals {
+            let setting = match (refusal.key.as_str(), &reference.points_file) {
+                ("", _) => "reference".to_string(),
+                (key, Some(_)) if key.starts_with("points") => "reference.points_file".to_string(),
+                (key, _) => format!("reference.{key}"),
+            };
+            self.report(ProblemKind::OutOfRange, &setting, refusal.reason);
+        }
+    }
+
     fn simulation(&mut self, table: &SimulationTable) {
         if let (Some(longitudinal), Some(transverse)) = (table.slip_longitudinal, table.slip_transverse)
             && transverse > longitudinal
@@ -332,6 +348,7 @@ fn resolve_reference(
             ("semi_axis_y_m", table.semi_axis_y_m.is_none()),
         ],
         "spiral" => &[("step_m", table.step_m.is_none())],
+        "eight" => &[("half_length_m", table.half_length_m.is_none())],
         "path" => &[("points", table.points.is_none() && table.points_file.is_none())],
         _ => &[],
     };

@@ -319,7 +319,7 @@ pub struct AreaTable {
 pub struct EstimatorTable {
     /// Estimator by name; default: `wheel_odometry`.
     pub kind: Option<String>,
-    /// α of the filtered derivative c = exp(−αT), 1/s; default: 200.
+    /// α of the filtered derivative c = exp(−αT), 1/s; default: 400.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub speed_filter_1_s: Option<f64>,
     /// Parameters of a registered estimator.
@@ -333,7 +333,7 @@ pub struct ControllerTable {
     /// Controller by name: `open_loop`, `closed_loop_speed`, `adaptive_torque`, `adaptive_model_free` (deprecated),
     /// or one that a user registered.
     pub kind: Option<String>,
-    /// Kp of x, y and heading, 1/s; default: 8.
+    /// Kp of x, y and heading, 1/s; default: 8 (10 for `adaptive_torque`).
     pub kp_1_s: Option<[f64; 3]>,
     /// `adaptive_torque`: K of x and y, N·s/m.
     #[schemars(range(min = 0.0))]
@@ -380,18 +380,20 @@ pub struct ControllerTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ReferenceTable {
-    /// Reference by name: `hold`, `velocity`, `circle`, `ellipse`, `spiral`, `holonomic`, `path`, or one that a user
-    /// registered; default: `hold`.
+    /// Reference by name: `hold`, `circle`, `ellipse`, `spiral`, `eight`, `holonomic` (a circle whose heading follows
+    /// the tangent), `path`, or one that a user registered; default: `hold`.
     pub kind: Option<String>,
-    /// Time of the whole motion, s; default: as short as the limits allow.
+    /// Time of the whole motion, s; default: as short as the limits allow. A path has its own times.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub duration_s: Option<f64>,
     /// `circle`, `holonomic`: radius, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub radius_m: Option<f64>,
-    /// `circle`, `ellipse`, `spiral`, `holonomic`: turns; default: 1.
+    /// All shapes: turns; default: 1.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub turns: Option<f64>,
+    /// All shapes: how the heading goes along; default: `fixed`.
+    pub heading: Option<HeadingName>,
     /// `ellipse`: semi-axis along x, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub semi_axis_x_m: Option<f64>,
@@ -401,6 +403,9 @@ pub struct ReferenceTable {
     /// `spiral`: distance between neighbouring turns, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub step_m: Option<f64>,
+    /// `eight`: from its centre to an end, m.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub half_length_m: Option<f64>,
     /// `path`: lines `[t, x, y, θ]`, SI, t rising.
     pub points: Option<Vec<[f64; 4]>>,
     /// `path`: a file of lines `(t, x, y, θ)` in place of `points`.
@@ -423,6 +428,18 @@ pub enum InterpolationName {
     Quintic,
     /// Cubic spline with continuous acceleration.
     Spline,
+    /// Cubic B-spline: smooth, within the points' hull, but past inner points.
+    BSpline,
+}
+
+/// How the heading goes along a shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeadingName {
+    /// It stays.
+    Fixed,
+    /// It follows the tangent.
+    FollowsTangent,
 }
 
 /// Watchdogs and stops.

@@ -64,7 +64,7 @@ fn all_problems_come_at_once_with_their_places() {
         .replace("position = 2", "position = 1")
         .replace("jerk_m_s3 = 40.0\n", "")
         .replace("peak_torque_nm = 21.0", "peak_torque_nm = \"much\"")
-        .replace("kp_1_s = [8.0, 8.0, 8.0]", "kp_1_s = [8.0, 8.0]")
+        .replace("inertia_kg_m2 = 7.0\n\n", "inertia_kg_m2 = 7.0\nkp_1_s = [8.0, 8.0]\n\n")
         .replace("synchronisation", "syncronisation")
         .replace("wheel_speed_rad_s = 15.0", "wheel_speed = 15.0");
     let problems = problems(&broken);
@@ -224,4 +224,15 @@ fn the_schema_names_every_key_with_its_bounds() {
     assert_eq!(limits["speed_m_s"]["exclusiveMinimum"], 0.0);
     assert!(limits["speed_m_s"]["description"].as_str().unwrap().contains("m/s"));
     assert_eq!(schema["$defs"]["BusTable"]["properties"]["cycle_us"]["minimum"], 50);
+}
+
+#[test]
+fn the_shipped_schema_is_the_present_one() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/robot.schema.json");
+    let present = serde_json::to_string_pretty(&json_schema::<RobotFile>()).unwrap() + "\n";
+    if std::env::var_os("UPDATE_SCHEMA").is_some() {
+        std::fs::write(path, &present).unwrap();
+    }
+    let shipped = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(shipped == present, "run `UPDATE_SCHEMA=1 cargo test -p omnibase-robot shipped_schema`");
 }

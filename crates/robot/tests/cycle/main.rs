@@ -4,6 +4,7 @@ mod lifecycle;
 mod promises;
 mod safety;
 mod support;
+mod tracking;
 
 use omnibase_host::CountingAllocator;
 

@@ -1,0 +1,95 @@
+//! What the control computation of one cycle costs, from the drives' bytes to the drives' bytes.
+//!
+//! `cargo bench -p omnibase-robot`: time per cycle, and allocations per cycle (none) where there are any.
+
+use divan::{AllocProfiler, Bencher, black_box};
+use omnibase_robot::{
+    CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
+};
+
+#[global_allocator]
+static ALLOCATOR: AllocProfiler = AllocProfiler::system();
+
+const CIRCLE: &str =
+    "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nturns = 100000\nduration_s = 1000000\n";
+
+fn main() {
+    divan::main();
+}
+
+fn plan(robot: &str, controller: &str) -> RobotPlan {
+    let text = robot.replace("closed_loop_speed", controller) + CIRCLE;
+    RobotPlan::from_toml(&text, &Registry::with_built_in(), &|_| Err(String::new()))
+        .expect("the shipped robot")
+}
+
+/// A robot under way, its drives in operation and obedient.
+struct Running {
+    robot: Robot,
+    image: ImageBuffer,
+    index: u64,
+    period_ns: u64,
+}
+
+impl Running {
+    fn new(plan: &RobotPlan) -> Running {
+        let robot = Robot::build(plan, &Registry::with_built_in()).expect("the shipped robot");
+        let mut running =
+            Running { robot, image: ImageBuffer::new(plan), index: 0, period_ns: plan.bus.cycle_ns };
+        for _ in 0..100 {
+            let request = match running.robot.phase() {
+                Phase::Disabled => Some(RequestKind::Enable),
+                Phase::Holding => Some(RequestKind::Track),
+                _ => None,
+            };
+            running.cycle(request.map(Request::lasting));
+        }
+        assert_eq!(running.robot.phase(), Phase::Tracking);
+        running
+    }
+
+    fn cycle(&mut self, request: Option<Request>) -> &CycleRecord {
+        for (inputs, outputs) in self.image.inputs.iter_mut().zip(&self.image.outputs) {
+            // The status word that follows the control word, and the mode that was asked for.
+            let status = match outputs[0] & 0x0F {
+                0x0F => 0x0237_u16,
+                0x07 => 0x0233,
+                0x06 => 0x0231,
+                _ => 0x0250,
+            };
+            inputs[..2].copy_from_slice(&status.to_le_bytes());
+            match outputs.len() {
+                20 => inputs[12] = outputs[14],
+                _ => inputs[2] = outputs[2],
+            }
+        }
+        let time = CycleTime::on_grid(self.index, self.period_ns);
+        self.index += 1;
+        self.robot.compute(time, Exchange::Complete, request, &mut self.image)
+    }
+}
+
+const BMM: &str = include_str!("../../../robots/bmm.toml");
+const MECANUM: &str = include_str!("../../../robots/mecanum.toml");
+
+#[divan::bench(args = ["open_loop", "closed_loop_speed", "adaptive_torque"])]
+fn three_wheels(bencher: Bencher<'_, '_>, controller: &str) {
+    let mut running = Running::new(&plan(BMM, controller));
+    bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
+}
+
+#[divan::bench]
+fn four_wheels(bencher: Bencher<'_, '_>) {
+    let mut running = Running::new(&plan(MECANUM, "closed_loop_speed"));
+    bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
+}
+
+/// A record's values into a buffer, as the recorder's thread does it.
+#[divan::bench]
+fn record_to_values(bencher: Bencher<'_, '_>) {
+    let mut running = Running::new(&plan(BMM, "adaptive_torque"));
+    let record = *running.cycle(None);
+    let mut values = Vec::new();
+    record.values(&mut values);
+    bencher.bench_local(|| record.values(black_box(&mut values)));
+}
