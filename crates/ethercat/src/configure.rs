@@ -259,6 +259,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
 
             let steps = &mut subdevice.start_up.steps;
             steps.clear();
+            // A SubDevice that comes back may be in any state; its SyncManagers take nothing while they are on.
+            steps.push(StartUpStep::State { state: AlState::Init, timeout: timeouts.init });
+            for (what, register, size, count) in [
+                ("switching the SyncManagers off", register::SM, register::SM_SIZE, count),
+                ("switching the FMMUs off", register::FMMU, register::FMMU_SIZE, subdevice.esc.fmmu_count),
+            ] {
+                let length = usize::from(size) * usize::from(count);
+                if length > 0 {
+                    steps.push(registers(what, register, &alloc::vec![0; length]));
+                }
+            }
             if subdevice.mailbox.is_some() {
                 let mailboxes: Vec<u8> = subdevice
                     .sync_managers

@@ -2,6 +2,7 @@
 
 mod matching;
 mod operational;
+mod replay;
 mod scan;
 mod segment;
 mod servos;
