@@ -291,3 +291,88 @@ fn event_mask(pdi: &mut dyn Pdi) -> u32 {
     pdi.read(reg::AL_EVENT_MASK, &mut mask);
     u32::from_le_bytes(mask)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chip whose AL request is acknowledged by any read.
+    struct Chip {
+        event: u32,
+    }
+
+    impl Pdi for Chip {
+        fn read(&mut self, address: u16, data: &mut [u8]) -> AlEvent {
+            data.fill(0xFF);
+            if address == reg::AL_CONTROL {
+                self.event = 0;
+            }
+            AlEvent(self.event)
+        }
+
+        fn write(&mut self, _address: u16, _data: &[u8]) -> AlEvent {
+            AlEvent(self.event)
+        }
+    }
+
+    fn connected() -> (Firmware, UnixStream) {
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        ours.set_nonblocking(true).unwrap();
+        theirs.set_nonblocking(true).unwrap();
+        let firmware = Firmware {
+            stream: ours,
+            received: Vec::new(),
+            announce: false,
+            waiting: false,
+            hung: false,
+            wake: None,
+            known: 0,
+        };
+        (firmware, theirs)
+    }
+
+    /// The kinds of the messages that the firmware received.
+    fn kinds(stream: &mut UnixStream) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let end = stream.read_to_end(&mut bytes).unwrap_err();
+        assert_eq!(end.kind(), ErrorKind::WouldBlock);
+        let (mut at, mut kinds) = (0, Vec::new());
+        while at < bytes.len() {
+            kinds.push(bytes[at]);
+            at += HEADER + EVENT_WORD + usize::from(u16_at(&bytes, at + 4));
+        }
+        kinds
+    }
+
+    #[test]
+    fn a_free_firmware_is_told_of_an_event_once_and_again_when_it_had_acknowledged() {
+        let (mut firmware, mut theirs) = connected();
+        let mut chip = Chip { event: 1 };
+        let mut run = |firmware: &mut Firmware, event| {
+            chip.event = event;
+            firmware.run_free(&mut chip, AlEvent(event), HostTime(0)).unwrap()
+        };
+        assert_eq!(run(&mut firmware, 1), Some(HostTime(50_000)));
+        assert_eq!(kinds(&mut theirs), [EVENT]);
+        run(&mut firmware, 1);
+        assert_eq!(kinds(&mut theirs), []);
+        theirs.write_all(&[READ, 0, 0x20, 0x01, 2, 0, 0, 0]).unwrap();
+        run(&mut firmware, 1);
+        assert_eq!(kinds(&mut theirs), [READ_ANSWER]);
+        run(&mut firmware, 1);
+        assert_eq!(kinds(&mut theirs), [EVENT]);
+        // A yield with a time is answered when it is over.
+        theirs.write_all(&[YIELD, 0, 0, 0, 8, 0, 0, 0, 100, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        run(&mut firmware, 1);
+        assert_eq!(kinds(&mut theirs), []);
+        firmware.run_free(&mut Chip { event: 1 }, AlEvent(1), HostTime(100)).unwrap();
+        assert_eq!(kinds(&mut theirs), [EVENT]);
+    }
+
+    #[test]
+    fn a_firmware_that_went_away_ends_its_turn() {
+        let (mut firmware, theirs) = connected();
+        drop(theirs);
+        assert!(firmware.run_free(&mut Chip { event: 0 }, AlEvent(0), HostTime(0)).is_err());
+    }
+}

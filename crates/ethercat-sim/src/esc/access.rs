@@ -47,9 +47,8 @@ impl AccessMap {
             (reg::WATCHDOG_PROCESS_DATA, 2, READ | ECAT_WRITE),
             (reg::WATCHDOG_STATUS, 2, READ),
             (reg::WATCHDOG_COUNTER, 2, READ | ECAT_WRITE),
-            (reg::SII_CONFIG, 1, READ | ECAT_WRITE),
-            (reg::SII_PDI_ACCESS, 1, READ | PDI_WRITE),
-            (reg::SII_CONTROL, 14, READ | ECAT_WRITE | PDI_WRITE),
+            // Who may write the EEPROM interface changes with its owner: the unit itself decides.
+            (reg::SII_CONFIG, 16, READ),
             (reg::FMMU, fmmus, READ | ECAT_WRITE),
             (0x0F00, 4, READ | ECAT_WRITE),
             (0x0F10, 8, READ | ECAT_WRITE),
