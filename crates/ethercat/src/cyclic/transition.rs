@@ -354,7 +354,7 @@ impl Transition {
     fn settle(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
         self.good = if view.exchange == Exchange::Complete { self.good + 1 } else { 0 };
         let synced = match (state, view.clock) {
-            (AlState::SafeOp, Some(clock)) => clock > self.first_sync,
+            (AlState::SafeOp, Some(clock)) => clock >= self.first_sync,
             _ => true,
         };
         if self.good >= self.options.settle_cycles && synced {
@@ -372,7 +372,11 @@ impl Transition {
             let error = TransitionError::ProcessData { frame, datagram, expected, received };
             return self.fail(error, view.now);
         }
-        self.fail(TransitionError::FramesLost { after }, view.now)
+        let error = match view.exchange {
+            Exchange::Complete if !synced => TransitionError::ClockSilent { after },
+            _ => TransitionError::FramesLost { after },
+        };
+        self.fail(error, view.now)
     }
 }
 

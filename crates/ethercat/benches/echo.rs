@@ -1,0 +1,180 @@
+//! A link that answers every frame with the right working counters and costs next to nothing.
+
+use omnibase_ethercat::config::{CyclicControl, LrwPermission};
+use omnibase_ethercat::cyclic::{Goal, Phase, TransitionOptions};
+use omnibase_ethercat::image::{Area, ClockUse, Member, Packing};
+use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
+use omnibase_ethercat::wire::bytes::{put_u16, u16_at, u32_at};
+use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, FIRST_DATAGRAM, MAX_FRAME, PROCESSED_BIT};
+use omnibase_ethercat::wire::{HostTime, Link, LinkError};
+use omnibase_ethercat::{CyclicBus, CyclicParts, DcConfig, ImagePlan, ProcessImage};
+
+/// Frames that are under way at once.
+const SLOTS: usize = 32;
+const FPRD: u8 = 4;
+const FPWR: u8 = 5;
+const BRD: u8 = 7;
+const LRD: u8 = 10;
+
+/// Servos with `bytes` of outputs and as many of inputs.
+pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
+    let area = |sync_manager, direction| Area {
+        sync_manager,
+        direction,
+        physical_start: 0x1000,
+        bit_length: bytes * 8,
+        packing: Packing::Bytes,
+    };
+    let memory = MemoryArea { start: 0x1000, length: 128 };
+    let member = |position| Member {
+        position,
+        station: 0x1000 + position,
+        fmmu_count: 3,
+        lrw: LrwPermission::Barred,
+        areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
+        mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        clock: Some(DcWidth::Bits64),
+        sync: DcConfig::Off,
+        cyclic_control: CyclicControl::Write,
+    };
+    (0..count).map(member).collect()
+}
+
+/// Answers frames.
+pub struct Echo {
+    slots: Vec<([u8; MAX_FRAME], usize)>,
+    head: usize,
+    tail: usize,
+    plan: ImagePlan,
+    count: u16,
+    state: u16,
+    /// Offsets and values of the working counters of each frame of a cycle, once they are known.
+    known: Vec<Vec<(usize, u16)>>,
+    next_known: usize,
+    /// Frames are answered from `known` without being read.
+    blind: bool,
+    /// Every byte of the inputs.
+    pub stamp: u8,
+}
+
+impl Echo {
+    pub fn new(plan: &ImagePlan, count: u16) -> Self {
+        Echo {
+            slots: vec![([0; MAX_FRAME], 0); SLOTS],
+            head: 0,
+            tail: 0,
+            plan: plan.clone(),
+            count,
+            state: 2,
+            known: vec![Vec::with_capacity(128); plan.frames.len()],
+            next_known: 0,
+            blind: false,
+            stamp: 0,
+        }
+    }
+
+    /// From now on frames are those of a plain cycle in their order, and nobody reads them.
+    pub fn go_blind(&mut self) {
+        self.next_known = 0;
+        self.blind = true;
+    }
+
+    /// Reads the frame at the head and answers it; allocates nothing once `known` has its size.
+    fn answer(&mut self) {
+        let number = self.next_known;
+        self.next_known = (number + 1) % self.plan.frames.len();
+        let (frame, _) = &mut self.slots[self.head % SLOTS];
+        let known = &mut self.known[number];
+        known.clear();
+        let mut offset = FIRST_DATAGRAM;
+        loop {
+            let (command, address) = (frame[offset], u32_at(&frame[..], offset + 2));
+            let flags = u16_at(&frame[..], offset + 6);
+            let length = usize::from(flags & 0x07FF);
+            let (data, register) = (offset + DATAGRAM_HEADER, address >> 16);
+            let planned = self.plan.frames.iter().flat_map(|frame| &frame.datagrams);
+            let mut planned = planned.filter(|one| one.command.code() == command);
+            let expected = planned.find(|one| one.address.raw() == address).map_or(0, |one| one.expected);
+            let counter = match command {
+                FPWR if register == 0x0120 => {
+                    self.state = u16_at(&frame[..], data) & 0x0F;
+                    1
+                }
+                FPRD if register == 0x0130 => {
+                    put_u16(&mut frame[..], data, self.state);
+                    1
+                }
+                FPRD | FPWR => 1,
+                BRD => {
+                    put_u16(&mut frame[..], data, self.state);
+                    known.push((data, self.state));
+                    self.count
+                }
+                LRD => {
+                    frame[data..data + length].fill(self.stamp);
+                    expected
+                }
+                _ => expected,
+            };
+            put_u16(&mut frame[..], data + length, counter);
+            known.push((data + length, counter));
+            offset = data + length + 2;
+            if flags & 0x8000 == 0 {
+                return;
+            }
+        }
+    }
+}
+
+impl Link for Echo {
+    #[inline]
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        let slot = &mut self.slots[self.head % SLOTS];
+        slot.0[..frame.len()].copy_from_slice(frame);
+        slot.0[6] |= PROCESSED_BIT;
+        slot.1 = frame.len();
+        if self.blind {
+            for &(offset, counter) in &self.known[self.next_known] {
+                put_u16(&mut slot.0[..], offset, counter);
+            }
+            self.next_known += 1;
+            if self.next_known == self.known.len() {
+                self.next_known = 0;
+            }
+        } else {
+            self.answer();
+        }
+        self.head += 1;
+        Ok(())
+    }
+
+    #[inline]
+    fn receive(&mut self, buffer: &mut [u8], _deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        if self.tail == self.head {
+            return Ok(None);
+        }
+        let slot = &self.slots[self.tail % SLOTS];
+        buffer[..slot.1].copy_from_slice(&slot.0[..slot.1]);
+        self.tail += 1;
+        Ok(Some(slot.1))
+    }
+}
+
+/// A cycle in OP over an [`Echo`] that still reads frames.
+pub fn operational(count: u16, bytes: u32) -> (CyclicBus<Echo>, ProcessImage) {
+    let members = servos(count, bytes);
+    let plan = ImagePlan::new(&members, ClockUse::Distribute { reference: 0 }).unwrap();
+    let echo = Echo::new(&plan, count);
+    let mut image = plan.image();
+    let mut bus = CyclicBus::new(echo, CyclicParts { members, plan, mailboxes: Vec::new() });
+    bus.request(Goal::Op, TransitionOptions::default(), HostTime(0));
+    for cycle in 1..10_000 {
+        bus.exchange(&mut image, HostTime(cycle * 1_000_000)).unwrap();
+        if bus.phase() == Phase::Reached(Goal::Op) {
+            bus.link_mut().next_known = 0;
+            bus.exchange(&mut image, HostTime((cycle + 1) * 1_000_000)).unwrap();
+            return (bus, image);
+        }
+    }
+    panic!("no OP: {:?}", bus.phase());
+}

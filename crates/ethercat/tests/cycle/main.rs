@@ -1,0 +1,4 @@
+//! The cycle against simulated segments, in virtual time.
+
+mod operation;
+mod runner;
