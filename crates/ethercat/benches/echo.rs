@@ -21,7 +21,6 @@ pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
     let area = |sync_manager, direction| Area {
         sync_manager,
         direction,
-        physical_start: 0x1000,
         bit_length: bytes * 8,
         packing: Packing::Bytes,
     };
@@ -29,7 +28,6 @@ pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
     let member = |position| Member {
         position,
         station: 0x1000 + position,
-        fmmu_count: 3,
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use super::{CyclicBus, CyclicParts};
 use crate::bus::Bus;
 use crate::clock_setup::reference_clock;
-use crate::image::{ClockUse, ImagePlan, Member, PlanError};
+use crate::image::{ClockUse, ImagePlan, Member, PlanError, ProcessImage};
 use crate::subdevice::SubDevice;
 use crate::wire::{Clock, Link};
 
@@ -17,6 +17,8 @@ pub enum ClockDirection {
     CycleFollowsDc,
     /// The reference clock follows the host, see [`super::HostToDc`].
     DcFollowsHost,
+    /// Nobody: no clock is distributed.
+    NoClock,
 }
 
 /// A segment that left set-up.
@@ -24,6 +26,8 @@ pub enum ClockDirection {
 pub struct Handover<L, C> {
     /// The cycle; every SubDevice is in PRE-OP and configured.
     pub bus: CyclicBus<L>,
+    /// The process data, all zero.
+    pub image: ProcessImage,
     /// The clock that set-up used.
     pub clock: C,
     /// What was found and configured, by position.
@@ -41,10 +45,11 @@ impl<L: Link, C: Clock> Bus<L, C> {
             (Some(one), _) if one.dc.is_none() => ClockUse::None,
             (Some(one), ClockDirection::CycleFollowsDc) => ClockUse::Distribute { reference: one.position },
             (Some(one), ClockDirection::DcFollowsHost) => ClockUse::Steer { reference: one.position },
-            (None, _) => ClockUse::None,
+            (Some(_), ClockDirection::NoClock) | (None, _) => ClockUse::None,
         };
         let plan = ImagePlan::new(&members, clock)?;
+        let image = plan.image();
         let bus = CyclicBus::new(transactor.link, CyclicParts { members, plan, mailboxes });
-        Ok(Handover { bus, clock: transactor.clock, subdevices })
+        Ok(Handover { bus, image, clock: transactor.clock, subdevices })
     }
 }

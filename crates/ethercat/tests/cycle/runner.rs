@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use omnibase_ethercat::cyclic::{DcFollower, FollowerGains, Goal, HostToDc, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{
+    ClockDirection, DcFollower, FollowerGains, Goal, HostToDc, Phase, TransitionOptions,
+};
 use omnibase_ethercat::wire::frame::Datagrams;
 use omnibase_ethercat::wire::{Clock, Command, HostTime, Link, LinkError};
-use omnibase_ethercat::{
-    Bus, BusOptions, ClockFollowing, CyclicBus, DcConfig, Exchange, ProcessImage, SubDeviceConfig,
-};
+use omnibase_ethercat::{Bus, BusOptions, CyclicBus, DcConfig, Exchange, ProcessImage, SubDeviceConfig};
 use omnibase_ethercat_sim::{FaultLink, Segment, SegmentFile, SimLink, VirtualClock, in_process};
 
 /// Notes every command and the number of frames.
@@ -65,7 +65,7 @@ pub struct Runner {
 
 impl Runner {
     /// From power-on to PRE-OP with everything configured.
-    pub fn new(segment: Segment, configs: &[SubDeviceConfig], following: ClockFollowing) -> Self {
+    pub fn new(segment: Segment, configs: &[SubDeviceConfig], following: ClockDirection) -> Self {
         let (link, clock) = in_process(segment);
         let link = SpyLink { inner: FaultLink::new(link, 1), commands: BTreeSet::new(), frames: 0 };
         let mut bus = Bus::new(link, clock, BusOptions::default());
@@ -75,12 +75,12 @@ impl Runner {
         let cycle = Duration::from_millis(1);
         let wake = ready.clock.now();
         Runner {
-            bus: ready.cyclic,
+            bus: ready.bus,
             image: ready.image,
             clock: ready.clock,
             cycle,
             follower: DcFollower::new(cycle, cycle / 2, FollowerGains::default()),
-            leader: (following == ClockFollowing::DcFollowsHost).then(HostToDc::new),
+            leader: (following == ClockDirection::DcFollowsHost).then(HostToDc::new),
             wake,
         }
     }
