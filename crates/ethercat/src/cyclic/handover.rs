@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use super::{CyclicBus, CyclicParts};
 use crate::bus::Bus;
 use crate::clock_setup::reference_clock;
-use crate::image::{ClockUse, ImagePlan, Member, PlanError, ProcessImage};
+use crate::image::{ClockUse, ImagePlan, Member, PlanError};
 use crate::subdevice::SubDevice;
 use crate::wire::{Clock, Link};
 
@@ -26,8 +26,6 @@ pub enum ClockDirection {
 pub struct Handover<L, C> {
     /// The cycle; every SubDevice is in PRE-OP and configured.
     pub bus: CyclicBus<L>,
-    /// The process data, all zero.
-    pub image: ProcessImage,
     /// The clock that set-up used.
     pub clock: C,
     /// What was found and configured, by position.
@@ -48,8 +46,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             (Some(_), ClockDirection::NoClock) | (None, _) => ClockUse::None,
         };
         let plan = ImagePlan::new(&members, clock)?;
-        let image = plan.image();
         let bus = CyclicBus::new(transactor.link, CyclicParts { members, plan, mailboxes });
-        Ok(Handover { bus, image, clock: transactor.clock, subdevices })
+        Ok(Handover { bus, clock: transactor.clock, subdevices })
     }
 }

@@ -96,4 +96,3 @@ fn a_tree_of_couplers_terminals_and_drives_reaches_op() {
         assert_eq!(runner.cycle(), Exchange::Complete);
     }
 }
-

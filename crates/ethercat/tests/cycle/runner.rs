@@ -75,8 +75,8 @@ impl Runner {
         let cycle = Duration::from_millis(1);
         let wake = ready.clock.now();
         Runner {
+            image: ready.bus.plan().image(),
             bus: ready.bus,
-            image: ready.image,
             clock: ready.clock,
             cycle,
             follower: DcFollower::new(cycle, cycle / 2, FollowerGains::default()),
