@@ -2,7 +2,11 @@
 
 use omnibase_platform::Twist2;
 use omnibase_trajectory::limiter::Outcome;
-use omnibase_trajectory::{LimitedTwist, Limits, TwistLimiter};
+use omnibase_trajectory::limits::{Retiming, retimed};
+use omnibase_trajectory::{
+    Heading, Interpolation, LimitedTwist, Limits, PathPoints, Peaks, Placed, PointTrajectory, Shape,
+    ShapeTrajectory, Trajectory, TwistLimiter,
+};
 use proptest::prelude::*;
 
 const LIMITS: Limits = Limits {
@@ -296,5 +300,80 @@ proptest! {
         }
         prop_assert_eq!(last.twist_in_odom, command);
         prop_assert_eq!(limiter.step(command).acceleration_in_odom, Twist2::default());
+    }
+}
+
+/// A planned motion that uses the limits fully, as its twists leave a planner.
+fn passes(trajectory: &dyn Trajectory, period_s: f64) -> (usize, f64) {
+    let mut limiter = TwistLimiter::new(&LIMITS, period_s).unwrap();
+    let (mut limited, mut x_m, mut y_m) = (0, 0.0, 0.0);
+    let cycles = (trajectory.duration_s() / period_s).ceil() as usize;
+    let mut worst_m = 0.0_f64;
+    let (mut planned_x_m, mut planned_y_m) = (0.0, 0.0);
+    for cycle in 1..=cycles {
+        let command = trajectory.sample(cycle as f64 * period_s).twist_in_odom;
+        let now = limiter.step(command);
+        limited += usize::from(now.outcome != Outcome::Passed);
+        x_m += now.twist_in_odom.vx_m_s * period_s;
+        y_m += now.twist_in_odom.vy_m_s * period_s;
+        planned_x_m += command.vx_m_s * period_s;
+        planned_y_m += command.vy_m_s * period_s;
+        worst_m = worst_m.max(f64::hypot(x_m - planned_x_m, y_m - planned_y_m));
+    }
+    (limited, worst_m)
+}
+
+#[test]
+fn motions_planned_at_the_limits_pass_unchanged() {
+    let path = PathPoints::parse("0 0 0 0\n1 2 0 0.3\n2 2 2 2\n12 0 2 1\n13 0 0 0").unwrap();
+    let quintic = retimed(&path, Interpolation::Quintic, &LIMITS, Retiming::Fastest);
+    let quintic = PointTrajectory::new(&quintic, Interpolation::Quintic);
+    let b_spline = retimed(&path, Interpolation::BSpline, &LIMITS, Retiming::Fastest);
+    let b_spline = PointTrajectory::new(&b_spline, Interpolation::BSpline);
+    let mut trajectories: Vec<(&str, Box<dyn Trajectory>)> =
+        vec![("quintic", Box::new(quintic)), ("b-spline", Box::new(b_spline))];
+    for (name, shape) in [
+        ("circle", Shape::Circle { radius_m: 2.0 }),
+        ("small circle", Shape::Circle { radius_m: 0.3 }),
+        ("ellipse", Shape::Ellipse { half_length_m: 2.0, half_width_m: 1.2 }),
+        ("eight", Shape::Eight { half_length_m: 2.0 }),
+        ("spiral", Shape::Spiral { step_m: 0.5 }),
+    ] {
+        let once = ShapeTrajectory::new(shape, Heading::Fixed, 2.0, 10.0).unwrap();
+        let (stretch, _) = Peaks::of(&once).stretch(&LIMITS);
+        trajectories.push((name, Box::new(Placed::new(once).stretched(stretch))));
+    }
+    for (name, trajectory) in trajectories {
+        for period_s in [1e-3, 4e-3] {
+            let (limited, worst_m) = passes(&*trajectory, period_s);
+            println!("{name} at {period_s} s: {limited} cycles limited, {worst_m:e} m behind");
+            assert_eq!(limited, 0, "{name}: {worst_m:e} m behind");
+        }
+    }
+}
+
+proptest! {
+    /// Any limits, any period, commands of any size every few cycles: the limits hold.
+    #[test]
+    fn any_limits_hold(
+        speed in 0.01..5.0, acceleration in 0.01..20.0, jerk in 0.05..500.0, period_s in 1e-4..2e-2, turn_rad in -0.3..0.3,
+        commands in prop::collection::vec((-6.0..6.0, -6.0..6.0, 1usize..80), 1..40),
+    ) {
+        let limits = Limits { speed_m_s: speed, acceleration_m_s2: acceleration, jerk_m_s3: jerk, ..LIMITS };
+        let mut limiter = TwistLimiter::new(&limits, period_s).unwrap();
+        let mut before = LimitedTwist::default();
+        for (x, y, cycles) in commands {
+            let mut command = Twist2::new(x, y, x - y);
+            for _ in 0..cycles {
+                command = command.rotated(turn_rad * period_s * 50.0);
+                let now = limiter.step(command);
+                let (a, b) = (now.acceleration_in_odom, before.acceleration_in_odom);
+                let change = f64::hypot(a.vx_m_s - b.vx_m_s, a.vy_m_s - b.vy_m_s);
+                prop_assert!(now.twist_in_odom.speed_m_s() <= speed * (1.0 + 1e-9), "{:?}", now);
+                prop_assert!(a.speed_m_s() <= acceleration * (1.0 + 1e-9), "{:?}", now);
+                prop_assert!(change <= jerk * period_s * (1.0 + 1e-9) + 1e-15 / period_s, "{} {:?} {:?}", change, before, now);
+                before = now;
+            }
+        }
     }
 }
