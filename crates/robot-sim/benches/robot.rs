@@ -14,6 +14,10 @@ use omnibase_robot_sim::{
     RobotSimDescription, WheelDrive, WheelParameters,
 };
 
+/// Counts allocations: none below `body` and `machine`.
+#[global_allocator]
+static ALLOCATOR: divan::AllocProfiler = divan::AllocProfiler::system();
+
 fn main() {
     divan::main();
 }

@@ -55,6 +55,28 @@ fn it_does_not_matter_how_often_it_is_asked() {
 }
 
 #[test]
+fn a_rest_leaves_nothing_of_the_braking_before_it() {
+    let (mut once, mut often) = (machine(), machine());
+    for machine in [&mut once, &mut often] {
+        for (until_ms, torque) in [(200, 10.0), (240, -12.0), (260, 0.0)] {
+            machine.ask(1, -torque);
+            machine.ask(2, torque);
+            machine.advance(until_ms * MS);
+        }
+    }
+    once.advance(5_000 * MS);
+    (260..=5_000).for_each(|ms| often.advance(ms * MS));
+    for machine in [&mut once, &mut often] {
+        assert!(machine.body().at_rest());
+        machine.ask(2, 4.0);
+        machine.advance(5_001 * MS);
+        let loads: Vec<f64> = machine.body().wheels().iter().map(|wheel| wheel.normal_load_n).collect();
+        assert!(loads.iter().all(|load| (load - 100.0 * 9.806_65 / 3.0).abs() < 20.0), "{loads:?}");
+    }
+    assert_eq!(once.truth(), often.truth());
+}
+
+#[test]
 fn between_the_points_of_the_grid_motion_goes_on() {
     let mut machine = machine();
     machine.ask(1, -3.0);
@@ -78,6 +100,9 @@ fn between_the_points_of_the_grid_motion_goes_on() {
 fn a_gear_turns_speed_down_and_torque_up() {
     let mut geared = parameters();
     let direct = parameters();
+    let mut slow = parameters();
+    slow.wheels.iter_mut().for_each(|drive| drive.motor.gear_ratio = -5.0);
+    let mut slow = Machine::new(&slow).expect("a sound machine");
     for drive in &mut geared.wheels {
         drive.motor.gear_ratio = -5.0;
         drive.motor.rated_speed_rad_s *= 5.0;
@@ -97,6 +122,11 @@ fn a_gear_turns_speed_down_and_torque_up() {
     assert_eq!(direct.shaft(7), Shaft::default());
     assert!((geared.shaft(0).angle_rad + 5.0 * direct.shaft(0).angle_rad).abs() < 1e-8);
     assert!((25.0 * geared.nominal_inertia_kg_m2(0) - direct.nominal_inertia_kg_m2(0)).abs() < 1e-12);
+    // The motor's own speed is what its voltage limits: 52.4 rad/s, five times the wheel's.
+    (0..3).for_each(|i| slow.ask(i, -4.0));
+    slow.advance(20_000 * MS);
+    let speed = slow.body().wheels()[0].speed_rad_s;
+    assert!((9.0..52.4 / 5.0).contains(&speed), "{speed}");
     // 100 kg on three wheels of 0.1 m, a disc of 2.5 kg and the rotor.
     assert!((direct.nominal_inertia_kg_m2(0) - (1.0 / 3.0 + 0.0125 + 0.0077)).abs() < 1e-12);
 }
