@@ -1,7 +1,8 @@
 //! AL control and status, events, the watchdog, and when firmware runs.
 
 use crate::bench::{Bench, firmware, fmmu, idle, sync_manager};
-use omnibase_ethercat_sim::EscConfig;
+use omnibase_ethercat_sim::pdi::ApplicationFault;
+use omnibase_ethercat_sim::{EscConfig, FaultError};
 use omnibase_ethercat_wire::register::{self as reg, al_event};
 use omnibase_ethercat_wire::{Address, Command, HostTime};
 use std::sync::{Arc, Mutex};
@@ -107,4 +108,30 @@ fn outputs_without_the_watchdog_bit_do_not_feed_it() {
     bench.fpwr(0x1001, reg::SM + 16, &sync_manager(0x1000, 4, 0x24));
     bench.fpwr(0x1001, 0x1000, &[0; 4]);
     assert_eq!(bench.number_at(0x1001, reg::WATCHDOG_STATUS, 2), 0);
+}
+
+#[test]
+fn frozen_firmware_leaves_the_chip_alone_until_it_thaws() {
+    let app = firmware(|pdi, event, now| {
+        if event.0 & al_event::AL_CONTROL != 0 {
+            let mut control = [0; 2];
+            pdi.read(reg::AL_CONTROL, &mut control);
+            pdi.write(reg::AL_STATUS, &control);
+        }
+        Some(HostTime(now.0 + 1000))
+    });
+    let mut bench = Bench::single(EscConfig::default(), app);
+    bench.segment.inject(0, ApplicationFault::Frozen(true).into()).unwrap();
+    assert_eq!(bench.fpwr(0x1001, reg::AL_CONTROL, &[2, 0]), 1);
+    bench.wait_us(1000);
+    assert_eq!(bench.number_at(0x1001, reg::AL_STATUS, 2), 1);
+    assert_eq!(bench.fpwr(0x1001, reg::AL_CONTROL, &[4, 0]), 0, "the first request was never read");
+    bench.segment.inject(0, ApplicationFault::Frozen(false).into()).unwrap();
+    assert_eq!(bench.number_at(0x1001, reg::AL_STATUS, 2), 2);
+    // What the firmware doesn't know is refused by name.
+    let fault = ApplicationFault::AlError(0x1B);
+    assert_eq!(
+        bench.segment.inject(0, fault.clone().into()),
+        Err(FaultError::UnknownToApplication { position: 0, fault })
+    );
 }
