@@ -332,3 +332,6 @@ impl Procedure for SiiReader {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
