@@ -28,8 +28,8 @@ enum Loop {
 }
 
 fn run(kind: Loop, servos: u16, cycles: u64) -> f64 {
-    let (mut bus, mut image) = echo::operational(servos, BYTES);
-    bus.link_mut().go_blind();
+    let (mut bus, mut image) = echo::operational(servos, BYTES, |echo| echo);
+    bus.link_mut().blind = true;
     let lengths: Vec<usize> = bus
         .plan()
         .frames
@@ -88,7 +88,7 @@ fn main() {
     }
     println!("servos  frames  ns/cycle  user instructions/cycle  (the answering link is taken off)");
     for servos in SERVOS {
-        let frames = echo::operational(servos, BYTES).0.frames_per_cycle();
+        let frames = echo::operational(servos, BYTES, |echo| echo).0.frames_per_cycle();
         let best = |kind| (0..5).map(|_| run(kind, servos, 200_000)).fold(f64::INFINITY, f64::min);
         let ns = best(Loop::Cycle) - best(Loop::Link);
         let counted = instructions("cycle", servos).zip(instructions("link", servos));

@@ -1,4 +1,7 @@
 //! The cycle against simulated segments, in virtual time.
 
+#[path = "../../benches/echo/mod.rs"]
+mod echo;
+mod faults;
 mod operation;
 mod runner;

@@ -49,13 +49,14 @@ pub struct Echo {
     /// Offsets and values of the working counters of each frame of a cycle, once they are known.
     known: Vec<Vec<(usize, u16)>>,
     next_known: usize,
-    /// Frames are answered from `known` without being read.
-    blind: bool,
-    /// Every byte of the inputs.
-    pub stamp: u8,
+    /// From now on frames are those of a plain cycle in their order: they are answered without being read.
+    pub blind: bool,
+    /// Stands in the inputs again and again, little endian, from the first byte of each datagram on.
+    pub stamp: u32,
 }
 
 impl Echo {
+    /// Answers the frames of this plan.
     pub fn new(plan: &ImagePlan, count: u16) -> Self {
         Echo {
             slots: vec![([0; MAX_FRAME], 0); SLOTS],
@@ -64,24 +65,21 @@ impl Echo {
             plan: plan.clone(),
             count,
             state: 2,
-            known: vec![Vec::with_capacity(128); plan.frames.len()],
+            known: vec![Vec::with_capacity(256); plan.frames.len() + 1],
             next_known: 0,
             blind: false,
             stamp: 0,
         }
     }
 
-    /// From now on frames are those of a plain cycle in their order, and nobody reads them.
-    pub fn go_blind(&mut self) {
-        self.next_known = 0;
-        self.blind = true;
-    }
-
     /// Reads the frame at the head and answers it; allocates nothing once `known` has its size.
     fn answer(&mut self) {
-        let number = self.next_known;
-        self.next_known = (number + 1) % self.plan.frames.len();
         let (frame, _) = &mut self.slots[self.head % SLOTS];
+        let first = u32_at(&frame[..], FIRST_DATAGRAM + 2);
+        let mut planned = self.plan.frames.iter();
+        let number = planned.position(|one| one.datagrams[0].address.raw() == first);
+        // The last one is for frames that no plain cycle has.
+        let number = number.unwrap_or(self.known.len() - 1);
         let known = &mut self.known[number];
         known.clear();
         let mut offset = FIRST_DATAGRAM;
@@ -109,7 +107,9 @@ impl Echo {
                     self.count
                 }
                 LRD => {
-                    frame[data..data + length].fill(self.stamp);
+                    for word in frame[data..data + length].chunks_mut(4) {
+                        word.copy_from_slice(&self.stamp.to_le_bytes()[..word.len()]);
+                    }
                     expected
                 }
                 _ => expected,
@@ -136,7 +136,7 @@ impl Link for Echo {
                 put_u16(&mut slot.0[..], offset, counter);
             }
             self.next_known += 1;
-            if self.next_known == self.known.len() {
+            if self.next_known == self.plan.frames.len() {
                 self.next_known = 0;
             }
         } else {
@@ -158,19 +158,21 @@ impl Link for Echo {
     }
 }
 
-/// A cycle in OP over an [`Echo`] that still reads frames.
-pub fn operational(count: u16, bytes: u32) -> (CyclicBus<Echo>, ProcessImage) {
+/// A cycle in OP over a wrapper of an [`Echo`] that still reads frames.
+pub fn operational<L: Link>(
+    count: u16,
+    bytes: u32,
+    wrap: impl FnOnce(Echo) -> L,
+) -> (CyclicBus<L>, ProcessImage) {
     let members = servos(count, bytes);
     let plan = ImagePlan::new(&members, ClockUse::Distribute { reference: 0 }).unwrap();
     let echo = Echo::new(&plan, count);
     let mut image = plan.image();
-    let mut bus = CyclicBus::new(echo, CyclicParts { members, plan, mailboxes: Vec::new() });
+    let mut bus = CyclicBus::new(wrap(echo), CyclicParts { members, plan, mailboxes: Vec::new() });
     bus.request(Goal::Op, TransitionOptions::default(), HostTime(0));
     for cycle in 1..10_000 {
         bus.exchange(&mut image, HostTime(cycle * 1_000_000)).unwrap();
         if bus.phase() == Phase::Reached(Goal::Op) {
-            bus.link_mut().next_known = 0;
-            bus.exchange(&mut image, HostTime((cycle + 1) * 1_000_000)).unwrap();
             return (bus, image);
         }
     }
