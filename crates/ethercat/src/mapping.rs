@@ -436,3 +436,47 @@ impl Procedure for MappingReader {
         self.mailbox.answer(answer, now);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::PdoConfig;
+    use crate::subdevice::MemoryArea;
+    use crate::wire::sii::SyncManagerUsage;
+
+    #[test]
+    fn a_map_of_another_size_is_refused_with_both_sizes() {
+        let entry = |bit_length| MappedObject {
+            object: ObjectAddress::new(0x6041, 0),
+            bit_length,
+            data_type: None,
+            name: None,
+        };
+        let pdo = |index, bits| MappedPdo { index, name: None, entries: vec![entry(bits)] };
+        let manager = SyncManager {
+            index: 3,
+            area: MemoryArea { start: 0x1C00, length: 4 },
+            control: 0x20,
+            enabled: true,
+            usage: SyncManagerUsage::Inputs,
+            pdos: vec![pdo(0x1A00, 16), pdo(0x1A01, 8)],
+            logical: None,
+        };
+        let wanted = |entries| SyncManagerPdos {
+            sync_manager: 3,
+            direction: Direction::Inputs,
+            pdos: vec![PdoConfig { index: 0x1A00, entries }, PdoConfig { index: 0x1A01, entries: None }],
+            origin: Some("robot.toml line 9".into()),
+        };
+        let check = |entries| {
+            let config = SubDeviceConfig { pdos: vec![wanted(entries)], ..SubDeviceConfig::default() };
+            check_sizes(5, &config, core::slice::from_ref(&manager))
+        };
+        assert_eq!(check(None), Ok(()));
+        assert_eq!(check(Some(vec![(ObjectAddress::new(0x6041, 0), 16)])), Ok(()));
+        assert_eq!(
+            check(Some(vec![(ObjectAddress::new(0x6064, 0), 32)])).unwrap_err().to_string(),
+            "SubDevice 5: PDO map of SyncManager 3: wanted 40 bits, the device has 24 (robot.toml line 9)"
+        );
+    }
+}

@@ -278,3 +278,63 @@ impl Procedure for StateChange {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers every look with `bits` and every write with success; the control words that were written.
+    fn change(application: Application, bits: u16) -> (Result<AlStatus, StateError>, Vec<u16>) {
+        let target = Target { position: 4, station: 0x1005 };
+        let mut change = StateChange::new(target, application, AlState::PreOp, Duration::from_secs(3));
+        let (mut now, mut written) = (HostTime(0), Vec::new());
+        loop {
+            match change.next(now) {
+                Next::Done(result) => return (result, written),
+                Next::WaitUntil(instant) => now = instant,
+                Next::Send(request) => {
+                    let mut data = vec![0; request.length];
+                    change.fill(&mut data);
+                    if request.length == 2 {
+                        written.push(u16_at(&data, 0));
+                    } else {
+                        data[..2].copy_from_slice(&bits.to_le_bytes());
+                    }
+                    change.answer(Answer::Returned { working_counter: 1, data: &data }, now);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_error_bit_of_an_emulated_status_is_an_echo() {
+        let (result, written) = change(Application::Emulated, 0x12);
+        assert_eq!((result.map(AlStatus::state), written), (Ok(Some(AlState::PreOp)), vec![2]));
+        // With an application the same word is an error, which is acknowledged but stays.
+        let (result, written) = change(Application::Controller, 0x12);
+        assert_eq!(written, [0x12]);
+        let error = result.unwrap_err();
+        assert_eq!(error.cause, StateFailure::Timeout(Duration::from_secs(3)));
+        assert_eq!(
+            error.to_string(),
+            "SubDevice 4: PRE-OP not reached within 3s; it is in PRE-OP with error 0x0000 no error"
+        );
+    }
+
+    #[test]
+    fn a_subdevice_that_is_gone_is_named_long_before_the_timeout() {
+        let target = Target { position: 4, station: 0x1005 };
+        let mut change =
+            StateChange::new(target, Application::Controller, AlState::SafeOp, Duration::from_secs(10));
+        let mut now = HostTime(0);
+        let error = loop {
+            match change.next(now) {
+                Next::Done(result) => break result.unwrap_err(),
+                Next::WaitUntil(instant) => now = instant,
+                Next::Send(_) => change.answer(Answer::Returned { working_counter: 0, data: &[] }, now),
+            }
+        };
+        assert_eq!(error.cause, StateFailure::NoAnswer(Found::WorkingCounter(0)));
+        assert!(now < HostTime(1_000_000_000), "{now:?}");
+    }
+}
