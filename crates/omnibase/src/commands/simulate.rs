@@ -100,15 +100,14 @@ fn describe(output: &mut dyn Write, segment: &Segment, interface: &str) -> anyho
     let count = segment.sub_devices().len();
     writeln!(output, "simulating {count} SubDevices on {interface}; Ctrl-C ends")?;
     for (position, one) in segment.sub_devices().iter().enumerate() {
-        let Ok((image, _)) = Image::parse(one.esc().config().sii.as_slice()) else { continue };
-        let identity = image.header.identity;
-        writeln!(
-            output,
-            "{position:>4} {:<32} vendor 0x{:08x} product 0x{:08x}",
-            image.name().unwrap_or_default(),
-            identity.vendor_id,
-            identity.product_code
-        )?;
+        match Image::parse(one.esc().sii_image()) {
+            Ok((image, _)) => {
+                let (name, identity) = (image.name().unwrap_or_default(), image.header.identity);
+                let (vendor, product) = (identity.vendor_id, identity.product_code);
+                writeln!(output, "{position:>4} {name:<40} vendor 0x{vendor:08x} product 0x{product:08x}")?;
+            }
+            Err(error) => writeln!(output, "{position:>4} {error}")?,
+        }
     }
     // A script that waits for this line must not wait for the buffer to fill.
     output.flush()?;

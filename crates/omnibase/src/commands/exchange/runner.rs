@@ -10,10 +10,17 @@ use omnibase_ethercat::cyclic::{
     CycleCounters, DcFollower, FollowerGains, Goal, Handover, Health, Phase, Step,
 };
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{AlState, Clock, DcTime, HostTime, Link};
+use omnibase_ethercat::wire::frame::FrameBuilder;
+use omnibase_ethercat::wire::{Address, AlState, Clock, Command, DcTime, HostTime, Link, register};
 use omnibase_ethercat::{CyclicBus, ProcessImage};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
+
+/// Cycles that the search for culprits may take.
+const DIAGNOSIS_CYCLES: u32 = 300;
+
+/// Frames that ask for INIT where the orderly way there failed.
+const BROADCAST_ATTEMPTS: u32 = 3;
 
 /// What to do.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +57,7 @@ struct Measured {
     /// Cycles that began a whole cycle late or more.
     overruns: u64,
     operational: bool,
+    unwell: Vec<String>,
     before: CycleCounters,
     after: CycleCounters,
 }
@@ -78,6 +86,7 @@ impl Runner {
             cycles: 0,
             overruns: 0,
             operational: false,
+            unwell: Vec::new(),
             before: CycleCounters::default(),
             after: CycleCounters::default(),
         };
@@ -93,12 +102,18 @@ impl Runner {
             }
             let took = self.clock.now() - began;
             note(format_args!("OP after {:.3} s of bus time", took.as_secs_f64()));
-            let result = self.cycle(stop);
-            self.measured.operational = result.is_ok() && self.is_operational();
-            result
+            self.cycle(stop)?;
+            self.measured.operational = self.is_operational();
+            if !self.measured.operational {
+                self.find_culprits()?;
+            }
+            Ok(())
         });
         // Whatever happened, drives shall not be left in OP.
         let ended = self.reach(Goal::Init, &AtomicBool::new(false)).context("on the way back to INIT");
+        if ended.is_err() {
+            self.broadcast_init();
+        }
         ran.and(ended.map(drop))
     }
 
@@ -108,6 +123,36 @@ impl Runner {
         well && self.bus.status().is_some_and(|status| {
             usize::from(status.answered) == self.subdevices.len() && status.bits == AlState::Op.bits()
         })
+    }
+
+    /// Asks everyone who still listens for INIT: one that is gone must not keep the others in OP.
+    fn broadcast_init(&mut self) {
+        let mut frame = FrameBuilder::new();
+        let ask = [AlState::Init.bits() as u8 | AlState::ERROR as u8, 0];
+        if frame.push(Command::Bwr, 0, Address::broadcast(register::AL_CONTROL), &ask).is_ok() {
+            for _ in 0..BROADCAST_ATTEMPTS {
+                // Where the link is gone nobody hears it; their watchdogs stop them.
+                let _ = self.bus.link_mut().send(frame.bytes());
+            }
+        }
+    }
+
+    /// Goes on until it is known who isn't well, and notes it.
+    fn find_culprits(&mut self) -> anyhow::Result<()> {
+        for _ in 0..DIAGNOSIS_CYCLES {
+            if self.bus.health().iter().any(|health| *health != Health::Well) {
+                break;
+            }
+            self.one_cycle()?;
+        }
+        let unwell = self.bus.health().iter().zip(&self.subdevices);
+        self.measured.unwell = unwell
+            .filter_map(|(health, one)| {
+                let words = health_words(*health)?;
+                Some(format!("SubDevice {} ({}): {words}", one.position, one.name))
+            })
+            .collect();
+        Ok(())
     }
 
     /// Cycles until the goal is reached; `false` where `stop` came first.
@@ -203,7 +248,7 @@ impl Runner {
 
     /// What was measured.
     pub fn report(&self) -> Report {
-        let Measured { before, after, .. } = self.measured;
+        let Measured { before, after, .. } = &self.measured;
         Report {
             operational: self.measured.operational,
             cycle: self.plan.cycle,
@@ -216,17 +261,22 @@ impl Runner {
             frames_per_cycle: self.bus.frames_per_cycle(),
             subdevices: self.subdevices.len(),
             commands_used: self.bus.commands_used().iter().map(|command| command.name()).collect(),
-            unwell: self
-                .bus
-                .health()
-                .iter()
-                .zip(&self.subdevices)
-                .filter(|(health, _)| **health != Health::Well)
-                .map(|(health, one)| format!("SubDevice {} ({}): {health:?}", one.position, one.name))
-                .collect(),
+            unwell: self.measured.unwell.clone(),
             round_trip: (self.measured.round_trip.quantiles(), self.measured.round_trip.bars(12)),
             wake_up: (self.measured.wake_up.quantiles(), self.measured.wake_up.bars(12)),
             phase: (self.measured.phase.quantiles(), self.measured.phase.bars(12)),
+        }
+    }
+}
+
+/// What a SubDevice has; `None` where it is well.
+fn health_words(health: Health) -> Option<String> {
+    match health {
+        Health::Well => None,
+        Health::Silent => Some("does not answer: without power, cut off, or restarted".to_owned()),
+        Health::NotOperational { status, code } => {
+            let state = AlState::from_bits(status).map_or("an unknown state", AlState::name);
+            Some(format!("is in {state}: {code} ({})", code.probable_cause()))
         }
     }
 }

@@ -1,0 +1,379 @@
+//! `scan`, `sdo`, `exchange` and `simulate` as a user runs them: on simulated segments in virtual time, and over a
+//! virtual cable (skipped loudly without the rights for one).
+
+use omnibase_host::Namespace;
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+
+fn omnibase(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_omnibase")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn segment(name: &str) -> String {
+    format!("{}/../../segments/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+fn sim(name: &str) -> String {
+    format!("sim:{}", segment(name))
+}
+
+fn json(output: &Output) -> Value {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn scratch(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("omnibase-{}-{name}", std::process::id()))
+}
+
+#[test]
+fn scan_prints_every_subdevice_as_json_with_numbers_as_numbers() {
+    let found = json(&omnibase(&["scan", &sim("three-sgdv"), "--json"]));
+    let subdevices = found["subdevices"].as_array().unwrap();
+    assert_eq!(subdevices.len(), 3);
+    for (position, one) in subdevices.iter().enumerate() {
+        let promised = [
+            "position",
+            "name",
+            "vendor_id",
+            "product_code",
+            "revision",
+            "serial",
+            "alias",
+            "state",
+            "ports",
+            "sync_managers",
+            "fmmus",
+            "pdos",
+        ];
+        for key in promised {
+            assert!(!one[key].is_null(), "{key} is missing: {:?}", keys(one));
+        }
+        assert_eq!(one["position"].as_u64(), Some(position as u64));
+        assert_eq!(one["vendor_id"].as_u64(), Some(0x0539));
+        assert_eq!(one["product_code"].as_u64(), Some(0x0220_0001));
+        assert_eq!(one["alias"].as_u64(), Some(position as u64 + 1));
+        assert_eq!(one["state"].as_str(), Some("PRE-OP"));
+        assert_eq!(one["sync_managers"].as_array().unwrap().len(), 4);
+        assert_eq!(one["pdos"][0]["entries"][0]["index"].as_u64(), Some(0x6040));
+        assert!(one.get("dictionary").is_none());
+    }
+}
+
+#[test]
+fn scan_reads_the_dictionary_with_its_values() {
+    let found = json(&omnibase(&["scan", &sim("three-sgdv"), "--json", "--dictionary"]));
+    let dictionary = found["subdevices"][1]["dictionary"].as_array().unwrap();
+    let object =
+        |index: u64| dictionary.iter().find(|object| object["index"].as_u64() == Some(index)).unwrap();
+    assert_eq!(object(0x1008)["entries"][0]["value"].as_str(), Some("SGDV-OCA01A"));
+    assert_eq!(object(0x1018)["entries"][2]["value"].as_u64(), Some(0x0220_0001));
+    assert!(dictionary.iter().all(|object| object.get("error").is_none()));
+    let words = omnibase(&["scan", &sim("three-sgdv"), "--dictionary"]);
+    assert!(text(&words.stdout).contains("6041:00   r--i Statusword"), "{}", text(&words.stdout));
+}
+
+#[test]
+fn scan_shows_a_tree() {
+    let words = text(&omnibase(&["scan", &sim("mixed-tree")]).stdout);
+    for expected in
+        ["0 Coupler", "hangs at  port 2 of SubDevice 0", "ports     0 MII open; 1 EBUS open; 2 MII open"]
+    {
+        assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
+    }
+}
+
+#[test]
+fn sdo_reads_and_writes_with_the_types_of_the_dictionary() {
+    let target = sim("three-sgdv");
+    let read = omnibase(&["sdo", "read", &target, "0", "1008:0", "6064:0", "1018:1"]);
+    assert_eq!(read.status.code(), Some(0));
+    assert_eq!(text(&read.stdout), "1008:00 \"SGDV-OCA01A\"\n6064:00 524288\n1018:01 1337 (0x00000539)\n");
+
+    let read = json(&omnibase(&["sdo", "read", &target, "0", "6064:0", "--json"]));
+    let expected = serde_json::json!({"objects": [
+        {"index": 0x6064, "subindex": 0, "type": "i32", "value": 524_288, "data": "00000800"}
+    ]});
+    assert_eq!(read, expected);
+
+    let write = omnibase(&["sdo", "write", &target, "2", "6060:0", "8", "607a:0", "-5"]);
+    assert_eq!(text(&write.stdout), "6060:00 written: 8\n607a:00 written: -5\n", "{}", text(&write.stderr));
+
+    let complete = omnibase(&["sdo", "read", &target, "0", "1c12", "--complete"]);
+    assert!(text(&complete.stdout).starts_with("1c12:00 01 00 00 16"), "{}", text(&complete.stdout));
+}
+
+#[test]
+fn sdo_refusals_come_in_words_and_the_other_objects_all_the_same() {
+    let target = sim("three-sgdv");
+    let cases: [(&[&str], &str); 5] = [
+        (&["sdo", "read", &target, "0", "9999:0", "1008:0"], "0x06020000 the object does not exist"),
+        (&["sdo", "read", &target, "7", "1008:0"], "there is no SubDevice 7: the segment has 3"),
+        (
+            &["sdo", "write", &target, "0", "6060:0", "300"],
+            "`300` is no value of type i8 (-128 to 127, or 0x...)",
+        ),
+        (&["sdo", "write", &target, "0", "6041:0", "0"], "attempt to write a read-only object"),
+        (&["sdo", "write", &target, "0", "6060:0", "8", "607a:0"], "the value for `607a:0` is missing"),
+    ];
+    for (arguments, expected) in cases {
+        let output = omnibase(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(text(&output.stderr).contains(expected), "{arguments:?}: {}", text(&output.stderr));
+    }
+    let partly = omnibase(cases[0].0);
+    assert_eq!(text(&partly.stdout), "1008:00 \"SGDV-OCA01A\"\n");
+    assert_eq!(omnibase(&["sdo", "read", &target, "0", "xyz"]).status.code(), Some(2));
+    assert_eq!(omnibase(&["sdo", "read", &target, "0"]).status.code(), Some(2));
+}
+
+#[test]
+fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
+    let run = || omnibase(&["exchange", &sim("three-sgdv"), "--dc", "--cycles", "2000", "--json"]);
+    let first = run();
+    let found = json(&first);
+    let promised = [
+        "operational",
+        "cycles",
+        "lost_frames",
+        "working_counter_errors",
+        "frames_per_cycle",
+        "round_trip_ns",
+        "wakeup_ns",
+        "dc_phase_ns",
+        "commands_used",
+    ];
+    let mut promised = promised.to_vec();
+    promised.sort_unstable();
+    assert_eq!(keys(&found), promised);
+    assert_eq!(found["operational"].as_bool(), Some(true));
+    assert_eq!(found["cycles"].as_u64(), Some(2000));
+    assert_eq!((found["lost_frames"].as_u64(), found["working_counter_errors"].as_u64()), (Some(0), Some(0)));
+    assert_eq!(found["frames_per_cycle"].as_u64(), Some(1));
+    for measure in ["round_trip_ns", "wakeup_ns", "dc_phase_ns"] {
+        assert_eq!(keys(&found[measure]), ["max", "p50", "p99", "p999"]);
+        assert!(found[measure]["max"].is_u64(), "{measure}");
+    }
+    // Virtual time: within a few microseconds although the drives' clocks drift by 50 ppm.
+    assert!(found["dc_phase_ns"]["max"].as_u64().unwrap() < 10_000, "{found}");
+    let used: Vec<&str> =
+        found["commands_used"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    for needed in ["FRMW", "LWR", "LRD"] {
+        assert!(used.contains(&needed), "{used:?}");
+    }
+    for forbidden in ["LRW", "APRW", "FPRW", "BRW"] {
+        assert!(!used.contains(&forbidden), "{used:?}");
+    }
+    assert_eq!(run().stdout, first.stdout, "the same segment gives the same bytes");
+}
+
+#[test]
+fn exchange_uses_lrw_where_all_allow_it_and_says_in_words_what_it_saw() {
+    let output = omnibase(&["exchange", &sim("three-servos"), "--cycles", "100", "--cycle-us", "250"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let words = text(&output.stdout);
+    for expected in [
+        "operational             yes",
+        "cycles                  100 of 250.000 us, 3 SubDevices, 1 frames each",
+        "lost frames             0",
+        "LRW",
+        "round trip              p50",
+    ] {
+        assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
+    }
+}
+
+#[test]
+fn what_exchange_records_decodes_without_loss() {
+    let path = scratch("exchange.pcapng");
+    let file = path.to_str().unwrap();
+    let run = omnibase(&["exchange", &sim("three-sgdv"), "--dc", "--cycles", "500", "--record", file]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let decoded = json(&omnibase(&["decode", file, "--json", "--summary"]));
+    std::fs::remove_file(path).unwrap();
+    let summary = &decoded["summary"];
+    assert_eq!(summary["requests"], summary["replies"]);
+    assert_eq!(summary["matched"], summary["requests"]);
+    assert_eq!((summary["lost_frames"].as_u64(), summary["malformed"].as_u64()), (Some(0), Some(0)));
+    let period = summary["cycle"]["period_ns"]["p50"].as_u64().unwrap();
+    assert!(period.abs_diff(1_000_000) < 1000, "{period}");
+}
+
+#[test]
+fn broken_segment_files_are_refused_with_file_and_line() {
+    let path = scratch("broken.toml");
+    std::fs::write(&path, "[[subdevice]]\nkind = \"sgvd\"\n").unwrap();
+    for command in [&["scan"][..], &["exchange"], &["sdo", "read"]] {
+        let target = format!("sim:{}", path.display());
+        let more: &[&str] = if command[0] == "sdo" { &["0", "1008:0"] } else { &[] };
+        let output = omnibase(&[command, &[&target], more].concat());
+        assert_eq!(output.status.code(), Some(1), "{command:?}");
+        let expected =
+            format!("{}:2:8: \"sgvd\" is no kind of subdevice; did you mean \"sgdv\"?", path.display());
+        assert!(text(&output.stderr).contains(&expected), "{}", text(&output.stderr));
+    }
+    std::fs::remove_file(path).unwrap();
+    let missing = omnibase(&["scan", "sim:/no/such.toml"]);
+    assert!(
+        text(&missing.stderr).contains("reading `/no/such.toml`: No such file"),
+        "{}",
+        text(&missing.stderr)
+    );
+}
+
+#[test]
+fn wrong_usage_is_code_2_and_help_has_examples() {
+    let wrong: [&[&str]; 8] = [
+        &["scan"],
+        &["scan", "sim:"],
+        &["exchange", "eth0", "--cycle-us", "1"],
+        &["exchange", "eth0", "--busy-poll"],
+        &["simulate", "--interface", "eth0"],
+        &["simulate", "a.toml"],
+        &["simulate", "a.toml", "--sii", "b.bin", "--interface", "eth0"],
+        &["simulate", "a.toml", "--interface", "eth0", "--fault", "fire@1:1"],
+    ];
+    for arguments in wrong {
+        assert_eq!(omnibase(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    for command in [&["scan"][..], &["sdo", "read"], &["sdo", "write"], &["exchange"], &["simulate"]] {
+        let output = omnibase(&[command, &["--help"]].concat());
+        assert_eq!(output.status.code(), Some(0));
+        assert!(text(&output.stdout).contains("Examples:"), "{command:?}");
+    }
+}
+
+/// A simulator that runs until the value goes.
+struct Simulator(Child);
+
+impl Simulator {
+    /// Starts it and waits until it answers. To be called inside the namespace.
+    fn start(arguments: &[&str]) -> (Self, Vec<String>) {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .arg("simulate")
+            .args(arguments)
+            .args(["--interface", Namespace::FAR])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let mut shown: Vec<String> = lines.next().into_iter().collect();
+        let count: usize = shown[0].split(' ').nth(1).unwrap().parse().unwrap();
+        shown.extend(lines.take(count));
+        (Simulator(child), shown)
+    }
+
+    /// Ends it as Ctrl-C does; its exit code.
+    fn interrupt(mut self) -> Option<i32> {
+        let status = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
+        assert!(status.success());
+        self.0.wait().unwrap().code()
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn simulate_answers_scan_sdo_and_exchange_over_a_cable() {
+    let Some(namespace) = Namespace::for_test("simulate_answers_scan_sdo_and_exchange_over_a_cable") else {
+        return;
+    };
+    namespace.run(|| {
+        let (simulator, shown) = Simulator::start(&[&segment("three-servos")]);
+        assert_eq!(shown[0], "simulating 3 SubDevices on veth1; Ctrl-C ends");
+        assert_eq!(shown.len(), 4, "{shown:?}");
+
+        let found = json(&omnibase(&["scan", Namespace::NEAR, "--json"]));
+        assert_eq!(found["subdevices"].as_array().unwrap().len(), 3);
+
+        let read = omnibase(&["sdo", "read", Namespace::NEAR, "2", "1000:0", "--type", "u32"]);
+        assert_eq!(text(&read.stdout), "1000:00 131474 (0x00020192)\n", "{}", text(&read.stderr));
+
+        for port in [&[][..], &["--ring"], &["--ring", "--busy-poll"]] {
+            let arguments =
+                [&["exchange", Namespace::NEAR, "--cycles", "50", "--cycle-us", "5000", "--json"], port];
+            let output = omnibase(&arguments.concat());
+            let found: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+            assert_eq!(found["cycles"].as_u64(), Some(50), "{port:?}: {}", text(&output.stderr));
+            assert_eq!(found["operational"].as_bool(), Some(true), "{port:?}: {}", text(&output.stderr));
+        }
+        assert_eq!(simulator.interrupt(), Some(0));
+    });
+}
+
+#[test]
+fn a_segment_of_sii_images_is_scanned_as_the_devices_they_are() {
+    let captures = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/captures");
+    let images = format!("{captures}/ek1100-sii.bin,{captures}/el2828-sii.bin,{captures}/el2889-sii.bin");
+    if !PathBuf::from(captures).exists() {
+        eprintln!("SKIPPED: {captures} is not there");
+        return;
+    }
+    let Some(namespace) = Namespace::for_test("a_segment_of_sii_images_is_scanned") else { return };
+    namespace.run(|| {
+        let (_simulator, shown) = Simulator::start(&["--sii", &images]);
+        assert!(shown[1].contains("EK1100 EtherCAT-Koppler (2A E-Bus)"), "{shown:?}");
+        let words = text(&omnibase(&["scan", Namespace::NEAR]).stdout);
+        for expected in
+            ["0 EK1100 EtherCAT-Koppler", "1 EL2828", "2 EL2889", "hangs at  port 1 of SubDevice 1"]
+        {
+            assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
+        }
+    });
+}
+
+#[test]
+fn no_subdevice_found_says_why() {
+    let Some(namespace) = Namespace::for_test("no_subdevice_found_says_why") else { return };
+    namespace.run(|| {
+        let scan = || {
+            let output = omnibase(&["scan", Namespace::NEAR]);
+            assert_eq!(output.status.code(), Some(1));
+            text(&output.stderr)
+        };
+        assert!(scan().contains("veth0: no SubDevice found: nothing came back"), "{}", scan());
+        namespace.ip("link set veth1 down").unwrap();
+        assert!(scan().contains("veth0: no SubDevice found: the link is down"), "{}", scan());
+        let output = omnibase(&["scan", "eth77"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(text(&output.stderr), "error: no network interface `eth77`; there are: veth1, veth0\n");
+    });
+}
+
+#[test]
+fn missing_rights_name_the_capability_and_the_command_that_grants_it() {
+    let program = env!("CARGO_BIN_EXE_omnibase");
+    let output = Command::new("setpriv")
+        .args(["--reuid=65534", "--clear-groups", program, "scan", "lo"])
+        .stdin(Stdio::null())
+        .output();
+    let output = match output {
+        Ok(output) if !text(&output.stderr).contains("setpriv:") => output,
+        _ => {
+            eprintln!("SKIPPED: setpriv can't take the rights away here");
+            return;
+        }
+    };
+    assert_eq!(output.status.code(), Some(1));
+    let words = text(&output.stderr);
+    let expected = format!(
+        "error: no right to send raw frames on `lo`: the capability CAP_NET_RAW is missing; grant it with \
+         `sudo setcap cap_net_raw=ep {program}` or run as root\n"
+    );
+    assert_eq!(words, expected);
+}
