@@ -1,0 +1,77 @@
+//! What the documents name exists: files, folders, and decisions in their order.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn documents() -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].iter().map(|name| root().join(name)).collect();
+    let mut folders = vec![root().join("docs")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// Paths of the repository that a text names in backticks or as the target of a link.
+fn named_paths(text: &str) -> Vec<String> {
+    let folders = ["crates/", "docs/", "segments/", "robots/", "fuzz/", ".ci/"];
+    let in_backticks = text.split('`').skip(1).step_by(2).filter(|name| {
+        folders.iter().any(|folder| name.starts_with(folder)) && !name.contains([' ', '*', '<', '\n'])
+    });
+    let in_links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let in_links = in_links.filter(|target| !target.contains("://") && !target.starts_with('#'));
+    in_backticks.chain(in_links).map(|name| name.split('#').next().unwrap_or(name).to_owned()).collect()
+}
+
+#[test]
+fn every_path_that_a_document_names_exists() {
+    let mut checked = 0;
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        for name in named_paths(&text) {
+            let beside = document.parent().unwrap().join(&name);
+            assert!(
+                root().join(&name).exists() || beside.exists(),
+                "{} names {name}, which does not exist",
+                document.display()
+            );
+            checked += 1;
+        }
+    }
+    assert!(checked > 10, "only {checked} paths were found in the documents: is the search broken?");
+}
+
+#[test]
+fn every_crate_stands_in_the_code_map() {
+    let map = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        assert!(map.contains(&format!("`crates/{name}`")), "ARCHITECTURE.md lacks crates/{name}");
+    }
+}
+
+#[test]
+fn unsafe_code_is_forbidden_everywhere_but_in_host() {
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        let lib = ["src/lib.rs", "src/main.rs"].iter().map(|file| path.join(file)).find(|file| file.exists());
+        let text = fs::read_to_string(lib.unwrap()).unwrap();
+        assert!(
+            name == "host" || text.contains("#![forbid(unsafe_code)]"),
+            "{name} does not forbid unsafe code"
+        );
+    }
+}
