@@ -9,8 +9,6 @@ mod coe;
 mod mailbox;
 mod process_data;
 mod state_machine;
-#[cfg(test)]
-mod tests;
 
 pub use checks::ProcessSyncManager;
 pub use mailbox::MailboxProtocols;
@@ -48,7 +46,7 @@ impl Default for TransitionTimes {
 pub enum StateControl {
     /// Firmware, with checks.
     Firmware,
-    /// Nobody: AL status repeats AL control, acknowledge bit included ("device emulation").
+    /// The chip: AL status repeats AL control, acknowledge bit included ("device emulation").
     Emulated,
 }
 
@@ -157,21 +155,27 @@ impl Firmware {
         mailbox.send(pdi);
     }
 
-    /// AL status repeats AL control; process data go on in every state, as on a chip without firmware.
-    fn emulate(&mut self, pdi: &mut dyn Pdi, now: HostTime) {
-        let mut control = [0; 2];
-        pdi.read(reg::AL_CONTROL, &mut control);
-        pdi.write(reg::AL_STATUS, &control);
-        if let Some(state) = AlState::from_bits(u16_at(&control, 0)) {
-            self.states.force(state);
-            self.device.state_changed(&mut self.dictionary, state, AlStatusCode::NO_ERROR);
-            if matches!(state, AlState::SafeOp | AlState::Op) {
+    /// The terminals of a chip without firmware: they follow its memory while a SyncManager is on.
+    fn run_terminals(&mut self, pdi: &mut dyn Pdi, event: u32, now: HostTime) {
+        if event & al_event::AL_CONTROL != 0 {
+            let mut control = [0; 2];
+            pdi.read(reg::AL_CONTROL, &mut control);
+            if let Some(state) = AlState::from_bits(u16_at(&control, 0)) {
+                self.states.force(state);
+                self.device.state_changed(&mut self.dictionary, state, AlStatusCode::NO_ERROR);
+            }
+        }
+        if event & al_event::SM_CHANGED != 0 {
+            state_machine::acknowledge_changes(pdi);
+            if self.process.any_on(pdi) {
                 self.process.start_unchecked(pdi, &self.dictionary, now);
             } else {
                 self.process.stop();
             }
         }
-        self.write_event_mask(pdi);
+        if self.process.is_due(now) {
+            self.run_process_data(pdi, self.process.output_events(), now);
+        }
     }
 }
 
@@ -195,11 +199,12 @@ impl Application for Firmware {
             return None;
         }
         let AlEvent(event) = event;
+        if self.config.state_control == StateControl::Emulated {
+            self.run_terminals(pdi, event, now);
+            return self.process.due();
+        }
         if event & al_event::AL_CONTROL != 0 {
-            match self.config.state_control {
-                StateControl::Firmware => self.request_state(pdi, now),
-                StateControl::Emulated => self.emulate(pdi, now),
-            }
+            self.request_state(pdi, now);
         }
         if event & al_event::SM_CHANGED != 0 {
             self.sync_managers_changed(pdi);

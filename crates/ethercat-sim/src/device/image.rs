@@ -103,6 +103,10 @@ pub(super) fn emit(plan: &ImagePlan) -> Vec<u8> {
     if plan.mailbox.is_some() {
         fmmus.push(FmmuUsage::MailboxState);
     }
+    // The category has whole words.
+    if !fmmus.len().is_multiple_of(2) {
+        fmmus.push(FmmuUsage::Unused);
+    }
     let mut pdos = |direction| -> Vec<Pdo> {
         let of_direction = plan.pdos.iter().filter(|pdo| Direction::of_pdo(pdo.index) == Some(direction));
         of_direction.map(|pdo| describe(plan, pdo, &mut strings)).collect()

@@ -31,7 +31,7 @@ const COMMUNICATION_LOST: u16 = 0x7500;
 /// Error code of a servo that lost its beat: synchronisation (0x8700).
 const BEAT_LOST: u16 = 0x8700;
 /// A motor slower than this stands still, rad/s.
-const STANDSTILL_RAD_S: f64 = 0.02;
+const STANDSTILL_RAD_S: f64 = 0.1;
 
 /// A servo's motor, drive and timing.
 #[derive(Clone, Debug, PartialEq)]
@@ -212,7 +212,11 @@ impl Servo {
             }
             return;
         }
-        let control = if self.commanded { dictionary.get(self.fields.control) } else { 0 };
+        if !self.commanded {
+            self.finish_stop();
+            return;
+        }
+        let control = dictionary.get(self.fields.control);
         let reset = control & FAULT_RESET != 0 && self.control & FAULT_RESET == 0;
         self.control = control;
         if self.power == PowerState::Fault {
@@ -222,9 +226,10 @@ impl Servo {
             return;
         }
         self.finish_stop();
-        // Once stopping, only losing the voltage ends it early.
+        // A stop that leads to another state is ended early only by losing the voltage.
         let command = PowerCommand::new(control);
-        if self.stop.is_some() && command != PowerCommand::DisableVoltage {
+        let leads_on = self.stop.is_some_and(|stop| stop.then.is_some());
+        if leads_on && command != PowerCommand::DisableVoltage {
             return;
         }
         let option = |field| dictionary.get(field);
@@ -334,9 +339,9 @@ impl Device for Servo {
     }
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
-        let limits = self.limits(dictionary);
         let drive = self.drive();
-        self.motion.advance(self.axis.as_mut(), moment.now, &limits, drive);
+        self.motion.advance(self.axis.as_mut(), moment.now, drive);
+        self.motion.limit(self.limits(dictionary));
         self.run_power(dictionary, moment.now);
         let follows = self.power == PowerState::OperationEnabled && self.stop.is_none();
         let fresh = moment.outputs != Outputs::Held;
@@ -345,7 +350,7 @@ impl Device for Servo {
             self.raise_fault(dictionary, FOLLOWING_ERROR);
         }
         let drive = self.drive();
-        self.motion.apply(self.axis.as_mut(), &limits, drive);
+        self.motion.apply(self.axis.as_mut(), drive);
         self.show(dictionary);
     }
 
@@ -354,12 +359,12 @@ impl Device for Servo {
     }
 
     fn tick(&mut self, dictionary: &mut Dictionary, now: HostTime) {
-        let limits = self.limits(dictionary);
         let drive = self.drive();
-        self.motion.advance(self.axis.as_mut(), now, &limits, drive);
+        self.motion.advance(self.axis.as_mut(), now, drive);
+        self.motion.limit(self.limits(dictionary));
         self.finish_stop();
         let drive = self.drive();
-        self.motion.apply(self.axis.as_mut(), &limits, drive);
+        self.motion.apply(self.axis.as_mut(), drive);
     }
 
     fn check_write(&self, _: &Dictionary, address: ObjectAddress, data: &[u8]) -> Result<(), AbortCode> {

@@ -197,7 +197,7 @@ impl Entry {
         if data.len() < self.capacity {
             return Err(AbortCode::TOO_SHORT);
         }
-        if self.bit_length % 8 != 0
+        if !self.bit_length.is_multiple_of(8)
             && self.capacity <= 8
             && super::little_endian(data) >> self.bit_length != 0
         {

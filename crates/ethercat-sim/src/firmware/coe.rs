@@ -2,8 +2,6 @@
 
 mod info;
 mod sdo;
-#[cfg(test)]
-mod tests;
 
 use crate::device::Device;
 use crate::dictionary::{Dictionary, pdo};

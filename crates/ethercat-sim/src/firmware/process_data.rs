@@ -229,7 +229,7 @@ impl ProcessData {
         }
         if self.beat == Beat::Sync1 {
             // A SYNC1 cycle shorter than SYNC0's is a shift: SYNC1 then comes once per SYNC0.
-            if registers.sync1_cycle_ns % registers.sync0_cycle_ns != 0
+            if !registers.sync1_cycle_ns.is_multiple_of(registers.sync0_cycle_ns)
                 && registers.sync1_cycle_ns > registers.sync0_cycle_ns
             {
                 return Err(AlStatusCode::DC_SYNC1_CYCLE_TIME);
@@ -269,7 +269,7 @@ impl ProcessData {
         self.put_inputs(pdi, dictionary);
     }
 
-    /// SAFE-OP or OP of a chip without firmware, which checks nothing.
+    /// The same for a chip without firmware, which checks nothing.
     ///
     /// Such a chip's terminals follow its memory; here they look at it in short intervals.
     pub fn start_unchecked(&mut self, pdi: &mut dyn Pdi, dictionary: &Dictionary, now: HostTime) {
@@ -317,6 +317,16 @@ impl ProcessData {
         let needed = self.outputs.iter().chain(&self.inputs).filter(|area| area.layout.bits != 0);
         let mut off = needed.filter(|area| !checks::enabled(pdi, area.plan.number));
         off.next().map(|area| checks::invalid_configuration(area.plan.direction))
+    }
+
+    /// Whether any SyncManager of the process data is switched on.
+    pub fn any_on(&self, pdi: &mut dyn Pdi) -> bool {
+        self.outputs.iter().chain(&self.inputs).any(|area| checks::enabled(pdi, area.plan.number))
+    }
+
+    /// Events of the outputs' SyncManagers.
+    pub fn output_events(&self) -> u32 {
+        self.output_events
     }
 
     fn has_data(&self) -> bool {

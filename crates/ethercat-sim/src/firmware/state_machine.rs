@@ -227,7 +227,7 @@ impl Firmware {
             _ => None,
         };
         acknowledge_changes(pdi);
-        if self.states.is_falling() || self.config.state_control == super::StateControl::Emulated {
+        if self.states.is_falling() {
             return;
         }
         if !still_on {
@@ -241,17 +241,14 @@ impl Firmware {
     pub(super) fn watchdog_expired(&mut self, pdi: &mut dyn Pdi) {
         let mut status = [0; 2];
         pdi.read(reg::WATCHDOG_STATUS, &mut status);
-        if self.states.state == AlState::Op
-            && self.config.state_control == super::StateControl::Firmware
-            && status[0] & 1 == 0
-        {
+        if self.states.state == AlState::Op && status[0] & 1 == 0 {
             self.fall(pdi, AlState::SafeOp, AlStatusCode::SM_WATCHDOG);
         }
     }
 }
 
 /// Reading the activation register of a SyncManager clears its part of the event.
-fn acknowledge_changes(pdi: &mut dyn Pdi) {
+pub(super) fn acknowledge_changes(pdi: &mut dyn Pdi) {
     let mut count = [0];
     pdi.read(reg::SM_COUNT, &mut count);
     for number in 0..u16::from(count[0].min(16)) {

@@ -80,6 +80,14 @@ impl Rig {
         assert_eq!(counter, 1, "FPWR 0x{register:04X}");
     }
 
+    /// Writes registers that an active SyncManager locks: switches it off first.
+    pub fn rewrite(&mut self, station: u16, register: u16, data: &[u8]) {
+        if register >= 0x0800 {
+            self.write(station, register + 6, &[0]);
+        }
+        self.write(station, register, data);
+    }
+
     /// AL status and status code.
     pub fn state(&mut self, station: u16) -> (u16, u16) {
         (self.word(station, 0x0130), self.word(station, 0x0134))
@@ -111,20 +119,20 @@ impl Rig {
         self.write(station, 0x0610, &fmmu(INPUTS + shift, lengths.inputs, 0x1C00, 1));
     }
 
-    pub fn to_pre_op(&mut self, station: u16) {
+    pub fn bring_to_pre_op(&mut self, station: u16) {
         self.mailbox_on(station);
         assert_eq!(self.request(station, 2), (2, 0));
     }
 
-    pub fn to_safe_op(&mut self, station: u16, lengths: Lengths) {
-        self.to_pre_op(station);
+    pub fn bring_to_safe_op(&mut self, station: u16, lengths: Lengths) {
+        self.bring_to_pre_op(station);
         self.process_data_on(station, lengths);
         assert_eq!(self.request(station, 4), (4, 0));
     }
 
     /// To OP in free run or with SyncManager events, outputs all zero.
-    pub fn to_op(&mut self, station: u16, lengths: Lengths) {
-        self.to_safe_op(station, lengths);
+    pub fn bring_to_op(&mut self, station: u16, lengths: Lengths) {
+        self.bring_to_safe_op(station, lengths);
         self.outputs(station, &vec![0; usize::from(lengths.outputs)]);
         assert_eq!(self.request(station, 8), (8, 0));
     }

@@ -113,6 +113,7 @@ pub(super) struct Motion {
     state: AxisState,
     mode: Mode,
     reference: Reference,
+    limits: Limits,
     halted: bool,
     /// Demands of the loops: position (counts), its speed (counts/s), torque (N·m).
     position_demand: f64,
@@ -149,6 +150,7 @@ impl Motion {
             state: AxisState::default(),
             mode: Mode::None,
             reference: Reference::Torque { to: 0.0, rate: f64::INFINITY },
+            limits: Limits { torque_n_m: 0.0, speed_counts_s: 0.0 },
             halted: false,
             position_demand: 0.0,
             speed_demand: 0.0,
@@ -192,6 +194,11 @@ impl Motion {
         self.reference = self.resting_reference();
     }
 
+    /// The limits from now on.
+    pub fn limit(&mut self, limits: Limits) {
+        self.limits = limits;
+    }
+
     pub fn is_still(&self, limit_rad_s: f64) -> bool {
         self.state.speed_rad_s.abs() < limit_rad_s
     }
@@ -224,13 +231,7 @@ impl Motion {
     }
 
     /// Moves axis and loops on to `now` under the references that held so far.
-    pub fn advance(
-        &mut self,
-        axis: &mut dyn Axis,
-        now: HostTime,
-        limits: &Limits,
-        power: (bool, Option<f64>),
-    ) {
+    pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, power: (bool, Option<f64>)) {
         while self.now < now {
             let left = now - self.now;
             let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
@@ -238,10 +239,10 @@ impl Motion {
             self.now = self.now + step;
             self.state = axis.advance(self.now);
             let step_s = step.as_nanos() as f64 * 1e-9;
-            self.move_demands(step_s, limits, power.1);
+            self.move_demands(step_s, power.1);
             self.integrate(step_s, power);
             if self.now < now {
-                self.apply(axis, limits, power);
+                self.apply(axis, power);
             }
         }
     }
@@ -259,7 +260,7 @@ impl Motion {
     }
 
     /// Demands as they are at `self.now`.
-    fn move_demands(&mut self, step_s: f64, limits: &Limits, stop_rate: Option<f64>) {
+    fn move_demands(&mut self, step_s: f64, stop_rate: Option<f64>) {
         if let Some(rate) = stop_rate {
             self.speed_demand = towards(self.speed_demand, 0.0, rate * step_s);
             self.position_demand += self.speed_demand * step_s;
@@ -268,19 +269,21 @@ impl Motion {
         match self.reference {
             Reference::Position { from, to, start, end } => {
                 let (span, passed) = (end - start, self.now - start);
-                if passed >= span {
-                    self.speed_demand = 0.0;
-                    self.position_demand = to;
-                } else {
+                if passed < span {
                     let part = passed.as_nanos() as f64 / span.as_nanos() as f64;
-                    self.speed_demand = (to - from) / (span.as_nanos() as f64 * 1e-9);
                     self.position_demand = from + (to - from) * part;
+                } else {
+                    self.position_demand = to;
+                }
+                if passed > span {
+                    // No new target came: the drive stops at the last one.
+                    self.speed_demand = 0.0;
                 }
             }
             Reference::Profile { to, velocity, acceleration, deceleration } => {
                 self.run_profile(
                     to,
-                    velocity.min(limits.speed_counts_s),
+                    velocity.min(self.limits.speed_counts_s),
                     (acceleration, deceleration),
                     step_s,
                 );
@@ -326,7 +329,11 @@ impl Motion {
             self.integral += self.integral_gain * error * step_s;
         }
         let part = step_s / (self.torque_time_constant_s + step_s);
-        self.torque += (self.torque_demand - self.torque) * part;
+        self.torque += (self.within_limit(self.torque_demand) - self.torque) * part;
+    }
+
+    fn within_limit(&self, torque_n_m: f64) -> f64 {
+        torque_n_m.clamp(-self.limits.torque_n_m, self.limits.torque_n_m)
     }
 
     fn uses_speed_loop(&self) -> bool {
@@ -340,12 +347,13 @@ impl Motion {
             }
             _ => 0.0,
         };
-        let wished = self.speed_demand + position_part + self.speed_offset;
+        let ceiling = self.limits.speed_counts_s;
+        let wished = (self.speed_demand + position_part + self.speed_offset).clamp(-ceiling, ceiling);
         wished / self.counts_per_rad - self.state.speed_rad_s
     }
 
     /// Computes the torque of the next step and applies it.
-    pub fn apply(&mut self, axis: &mut dyn Axis, limits: &Limits, (energized, stop): (bool, Option<f64>)) {
+    pub fn apply(&mut self, axis: &mut dyn Axis, (energized, stop): (bool, Option<f64>)) {
         if !energized {
             self.torque_demand = 0.0;
             self.torque = 0.0;
@@ -353,19 +361,15 @@ impl Motion {
             return;
         }
         if self.uses_speed_loop() || stop.is_some() {
-            let ceiling = limits.speed_counts_s / self.counts_per_rad;
-            let error = self.speed_error();
-            let speed = self.state.speed_rad_s;
-            let error = (speed + error).clamp(-ceiling, ceiling) - speed;
-            self.torque_demand = self.speed_gain * error + self.integral + self.torque_offset;
+            self.torque_demand = self.speed_gain * self.speed_error() + self.integral + self.torque_offset;
         }
         let wished = self.torque_demand;
-        self.torque_demand = wished.clamp(-limits.torque_n_m, limits.torque_n_m);
+        self.torque_demand = self.within_limit(wished);
         self.limited = wished != self.torque_demand;
         if self.torque_time_constant_s == 0.0 {
             self.torque = self.torque_demand;
         }
-        axis.apply(self.torque.clamp(-limits.torque_n_m, limits.torque_n_m));
+        axis.apply(self.within_limit(self.torque));
     }
 
     /// Takes over mode and targets; `follows` is `None` where the drive doesn't obey them, else whether they are new.
@@ -398,8 +402,10 @@ impl Motion {
             Mode::CyclicPosition if fresh => {
                 let to = self.unwrap(dictionary.get(fields.target_position));
                 let period = moment.cycle_ns.map_or_else(|| period(dictionary, fields), u64::from);
-                let end = self.now + Duration::from_nanos(period);
-                self.reference = Reference::Position { from: self.position_demand, to, start: self.now, end };
+                let (from, start) = (self.position_demand, self.now);
+                self.speed_demand = (to - from) / (period.max(1) as f64 * 1e-9);
+                let end = start + Duration::from_nanos(period);
+                self.reference = Reference::Position { from, to, start, end };
             }
             Mode::CyclicPosition => {}
             Mode::CyclicVelocity => {
