@@ -293,13 +293,23 @@ impl Check {
     }
 
     fn simulation(&mut self, table: &SimulationTable) {
-        if let (Some(longitudinal), Some(transverse)) = (table.slip_longitudinal, table.slip_transverse)
-            && transverse > longitudinal
+        if let (Some(sticking), Some(sliding)) = (table.static_friction, table.sliding_friction)
+            && sliding > sticking
         {
-            let reason = "a wheel whose rollers drag more than it grips can't be driven";
-            let problem = self.report(ProblemKind::Contradiction, "simulation.slip_transverse", reason);
-            problem.value = Some(transverse.to_string());
-            problem.limit = Some(format!("at most slip_longitudinal = {longitudinal}"));
+            let reason = "a wheel slides more easily than it breaks away";
+            let problem = self.report(ProblemKind::Contradiction, "simulation.sliding_friction", reason);
+            problem.value = Some(sliding.to_string());
+            problem.limit = Some(format!("at most static_friction = {sticking}"));
+        }
+        if let (Some(rated), Some(greatest)) =
+            (table.motor_rated_speed_rad_s, table.motor_greatest_speed_rad_s)
+            && greatest <= rated
+        {
+            let reason = "the torque falls from the rated speed on";
+            let problem =
+                self.report(ProblemKind::Contradiction, "simulation.motor_greatest_speed_rad_s", reason);
+            problem.value = Some(greatest.to_string());
+            problem.limit = Some(format!("above motor_rated_speed_rad_s = {rated}"));
         }
     }
 

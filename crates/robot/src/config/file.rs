@@ -493,33 +493,56 @@ pub struct SimulationTable {
     /// Moment of inertia about the vertical axis through its centre, without payload, kg·m².
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub inertia_kg_m2: Option<f64>,
+    /// Centre of mass without payload, x and y in base_link, m.
+    pub centre_of_mass_m: Option<[f64; 2]>,
+    /// Height of that centre of mass over the floor, m.
+    #[schemars(range(min = 0.0))]
+    pub centre_of_mass_height_m: Option<f64>,
     /// Payload, kg.
     #[schemars(range(min = 0.0))]
     pub payload_kg: Option<f64>,
+    /// Moment of inertia of the payload about the vertical axis through its own centre of mass, kg·m².
+    #[schemars(range(min = 0.0))]
+    pub payload_inertia_kg_m2: Option<f64>,
     /// Where the payload stands, x and y in base_link, m.
     pub payload_position_m: Option<[f64; 2]>,
-    /// Moment of inertia of one wheel with its rotor, kg·m².
+    /// Height of the payload's centre of mass over the floor, m.
+    #[schemars(range(min = 0.0))]
+    pub payload_height_m: Option<f64>,
+    /// Moment of inertia of one wheel, kg·m².
     #[schemars(range(min = 0.0))]
     pub wheel_inertia_kg_m2: Option<f64>,
-    /// Coefficient of rolling friction, force over load.
+    /// Greatest force along the force direction of a wheel while it sticks, over its load: longitudinal slip.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub static_friction: Option<f64>,
+    /// That force while it slides, over the load.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub sliding_friction: Option<f64>,
+    /// Force against the rollers, across the force direction, over the load: transverse slip.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub roller_resistance: Option<f64>,
+    /// Moment against a wheel's rolling, over load times radius.
     #[schemars(range(min = 0.0, max = 1.0))]
-    pub rolling_friction: Option<f64>,
-    /// Coulomb coefficient along the force direction of a wheel.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub slip_longitudinal: Option<f64>,
-    /// Coulomb coefficient across the force direction of a wheel: the rollers' drag.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub slip_transverse: Option<f64>,
-    /// Slip speed at which friction reaches its Coulomb limit, m/s.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub slip_speed_m_s: Option<f64>,
+    pub rolling_resistance: Option<f64>,
+    /// Slip ratio over the ratio of force to load, well below sliding.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub creep: Option<f64>,
     /// Greatest torque of a motor, N·m; default: the drive's peak torque.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub motor_torque_limit_nm: Option<f64>,
+    /// Moment of inertia of a motor's rotor, kg·m².
+    #[schemars(range(min = 0.0))]
+    pub rotor_inertia_kg_m2: Option<f64>,
+    /// Motor speed above which the voltage no longer allows the peak torque, rad/s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub motor_rated_speed_rad_s: Option<f64>,
+    /// Motor speed at which the voltage allows no torque, rad/s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub motor_greatest_speed_rad_s: Option<f64>,
     /// Time constant of a motor's heating at its rated torque, s.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub heating_time_constant_s: Option<f64>,
     /// Step of the integration, µs.
-    #[schemars(range(min = 1, max = 10_000))]
+    #[schemars(range(min = 1, max = 2_000))]
     pub step_us: Option<u32>,
 }
