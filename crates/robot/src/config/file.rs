@@ -333,7 +333,7 @@ pub struct ControllerTable {
     /// Controller by name: `open_loop`, `closed_loop_speed`, `adaptive_torque`, `adaptive_model_free` (deprecated),
     /// or one that a user registered.
     pub kind: Option<String>,
-    /// Kp of x, y and heading, 1/s; default: 8 (10 for `adaptive_torque`).
+    /// Kp of x, y and heading, 1/s; default: 8 (15 for `adaptive_torque`).
     pub kp_1_s: Option<[f64; 3]>,
     /// `adaptive_torque`: K of x and y, N·s/m.
     #[schemars(range(min = 0.0))]

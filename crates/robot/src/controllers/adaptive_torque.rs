@@ -3,7 +3,8 @@
 //! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − (K + M̂·Kp)·η − k̂·sgn(η), τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F, with
 //! m̂' = λm·(−η1·ẍr − η2·ÿr + kp1·η1² + kp2·η2²), Ĵ' = λJ·(−η3·ψ̈r + kp3·η3²), k̂' = λk·‖η‖₁ (thesis 8.29, with its
 //! signs put right). What makes it fit for a machine: sgn is linear within a boundary layer; estimates stay within
-//! their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques are saturated.
+//! their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
+//! are saturated, nor of mass and inertia where nothing is accelerated.
 
 use omnibase_platform::Kinematics;
 
@@ -13,8 +14,11 @@ use crate::registry::StageError;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
-/// Default Kp, 1/s: a fifth of the speed loop's bandwidth with the default damping on 70 kg.
-const KP_1_S: [f64; 3] = [10.0; 3];
+/// Default Kp, 1/s: a sixth of the speed loop's bandwidth with the default damping on 70 kg.
+const KP_1_S: [f64; 3] = [15.0; 3];
+/// Mass and inertia show where they are accelerated: they are learnt only while the reference's acceleration is so
+/// many times what the error alone asks for. Friction at steady speed or at rest must not look like mass.
+const EXCITATION: f64 = 4.0;
 
 /// Everything that can be set while it runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +39,8 @@ impl Gains {
             kp_1_s: table.kp_1_s.unwrap_or(KP_1_S),
             damping_n_s_m: table.damping_n_s_m.unwrap_or(3000.0),
             turn_damping_n_m_s_rad: table.turn_damping_n_m_s_rad.unwrap_or(300.0),
-            mass_rate_kg_s2_m2: table.mass_rate_kg_s2_m2.unwrap_or(50_000.0),
-            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(1000.0),
+            mass_rate_kg_s2_m2: table.mass_rate_kg_s2_m2.unwrap_or(5000.0),
+            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(100.0),
             friction_rate_n_m: table.friction_rate_n_m.unwrap_or(2000.0),
             friction_leak_1_s: table.friction_leak_1_s.unwrap_or(0.2),
             boundary_m_s: table.boundary_m_s.unwrap_or(0.01),
@@ -113,10 +117,14 @@ impl AdaptiveTorque {
         let learn = |axis: usize| -eta[axis] * acceleration[axis] + kp[axis] * eta[axis] * eta[axis];
         let estimates = &mut self.estimates;
         let [low, high] = self.mass_bounds_kg;
-        let mass_rate = self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1));
+        let is_excited = |along: f64, asked: f64| along > EXCITATION * asked;
+        let translation =
+            is_excited(acceleration[0].hypot(acceleration[1]), (kp[0] * eta[0]).hypot(kp[1] * eta[1]));
+        let mass_rate = if translation { self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1)) } else { 0.0 };
         estimates.mass_kg = (estimates.mass_kg + period_s * mass_rate).clamp(low, high);
         let [low, high] = self.inertia_bounds_kg_m2;
-        let inertia_rate = self.gains.inertia_rate_kg_m2_s2 * learn(2);
+        let rotation = is_excited(acceleration[2].abs(), (kp[2] * eta[2]).abs());
+        let inertia_rate = if rotation { self.gains.inertia_rate_kg_m2_s2 * learn(2) } else { 0.0 };
         estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + period_s * inertia_rate).clamp(low, high);
         let size: f64 = eta.iter().map(|eta| eta.abs()).sum();
         let rate = self.gains.friction_rate_n_m * size - self.gains.friction_leak_1_s * estimates.friction_n;

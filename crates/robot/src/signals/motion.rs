@@ -11,6 +11,8 @@ pub struct PlatformState {
     pub odom_from_body: Pose2,
     /// Speed, in base_link.
     pub twist_in_body: Twist2,
+    /// By how much that speed lags behind the pose, s: what its filter costs.
+    pub twist_age_s: f64,
     /// Covariance of x, y (m²) and heading (rad²), in odom: xx, xy, xψ, yy, yψ, ψψ.
     pub covariance: [f64; 6],
     /// How the pose was found.
@@ -25,6 +27,7 @@ impl Default for PlatformState {
         PlatformState {
             odom_from_body: Pose2::default(),
             twist_in_body: Twist2::default(),
+            twist_age_s: 0.0,
             covariance: [0.0; 6],
             regime: Regime::Standstill,
             slip_residual_m_s: 0.0,
@@ -42,6 +45,7 @@ impl PlatformState {
     pub fn is_finite(&self) -> bool {
         self.odom_from_body.is_finite()
             && self.twist_in_body.is_finite()
+            && self.twist_age_s.is_finite()
             && self.covariance.iter().all(|value| value.is_finite())
             && self.slip_residual_m_s.is_finite()
     }

@@ -166,6 +166,7 @@ impl CycleRecord {
         v.u64("stop_where", "", &mut self.stop_where);
         v.pose("state.pose", &mut self.state.odom_from_body);
         v.twist("state.twist_in_body", ["m/s", "m/s", "rad/s"], &mut self.state.twist_in_body);
+        v.f64("state.twist_age", "s", &mut self.state.twist_age_s);
         let covariance =
             ["xx", "xy", "xh", "yy", "yh", "hh"].iter().zip(["m²", "m²", "m·rad", "m²", "m·rad", "rad²"]);
         for ((name, unit), value) in covariance.zip(&mut self.state.covariance) {

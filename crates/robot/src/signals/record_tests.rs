@@ -22,6 +22,9 @@ fn full(wheels: usize) -> CycleRecord {
     };
     record.state.odom_from_body = Pose2::new(1.0, 2.0, 3.0);
     record.state.covariance = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    record.state.twist_age_s = 0.003;
+    record.state.slip_residual_m_s = 0.01;
+    record.state.twist_in_body = Twist2::new(0.4, 0.5, 0.6);
     record.state.regime = Regime::Tangent;
     record.setpoint.status = ReferenceStatus::Finished;
     record.wished.acceleration_in_odom = Twist2::new(0.5, 0.6, 0.7);
