@@ -132,10 +132,35 @@ pub struct CyclicParts {
     pub mailboxes: Vec<Option<Mailbox>>,
 }
 
+/// A stretch of the image and its place in a frame.
+#[derive(Clone, Copy, Debug)]
+struct Carry {
+    frame: u16,
+    /// First byte in the frame.
+    at: u16,
+    length: u16,
+    /// First byte in the image.
+    offset: u32,
+}
+
+impl Carry {
+    fn in_frame(&self) -> core::ops::Range<usize> {
+        usize::from(self.at)..usize::from(self.at) + usize::from(self.length)
+    }
+
+    fn in_image(&self) -> core::ops::Range<usize> {
+        self.offset as usize..self.offset as usize + usize::from(self.length)
+    }
+}
+
 /// A segment in cyclic exchange.
 #[derive(Debug)]
 pub struct CyclicBus<L> {
     exchanger: Exchanger<L>,
+    /// Which bytes of the outputs go where.
+    outputs: Vec<Carry>,
+    /// Which bytes of the inputs come from where.
+    inputs: Vec<Carry>,
     members: Vec<Member>,
     plan: ImagePlan,
     /// The first frames are those of the plan.
@@ -186,6 +211,25 @@ impl<L: Link> CyclicBus<L> {
         };
         let first_batch_frame = frames.len();
         frames.extend((0..BATCH_FRAMES).map(|_| CyclicFrame::new(MOST_DATAGRAMS)));
+        let carries = |wanted: fn(Role) -> Option<usize>| -> Vec<Carry> {
+            let planned = frames[..planned].iter().enumerate();
+            let slots =
+                planned.flat_map(|(number, frame)| frame.slots().iter().map(move |slot| (number, slot)));
+            let carry = |(number, slot): (usize, &frame::Slot)| {
+                let Purpose::Planned(role) = slot.purpose else { return None };
+                let (offset, data) = (wanted(role)? as u32, slot.data());
+                Some(Carry { frame: number as u16, at: data.start as u16, length: data.len() as u16, offset })
+            };
+            slots.filter_map(carry).collect()
+        };
+        let outputs = carries(|role| match role {
+            Role::Outputs { offset } | Role::Both { offset } => Some(offset),
+            _ => None,
+        });
+        let inputs = carries(|role| match role {
+            Role::Inputs { offset } | Role::Both { offset } => Some(offset),
+            _ => None,
+        });
         let slot_of = |role: Role| {
             let first = plan.frames.first()?;
             first.datagrams.iter().position(|datagram| datagram.role == role)
@@ -194,6 +238,8 @@ impl<L: Link> CyclicBus<L> {
         let mailboxes = mailboxes.into_iter().chain(core::iter::repeat_with(|| None));
         CyclicBus {
             exchanger: Exchanger::new(link, frames),
+            outputs,
+            inputs,
             planned,
             spare_frame,
             first_batch_frame,
@@ -228,14 +274,11 @@ impl<L: Link> CyclicBus<L> {
     fn load(&mut self, image: &ProcessImage, now: HostTime) {
         for frame in &mut self.exchanger.frames[..self.planned] {
             frame.flight = Flight::Sent;
-            for number in 0..frame.slots().len() {
-                let slot = frame.slots()[number];
-                if let Purpose::Planned(Role::Outputs { offset } | Role::Both { offset }) = slot.purpose {
-                    let range = slot.data();
-                    if let Some(outputs) = image.outputs.get(offset..offset + range.len()) {
-                        frame.data_mut(range).copy_from_slice(outputs);
-                    }
-                }
+        }
+        for carry in &self.outputs {
+            let frame = &mut self.exchanger.frames[usize::from(carry.frame)];
+            if let Some(outputs) = image.outputs.get(carry.in_image()) {
+                frame.data_mut(carry.in_frame()).copy_from_slice(outputs);
             }
         }
         if let Some(request) = self.acyclic.next(now) {
@@ -292,14 +335,10 @@ impl<L: Link> CyclicBus<L> {
     }
 
     fn take_inputs(&mut self, image: &mut ProcessImage) {
-        for frame in &self.exchanger.frames[..self.planned] {
-            for slot in frame.slots() {
-                if let Purpose::Planned(Role::Inputs { offset } | Role::Both { offset }) = slot.purpose {
-                    let range = slot.data();
-                    if let Some(inputs) = image.inputs.get_mut(offset..offset + range.len()) {
-                        inputs.copy_from_slice(&frame.back[range]);
-                    }
-                }
+        for carry in &self.inputs {
+            let frame = &self.exchanger.frames[usize::from(carry.frame)];
+            if let Some(inputs) = image.inputs.get_mut(carry.in_image()) {
+                inputs.copy_from_slice(&frame.back[carry.in_frame()]);
             }
         }
     }
@@ -333,46 +372,24 @@ impl<L: Link> CyclicBus<L> {
 
     /// The inputs of missing SubDevices stay as they were, and so does a byte that they share with others.
     fn take_inputs_of_the_well(&mut self, image: &mut ProcessImage) {
-        for frame in &self.exchanger.frames[..self.planned] {
-            for slot in frame.slots() {
-                let Purpose::Planned(Role::Inputs { offset } | Role::Both { offset }) = slot.purpose else {
-                    continue;
-                };
-                let data = slot.data();
-                let mut start = offset;
-                let end = offset + data.len();
-                let rest = core::iter::once(end..end);
-                for held in self.diagnosis.held().iter().cloned().chain(rest) {
-                    let stop = held.start.clamp(start, end);
-                    if let Some(inputs) = image.inputs.get_mut(start..stop) {
-                        let from = data.start + start - offset;
-                        inputs.copy_from_slice(&frame.back[from..from + stop - start]);
-                    }
-                    start = held.end.clamp(stop, end);
+        for carry in &self.inputs {
+            let frame = &self.exchanger.frames[usize::from(carry.frame)];
+            let (mut start, end) = (carry.in_image().start, carry.in_image().end);
+            for held in self.diagnosis.held().iter().cloned().chain(core::iter::once(end..end)) {
+                let stop = held.start.clamp(start, end);
+                if let Some(inputs) = image.inputs.get_mut(start..stop) {
+                    let from = carry.in_frame().start + start - carry.in_image().start;
+                    inputs.copy_from_slice(&frame.back[from..from + stop - start]);
                 }
+                start = held.end.clamp(stop, end);
             }
         }
     }
 
     /// Answers for acyclic work and batches, then one step of whatever is on the way.
     fn finish(&mut self, now: HostTime) {
-        let frame = &mut self.exchanger.frames[self.spare_frame];
-        if let Some((slot, planned)) = frame.slots().split_last()
-            && slot.purpose == Purpose::Spare
-        {
-            let count = planned.len();
-            if frame.flight == Flight::Back {
-                frame.read_counters();
-                let slot = frame.slots()[count];
-                let (working_counter, data) = (slot.received, &frame.back[slot.data()]);
-                self.acyclic.answer(Answer::Returned { working_counter, data }, now);
-            } else {
-                self.acyclic.answer(Answer::Lost, now);
-            }
-            frame.truncate(count);
-            if self.spare_frame >= self.planned {
-                frame.flight = Flight::Idle;
-            }
+        if self.acyclic.is_waiting() {
+            self.take_acyclic(now);
         }
         if !self.batch.is_finished() {
             self.batch.collect(&mut self.exchanger.frames[self.first_batch_frame..]);
@@ -390,6 +407,27 @@ impl<L: Link> CyclicBus<L> {
             if !(healthy && self.diagnosis.is_quiet()) && self.planned > 0 {
                 self.diagnose();
             }
+        }
+    }
+
+    #[cold]
+    fn take_acyclic(&mut self, now: HostTime) {
+        let frame = &mut self.exchanger.frames[self.spare_frame];
+        let answered = frame.flight == Flight::Back && {
+            frame.read_counters();
+            true
+        };
+        match frame.slots().last().copied().filter(|slot| slot.purpose == Purpose::Spare) {
+            Some(slot) if answered => {
+                let (working_counter, data) = (slot.received, &frame.back[slot.data()]);
+                self.acyclic.answer(Answer::Returned { working_counter, data }, now);
+            }
+            _ => self.acyclic.answer(Answer::Lost, now),
+        }
+        let kept = frame.slots().iter().take_while(|slot| slot.purpose != Purpose::Spare).count();
+        frame.truncate(kept);
+        if self.spare_frame >= self.planned {
+            frame.flight = Flight::Idle;
         }
     }
 

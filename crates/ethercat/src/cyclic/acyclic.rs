@@ -346,6 +346,11 @@ impl Acyclic {
         }
     }
 
+    /// Whether a datagram is in this cycle's frame.
+    pub fn is_waiting(&self) -> bool {
+        self.in_flight.is_some()
+    }
+
     /// Writes the data of the datagram that [`Acyclic::next`] asked for.
     pub fn fill(&self, data: &mut [u8]) {
         let Some(lane) = self.in_flight.and_then(|position| self.lanes.get(usize::from(position))) else {

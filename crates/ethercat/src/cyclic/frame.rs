@@ -188,6 +188,7 @@ impl CyclicFrame {
     }
 
     /// The data of a slot, as they will be sent.
+    #[inline]
     pub fn data_mut(&mut self, range: core::ops::Range<usize>) -> &mut [u8] {
         &mut self.out[range]
     }
@@ -198,6 +199,7 @@ impl CyclicFrame {
     }
 
     /// Writes the sequence number into the indices, lowest byte first. Three datagrams carry 24 bits of it.
+    #[inline]
     pub fn stamp(&mut self, sequence: u32) {
         let bytes = sequence.to_le_bytes();
         for (number, slot) in self.slots.iter().enumerate() {
@@ -206,6 +208,7 @@ impl CyclicFrame {
     }
 
     /// The frame as it is sent.
+    #[inline]
     pub fn bytes(&self) -> &[u8] {
         &self.out[..self.length]
     }
