@@ -162,7 +162,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         };
         if mailbox.is_busy() {
             // What an error of the link left unfinished is nobody's any more.
-            mailbox.reset();
+            mailbox.cancel();
             let _ = mailbox.next(now);
         }
         if mailbox.start(request, now).is_err() {

@@ -211,9 +211,14 @@ impl Mailbox {
 
     /// The SubDevice lost power or went to INIT: its mailbox begins anew, a request in hand fails.
     pub fn reset(&mut self) {
+        (self.counter, self.last_received) = (0, 0);
+        self.cancel();
+    }
+
+    /// Gives up the request in hand. The message counter goes on, for a SubDevice drops what it takes for a repeat.
+    pub fn cancel(&mut self) {
         self.stage = Stage::Idle;
         (self.to_write, self.write_uncertain) = (false, false);
-        (self.counter, self.last_received) = (0, 0);
         self.repeat_asked = false;
         match core::mem::replace(&mut self.task, Task::None) {
             Task::Run { request, .. } => self.finish(request, Err(MailboxError::Reset)),

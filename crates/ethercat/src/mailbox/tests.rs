@@ -646,3 +646,15 @@ fn a_reset_ends_the_request_in_hand_and_the_counter_begins_anew() {
     fresh.objects.insert(0x2000, vec![1]);
     assert_eq!(run(&mut mailbox, &mut fresh, upload(0x2000, 4)).result, Ok(()));
 }
+
+#[test]
+fn a_cancelled_request_leaves_the_message_counter_so_that_the_next_is_no_repeat() {
+    let (mut mailbox, mut server) = (mailbox(), Server::new());
+    server.objects.insert(0x2000, vec![1]);
+    run(&mut mailbox, &mut server, upload(0x2000, 4));
+    mailbox.start(upload(0x2000, 4), HostTime(0)).unwrap();
+    mailbox.cancel();
+    let Next::Done(Some(done)) = mailbox.next(HostTime(0)) else { panic!("not over") };
+    assert_eq!(done.result, Err(MailboxError::Reset));
+    assert_eq!(run(&mut mailbox, &mut server, upload(0x2000, 4)).result, Ok(()));
+}
