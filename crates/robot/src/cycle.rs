@@ -23,7 +23,9 @@ pub struct Robot {
     estimator: Box<dyn Estimator>,
     reference: Box<dyn Reference>,
     limiter: Limiter,
-    controller: Box<dyn Controller>,
+    /// Never empty; the present one is `active`.
+    controllers: Vec<Box<dyn Controller>>,
+    active: usize,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
     limits: Limits,
@@ -52,6 +54,13 @@ impl Robot {
             plan.drives.iter().map(|drive| registry.make_device(drive)).collect::<Result<_, _>>()?;
         let limiter = Limiter::new(&plan.limits, plan.bus.cycle_ns as f64 * 1e-9)
             .map_err(|error| StageError::Refused { setting: "limits".into(), reason: error.to_string() })?;
+        let controllers = registry.make_controllers(plan)?;
+        if controllers.is_empty() {
+            return Err(StageError::Refused {
+                setting: "controller.kind".into(),
+                reason: "must be given".into(),
+            });
+        }
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
         Ok(Robot {
@@ -59,7 +68,8 @@ impl Robot {
             estimator: registry.make_estimator(plan)?,
             reference: registry.make_reference(plan)?,
             limiter,
-            controller: registry.make_controller(plan)?,
+            controllers,
+            active: 0,
             safety,
             lifecycle: Lifecycle::new(plan.safety),
             limits: plan.limits,
@@ -93,7 +103,8 @@ impl Robot {
         self.advance();
         self.write(image);
 
-        self.record.estimates = self.controller.estimates();
+        self.record.controller = self.active as u64;
+        self.record.estimates = self.controllers[self.active].estimates();
         self.record.stop_reason = self.lifecycle.reason();
         self.record.stop_where = self.lifecycle.where_index();
         &self.record
@@ -120,7 +131,7 @@ impl Robot {
 
     /// The controller's gains, in the order of their index.
     pub fn gains(&self) -> impl Iterator<Item = Gain> + '_ {
-        (0..).map_while(|index| self.controller.gain(index))
+        (0..).map_while(|index| self.controllers[self.active].gain(index))
     }
 
     /// Time of the reference's whole motion, s; `None` where it has no end.
@@ -171,6 +182,7 @@ impl Robot {
         }
         match request.kind {
             RequestKind::SetGain { index, value } => return self.set_gain(index as usize, value),
+            RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
             RequestKind::Velocity { twist, .. } => {
                 if !twist.is_finite() {
                     return RequestAnswer::Refused;
@@ -205,29 +217,34 @@ impl Robot {
         answer
     }
 
+    /// The drives change their mode by themselves where the new controller's commands need it.
+    fn switch_controller(&mut self, index: usize) -> RequestAnswer {
+        let Some(controller) = self.controllers.get_mut(index) else { return RequestAnswer::Refused };
+        if index != self.active {
+            controller.reset();
+            self.active = index;
+        }
+        RequestAnswer::Taken
+    }
+
     fn set_gain(&mut self, index: usize, value: f64) -> RequestAnswer {
-        match self.controller.gain(index) {
+        match self.controllers[self.active].gain(index) {
             Some(gain) if (gain.least..=gain.greatest).contains(&value) => {
-                self.controller.set_gain(index, value);
+                self.controllers[self.active].set_gain(index, value);
                 RequestAnswer::Taken
             }
             _ => RequestAnswer::Refused,
         }
     }
 
-    /// All stages begin anew where the platform stands. A pose that isn't finite is forgotten.
+    /// What is wished and told begins anew where the platform stands. Only a pose that isn't finite is forgotten.
     fn begin(&mut self) {
-        let pose = self.record.state.odom_from_body;
-        let state = PlatformState {
-            odom_from_body: if pose.is_finite() { pose } else { Default::default() },
-            ..Default::default()
-        };
-        self.estimator.reset(&state);
         if !self.record.state.is_finite() {
-            self.record.state = state;
+            self.record.state = PlatformState::default();
+            self.estimator.reset(&self.record.state);
         }
-        self.controller.reset();
-        self.limiter.reset(state.odom_from_body);
+        self.controllers[self.active].reset();
+        self.limiter.reset(self.record.state.odom_from_body);
         self.velocity = None;
     }
 
@@ -313,7 +330,7 @@ impl Robot {
         let record = &self.record;
         match self.lifecycle.phase() {
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
-                self.controller.update(&record.time, &record.state, &record.setpoint)
+                self.controllers[self.active].update(&record.time, &record.state, &record.setpoint)
             }
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => Commands::default(),
         }
@@ -352,7 +369,7 @@ impl Robot {
 
     /// Devices: from commands to process data.
     fn write(&mut self, image: &mut dyn ProcessImage) {
-        let idle = match self.controller.quantity() {
+        let idle = match self.controllers[self.active].quantity() {
             Quantity::Torque => WheelCommand::TorqueNm(0.0),
             Quantity::Speed | Quantity::Nothing => WheelCommand::SpeedRadS(0.0),
         };

@@ -1,6 +1,8 @@
 //! Estimators: from what the drives say to what is known about the platform.
 
-use omnibase_platform::{Kinematics, Odometry, OdometrySettings, OdometryState, PerWheel, Pose2, Twist2};
+use omnibase_platform::{
+    Kinematics, Odometry, OdometryError, OdometrySettings, OdometryState, PerWheel, Pose2, Twist2,
+};
 
 use crate::config::RobotPlan;
 use crate::registry::{Registry, StageError};
@@ -69,6 +71,11 @@ impl Estimator for WheelOdometry {
         self.periods = 0;
         self.state = match self.odometry.advance(&increments_rad, period_s, Some(reference_in_body)) {
             Ok(state) => platform_state(state, filter_lag_s(self.speed_filter_rad_s, period_s)),
+            // Too long a silence: what moved meanwhile isn't known, but from here on all is well.
+            Err(OdometryError::Period { .. }) => {
+                self.odometry.resync();
+                platform_state(self.odometry.state(), 0.0)
+            }
             // What can't be used must not look like knowledge: safety stops on a state that isn't finite.
             Err(_) => PlatformState { slip_residual_m_s: f64::NAN, ..self.state },
         };

@@ -160,9 +160,9 @@ impl Registry {
         make(&self.references, "reference", plan.reference.kind.as_deref().unwrap_or("hold"), plan)
     }
 
-    /// Makes the controller of a plan.
-    pub fn make_controller(&self, plan: &RobotPlan) -> Result<Box<dyn Controller>, StageError> {
-        make(&self.controllers, "controller", plan.controller.kind.as_deref().unwrap_or_default(), plan)
+    /// Makes the controllers of a plan: the one that begins, then those to which it can be switched.
+    pub fn make_controllers(&self, plan: &RobotPlan) -> Result<Vec<Box<dyn Controller>>, StageError> {
+        plan.controllers().map(|name| make(&self.controllers, "controller", name, plan)).collect()
     }
 }
 

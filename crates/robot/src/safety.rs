@@ -59,7 +59,7 @@ impl SafetyChain {
         let failed = view.measurements.present().iter().position(|drive| match drive.progress {
             DriveProgress::Fault | DriveProgress::Failed | DriveProgress::QuickStop => true,
             DriveProgress::Unknown | DriveProgress::UnderWay | DriveProgress::Idle => moving,
-            DriveProgress::Running => false,
+            DriveProgress::Running | DriveProgress::SwitchingMode => false,
         });
         failed.map(|wheel| (SafetyAction::QuickStop, SafetyReason::Drive, wheel as u64))
     }

@@ -226,7 +226,11 @@ impl Check {
     fn controller(&mut self, table: ControllerTable, registry: &Registry) -> Option<ControllerTable> {
         let kind = self.need(table.kind.clone(), "controller.kind", "there is no default control law")?;
         self.known_name("controller.kind", &kind, &registry.controllers())?;
-        if kind == "adaptive_torque" {
+        let others = table.others.iter().flatten();
+        for (index, other) in others.clone().enumerate() {
+            self.known_name(&format!("controller.others[{index}]"), other, &registry.controllers())?;
+        }
+        if kind == "adaptive_torque" || others.clone().any(|other| other == "adaptive_torque") {
             let why = "adaptive_torque starts from it";
             self.need(table.mass_kg, "controller.mass_kg", why);
             self.need(table.inertia_kg_m2, "controller.inertia_kg_m2", why);
@@ -315,17 +319,20 @@ impl Check {
 
     /// What a built-in controller tells the wheels must have a place in the drives' process data.
     fn targets_are_mapped(&mut self, drives: &[DrivePlan], controller: &ControllerTable) {
-        let kind = controller.kind.as_deref().unwrap_or_default();
-        let (object, bits, what) = match kind {
-            "open_loop" | "closed_loop_speed" => (0x60FF, 32, "the target speed"),
-            "adaptive_torque" | "adaptive_model_free" => (0x6071, 16, "the target torque"),
-            _ => return,
-        };
-        for (index, drive) in drives.iter().enumerate() {
-            if !drives::is_mapped(&drive.outputs, object, bits) {
-                let reason = format!("{kind} needs {what} in the map of {}, whole and at a byte", drive.name);
-                let problem = self.report(ProblemKind::Missing, &format!("drive[{index}].outputs"), reason);
-                problem.limit = Some(format!("{object:04X}:{bits}"));
+        for kind in controller.kind.iter().chain(controller.others.iter().flatten()) {
+            let (object, bits, what) = match kind.as_str() {
+                "open_loop" | "closed_loop_speed" => (0x60FF, 32, "the target speed"),
+                "adaptive_torque" | "adaptive_model_free" => (0x6071, 16, "the target torque"),
+                _ => continue,
+            };
+            for (index, drive) in drives.iter().enumerate() {
+                if !drives::is_mapped(&drive.outputs, object, bits) {
+                    let reason =
+                        format!("{kind} needs {what} in the map of {}, whole and at a byte", drive.name);
+                    let problem =
+                        self.report(ProblemKind::Missing, &format!("drive[{index}].outputs"), reason);
+                    problem.limit = Some(format!("{object:04X}:{bits}"));
+                }
             }
         }
     }

@@ -333,6 +333,8 @@ pub struct ControllerTable {
     /// Controller by name: `open_loop`, `closed_loop_speed`, `adaptive_torque`, `adaptive_model_free` (deprecated),
     /// or one that a user registered.
     pub kind: Option<String>,
+    /// Other controllers by name, to which a running robot can be switched.
+    pub others: Option<Vec<String>>,
     /// Kp of x, y and heading, 1/s; default: 8 (15 for `adaptive_torque`).
     pub kp_1_s: Option<[f64; 3]>,
     /// `adaptive_torque`: K of x and y, N·s/m.

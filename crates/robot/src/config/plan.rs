@@ -38,6 +38,13 @@ pub struct RobotPlan {
     pub simulation: SimulationTable,
 }
 
+impl RobotPlan {
+    /// Names of the controllers: the one that begins, then those to which it can be switched.
+    pub fn controllers(&self) -> impl Iterator<Item = &str> {
+        self.controller.kind.iter().chain(self.controller.others.iter().flatten()).map(String::as_str)
+    }
+}
+
 /// The bus and its cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusPlan {

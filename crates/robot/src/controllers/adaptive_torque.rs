@@ -40,7 +40,7 @@ impl Gains {
             damping_n_s_m: table.damping_n_s_m.unwrap_or(3000.0),
             turn_damping_n_m_s_rad: table.turn_damping_n_m_s_rad.unwrap_or(300.0),
             mass_rate_kg_s2_m2: table.mass_rate_kg_s2_m2.unwrap_or(5000.0),
-            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(100.0),
+            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(1000.0),
             friction_rate_n_m: table.friction_rate_n_m.unwrap_or(2000.0),
             friction_leak_1_s: table.friction_leak_1_s.unwrap_or(0.2),
             boundary_m_s: table.boundary_m_s.unwrap_or(0.01),

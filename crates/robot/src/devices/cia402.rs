@@ -224,7 +224,8 @@ impl Device for Cia402Device {
         put(self.outputs.torque, output.targets.torque_per_mille.into());
         put(self.outputs.torque_limit, self.torque_limit_per_mille);
         self.progress = match output.progress {
-            Progress::Stepping { .. } | Progress::SwitchingMode { .. } => DriveProgress::UnderWay,
+            Progress::Stepping { .. } => DriveProgress::UnderWay,
+            Progress::SwitchingMode { .. } => DriveProgress::SwitchingMode,
             Progress::Running => DriveProgress::Running,
             Progress::Holding(_) => DriveProgress::Idle,
             Progress::Stopped(Problem::Fault(_) | Problem::FaultPersists(_)) => DriveProgress::Fault,

@@ -38,8 +38,10 @@ pub enum DriveProgress {
     /// Nothing was heard of it yet.
     #[default]
     Unknown,
-    /// Under way to a state or a mode.
+    /// Under way to a state.
     UnderWay,
+    /// In operation, on its way to another mode: it goes on as it was.
+    SwitchingMode,
     /// In operation: it follows its commands.
     Running,
     /// Where it is wanted, without torque.
@@ -60,6 +62,7 @@ coded!(DriveProgress {
     QuickStop = 4,
     Fault = 5,
     Failed = 6,
+    SwitchingMode = 7,
 });
 
 /// What all drives said in one cycle.

@@ -50,6 +50,8 @@ pub struct CycleRecord {
     pub wished: Setpoint,
     /// What of it the platform's limits let through: what the controller follows.
     pub setpoint: Setpoint,
+    /// Which controller of the plan has its say.
+    pub controller: u64,
     /// What the controller wants.
     pub commands: Commands,
     /// What the controller estimates: mass kg, inertia kg·m², force N.
@@ -186,6 +188,7 @@ impl CycleRecord {
         v.f64("estimate.mass", "kg", &mut self.estimates[0]);
         v.f64("estimate.inertia", "kg·m²", &mut self.estimates[1]);
         v.f64("estimate.force", "N", &mut self.estimates[2]);
+        v.u64("command.controller", "", &mut self.controller);
         v.code("command.quantity", &mut self.commands.quantity, Quantity::code, Quantity::from_code);
         v.f64("command.saturation", "", &mut self.commands.saturation);
         v.code("allowed.quantity", &mut self.allowed.commands.quantity, Quantity::code, Quantity::from_code);

@@ -14,6 +14,7 @@ fn full(wheels: usize) -> CycleRecord {
             valid_until_ns: 99,
         }),
         answer: RequestAnswer::WrongPhase,
+        controller: 1,
         phase: Phase::QuickStopping,
         stop_reason: SafetyReason::Drive,
         stop_where: 2,
@@ -82,6 +83,7 @@ fn every_request_comes_back() {
         RequestKind::Stop(StopCategory::RampThenRemove),
         RequestKind::Acknowledge,
         RequestKind::SetGain { index: 4, value: 2.5 },
+        RequestKind::SwitchController { index: 1 },
     ];
     for kind in kinds {
         let request = Some(Request::lasting(kind));

@@ -34,7 +34,12 @@ pub enum RequestKind {
         /// The frame of that speed.
         frame: Frame,
     },
-    /// Change a gain of the controller.
+    /// Go on with another controller of the plan, while moving too.
+    SwitchController {
+        /// Its place in [`RobotPlan::controllers`](crate::RobotPlan::controllers).
+        index: u32,
+    },
+    /// Change a gain of the present controller.
     SetGain {
         /// Its place in [`Controller::gain`](crate::stages::Controller::gain).
         index: u32,
@@ -70,6 +75,7 @@ impl Request {
                 (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s])
             }
             RequestKind::SetGain { index, value } => (6, index.into(), [value, 0.0, 0.0]),
+            RequestKind::SwitchController { index } => (7, index.into(), [0.0; 3]),
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -93,6 +99,7 @@ impl Request {
                 }
             }
             6 => RequestKind::SetGain { index: argument.try_into().ok()?, value: values[0] },
+            7 => RequestKind::SwitchController { index: argument.try_into().ok()? },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))

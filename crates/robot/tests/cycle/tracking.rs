@@ -259,3 +259,64 @@ fn nothing_is_learnt_while_saturated() {
     }
     assert!(saturated > 500, "{saturated}");
 }
+
+#[test]
+fn controllers_and_modes_are_switched_while_moving() {
+    let text = BMM.replace(
+        "kind = \"closed_loop_speed\"",
+        "kind = \"closed_loop_speed\"\nothers = [\"adaptive_torque\"]",
+    );
+    let mut bench = Bench::new(plan(&(text + CIRCLE)));
+    bench.enable();
+    bench.step(Some(RequestKind::Track));
+    let (mut before, mut greatest_jump) = (bench.twist_in_body, 0.0_f64);
+    for cycle in 0..8000_u32 {
+        let request = match cycle {
+            2000 | 6000 => Some(RequestKind::SwitchController { index: 1 }),
+            4000 => Some(RequestKind::SwitchController { index: 0 }),
+            4001 => Some(RequestKind::SwitchController { index: 9 }),
+            _ => None,
+        };
+        let record = bench.step(request);
+        assert_eq!(
+            (record.phase, record.stop_reason),
+            (Phase::Tracking, SafetyReason::None),
+            "cycle {cycle}"
+        );
+        let refused = record.answer == omnibase_robot::signals::RequestAnswer::Refused;
+        assert_eq!(refused, cycle == 4001);
+        if matches!(cycle, 3000 | 5000 | 7000) {
+            let torque = cycle != 5000;
+            assert!(
+                record
+                    .measurements
+                    .present()
+                    .iter()
+                    .all(|drive| drive.mode_code == if torque { 10 } else { 9 })
+            );
+            assert_eq!(record.controller, u64::from(torque));
+        }
+        let error_m = record.wished.odom_from_body.distance_m(record.state.odom_from_body);
+        assert!(error_m < 2e-3, "cycle {cycle}: {error_m}");
+        let now = bench.twist_in_body;
+        greatest_jump = greatest_jump.max((now.vx_m_s - before.vx_m_s).hypot(now.vy_m_s - before.vy_m_s));
+        before = now;
+    }
+    // At most 10 m/s² in a cycle of 1 ms: nothing jumps.
+    assert!(greatest_jump < 0.01, "{greatest_jump}");
+}
+
+#[test]
+fn the_adaptive_law_learns_the_inertia_too() {
+    // 14 kg·m² where 7 were expected; the heading follows a figure of eight.
+    let eight = "\n[reference]\nkind = \"eight\"\nhalf_length_m = 0.8\nturns = 5\nduration_s = 130\nheading = \"follows_tangent\"\n";
+    let text = controlled(BMM, "adaptive_torque", eight).replace(
+        "[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 7.0",
+        "[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 14.0",
+    );
+    let mut bench = Bench::new(plan(&text));
+    let mut learnt = 0.0;
+    track(&mut bench, &mut |record| learnt = record.estimates[1]);
+    println!("learnt {learnt:.2} kg·m² of 14");
+    assert!((learnt - 14.0).abs() < 2.8, "{learnt}");
+}
