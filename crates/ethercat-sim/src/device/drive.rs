@@ -4,6 +4,7 @@ use super::Piece;
 use super::axis::{Axis, Load, SingleAxis};
 use super::image::{ImagePlan, Mailbox, PDI_WITH_FIRMWARE, PORT_MII, emit};
 use super::servo::{CommunicationFaults, Servo, ServoConfig};
+use crate::dictionary::Dictionary;
 use crate::dictionary::pdo::{self, Direction};
 use crate::dictionary::standard::{Nameplate, PdoMap};
 use crate::firmware::{
@@ -36,6 +37,23 @@ const EMERGENCY_DEVICE_SPECIFIC: u16 = 0xFF00;
 const PROCESS_DATA_LIMIT: u16 = 341;
 const MAILBOX: MailboxArea =
     MailboxArea { receive_offset: 0x1000, receive_size: 256, send_offset: 0x1400, send_size: 256 };
+
+const PROCESS_DATA: [ProcessSyncManager; 2] = [
+    ProcessSyncManager {
+        number: 2,
+        direction: Direction::Outputs,
+        start: 0x1800,
+        control: 0x64,
+        max_bytes: PROCESS_DATA_LIMIT,
+    },
+    ProcessSyncManager {
+        number: 3,
+        direction: Direction::Inputs,
+        start: 0x1C00,
+        control: 0x20,
+        max_bytes: PROCESS_DATA_LIMIT,
+    },
+];
 
 /// Which of the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,26 +145,50 @@ impl Drive {
 
     /// A SubDevice with this drive on any axis.
     pub fn build_on(&self, piece: &Piece, axis: Box<dyn Axis>) -> SubDevice {
-        let nameplate = self.nameplate(piece);
+        let (servo, dictionary) = self.servo(piece, axis);
+        let sii = self.image(piece, &dictionary);
+        let refused = match self.kind {
+            DriveKind::Generic => 0,
+            DriveKind::Sgdv => register::FEATURE_NO_LRW | register::FEATURE_NO_READ_WRITE,
+        };
+        let chip = EscConfig::default();
+        let esc = EscConfig {
+            port_descriptor: 0x0F,
+            features: chip.features | refused,
+            sii,
+            dc_offset_ns: piece.dc_offset_ns,
+            dc_drift_ppm: piece.dc_drift_ppm,
+            ..chip
+        };
+        SubDevice::new(esc, Box::new(self.stack(servo, dictionary)))
+    }
+
+    /// The drive's firmware alone, to run it behind another chip.
+    pub fn firmware(&self, piece: &Piece, axis: Box<dyn Axis>) -> Firmware {
+        let (servo, dictionary) = self.servo(piece, axis);
+        self.stack(servo, dictionary)
+    }
+
+    fn servo(&self, piece: &Piece, axis: Box<dyn Axis>) -> (Servo, Dictionary) {
         let pdos = [self.rx_pdo.clone(), self.tx_pdo.clone()];
-        let (servo, dictionary) = Servo::new(self.servo.clone(), &nameplate, &pdos, axis);
-        let process_data = vec![
-            ProcessSyncManager {
-                number: 2,
-                direction: Direction::Outputs,
-                start: 0x1800,
-                control: 0x64,
-                max_bytes: PROCESS_DATA_LIMIT,
-            },
-            ProcessSyncManager {
-                number: 3,
-                direction: Direction::Inputs,
-                start: 0x1C00,
-                control: 0x20,
-                max_bytes: PROCESS_DATA_LIMIT,
-            },
-        ];
-        let sii = emit(&ImagePlan {
+        Servo::new(self.servo.clone(), &self.nameplate(piece), &pdos, axis)
+    }
+
+    fn stack(&self, servo: Servo, dictionary: Dictionary) -> Firmware {
+        let config = FirmwareConfig {
+            state_control: StateControl::Firmware,
+            mailbox: Some((MAILBOX, MailboxProtocols::Coe)),
+            bootstrap: None,
+            process_data: PROCESS_DATA.to_vec(),
+            synchronization: self.servo.synchronization,
+            times: self.times,
+        };
+        Firmware::new(config, dictionary, Box::new(servo))
+    }
+
+    fn image(&self, piece: &Piece, dictionary: &Dictionary) -> Vec<u8> {
+        let nameplate = self.nameplate(piece);
+        emit(&ImagePlan {
             pdi_control: PDI_WITH_FIRMWARE,
             identity: nameplate.identity,
             alias: piece.alias,
@@ -167,41 +209,17 @@ impl Drive {
                     | sii::COE_PDO_CONFIGURATION
                     | sii::COE_COMPLETE_ACCESS,
             }),
-            process_data: &process_data,
-            pdos: &pdos,
-            dictionary: Some(&dictionary),
+            process_data: &PROCESS_DATA,
+            pdos: &[self.rx_pdo.clone(), self.tx_pdo.clone()],
+            dictionary: Some(dictionary),
             dc_modes: &[("Free run", 0x0000), ("SYNC0", 0x0300)],
-        });
-        let refused = match self.kind {
-            DriveKind::Generic => 0,
-            DriveKind::Sgdv => register::FEATURE_NO_LRW | register::FEATURE_NO_READ_WRITE,
-        };
-        let chip = EscConfig::default();
-        let esc = EscConfig {
-            port_descriptor: 0x0F,
-            features: chip.features | refused,
-            sii,
-            dc_offset_ns: piece.dc_offset_ns,
-            dc_drift_ppm: piece.dc_drift_ppm,
-            ..chip
-        };
-        let config = FirmwareConfig {
-            state_control: StateControl::Firmware,
-            mailbox: Some((MAILBOX, MailboxProtocols::Coe)),
-            bootstrap: None,
-            process_data,
-            synchronization: self.servo.synchronization,
-            times: self.times,
-        };
-        SubDevice::new(esc, Box::new(Firmware::new(config, dictionary, Box::new(servo))))
+        })
     }
 
     /// Whether the default PDOs can be mapped; says which entry can't.
     pub fn check(&self) -> Result<(), String> {
-        let pdos = [self.rx_pdo.clone(), self.tx_pdo.clone()];
         let axis = Box::new(SingleAxis::new(Load::default()));
-        let nameplate = self.nameplate(&Piece::default());
-        let (_, dictionary) = Servo::new(self.servo.clone(), &nameplate, &pdos, axis);
+        let (_, dictionary) = self.servo(&Piece::default(), axis);
         for (assignment, direction) in [(0x1C12, Direction::Outputs), (0x1C13, Direction::Inputs)] {
             let layout = pdo::layout(&dictionary, assignment, direction)
                 .map_err(|error| format!("mapping {}: {}", error.at, error.abort))?;

@@ -4,6 +4,8 @@
 //! scaled by the inertia. Current loop: a first-order lag with a limit. All in rad, rad/s and N·m; counts stand at
 //! the edge only.
 
+mod profile;
+
 use super::ServoConfig;
 use super::objects::{Fields, SUPPORTED_MODES};
 use crate::device::Moment;
@@ -12,6 +14,7 @@ use crate::dictionary::Dictionary;
 use core::f64::consts::TAU;
 use core::time::Duration;
 use omnibase_ethercat_wire::HostTime;
+use profile::halt_rate;
 
 /// Statusword bit 10: target reached.
 const TARGET_REACHED: u16 = 1 << 10;
@@ -21,10 +24,6 @@ const LIMIT_ACTIVE: u16 = 1 << 11;
 const FOLLOWS: u16 = 1 << 12;
 /// Bit 13: following error.
 const FOLLOWING_ERROR: u16 = 1 << 13;
-/// Controlword bits of pp: new set point, change at once, relative.
-const NEW_SET_POINT: u16 = 1 << 4;
-const AT_ONCE: u16 = 1 << 5;
-const RELATIVE: u16 = 1 << 6;
 /// Controlword: halt.
 const HALT: u16 = 1 << 8;
 /// The speed loop's integral is slower than its proportional part by this factor.
@@ -300,23 +299,6 @@ impl Motion {
         }
     }
 
-    /// A trapezoid, one step: the speed that still stops at the target is v²/2a.
-    fn run_profile(&mut self, to: f64, velocity: f64, (acceleration, deceleration): (f64, f64), step_s: f64) {
-        let distance = to - self.position_demand;
-        let stopping = (2.0 * deceleration.max(1.0) * distance.abs()).sqrt();
-        let wished = distance.signum() * velocity.min(stopping);
-        let rate =
-            if wished.abs() < self.speed_demand.abs() { deceleration.max(1.0) * 1.5 } else { acceleration };
-        self.speed_demand = towards(self.speed_demand, wished, rate.max(1.0) * step_s);
-        let step = self.speed_demand * step_s;
-        if step.abs() >= distance.abs() && self.speed_demand.abs() <= deceleration.max(1.0) * step_s * 4.0 {
-            self.position_demand = to;
-            self.speed_demand = 0.0;
-        } else {
-            self.position_demand += step;
-        }
-    }
-
     /// The integral part and the current loop's lag over a step.
     fn integrate(&mut self, step_s: f64, (energized, _): (bool, Option<f64>)) {
         if !energized {
@@ -424,8 +406,11 @@ impl Motion {
                 let to = f64::from(dictionary.get(fields.target_velocity)).clamp(-limit, limit);
                 let to = if self.halted { 0.0 } else { to };
                 let slower = to.abs() < self.speed_demand.abs();
-                let rate =
-                    get(if slower { fields.profile_deceleration } else { fields.profile_acceleration });
+                let rate = match slower {
+                    _ if self.halted => halt_rate(dictionary, fields),
+                    true => get(fields.profile_deceleration),
+                    false => get(fields.profile_acceleration),
+                };
                 self.reference = Reference::Speed { to, rate };
                 self.reached =
                     (to - self.state.speed_rad_s * self.counts_per_rad).abs() <= get(fields.velocity_window);
@@ -439,45 +424,6 @@ impl Motion {
             }
             Mode::ProfilePosition => self.command_profile_position(dictionary, fields, control),
         }
-    }
-
-    fn command_profile_position(&mut self, dictionary: &Dictionary, fields: &Fields, control: u16) {
-        let get = |field| f64::from(dictionary.get(field));
-        let asked = control & NEW_SET_POINT != 0;
-        let window = get(fields.position_window).max(1.0);
-        let target = match self.reference {
-            Reference::Profile { to, .. } | Reference::Position { to, .. } => to,
-            _ => self.position_demand,
-        };
-        let arrived = self.position_demand == target && (self.counts() - target).abs() <= window;
-        let mut to = target;
-        if asked && !self.set_point_acknowledged {
-            let wished = dictionary.get(fields.target_position);
-            let wished =
-                if control & RELATIVE != 0 { target + f64::from(wished) } else { self.unwrap(wished) };
-            if arrived || control & AT_ONCE != 0 {
-                to = wished;
-                self.set_point_acknowledged = true;
-            } else if self.next_target.is_none() {
-                self.next_target = Some(wished);
-                self.set_point_acknowledged = true;
-            }
-        } else if !asked {
-            self.set_point_acknowledged = false;
-        }
-        if arrived && let Some(next) = self.next_target.take() {
-            to = next;
-        }
-        self.reached = arrived && to == target;
-        let velocity = if self.halted {
-            0.0
-        } else {
-            get(fields.profile_velocity).min(get(fields.max_profile_velocity))
-        };
-        let acceleration = get(fields.profile_acceleration);
-        let deceleration =
-            if self.halted { halt_rate(dictionary, fields) } else { get(fields.profile_deceleration) };
-        self.reference = Reference::Profile { to, velocity, acceleration, deceleration };
     }
 
     /// Whether the following error was outside of its window (0x6065) for longer than allowed (0x6066).
@@ -538,15 +484,6 @@ fn period(dictionary: &Dictionary, fields: &Fields) -> u64 {
     let exponent = 9 + i32::from(dictionary.get(fields.interpolation_index));
     let value = u64::from(dictionary.get(fields.interpolation_value));
     value * 10u64.pow(exponent.clamp(0, 9) as u32)
-}
-
-/// How fast a halt slows down (0x605D), counts/s²: the profile's ramp, the quick stop's, or at once.
-fn halt_rate(dictionary: &Dictionary, fields: &Fields) -> f64 {
-    match dictionary.get(fields.halt_option) {
-        1 => f64::from(dictionary.get(fields.profile_deceleration)),
-        2 => f64::from(dictionary.get(fields.quick_stop_deceleration)),
-        _ => f64::INFINITY,
-    }
 }
 
 /// `from` moved to `to` by at most `step`.

@@ -468,3 +468,23 @@ fn long_gaps_and_short_cycles_end_alike() {
     let (coarse, fine) = (run(1, 2_000_000_000), run(2000, 1_000_000));
     assert!((coarse - fine).abs() < REVOLUTION / 100, "{coarse} {fine}");
 }
+
+#[test]
+fn halt_slows_down_by_its_option_code() {
+    // 1 rev/s at 2 and 8 rev/s² and at once: the demand's speed 100 ms after the halt.
+    for (option, left) in [(1, 0.8), (2, 0.2), (3, 0.0)] {
+        let mut bench = Bench::enabled(3);
+        bench.set_i16(0x605D, option);
+        bench.set_u32(0x6084, 2 * REVOLUTION as u32);
+        bench.set_u32(0x6085, 8 * REVOLUTION as u32);
+        bench.set_i32(0x60FF, REVOLUTION);
+        bench.run(500);
+        bench.control(0x10F);
+        bench.run(100);
+        let demand = f64::from(bench.i32(0x606B)) / f64::from(REVOLUTION);
+        assert!((demand - left).abs() < 0.02, "option {option}: {demand} rev/s");
+        bench.control(0x0F);
+        bench.run(1000);
+        assert_eq!(bench.i32(0x606B), REVOLUTION, "on again");
+    }
+}
