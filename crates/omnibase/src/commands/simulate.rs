@@ -9,7 +9,7 @@ use fault::TimedFault;
 use omnibase_ethercat_sim::{Segment, Served, serve};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{Clock, HostTime, LinkError};
-use omnibase_host::{LinkState, interface, stop_on_signals};
+use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -63,7 +63,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     let stop = stop_on_signals()?;
     let target = Target::Interface(arguments.interface.clone());
-    let mut cable = target.open(Port::Socket)?;
+    // Sleeps to the microsecond: the SubDevices' own events are due between frames.
+    let mut cable = target.open(Port::Ring(Waiting::Sleep))?;
     let mut recorder = None;
     if let Some(path) = &arguments.record {
         let (recorded, running) = cable.record(path)?;
