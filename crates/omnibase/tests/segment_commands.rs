@@ -180,6 +180,11 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
 #[test]
 fn exchange_uses_lrw_where_all_allow_it_and_says_in_words_what_it_saw() {
     let output = omnibase(&["exchange", &sim("three-servos"), "--cycles", "100", "--cycle-us", "250"]);
+    let shown = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        shown.contains("  2 CiA402-Servo             vendor 0x00000f0f product 0x00000402, 128 bits out"),
+        "{shown}"
+    );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let words = text(&output.stdout);
     for expected in [

@@ -7,8 +7,8 @@ use crate::progress::note;
 use crate::target::{Port, Target, finish_recording};
 use crate::{Outcome, commands};
 use omnibase_ethercat::cyclic::ClockDirection;
-use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::sii;
+use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::wire::sii::{self, Identity};
 use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
 use omnibase_host::real_time::{self, Wishes};
 use omnibase_host::{Waiting, stop_on_signals};
@@ -84,6 +84,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let configured = bus.configure(&configs);
     commands::note_warnings(&bus);
     configured?;
+    if !arguments.json {
+        list(bus.subdevices(), output)?;
+    }
     let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc)?;
 
     // Until the end of the cycle.
@@ -150,6 +153,21 @@ impl Arguments {
         }
         Some(granted)
     }
+}
+
+/// A line for each SubDevice that is about to be driven.
+fn list(subdevices: &[SubDevice], output: &mut dyn Write) -> std::io::Result<()> {
+    for one in subdevices {
+        let Identity { vendor_id, product_code, .. } = one.identity;
+        let (out, back) = (one.bit_length(Direction::Outputs), one.bit_length(Direction::Inputs));
+        let refuses = if one.lrw_allowed { "" } else { ", no LRW" };
+        writeln!(
+            output,
+            "{:>3} {:<24} vendor 0x{vendor_id:08x} product 0x{product_code:08x}, {out} bits out, {back} in{refuses}",
+            one.position, one.name
+        )?;
+    }
+    writeln!(output)
 }
 
 /// Whether SYNC0 makes sense: a clock, process data, and an application that may use it. A SubDevice without a
