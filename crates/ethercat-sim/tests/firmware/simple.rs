@@ -49,6 +49,9 @@ fn digital_io_exchanges_bits_that_dont_fill_bytes() {
     assert_eq!(outputs, [1, 1, 0, 0, 1]);
     assert_eq!(panel.output(At::new(0x7000, 6)), None);
     assert!(!panel.set_input(At::new(0x6000, 4), 1));
+    assert_eq!(rig.request(FIRST, 4), (4, 0));
+    rig.wait_us(300);
+    assert_eq!(panel.output(At::new(0x7000, 1)), Some(0), "outputs are safe outside of OP");
     assert_eq!(rig.request(FIRST, 2), (2, 0));
 }
 

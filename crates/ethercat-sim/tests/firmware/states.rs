@@ -140,6 +140,8 @@ fn mailbox_sync_managers_must_be_those_of_the_device() {
 fn process_data_sync_managers_and_fmmus_must_fit_the_mapping() {
     let mut off = sync_manager(0x1800, 16, 0x64);
     off[6] = 0;
+    let mut off_fmmu = fmmu(0x2_0000, 16, 0x1C00, 1);
+    off_fmmu[12] = 0;
     for (name, register, bytes, code) in [
         ("length of SM2", 0x0810, sync_manager(0x1800, 15, 0x64).to_vec(), 0x1D),
         ("address of SM2", 0x0810, sync_manager(0x1900, 16, 0x64).to_vec(), 0x1D),
@@ -152,6 +154,7 @@ fn process_data_sync_managers_and_fmmus_must_fit_the_mapping() {
         ("SM4 over SM3", 0x0820, sync_manager(0x1C10, 4, 0x20).to_vec(), 0x17),
         ("no FMMU for outputs", 0x0600, vec![0; 16], 0x1D),
         ("no FMMU for inputs", 0x0610, vec![0; 16], 0x1E),
+        ("an FMMU that is off", 0x0610, off_fmmu.to_vec(), 0x1E),
         ("half an FMMU for outputs", 0x0600, fmmu(0x1_0000, 8, 0x1800, 2).to_vec(), 0x1D),
         ("an FMMU of the wrong direction", 0x0610, fmmu(0x2_0000, 16, 0x1C00, 2).to_vec(), 0x1E),
     ] {

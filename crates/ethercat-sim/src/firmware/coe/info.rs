@@ -128,3 +128,23 @@ fn fragments(opcode: u8, content: &[u8], room: usize) -> Vec<Vec<u8>> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_answers_come_in_fragments_that_count_down() {
+        let content: Vec<u8> = (0..100).collect();
+        // 64 bytes of mailbox: 58 of service data, 52 behind both headers.
+        let messages = fragments(info::LIST_RESPONSE, &content, 58);
+        assert_eq!(messages.iter().map(Vec::len).collect::<Vec<_>>(), [58, 54]);
+        let headers: Vec<InfoHeader> =
+            messages.iter().map(|message| InfoHeader::read(&message[HEADER..]).unwrap()).collect();
+        assert_eq!(headers[0], InfoHeader { opcode: 2, incomplete: true, fragments_left: 1 });
+        assert_eq!(headers[1], InfoHeader { opcode: 2, incomplete: false, fragments_left: 0 });
+        let joined: Vec<u8> = messages.iter().flat_map(|message| message[6..].to_vec()).collect();
+        assert_eq!(joined, content);
+        assert_eq!(fragments(info::LIST_RESPONSE, &[], 58).len(), 1, "an empty answer is one message");
+    }
+}
