@@ -18,7 +18,7 @@ use crate::stages::{Controller, Gain};
 const KP_1_S: [f64; 3] = [15.0; 3];
 /// Mass and inertia show where they are accelerated: they are learnt only while the reference's acceleration is so
 /// many times what the error alone asks for. Friction at steady speed or at rest must not look like mass.
-const EXCITATION: f64 = 4.0;
+const EXCITATION: f64 = 6.0;
 
 /// Everything that can be set while it runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
