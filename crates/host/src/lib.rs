@@ -1,6 +1,6 @@
 //! Linux under the bus: packet sockets, clocks, the real-time thread.
 //!
-//! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame; works everywhere.
+//! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame and one to wait; works everywhere.
 //! - [`PacketRing`]: frames through rings that are mapped into the process; with busy polling the receive needs
 //!   no system call at all.
 //! - [`MonotonicClock`]: the clock that runners own.

@@ -12,9 +12,9 @@
 //! the status with release order, who takes it reads the status with acquire order; nobody touches the rest of a
 //! slot that isn't theirs.
 
-use crate::clock::{MonotonicClock, timespec};
+use crate::clock::MonotonicClock;
 use crate::interface::LinkState;
-use crate::raw::{DropCounts, OpenError, RawSocket, check_length, last_code, open_error, remaining_ns};
+use crate::raw::{DropCounts, OpenError, RawSocket, check_length, open_error, remaining_ns};
 use omnibase_ethercat_wire::frame::{ETHERNET_HEADER, MAX_FRAME};
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError};
 use std::marker::PhantomData;
@@ -130,18 +130,11 @@ impl PacketRing {
     /// Sleeps until the kernel has filled a slot or the deadline comes.
     fn sleep(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         while let Some(remaining) = remaining_ns(deadline) {
-            let mut poll = libc::pollfd { fd: self.socket.raw(), events: libc::POLLIN, revents: 0 };
-            let wait = timespec(remaining);
-            let wait = libc::timespec { tv_sec: wait.tv_sec, tv_nsec: wait.tv_nsec };
-            // SAFETY: one live pollfd and a live timespec; no signal mask.
-            let ready = unsafe { libc::ppoll(&mut poll, 1, &wait, std::ptr::null()) };
-            if ready < 0 {
-                self.socket.receive_failed(last_code())?;
-            }
+            let events = self.socket.wait(remaining)?;
             if let Some(length) = self.take(buffer) {
                 return Ok(Some(length));
             }
-            if ready > 0 && poll.revents & (libc::POLLERR | libc::POLLHUP) != 0 {
+            if events & (libc::POLLERR | libc::POLLHUP) != 0 {
                 // The poll would come back at once for ever: fetch the error.
                 self.socket.receive_failed(self.socket.take_error())?;
             }

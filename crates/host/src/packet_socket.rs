@@ -6,17 +6,14 @@ use crate::raw::{DropCounts, OpenError, RawSocket, check_length, last_code, rema
 use omnibase_ethercat_wire::frame::MAX_FRAME;
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError};
 
-/// Sends and receives frames with one system call each.
+/// One `send` and one `recv` for each frame; `ppoll` waits in between.
 ///
-/// The kernel counts a receive time-out in its own ticks (1 to 10 ms) and rounds it up. So the time-out is set only
-/// when the wanted one needs more ticks than are set, or at least two fewer: in a steady cycle never. The price is
-/// that a receive whose frame was *lost* returns up to two ticks after its deadline (one that finds its frame is
-/// not delayed). [`crate::PacketRing`] keeps deadlines to the microsecond.
+/// The wait has a system call of its own because the kernel counts the time-out of a receive in its own ticks (1 to
+/// 10 ms): without it the first lost frame would stop the cycle for several periods. [`crate::PacketRing`] needs no
+/// `recv`.
 #[derive(Debug)]
 pub struct PacketSocket {
     socket: RawSocket,
-    tick_us: u64,
-    timeout_ticks: u64,
 }
 
 impl PacketSocket {
@@ -24,16 +21,7 @@ impl PacketSocket {
     pub fn open(interface: &str) -> Result<Self, OpenError> {
         let socket = RawSocket::open(interface)?;
         socket.bind()?;
-        let mut port = PacketSocket { socket, tick_us: 1000, timeout_ticks: 0 };
-        // The kernel hands the rounded time-out back: one microsecond becomes one tick.
-        port.set_timeout_us(1).map_err(|code| OpenError::System {
-            operation: "setting the receive time-out",
-            interface: interface.to_owned(),
-            code,
-        })?;
-        port.tick_us = port.timeout_us().max(1);
-        port.timeout_ticks = 1;
-        Ok(port)
+        Ok(PacketSocket { socket })
     }
 
     /// The interface's name.
@@ -49,44 +37,6 @@ impl PacketSocket {
     /// Frames lost in this host so far.
     pub fn drop_counts(&mut self) -> DropCounts {
         self.socket.drop_counts()
-    }
-
-    fn set_timeout_us(&self, timeout_us: u64) -> Result<(), i32> {
-        let value = libc::timeval {
-            tv_sec: (timeout_us / 1_000_000) as libc::time_t,
-            tv_usec: (timeout_us % 1_000_000) as libc::suseconds_t,
-        };
-        self.socket
-            .set_option(libc::SOL_SOCKET, libc::SO_RCVTIMEO, &value)
-            .map_err(|error| error.raw_os_error().unwrap_or(0))
-    }
-
-    fn timeout_us(&self) -> u64 {
-        // SAFETY: timeval is plain data, its length is given, and the kernel writes no more than that.
-        unsafe {
-            let mut value: libc::timeval = std::mem::zeroed();
-            let mut length = size_of::<libc::timeval>() as libc::socklen_t;
-            libc::getsockopt(
-                self.socket.raw(),
-                libc::SOL_SOCKET,
-                libc::SO_RCVTIMEO,
-                (&raw mut value).cast(),
-                &mut length,
-            );
-            value.tv_sec as u64 * 1_000_000 + value.tv_usec as u64
-        }
-    }
-
-    /// Makes a blocking receive last at least `remaining_ns`, and not two ticks longer than needed.
-    fn prepare_timeout(&mut self, remaining_ns: u64) -> Result<(), LinkError> {
-        let wanted = remaining_ns.div_ceil(self.tick_us * 1000).max(1);
-        if self.timeout_ticks == wanted || self.timeout_ticks == wanted + 1 {
-            return Ok(());
-        }
-        self.set_timeout_us(wanted * self.tick_us)
-            .map_err(|code| LinkError::System { operation: "setting the receive time-out", code })?;
-        self.timeout_ticks = wanted;
-        Ok(())
     }
 }
 
@@ -106,18 +56,18 @@ impl Link for PacketSocket {
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         let mut waited = false;
         loop {
-            let flags = match remaining_ns(deadline) {
+            match remaining_ns(deadline) {
                 Some(remaining) => {
-                    self.prepare_timeout(remaining)?;
+                    self.socket.wait(remaining)?;
                     waited = true;
-                    libc::MSG_TRUNC
                 }
                 None if waited => {
                     self.socket.check_link(MonotonicClock.now())?;
                     return Ok(None);
                 }
-                None => libc::MSG_TRUNC | libc::MSG_DONTWAIT,
-            };
+                None => {}
+            }
+            let flags = libc::MSG_TRUNC | libc::MSG_DONTWAIT;
             // SAFETY: pointer and length are those of the live slice `buffer`; with MSG_TRUNC the result may be
             // larger than the buffer, but no more than the buffer is written.
             let received =
@@ -128,7 +78,7 @@ impl Link for PacketSocket {
                 Err(_) => {
                     let code = last_code();
                     self.socket.receive_failed(code)?;
-                    if flags & libc::MSG_DONTWAIT != 0 && code == libc::EAGAIN {
+                    if !waited && code == libc::EAGAIN {
                         return Ok(None);
                     }
                 }

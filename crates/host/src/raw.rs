@@ -1,6 +1,6 @@
 //! What both ports share: opening, binding and watching a packet socket.
 
-use crate::clock::MonotonicClock;
+use crate::clock::{MonotonicClock, timespec};
 use crate::interface::{self, LinkState};
 use omnibase_ethercat_wire::frame::{ETHERTYPE, MAX_FRAME};
 use omnibase_ethercat_wire::{Clock, HostTime, LinkError};
@@ -177,6 +177,19 @@ impl RawSocket {
             code if is_down(code) => Err(LinkError::Down),
             code => Err(LinkError::System { operation: "receiving a frame", code }),
         }
+    }
+
+    /// Sleeps until a frame or an error has come, `remaining_ns` at most; the events of `poll`, 0 for none.
+    pub(crate) fn wait(&self, remaining_ns: u64) -> Result<libc::c_short, LinkError> {
+        let mut poll = libc::pollfd { fd: self.raw(), events: libc::POLLIN, revents: 0 };
+        let wait = timespec(remaining_ns);
+        let wait = libc::timespec { tv_sec: wait.tv_sec, tv_nsec: wait.tv_nsec };
+        // SAFETY: one live pollfd and a live timespec; no signal mask.
+        if unsafe { libc::ppoll(&mut poll, 1, &wait, std::ptr::null()) } < 0 {
+            self.receive_failed(last_code())?;
+            return Ok(0);
+        }
+        Ok(poll.revents)
     }
 
     /// The error that waits at the socket, which is thereby cleared; 0 where there is none.
