@@ -25,7 +25,8 @@ impl Image {
         let mut offset = HEADER;
         loop {
             if offset + 4 > bytes.len() {
-                if bytes.get(offset..offset + 2) != Some(&[0xFF, 0xFF][..]) {
+                // A category that was cut off has been named already.
+                if offset <= bytes.len() && bytes.get(offset..offset + 2) != Some(&[0xFF, 0xFF][..]) {
                     note(offset, "the image ends without the end category (0xffff)".into());
                 }
                 break;

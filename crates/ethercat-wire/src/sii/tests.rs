@@ -53,6 +53,7 @@ fn a_category_that_lies_about_its_size_is_bounded_and_named() {
     let (image, problems) = Image::parse(&bytes).unwrap();
     assert_eq!(image.sync_managers.len(), 1);
     assert!(problems.iter().any(|problem| problem.text.contains("category 41 announces")), "{problems:?}");
+    assert!(problems.iter().all(|problem| problem.offset < bytes.len()), "{problems:?}");
 }
 
 #[test]
