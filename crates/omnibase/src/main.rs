@@ -28,6 +28,7 @@ enum Outcome {
 
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
+    omnibase_host::real_time::exact_timers();
     let mut output = BufWriter::new(io::stdout().lock());
     let result = commands::run(&cli.command, &mut output).and_then(|outcome| {
         output.flush()?;
