@@ -11,6 +11,7 @@
 //!   that a frame which is late by 256 cycles isn't taken for a new one (docs/decisions/frame-sequence-number.md).
 //! - Inputs change all together or not at all: never where a frame is missing or a working counter is wrong.
 //! - Lost frames and wrong counters are values, not errors.
+//! - A SubDevice that lost power is named within two cycles; [`CyclicBus::recover`] brings it back beside the cycle.
 
 mod acyclic;
 mod batch;
@@ -20,6 +21,8 @@ mod diagnosis;
 mod error;
 mod frame;
 mod handover;
+mod recovery;
+mod report;
 #[cfg(test)]
 mod tests;
 mod transition;
@@ -27,8 +30,8 @@ mod wire;
 
 use alloc::vec::Vec;
 
-use crate::image::{ClockUse, FEWEST_DATAGRAMS, FILLER_LENGTH, ImagePlan, Member, ProcessImage, Role};
-use crate::mailbox::{Mailbox, ReceivedEmergency};
+use crate::image::{FEWEST_DATAGRAMS, FILLER_LENGTH, ImagePlan, Member, ProcessImage, Role};
+use crate::mailbox::Mailbox;
 use crate::procedure::Answer;
 use crate::wire::bytes::u16_at;
 use crate::wire::{Address, AlState, Command, DcTime, HostTime, Link, LinkError};
@@ -47,6 +50,7 @@ pub use counters::{CommandSet, CycleCounters};
 pub use diagnosis::Health;
 pub use error::{Programmed, TransitionError};
 pub use handover::{ClockDirection, Handover};
+pub use recovery::RecoveryError;
 pub use transition::{Goal, Step, TransitionOptions};
 
 /// What became of one cycle's frames.
@@ -174,6 +178,8 @@ pub struct CyclicBus<L> {
     transition: Option<Transition>,
     phase: Phase,
     clock: ClockReading,
+    /// The last frame brought a reading.
+    clock_is_new: bool,
     clock_slot: Option<usize>,
     steer_slot: Option<usize>,
     status_slot: Option<usize>,
@@ -249,6 +255,7 @@ impl<L: Link> CyclicBus<L> {
             transition: None,
             phase: Phase::Standby,
             clock: ClockReading::default(),
+            clock_is_new: false,
             clock_slot: slot_of(Role::Clock),
             steer_slot: slot_of(Role::SteerClock),
             status_slot: slot_of(Role::Status),
@@ -319,6 +326,7 @@ impl<L: Link> CyclicBus<L> {
     /// Reference time and AL status, from the first frame.
     fn read_segment(&mut self) {
         self.status = None;
+        self.clock_is_new = false;
         let Some(frame) = self.exchanger.frames[..self.planned].first() else { return };
         if frame.flight != Flight::Back {
             return;
@@ -327,6 +335,7 @@ impl<L: Link> CyclicBus<L> {
             && slot.received > 0
         {
             self.clock.take(&frame.back[slot.data()]);
+            self.clock_is_new = true;
         }
         if let Some(slot) = self.status_slot.map(|number| &frame.slots()[number]) {
             let bits = u16_at(&frame.back[..], slot.data().start);
@@ -347,12 +356,15 @@ impl<L: Link> CyclicBus<L> {
     #[cold]
     fn judge_counters(&mut self, image: &mut ProcessImage) -> Exchange {
         let mut partial = false;
+        // Someone who is coming back answers again already; that must not hide that someone else went.
+        let all_answer = self.status.is_some_and(|status| usize::from(status.answered) == self.members.len());
         for (number, frame) in self.exchanger.frames[..self.planned].iter().enumerate() {
             for (datagram, slot) in frame.slots().iter().enumerate() {
                 if !is_process_data(slot.purpose) || slot.received == slot.expected {
                     continue;
                 }
-                if slot.received != slot.accepted {
+                let most = slot.accepted + if all_answer { slot.leeway } else { 0 };
+                if !(slot.accepted..=most.min(slot.expected)).contains(&slot.received) {
                     self.exchanger.counters.working_counter_errors += 1;
                     let (frame, datagram) = (number as u16, datagram as u16);
                     let (expected, received) = (slot.expected, slot.received);
@@ -412,6 +424,7 @@ impl<L: Link> CyclicBus<L> {
 
     #[cold]
     fn take_acyclic(&mut self, now: HostTime) {
+        let clock = self.clock.last().filter(|_| self.clock_is_new);
         let frame = &mut self.exchanger.frames[self.spare_frame];
         let answered = frame.flight == Flight::Back && {
             frame.read_counters();
@@ -420,9 +433,9 @@ impl<L: Link> CyclicBus<L> {
         match frame.slots().last().copied().filter(|slot| slot.purpose == Purpose::Spare) {
             Some(slot) if answered => {
                 let (working_counter, data) = (slot.received, &frame.back[slot.data()]);
-                self.acyclic.answer(Answer::Returned { working_counter, data }, now);
+                self.acyclic.answer(Answer::Returned { working_counter, data }, clock, now);
             }
-            _ => self.acyclic.answer(Answer::Lost, now),
+            _ => self.acyclic.answer(Answer::Lost, clock, now),
         }
         let kept = frame.slots().iter().take_while(|slot| slot.purpose != Purpose::Spare).count();
         frame.truncate(kept);
@@ -497,131 +510,5 @@ impl<L: Link> CyclicBus<L> {
         let data = frame.data_mut(range);
         let length = data.len().min(bytes.len());
         data[..length].copy_from_slice(&bytes[..length]);
-    }
-}
-
-impl<L> CyclicBus<L> {
-    /// Where the segment is on its way between states.
-    pub fn phase(&self) -> Phase {
-        self.phase
-    }
-
-    /// The farthest clock of the last look while clocks are being locked: position and ns.
-    pub fn worst_clock(&self) -> Option<(u16, i32)> {
-        self.transition.as_ref()?.worst_clock()
-    }
-
-    /// Time of the reference clock when the last frame passed it.
-    pub fn clock(&self) -> Option<DcTime> {
-        self.clock.last()
-    }
-
-    /// How the reference clock is used.
-    pub fn clock_use(&self) -> ClockUse {
-        self.plan.clock
-    }
-
-    /// AL status of all SubDevices in the last exchange; `None` where its frame was lost.
-    pub fn status(&self) -> Option<SegmentStatus> {
-        self.status
-    }
-
-    /// What became of the last exchange.
-    pub fn last_exchange(&self) -> Exchange {
-        self.last
-    }
-
-    /// How each SubDevice is, by position.
-    pub fn health(&self) -> &[Health] {
-        self.diagnosis.health()
-    }
-
-    /// Rounds of questions that wrong counters or states led to.
-    pub fn diagnosis_rounds(&self) -> u64 {
-        self.diagnosis.rounds
-    }
-
-    /// How old the inputs of the SubDevice at `position` are after the last exchange.
-    pub fn freshness(&self, position: u16) -> Freshness {
-        if self.diagnosis.health().get(usize::from(position)).is_some_and(|health| *health != Health::Well) {
-            return Freshness::Unwell;
-        }
-        for (frame, plan) in self.exchanger.frames.iter().zip(&self.plan.frames) {
-            for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
-                let carries = matches!(datagram.role, Role::Inputs { .. } | Role::Both { .. })
-                    && datagram.touches.iter().any(|touch| touch.position == position);
-                if carries && frame.flight != Flight::Back {
-                    return Freshness::FrameLost;
-                }
-                if carries && slot.received != slot.accepted && slot.received != slot.expected {
-                    return Freshness::ShortCount;
-                }
-            }
-        }
-        match self.last {
-            Exchange::Complete | Exchange::Without { .. } => Freshness::Fresh,
-            Exchange::ShortCount { .. } | Exchange::Lost { .. } => Freshness::HeldBack,
-        }
-    }
-
-    /// Figures of all cycles so far.
-    pub fn counters(&self) -> CycleCounters {
-        self.exchanger.counters
-    }
-
-    /// Frames with process data in each cycle.
-    pub fn frames_per_cycle(&self) -> usize {
-        self.planned
-    }
-
-    /// Every command that this bus has put into a frame.
-    pub fn commands_used(&self) -> CommandSet {
-        self.exchanger.frames.iter().fold(CommandSet::default(), |set, frame| set.union(frame.commands))
-    }
-
-    /// The layout of image and frames.
-    pub fn plan(&self) -> &ImagePlan {
-        &self.plan
-    }
-
-    /// The SubDevices as the cycle knows them.
-    pub fn members(&self) -> &[Member] {
-        &self.members
-    }
-
-    /// Queues work beside the cycle; gives it back where [`CAPACITY`] is reached.
-    pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
-        self.acyclic.submit(request)
-    }
-
-    /// Takes work that has ended.
-    pub fn poll_completion(&mut self) -> Option<AcyclicCompletion> {
-        self.acyclic.poll()
-    }
-
-    /// Takes an emergency and the position of the SubDevice that sent it.
-    pub fn take_emergency(&mut self) -> Option<(u16, ReceivedEmergency)> {
-        self.acyclic.take_emergency()
-    }
-
-    /// A SubDevice's mailbox, for its counters.
-    pub fn mailbox(&self, position: u16) -> Option<&Mailbox> {
-        self.acyclic.mailbox(position)
-    }
-
-    /// The link, for its own figures.
-    pub fn link(&self) -> &L {
-        &self.exchanger.link
-    }
-
-    /// The link, to change it between two exchanges.
-    pub fn link_mut(&mut self) -> &mut L {
-        &mut self.exchanger.link
-    }
-
-    /// Ends cyclic exchange; gives back the link and the mailboxes.
-    pub fn into_parts(self) -> (L, CyclicParts) {
-        let mailboxes = self.acyclic.into_mailboxes().collect();
-        (self.exchanger.link, CyclicParts { members: self.members, plan: self.plan, mailboxes })
     }
 }

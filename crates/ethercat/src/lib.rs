@@ -15,7 +15,8 @@
 //! The cycle:
 //!
 //! - [`image`]: where process data stand, and which datagrams of which frames carry them.
-//! - [`cyclic`]: exchange, the way to OP and back, diagnosis, acyclic work, both directions of clock following.
+//! - [`cyclic`]: exchange, the way to OP and back, diagnosis, recovery, acyclic work, both directions of clock
+//!   following.
 //!
 //! Used by set-up and cycle alike:
 //!

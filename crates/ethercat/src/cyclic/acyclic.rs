@@ -1,12 +1,16 @@
 //! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
 
+use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::time::Duration;
 
 use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ReceivedEmergency};
 use crate::procedure::{Answer, Next, Procedure, Request};
-use crate::wire::HostTime;
+use crate::subdevice::SubDevice;
+use crate::wire::{DcTime, HostTime};
+
+use super::recovery::{Recovery, RecoveryError};
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
 pub const CAPACITY: usize = 64;
@@ -116,7 +120,7 @@ struct RegisterJob {
 }
 
 /// What a SubDevice's share of the spare datagrams goes to.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Lane {
     position: u16,
     station: u16,
@@ -124,11 +128,13 @@ struct Lane {
     /// Tag of the mailbox request in hand.
     tag: Option<u64>,
     register: Option<RegisterJob>,
+    /// On its way back; has the mailbox meanwhile.
+    recovery: Option<Box<Recovery>>,
 }
 
 impl Lane {
     fn is_busy(&self) -> bool {
-        self.tag.is_some() || self.register.is_some()
+        self.tag.is_some() || self.register.is_some() || self.recovery.is_some()
     }
 }
 
@@ -138,6 +144,7 @@ pub(super) struct Acyclic {
     lanes: Vec<Lane>,
     queue: VecDeque<AcyclicRequest>,
     finished: VecDeque<AcyclicCompletion>,
+    recovered: VecDeque<(u16, Result<(), RecoveryError>)>,
     /// Positions with work in hand, served in turn.
     active: VecDeque<u16>,
     /// Position whose datagram is in this cycle's frame.
@@ -157,6 +164,7 @@ impl Acyclic {
                 mailbox,
                 tag: None,
                 register: None,
+                recovery: None,
             })
             .collect();
         Acyclic {
@@ -165,6 +173,7 @@ impl Acyclic {
             lanes,
             queue: VecDeque::with_capacity(CAPACITY),
             finished: VecDeque::with_capacity(CAPACITY),
+            recovered: VecDeque::new(),
             in_flight: None,
             longest,
             next_look: HostTime(0),
@@ -186,6 +195,40 @@ impl Acyclic {
         }
         self.queue.push_back(request);
         Ok(())
+    }
+
+    /// Begins the way back of a SubDevice; what its mailbox was doing ends as reset.
+    pub fn recover(&mut self, subdevice: &SubDevice) -> bool {
+        let position = subdevice.position;
+        let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
+        if lane.recovery.is_some() {
+            return false;
+        }
+        let mut mailbox = lane.mailbox.take();
+        if let Some(mailbox) = &mut mailbox {
+            mailbox.reset();
+            if let (Some(tag), Next::Done(Some(done))) = (lane.tag.take(), mailbox.next(HostTime(0))) {
+                let work = AcyclicWork::Mailbox(done.request);
+                let result = done.result.map_err(AcyclicError::Mailbox);
+                self.finished.push_back(AcyclicCompletion { tag, position, work, result });
+            }
+        }
+        if let Some(job) = lane.register.take() {
+            self.finished.push_back(job.complete());
+        }
+        lane.recovery = Some(Box::new(Recovery::new(subdevice, mailbox)));
+        if !self.active.contains(&position) {
+            self.active.push_back(position);
+        }
+        true
+    }
+
+    pub fn is_recovering(&self, position: u16) -> bool {
+        self.lanes.get(usize::from(position)).is_some_and(|lane| lane.recovery.is_some())
+    }
+
+    pub fn poll_recovered(&mut self) -> Option<(u16, Result<(), RecoveryError>)> {
+        self.recovered.pop_front()
     }
 
     pub fn poll(&mut self) -> Option<AcyclicCompletion> {
@@ -274,8 +317,9 @@ impl Acyclic {
             let at = self.next_look_at;
             self.next_look_at = (at + 1) % self.lanes.len();
             let lane = &mut self.lanes[at];
+            let busy = lane.is_busy();
             let Some(mailbox) = &mut lane.mailbox else { continue };
-            if lane.register.is_none() && lane.tag.is_none() && !mailbox.is_busy() {
+            if !busy && !mailbox.is_busy() {
                 mailbox.look();
                 if !self.active.contains(&lane.position) {
                     self.active.push_back(lane.position);
@@ -319,6 +363,17 @@ impl Acyclic {
     /// What the SubDevice at `position` wants now, and whether it has work left.
     fn serve(&mut self, position: u16, now: HostTime) -> (Option<Request>, bool) {
         let lane = &mut self.lanes[usize::from(position)];
+        if let Some(recovery) = &mut lane.recovery {
+            match recovery.next(now) {
+                Next::Send(request) => return (Some(request), true),
+                Next::WaitUntil(_) => return (None, true),
+                Next::Done(result) => {
+                    lane.mailbox = lane.recovery.take().and_then(|recovery| recovery.into_mailbox());
+                    self.recovered.push_back((position, result));
+                    return (None, false);
+                }
+            }
+        }
         if let Some(job) = &lane.register {
             if !job.done && now < job.deadline {
                 return (Some(job.datagram(lane.station)), true);
@@ -356,6 +411,9 @@ impl Acyclic {
         let Some(lane) = self.in_flight.and_then(|position| self.lanes.get(usize::from(position))) else {
             return;
         };
+        if let Some(recovery) = &lane.recovery {
+            return recovery.fill(data);
+        }
         match (&lane.register, &lane.mailbox) {
             (Some(job), _) => job.fill(data),
             (None, Some(mailbox)) => mailbox.fill(data),
@@ -364,11 +422,15 @@ impl Acyclic {
     }
 
     /// Takes the answer to the datagram that was in this cycle's frame.
-    pub fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
+    pub fn answer(&mut self, answer: Answer<'_>, clock: Option<DcTime>, now: HostTime) {
         let Some(lane) = self.in_flight.take().and_then(|position| self.lanes.get_mut(usize::from(position)))
         else {
             return;
         };
+        if let Some(recovery) = &mut lane.recovery {
+            recovery.set_reference_time(clock);
+            return recovery.answer(answer, now);
+        }
         match (&mut lane.register, &mut lane.mailbox) {
             (Some(job), _) => job.answer(answer),
             (None, Some(mailbox)) => mailbox.answer(answer, now),

@@ -51,6 +51,8 @@ pub(super) struct Slot {
     pub expected: u16,
     /// A smaller count that is right while known SubDevices are missing.
     pub accepted: u16,
+    /// What SubDevices on their way back may add to it.
+    pub leeway: u16,
     /// What came back last.
     pub received: u16,
     /// Which bits of the header's first eight bytes (command, index, address, length and flags) come back as sent.
@@ -168,6 +170,7 @@ impl CyclicFrame {
             length: length as u16,
             expected: 0,
             accepted: 0,
+            leeway: 0,
             received: 0,
             unchanged: unchanged_bits(command),
         });

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::{CyclicControl, DcConfig, LrwPermission};
-use crate::image::{Area, Packing};
+use crate::image::{Area, ClockUse, Packing};
 use crate::subdevice::{DcWidth, Direction};
 use crate::wire::AlStatusCode;
 use crate::wire::bytes::{put_u16, u32_at};
@@ -532,7 +532,7 @@ fn acyclic_requests_that_cannot_be_served_are_refused_by_name() {
         results,
         [
             Err(AcyclicError::NoSubDevice { position: 5 }),
-            Err(AcyclicError::TooLong { found: 100, limit: 16 }),
+            Err(AcyclicError::TooLong { found: 100, limit: 32 }),
             Err(AcyclicError::NoMailbox { position: 0 }),
         ]
     );

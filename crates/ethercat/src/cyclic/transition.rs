@@ -381,7 +381,7 @@ impl Transition {
 }
 
 /// Cycle and shift of SYNC0, ns.
-fn sync0(sync: DcConfig) -> Option<(u32, i32)> {
+pub(super) fn sync0(sync: DcConfig) -> Option<(u32, i32)> {
     match sync {
         DcConfig::Off => None,
         DcConfig::Sync0 { cycle_ns, shift_ns } | DcConfig::Sync0And1 { cycle_ns, shift_ns, .. } => {
@@ -391,7 +391,7 @@ fn sync0(sync: DcConfig) -> Option<(u32, i32)> {
 }
 
 /// The first multiple of the cycle, plus the shift, that isn't before `earliest`.
-fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTime {
+pub(super) fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTime {
     let cycle = u64::from(cycle_ns);
     let shift = i64::from(shift_ns).rem_euclid(cycle as i64) as u64;
     let periods = earliest.0.saturating_sub(shift).div_ceil(cycle);

@@ -50,7 +50,7 @@ pub struct Member {
 }
 
 /// Data bytes that register accesses in the spare datagram may have, whatever the mailboxes are.
-const REGISTER_ACCESS: usize = 16;
+const REGISTER_ACCESS: usize = 32;
 
 impl Member {
     /// The longest datagram of acyclic work, data bytes.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Freshness, Goal, Health, Phase,
+    AcyclicRequest, AcyclicWork, ClockDirection, Freshness, Goal, Health, Phase, RecoveryError,
 };
 use omnibase_ethercat::mailbox::{MailboxRequest, ObjectList, Operation, list_indices};
 use omnibase_ethercat::start_up::SdoAccess;
@@ -174,6 +174,70 @@ fn a_power_cycled_drive_is_named_within_two_cycles_and_the_others_miss_none() {
         assert_eq!(runner.cycle(), Exchange::Without { unwell: 1 });
         assert_eq!(runner.bus.freshness(2), Freshness::Fresh);
     }
+}
+
+#[test]
+fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
+    let mut runner = Runner::new(
+        segment_file("three-sgdv.toml"),
+        &synchronous(3, MILLISECOND),
+        ClockDirection::CycleFollowsDc,
+    );
+    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    runner.segment().inject(1, Fault::PowerOff).unwrap();
+    runner.segment().inject(1, Fault::PowerOn).unwrap();
+    runner.cycle();
+    runner.cycle();
+    let lost = runner.subdevices[1].clone();
+    assert!(runner.bus.recover(&lost));
+    assert!(!runner.bus.recover(&lost), "it is on its way already");
+    let mut recovered = None;
+    for cycle in 0..5000 {
+        let frames = runner.bus.link().frames;
+        let exchange = runner.cycle();
+        assert!(
+            matches!(exchange, Exchange::Without { .. } | Exchange::Complete),
+            "cycle {cycle}: {exchange:?} while drive 1 comes back"
+        );
+        assert!(runner.bus.link().frames - frames <= 2, "a diagnosis round is one frame more");
+        recovered = recovered.or_else(|| runner.bus.poll_recovered());
+        if recovered.is_some() && runner.bus.health().iter().all(|health| *health == Health::Well) {
+            println!("back in OP after {cycle} cycles");
+            break;
+        }
+    }
+    assert_eq!(recovered, Some((1, Ok(()))));
+    assert!((0..1000).all(|_| runner.cycle() == Exchange::Complete));
+    assert!(runner.worst_clock_ns() < 1000, "{} ns", runner.worst_clock_ns());
+    // Its mailbox works again.
+    let name = MailboxRequest::upload(ObjectAddress::new(0x1008, 0), Vec::with_capacity(64));
+    assert!(!through_the_cycle(&mut runner, 1, name).0.is_empty());
+}
+
+#[test]
+fn another_product_in_the_place_of_a_lost_one_is_refused() {
+    let mut runner = Runner::new(
+        segment_file("three-sgdv.toml"),
+        &synchronous(3, MILLISECOND),
+        ClockDirection::CycleFollowsDc,
+    );
+    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    runner.segment().inject(2, Fault::PowerOff).unwrap();
+    let mut gone = runner.subdevices[2].clone();
+    assert!(runner.bus.recover(&gone));
+    let end = |runner: &mut Runner| {
+        (0..20_000).find_map(|_| {
+            runner.cycle();
+            runner.bus.poll_recovered()
+        })
+    };
+    assert!(matches!(end(&mut runner), Some((2, Err(RecoveryError::NotThere { position: 2, .. })))));
+    runner.segment().inject(2, Fault::PowerOn).unwrap();
+    gone.identity.product_code = 7;
+    assert!(runner.bus.recover(&gone));
+    let expected = (0x0539, 7);
+    let error = RecoveryError::OtherProduct { position: 2, expected, found: (0x0539, 0x0220_0001) };
+    assert_eq!(end(&mut runner), Some((2, Err(error))));
 }
 
 #[test]

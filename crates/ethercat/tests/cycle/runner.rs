@@ -8,7 +8,9 @@ use omnibase_ethercat::cyclic::{
 };
 use omnibase_ethercat::wire::frame::Datagrams;
 use omnibase_ethercat::wire::{Clock, Command, HostTime, Link, LinkError};
-use omnibase_ethercat::{Bus, BusOptions, CyclicBus, DcConfig, Exchange, ProcessImage, SubDeviceConfig};
+use omnibase_ethercat::{
+    Bus, BusOptions, CyclicBus, DcConfig, Exchange, ProcessImage, SubDevice, SubDeviceConfig,
+};
 use omnibase_ethercat_sim::{FaultLink, Segment, SegmentFile, SimLink, VirtualClock, in_process};
 
 /// Notes every command and the number of frames.
@@ -57,6 +59,7 @@ pub struct Runner {
     pub bus: CyclicBus<SpyLink>,
     pub image: ProcessImage,
     pub clock: VirtualClock,
+    pub subdevices: Vec<SubDevice>,
     pub cycle: Duration,
     pub follower: DcFollower,
     pub leader: Option<HostToDc>,
@@ -78,6 +81,7 @@ impl Runner {
             image: ready.bus.plan().image(),
             bus: ready.bus,
             clock: ready.clock,
+            subdevices: ready.subdevices,
             cycle,
             follower: DcFollower::new(cycle, cycle / 2, FollowerGains::default()),
             leader: (following == ClockDirection::DcFollowsHost).then(HostToDc::new),

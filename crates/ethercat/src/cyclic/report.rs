@@ -1,0 +1,170 @@
+//! What a [`CyclicBus`] tells, and what is handed in and taken out beside the cycle.
+
+use super::{
+    AcyclicCompletion, AcyclicRequest, CommandSet, CycleCounters, CyclicBus, CyclicParts, Exchange, Flight,
+    Freshness, Health, Phase, RecoveryError, SegmentStatus,
+};
+use crate::image::{ClockUse, ImagePlan, Member, Role};
+use crate::mailbox::{Mailbox, ReceivedEmergency};
+use crate::subdevice::SubDevice;
+use crate::wire::DcTime;
+
+impl<L> CyclicBus<L> {
+    /// Where the segment is on its way between states.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The farthest clock of the last look while clocks are being locked: position and ns.
+    pub fn worst_clock(&self) -> Option<(u16, i32)> {
+        self.transition.as_ref()?.worst_clock()
+    }
+
+    /// Time of the reference clock when the last frame passed it.
+    pub fn clock(&self) -> Option<DcTime> {
+        self.clock.last()
+    }
+
+    /// How the reference clock is used.
+    pub fn clock_use(&self) -> ClockUse {
+        self.plan.clock
+    }
+
+    /// AL status of all SubDevices in the last exchange; `None` where its frame was lost.
+    pub fn status(&self) -> Option<SegmentStatus> {
+        self.status
+    }
+
+    /// What became of the last exchange.
+    pub fn last_exchange(&self) -> Exchange {
+        self.last
+    }
+
+    /// How each SubDevice is, by position.
+    pub fn health(&self) -> &[Health] {
+        self.diagnosis.health()
+    }
+
+    /// Rounds of questions that wrong counters or states led to.
+    pub fn diagnosis_rounds(&self) -> u64 {
+        self.diagnosis.rounds
+    }
+
+    /// How old the inputs of the SubDevice at `position` are after the last exchange.
+    pub fn freshness(&self, position: u16) -> Freshness {
+        if self.diagnosis.health().get(usize::from(position)).is_some_and(|health| *health != Health::Well) {
+            return Freshness::Unwell;
+        }
+        for (frame, plan) in self.exchanger.frames.iter().zip(&self.plan.frames) {
+            for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
+                let carries = matches!(datagram.role, Role::Inputs { .. } | Role::Both { .. })
+                    && datagram.touches.iter().any(|touch| touch.position == position);
+                if carries && frame.flight != Flight::Back {
+                    return Freshness::FrameLost;
+                }
+                let most = slot.accepted + slot.leeway;
+                if carries
+                    && !(slot.accepted..=most).contains(&slot.received)
+                    && slot.received != slot.expected
+                {
+                    return Freshness::ShortCount;
+                }
+            }
+        }
+        match self.last {
+            Exchange::Complete | Exchange::Without { .. } => Freshness::Fresh,
+            Exchange::ShortCount { .. } | Exchange::Lost { .. } => Freshness::HeldBack,
+        }
+    }
+
+    /// Figures of all cycles so far.
+    pub fn counters(&self) -> CycleCounters {
+        self.exchanger.counters
+    }
+
+    /// Frames with process data in each cycle.
+    pub fn frames_per_cycle(&self) -> usize {
+        self.planned
+    }
+
+    /// Every command that this bus has put into a frame.
+    pub fn commands_used(&self) -> CommandSet {
+        self.exchanger.frames.iter().fold(CommandSet::default(), |set, frame| set.union(frame.commands))
+    }
+
+    /// The layout of image and frames.
+    pub fn plan(&self) -> &ImagePlan {
+        &self.plan
+    }
+
+    /// The SubDevices as the cycle knows them.
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// Queues work beside the cycle; gives it back where [`CAPACITY`] is reached.
+    pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
+        self.acyclic.submit(request)
+    }
+
+    /// Takes work that has ended.
+    pub fn poll_completion(&mut self) -> Option<AcyclicCompletion> {
+        self.acyclic.poll()
+    }
+
+    /// Begins to bring one SubDevice back to OP beside the cycle, as its start-up list says; all others go on.
+    ///
+    /// Its outputs must be safe until the application enables it again. `false` where it is on its way already.
+    /// This is not for the cycle: it allocates, and so may single steps of the way back.
+    pub fn recover(&mut self, subdevice: &SubDevice) -> bool {
+        let begun = self.acyclic.recover(subdevice);
+        self.set_leeway();
+        begun
+    }
+
+    /// Takes the end of a way back: the SubDevice's position, and whether it is in OP again.
+    pub fn poll_recovered(&mut self) -> Option<(u16, Result<(), RecoveryError>)> {
+        let recovered = self.acyclic.poll_recovered();
+        if recovered.is_some() {
+            self.set_leeway();
+        }
+        recovered
+    }
+
+    /// What those on their way back may add to each working counter.
+    fn set_leeway(&mut self) {
+        for (frame, plan) in self.exchanger.frames.iter_mut().zip(&self.plan.frames) {
+            for (slot, datagram) in frame.slots_mut().iter_mut().zip(&plan.datagrams) {
+                let coming =
+                    datagram.touches.iter().filter(|touch| self.acyclic.is_recovering(touch.position));
+                slot.leeway = coming.map(|touch| touch.count).sum();
+            }
+        }
+    }
+
+    /// Takes an emergency and the position of the SubDevice that sent it.
+    pub fn take_emergency(&mut self) -> Option<(u16, ReceivedEmergency)> {
+        self.acyclic.take_emergency()
+    }
+
+    /// A SubDevice's mailbox, for its counters.
+    pub fn mailbox(&self, position: u16) -> Option<&Mailbox> {
+        self.acyclic.mailbox(position)
+    }
+
+    /// The link, for its own figures.
+    pub fn link(&self) -> &L {
+        &self.exchanger.link
+    }
+
+    /// The link, to change it between two exchanges.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.exchanger.link
+    }
+
+    /// Ends cyclic exchange; gives back the link and the mailboxes.
+    pub fn into_parts(self) -> (L, CyclicParts) {
+        let mailboxes = self.acyclic.into_mailboxes().collect();
+        (self.exchanger.link, CyclicParts { members: self.members, plan: self.plan, mailboxes })
+    }
+}
