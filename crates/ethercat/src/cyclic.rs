@@ -499,7 +499,7 @@ impl<L: Link> CyclicBus<L> {
     }
 
     /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
-    /// Only with [`ClockUse::Steer`].
+    /// Only with [`crate::image::ClockUse::Steer`].
     pub fn steer_clock(&mut self, time: Option<DcTime>) {
         let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
             return;

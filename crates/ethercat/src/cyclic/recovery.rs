@@ -10,7 +10,7 @@ use crate::mailbox::Mailbox;
 use crate::procedure::{Answer, Next, Procedure, Request};
 use crate::start_up::{Refusal, StartUpError, StartUpRunner, StartUpStep};
 use crate::state::Application;
-use crate::subdevice::SubDevice;
+use crate::subdevice::{DcWidth, SubDevice};
 use crate::transaction::Target;
 use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::sii::Identity;
@@ -110,7 +110,7 @@ pub(super) struct Recovery {
     identity: Identity,
     sync: DcConfig,
     cyclic_control: CyclicControl,
-    has_clock: bool,
+    clock: Option<DcWidth>,
     set_up: Vec<StartUpStep>,
     enter: Vec<StartUpStep>,
     mailbox: Option<Mailbox>,
@@ -136,7 +136,7 @@ impl Recovery {
             identity: subdevice.identity,
             sync: subdevice.config.dc,
             cyclic_control: subdevice.config.cyclic_control,
-            has_clock: subdevice.dc.is_some(),
+            clock: subdevice.dc.map(|dc| dc.width),
             set_up,
             enter: states.cloned().collect(),
             mailbox,
@@ -214,7 +214,8 @@ impl Recovery {
             steps.push(must("the SYNC1 cycle", register::DC_SYNC1_CYCLE, &sync1_cycle_ns.to_le_bytes()));
             activation = 7;
         }
-        steps.push(must("the start time", register::DC_START_TIME, &start.0.to_le_bytes()));
+        let length = if self.clock == Some(DcWidth::Bits32) { 4 } else { 8 };
+        steps.push(must("the start time", register::DC_START_TIME, &start.0.to_le_bytes()[..length]));
         steps.push(must("SYNC on", register::DC_ACTIVATION, &[activation]));
         Some(Stage::Arm(self.runner(steps, None)))
     }
@@ -248,7 +249,7 @@ impl Recovery {
             }
             Stage::SetUp(runner) => {
                 self.mailbox = runner.into_mailbox();
-                if self.has_clock && sync0(self.sync).is_some() {
+                if self.clock.is_some() && sync0(self.sync).is_some() {
                     Stage::Lock { good: 0, since: now }
                 } else {
                     self.enter()

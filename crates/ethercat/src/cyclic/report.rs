@@ -102,7 +102,7 @@ impl<L> CyclicBus<L> {
         &self.members
     }
 
-    /// Queues work beside the cycle; gives it back where [`CAPACITY`] is reached.
+    /// Queues work beside the cycle; gives it back where [`super::CAPACITY`] is reached.
     pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
         self.acyclic.submit(request)
     }
