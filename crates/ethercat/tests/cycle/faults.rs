@@ -215,6 +215,32 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
 }
 
 #[test]
+fn one_of_two_lost_drives_comes_back_while_the_third_misses_no_cycle() {
+    let mut runner = Runner::new(
+        segment_file("three-sgdv.toml"),
+        &synchronous(3, MILLISECOND),
+        ClockDirection::CycleFollowsDc,
+    );
+    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    for position in [1, 2] {
+        runner.segment().inject(position, Fault::PowerOff).unwrap();
+        runner.segment().inject(position, Fault::PowerOn).unwrap();
+    }
+    runner.cycle();
+    runner.cycle();
+    assert_eq!(runner.cycle(), Exchange::Without { unwell: 2 });
+    let lost = runner.subdevices[1].clone();
+    assert!(runner.bus.recover(&lost));
+    let ended = (0..5000).find_map(|cycle| {
+        let exchange = runner.cycle();
+        assert!(matches!(exchange, Exchange::Without { .. }), "cycle {cycle}: {exchange:?}");
+        assert_eq!(runner.bus.freshness(0), Freshness::Fresh);
+        runner.bus.poll_recovered()
+    });
+    assert_eq!(ended, Some((1, Ok(()))));
+}
+
+#[test]
 fn another_product_in_the_place_of_a_lost_one_is_refused() {
     let mut runner = Runner::new(
         segment_file("three-sgdv.toml"),
