@@ -382,3 +382,25 @@ fn missing_rights_name_the_capability_and_the_command_that_grants_it() {
     );
     assert_eq!(words, expected);
 }
+
+#[test]
+fn the_clocks_can_follow_the_host() {
+    let run =
+        omnibase(&["exchange", &sim("three-sgdv"), "--dc", "--clock", "host", "--cycles", "3000", "--json"]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["operational"], true);
+    // Nothing wakes late in virtual time: the phase stays where it was put.
+    assert!(report["dc_phase_ns"]["max"].as_u64().unwrap() < 5_000, "{report}");
+    assert!(report["commands_used"].as_array().unwrap().iter().any(|command| command == "FPWR"));
+    let alone = omnibase(&["exchange", &sim("three-sgdv"), "--clock", "host"]);
+    assert_eq!(alone.status.code(), Some(2), "--clock means nothing without --dc");
+}
+
+#[test]
+fn a_cycle_shorter_than_its_frames_is_refused_beforehand() {
+    let run = omnibase(&["exchange", &sim("hundred-servos"), "--cycle-us", "100"]);
+    assert_eq!(run.status.code(), Some(1));
+    let words = text(&run.stderr);
+    assert!(words.contains("--cycle-us 100") && words.contains("on the cable alone"), "{words}");
+}

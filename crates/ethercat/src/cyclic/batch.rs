@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 
 use super::frame::{CyclicFrame, Flight, Purpose};
+use crate::error::Found;
 use crate::image::{FEWEST_DATAGRAMS, FILLER_LENGTH};
 use crate::wire::frame::DATAGRAM_OVERHEAD;
 use crate::wire::{Address, Command};
@@ -23,8 +24,8 @@ pub(super) enum ItemState {
     Sent { attempts: u8 },
     /// Done by one SubDevice; `data` is what came back.
     Answered,
-    /// Refused or not heard: working counter of the last attempt, 0 where every frame was lost.
-    Failed { working_counter: u16 },
+    /// Refused or not heard, whatever was tried; what the last attempt found.
+    Failed { found: Found },
 }
 
 /// One access.
@@ -153,7 +154,7 @@ impl Batch {
                     item.state = ItemState::Answered;
                     self.unfinished -= 1;
                 } else if attempts >= self.attempts {
-                    item.state = ItemState::Failed { working_counter: slot.received };
+                    item.state = ItemState::Failed { found: Found::WorkingCounter(slot.received) };
                     self.unfinished -= 1;
                 } else {
                     item.state = ItemState::Open { attempts };
@@ -163,7 +164,7 @@ impl Batch {
         for item in &mut self.items {
             if let ItemState::Sent { attempts } = item.state {
                 if attempts >= ATTEMPTS {
-                    item.state = ItemState::Failed { working_counter: 0 };
+                    item.state = ItemState::Failed { found: Found::Nothing };
                     self.unfinished -= 1;
                 } else {
                     item.state = ItemState::Open { attempts };

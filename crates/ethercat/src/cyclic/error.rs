@@ -4,6 +4,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::config::DcConfig;
+use crate::error::Found;
 use crate::wire::{AlState, AlStatusCode};
 
 /// What a SubDevice was given before it refused.
@@ -83,16 +84,14 @@ pub enum TransitionError {
         after: Duration,
     },
     /// A register access failed again and again.
-    #[error(
-        "SubDevice {position} does not take register 0x{register:04x} (working counter {working_counter})"
-    )]
+    #[error("SubDevice {position} does not take register 0x{register:04x}: {found}")]
     RegisterRefused {
         /// Position.
         position: u16,
         /// First register.
         register: u16,
-        /// Working counter of the last attempt; 0 also where every frame was lost.
-        working_counter: u16,
+        /// What the last attempt found.
+        found: Found,
     },
     /// A SubDevice reports an error instead of the state.
     #[error("SubDevice {position} refuses {target} and is in {}: {code}{}; programmed: {programmed}", Status(*.status), Cause(*.code))]

@@ -400,11 +400,9 @@ pub(super) fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTi
 
 fn refused(items: &[Item]) -> Option<TransitionError> {
     items.iter().find_map(|item| match item.state {
-        ItemState::Failed { working_counter } => Some(TransitionError::RegisterRefused {
-            position: item.position,
-            register: item.register,
-            working_counter,
-        }),
+        ItemState::Failed { found } => {
+            Some(TransitionError::RegisterRefused { position: item.position, register: item.register, found })
+        }
         _ => None,
     })
 }

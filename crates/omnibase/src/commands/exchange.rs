@@ -7,12 +7,14 @@ use crate::progress::note;
 use crate::target::{Port, Target, finish_recording};
 use crate::{Outcome, commands};
 use omnibase_ethercat::cyclic::ClockDirection;
+use omnibase_ethercat::image::FramePlan;
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MIN_FRAME};
 use omnibase_ethercat::wire::sii::{self, Identity};
 use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
 use omnibase_host::real_time::{self, Wishes};
 use omnibase_host::{Waiting, stop_on_signals};
-use runner::{Plan, Runner};
+use runner::{Pace, Plan, Runner};
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -23,6 +25,7 @@ use std::time::Duration;
   omnibase exchange sim:segments/three-sgdv.toml --dc                  a simulated segment in virtual time
   omnibase exchange eth1 --cycle-us 500 --cycles 100000 --realtime     five hundred microseconds, real-time thread
   omnibase exchange eth1 --dc --ring --busy-poll --json                SYNC0, mapped rings, no sleeping receive
+  omnibase exchange eth1 --dc --clock host                             the distributed clocks follow this host
   omnibase exchange eth1 --record run.pcapng                           with a recording for Wireshark
 
 All outputs are zero and no drive is enabled, but the segment goes to OP: wheels off the ground. At the end it is
@@ -40,6 +43,9 @@ pub struct Arguments {
     /// Synchronise by distributed clocks: SYNC0 at the cycle, and the cycle follows the reference clock.
     #[arg(long)]
     dc: bool,
+    /// Whose time leads with --dc: the reference clock's (the cycle follows it) or this host's (it follows the cycle).
+    #[arg(long, value_enum, default_value_t = Leader::Dc, requires = "dc")]
+    clock: Leader,
     /// Shift of SYNC0 against the multiples of the cycle, microseconds (frames pass half a cycle before it).
     #[arg(
         long,
@@ -69,6 +75,15 @@ pub struct Arguments {
     json: bool,
 }
 
+/// Whose time leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Leader {
+    /// The reference clock.
+    Dc,
+    /// The host's clock.
+    Host,
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let stop = stop_on_signals()?;
@@ -87,14 +102,20 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     if !arguments.json {
         list(bus.subdevices(), output)?;
     }
-    let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc)?;
+    let (pace, direction) = match (arguments.dc, arguments.clock) {
+        (false, _) => (Pace::Free, ClockDirection::CycleFollowsDc),
+        (true, Leader::Dc) => (Pace::FollowDc, ClockDirection::CycleFollowsDc),
+        (true, Leader::Host) => (Pace::LeadDc, ClockDirection::DcFollowsHost),
+    };
+    let handover = bus.into_cyclic(direction)?;
+    check_wire_time(&handover.bus.plan().frames, arguments.cycle_us)?;
 
     // Until the end of the cycle.
     let _granted = arguments.real_time();
     let plan = Plan {
         cycle: arguments.cycle_us,
         cycles: arguments.cycles,
-        follow_clock: arguments.dc,
+        pace,
         paced: matches!(arguments.target, Target::Interface(_)),
     };
     let mut runner = Runner::new(handover, plan);
@@ -168,6 +189,28 @@ fn list(subdevices: &[SubDevice], output: &mut dyn Write) -> std::io::Result<()>
         )?;
     }
     writeln!(output)
+}
+
+/// Refuses a cycle that is over before its frames are through the cable (100 Mbit/s).
+fn check_wire_time(frames: &[FramePlan], cycle: Duration) -> anyhow::Result<()> {
+    /// Preamble, checksum and the silence between frames.
+    const WIRE_OVERHEAD: usize = 24;
+    let bytes: usize = frames
+        .iter()
+        .map(|frame| {
+            let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
+            (FIRST_DATAGRAM + data).max(MIN_FRAME) + WIRE_OVERHEAD
+        })
+        .sum();
+    let needed = Duration::from_nanos(bytes as u64 * 80);
+    anyhow::ensure!(
+        needed < cycle,
+        "--cycle-us {}: the {} frames of a cycle take {} us on the cable alone; choose a longer cycle",
+        cycle.as_micros(),
+        frames.len(),
+        needed.as_micros()
+    );
+    Ok(())
 }
 
 /// Whether SYNC0 makes sense: a clock, process data, and an application that may use it. A SubDevice without a

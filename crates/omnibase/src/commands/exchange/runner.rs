@@ -7,7 +7,7 @@ use crate::target::AnyClock;
 use anyhow::Context;
 use omnibase_ethercat::cyclic::TransitionOptions;
 use omnibase_ethercat::cyclic::{
-    CycleCounters, DcFollower, FollowerGains, Goal, Handover, Health, Phase, Step,
+    CycleCounters, DcFollower, FollowerGains, Goal, Handover, Health, HostToDc, Phase, Step,
 };
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::frame::FrameBuilder;
@@ -29,10 +29,21 @@ pub struct Plan {
     pub cycle: Duration,
     /// Cycles in OP.
     pub cycles: u64,
-    /// Whether the cycle follows the reference clock.
-    pub follow_clock: bool,
+    /// Who leads whom in time.
+    pub pace: Pace,
     /// Whether it takes real time, so that progress is worth showing.
     pub paced: bool,
+}
+
+/// Who leads whom in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// Nobody: the cycle runs by the host's clock, and no SYNC0 stands against it.
+    Free,
+    /// The cycle follows the reference clock.
+    FollowDc,
+    /// The reference clock follows the host's clock.
+    LeadDc,
 }
 
 /// Runs the cycle.
@@ -43,6 +54,7 @@ pub struct Runner {
     image: ProcessImage,
     plan: Plan,
     follower: Option<DcFollower>,
+    leader: Option<HostToDc>,
     last_clock: Option<DcTime>,
     wake: HostTime,
     measured: Measured,
@@ -74,9 +86,11 @@ impl Runner {
     /// A cycle over a segment in PRE-OP.
     pub fn new(handover: Handover<Box<dyn Link>, AnyClock>, plan: Plan) -> Self {
         let Handover { bus, clock, subdevices } = handover;
-        let follows = plan.follow_clock && bus.clock_use().reference().is_some();
+        let has_clock = bus.clock_use().reference().is_some();
         // SYNC0 stands at the multiples of the cycle: frames pass half a cycle before and after it.
-        let follower = follows.then(|| DcFollower::new(plan.cycle, plan.cycle / 2, FollowerGains::default()));
+        let follower = (has_clock && plan.pace != Pace::Free)
+            .then(|| DcFollower::new(plan.cycle, plan.cycle / 2, FollowerGains::default()));
+        let leader = (has_clock && plan.pace == Pace::LeadDc).then(HostToDc::new);
         let image = bus.plan().image();
         let wake = clock.now() + plan.cycle;
         let measured = Measured {
@@ -90,7 +104,7 @@ impl Runner {
             before: CycleCounters::default(),
             after: CycleCounters::default(),
         };
-        Runner { bus, clock, subdevices, image, plan, follower, last_clock: None, wake, measured }
+        Runner { bus, clock, subdevices, image, plan, follower, leader, last_clock: None, wake, measured }
     }
 
     /// To OP, all cycles, and back to INIT; an error says what ended it early.
@@ -220,19 +234,35 @@ impl Runner {
         let woke = self.clock.now();
         // Where the host overslept the frame still needs its time to come back.
         let deadline = self.wake.max(woke) + self.plan.cycle * 9 / 10;
+        if let Some(leader) = &self.leader {
+            self.bus.steer_clock(leader.time_at(woke));
+        }
         self.bus.exchange(&mut self.image, deadline)?;
         let back = self.clock.now();
         // A reading that didn't change is that of an earlier frame.
         let reading = self.bus.clock().filter(|time| self.last_clock != Some(*time));
         self.last_clock = self.bus.clock();
         let mut phase_ns = None;
-        let planned = match &mut self.follower {
-            Some(follower) => {
+        let planned = match (&mut self.follower, &mut self.leader) {
+            (Some(follower), None) => {
                 let next = follower.next_wake(self.wake, reading);
                 phase_ns = reading.and_then(|_| follower.last_error_ns()).map(i64::unsigned_abs);
                 next
             }
-            None => self.wake + self.plan.cycle,
+            (Some(follower), Some(leader)) => {
+                let first = leader.time_at(woke).is_none();
+                let phase = reading.map(|clock| follower.phase_error(clock));
+                if let Some(clock) = reading {
+                    leader.read(woke, clock);
+                }
+                phase_ns = phase.map(i64::unsigned_abs);
+                // Once, before any SYNC0: from then on both pass alike.
+                let shift = phase.filter(|_| first).map_or(0, |phase| -phase);
+                let late = i64::try_from((woke - self.wake).as_nanos()).unwrap_or(0);
+                let shift = if first { shift + late } else { 0 };
+                HostTime((self.wake + self.plan.cycle).0.saturating_add_signed(shift))
+            }
+            (None, _) => self.wake + self.plan.cycle,
         };
         let times = Times {
             late_ns: (woke - self.wake).as_nanos() as u64,
