@@ -26,7 +26,7 @@ fn documents() -> Vec<PathBuf> {
 
 /// Paths of the repository that a text names in backticks or as the target of a link.
 fn named_paths(text: &str) -> Vec<String> {
-    let folders = ["crates/", "docs/", "segments/", "robots/", "fuzz/", ".ci/"];
+    let folders = ["crates/", "docs/", "segments/", "robots/", "fuzz/", "examples/", ".ci/"];
     let in_backticks = text.split('`').skip(1).step_by(2).filter(|name| {
         folders.iter().any(|folder| name.starts_with(folder)) && !name.contains([' ', '*', '<', '\n'])
     });
@@ -56,9 +56,11 @@ fn every_path_that_a_document_names_exists() {
 #[test]
 fn every_crate_stands_in_the_code_map() {
     let map = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
-    for entry in fs::read_dir(root().join("crates")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(map.contains(&format!("`crates/{name}`")), "ARCHITECTURE.md lacks crates/{name}");
+    for folder in ["crates", "examples"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            assert!(map.contains(&format!("`{folder}/{name}`")), "ARCHITECTURE.md lacks {folder}/{name}");
+        }
     }
 }
 
