@@ -317,6 +317,7 @@ impl Emergency {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn expedited_download_of_two_bytes_has_the_command_byte_of_the_standard() {
@@ -343,5 +344,38 @@ mod tests {
         write_header(&mut bytes, Service::SdoRequest);
         assert_eq!(bytes, [0x00, 0x20]);
         assert_eq!(service_code(&bytes).and_then(Service::from_code), Some(Service::SdoRequest));
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back(
+            command: u8,
+            index: u16,
+            subindex: u8,
+            data: [u8; 4],
+            opcode in 0u8..128,
+            incomplete: bool,
+            fragments_left: u16,
+            more: [u8; 5],
+        ) {
+            let mut bytes = [0; 8];
+            let sdo = SdoHeader { command, object: ObjectAddress::new(index, subindex), data };
+            sdo.write(&mut bytes);
+            prop_assert_eq!(SdoHeader::read(&bytes), Some(sdo));
+            let info = InfoHeader { opcode, incomplete, fragments_left };
+            info.write(&mut bytes);
+            prop_assert_eq!(InfoHeader::read(&bytes), Some(info));
+            let emergency = Emergency { code: index, register: subindex, data: more };
+            emergency.write(&mut bytes);
+            prop_assert_eq!(Emergency::read(&bytes), Some(emergency));
+        }
+
+        #[test]
+        fn any_bytes_are_read_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..16)) {
+            prop_assert_eq!(SdoHeader::read(&bytes).is_some(), bytes.len() >= SDO_HEADER);
+            prop_assert_eq!(InfoHeader::read(&bytes).is_some(), bytes.len() >= INFO_HEADER);
+            prop_assert_eq!(Emergency::read(&bytes).is_some(), bytes.len() >= Emergency::LENGTH);
+            prop_assert_eq!(service_code(&bytes).is_some(), bytes.len() >= HEADER);
+        }
     }
 }

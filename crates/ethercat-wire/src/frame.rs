@@ -296,6 +296,7 @@ impl FrameBuilder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     /// BRD of register 0 as any capture of a start-up shows it.
     const BRD: [u8; 29] = [
@@ -346,5 +347,44 @@ mod tests {
         assert_eq!(frame.bytes().len(), MAX_FRAME);
         assert!(frame.push_zeros(Command::Nop, 1, Address::broadcast(0), 0).is_err());
         assert_eq!(Datagrams::new(frame.bytes()).unwrap().count(), 1);
+    }
+
+    fn datagrams() -> impl Strategy<Value = Vec<(Command, u8, u32, Vec<u8>)>> {
+        let command = (0..Command::ALL.len()).prop_map(|code| Command::ALL[code]);
+        let data = prop::collection::vec(any::<u8>(), 0..200);
+        prop::collection::vec((command, any::<u8>(), any::<u32>(), data), 0..12)
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_built_is_read_back(datagrams in datagrams()) {
+            let mut frame = FrameBuilder::new();
+            let mut built = Vec::new();
+            for (command, index, address, data) in &datagrams {
+                if frame.push(*command, *index, command.address(*address), data).is_ok() {
+                    built.push((command.code(), *index, *address, data.clone()));
+                }
+            }
+            prop_assert!(frame.bytes().len() <= MAX_FRAME);
+            let read: Vec<_> = Datagrams::new(frame.bytes()).unwrap().map(Result::unwrap).collect();
+            for (number, datagram) in read.iter().enumerate() {
+                prop_assert_eq!(datagram.header.more, number + 1 < read.len());
+            }
+            let read: Vec<_> = read
+                .iter()
+                .map(|one| (one.header.command, one.header.index, one.header.address, one.data.to_vec()))
+                .collect();
+            prop_assert_eq!(read, built);
+        }
+
+        #[test]
+        fn any_bytes_are_read_inside_their_frame(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let mut frame = FrameBuilder::new().bytes()[..ETHERNET_HEADER].to_vec();
+            frame.extend_from_slice(&(0x1000 | bytes.len() as u16).to_le_bytes());
+            frame.extend_from_slice(&bytes);
+            for datagram in Datagrams::new(&frame).unwrap().flatten() {
+                prop_assert!(datagram.offset + DATAGRAM_OVERHEAD + datagram.data.len() <= frame.len());
+            }
+        }
     }
 }

@@ -152,6 +152,7 @@ pub fn next_counter(counter: u8) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn header_bytes_are_those_of_an_sdo_upload_request() {
@@ -172,5 +173,31 @@ mod tests {
         assert_eq!(read(&lying), Err(MailboxError::LengthBeyondMailbox { announced: 3, found: 2 }));
         let (header, data) = read(&[1, 0, 0, 0, 0, 0x23, 9, 0, 0]).unwrap();
         assert_eq!((header.counter, header.protocol, data), (2, 3, &[9][..]));
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back(
+            station: u16,
+            channel in 0u8..64,
+            priority in 0u8..4,
+            protocol in 0u8..16,
+            counter in 0u8..8,
+            data in prop::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let header =
+                Header { length: data.len() as u16, station, channel, priority, protocol, counter };
+            let mut area = [0; 128];
+            header.write(&mut area);
+            area[HEADER..HEADER + data.len()].copy_from_slice(&data);
+            prop_assert_eq!(read(&area), Ok((header, &data[..])));
+        }
+
+        #[test]
+        fn any_bytes_are_read_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..40)) {
+            if let Ok((header, data)) = read(&bytes) {
+                prop_assert_eq!(usize::from(header.length), data.len());
+            }
+        }
     }
 }

@@ -19,6 +19,9 @@ use std::time::Duration;
 /// Cycles that the search for culprits may take.
 const DIAGNOSIS_CYCLES: u32 = 300;
 
+/// The longest wait for each state on the way back.
+const END_TIMEOUT: Duration = Duration::from_secs(1);
+
 /// Frames that ask for INIT where the orderly way there failed.
 const BROADCAST_ATTEMPTS: u32 = 3;
 
@@ -171,7 +174,12 @@ impl Runner {
 
     /// Cycles until the goal is reached; `false` where `stop` came first.
     fn reach(&mut self, goal: Goal, stop: &AtomicBool) -> anyhow::Result<bool> {
-        self.bus.request(goal, TransitionOptions::default(), self.clock.now());
+        let mut options = TransitionOptions::default();
+        if goal != Goal::Op {
+            // A segment that is gone is not waited for; who still hears is asked by broadcast.
+            options.state_timeout = END_TIMEOUT;
+        }
+        self.bus.request(goal, options, self.clock.now());
         let mut shown = None;
         loop {
             match self.bus.phase() {
