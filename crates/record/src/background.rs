@@ -1,5 +1,6 @@
 //! Recording from the cyclic thread: a ring without locks, and a thread that writes.
 
+use crate::ring::take;
 use crate::{Direction, FrameSink, PcapngWriter};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::io::{self, Write};
@@ -117,17 +118,6 @@ fn drain<W: Write>(mut ring: Consumer<u8>, mut writer: PcapngWriter<W>) -> io::R
         }
         std::thread::sleep(REST);
     }
-}
-
-/// Moves `length` bytes from the ring to `to`; `false` where there are fewer.
-fn take(ring: &mut Consumer<u8>, length: usize, to: &mut Vec<u8>) -> bool {
-    let Ok(chunk) = ring.read_chunk(length) else { return false };
-    let (first, second) = chunk.as_slices();
-    to.clear();
-    to.extend_from_slice(first);
-    to.extend_from_slice(second);
-    chunk.commit_all();
-    true
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod background;
 mod capture;
 mod pcapng;
 mod recording_link;
+mod ring;
 pub mod run;
 
 pub use background::{BackgroundRecorder, Recorded, WhenFull};

@@ -1,6 +1,7 @@
 //! From the cyclic thread to the files: a ring without locks, and a thread that writes.
 
 use super::{ColumnError, ColumnWriter, McapRun, RunError, RunEvent, RunSchema};
+use crate::ring::take;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -212,17 +213,6 @@ fn drain(mut ring: Consumer<u64>, mut writers: Writers) -> Result<u64, RecorderE
         }
         std::thread::sleep(REST);
     }
-}
-
-/// Moves `length` words from the ring to `to`; `false` where there are fewer.
-fn take(ring: &mut Consumer<u64>, length: usize, to: &mut Vec<u64>) -> bool {
-    let Ok(chunk) = ring.read_chunk(length) else { return false };
-    let (first, second) = chunk.as_slices();
-    to.clear();
-    to.extend_from_slice(first);
-    to.extend_from_slice(second);
-    chunk.commit_all();
-    true
 }
 
 impl Writers {
