@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
@@ -51,6 +52,33 @@ fn every_path_that_a_document_names_exists() {
         }
     }
     assert!(checked > 10, "only {checked} paths were found in the documents: is the search broken?");
+}
+
+/// Commands in blocks that begin with "```sh tested": each one `cargo run --release -- ...` on simulated segments.
+#[test]
+fn every_command_that_a_document_marks_as_tested_works() {
+    let mut checked = 0;
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        let blocks = text.split("```sh tested\n").skip(1).filter_map(|rest| rest.split("```").next());
+        for line in blocks.flat_map(str::lines) {
+            let arguments = line.strip_prefix("cargo run --release -- ").expect("a command of omnibase");
+            let arguments = arguments.split('#').next().unwrap_or_default().split_whitespace();
+            let command =
+                Command::new(env!("CARGO_BIN_EXE_omnibase")).args(arguments).current_dir(root()).output();
+            let output = command.unwrap();
+            let says = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{}: {line}: {says}", document.display());
+            // What the document shows of the output, line by line, in the block of text that follows.
+            let shown = text.split(line).nth(1).and_then(|rest| rest.split("```text\n").nth(1));
+            let printed = String::from_utf8_lossy(&output.stdout);
+            for shown in shown.and_then(|rest| rest.split("```").next()).into_iter().flat_map(str::lines) {
+                assert!(printed.contains(shown), "{}: {line} doesn't print: {shown}", document.display());
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 0, "no command was found in the documents: is the search broken?");
 }
 
 #[test]

@@ -89,3 +89,17 @@ fn settings_that_make_no_sense_are_refused_with_value_limit_and_reason() {
         "reference.custom.period_s: 2 s need a speed of 1.63 m/s, allowed is 1 m/s; the limits allow 4.59 s and more"
     );
 }
+
+#[test]
+fn the_robot_file_of_the_guide_runs() {
+    let guide = include_str!("../../../docs/guides/add-a-drive-by-configuration.md");
+    let text = guide.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a file");
+    let mut simulated = SimulatedRobot::bring_up(&plan(text), &registry()).expect("OP");
+    simulated.until(RequestKind::Enable, 5000, |_, robot| robot.phase() == Phase::Holding).expect("enabled");
+    // A circle of 20 s, and a second more.
+    let ended = simulated.until(RequestKind::Track, 21_100, |_, robot| robot.phase() != Phase::Tracking);
+    ended.expect("the circle ends");
+    assert_eq!(simulated.robot.phase(), Phase::Holding, "{}", simulated.robot.record().stop_reason.text());
+    let truth = simulated.truth().pose;
+    assert!(truth.x_m.hypot(truth.y_m) < 1e-3, "{truth:?}");
+}
