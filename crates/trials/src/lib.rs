@@ -1,0 +1,18 @@
+//! The control half of a robot on the simulated machine, in the process and without a bus: fast enough for hours.
+//!
+//! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
+//! - [`plant`]: the machine and drives that belong to a robot's plan.
+//! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
+//!
+//! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
+//! it computes reaches them one period later.
+#![forbid(unsafe_code)]
+
+pub mod plant;
+pub mod robots;
+mod run;
+mod servo_box;
+mod trial;
+
+pub use run::Run;
+pub use trial::{Trial, plan_of};
