@@ -2,6 +2,7 @@
 
 mod adaptive_model_free;
 mod adaptive_torque;
+mod friction;
 mod speed;
 
 use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2, wrap_angle_rad};

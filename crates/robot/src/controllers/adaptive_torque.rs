@@ -2,12 +2,19 @@
 //!
 //! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − (K + M̂·Kp)·η − k̂·sgn(η), τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F, with
 //! m̂' = λm·(−η1·ẍr − η2·ÿr + kp1·η1² + kp2·η2²), Ĵ' = λJ·(−η3·ψ̈r + kp3·η3²), k̂' = λk·‖η‖₁ (thesis 8.29, with its
-//! signs put right). What makes it fit for a machine: sgn is linear within a boundary layer; estimates stay within
-//! their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
-//! are saturated, nor of mass and inertia where nothing is accelerated.
+//! signs put right). What makes it fit for a machine:
+//! - sgn is linear within a boundary layer, and k̂ is learnt from what exceeds a fifth of it;
+//! - about the vertical axis k̂ counts with the wheels' lever ρ: moment k̂·ρ, surface speed η3·ρ. A force of 100 N taken
+//!   for 100 N·m would ask for more bandwidth than delay and filter leave: drives ring and motors get hot;
+//! - dry friction of wheels and rollers is fed forward with two forces that are learnt (`friction.rs`), for
+//!   what is left to η would else look like mass: kp·η² is never negative, so m̂ would only rise;
+//! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
+//! - estimates stay within their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
+//!   are saturated, nor of mass and inertia where nothing is accelerated, nor from an η within the measurement's noise.
 
-use omnibase_platform::Kinematics;
+use omnibase_platform::{Kinematics, Twist2};
 
+use super::friction::{WheelForces, WheelFriction};
 use super::{axes, pose_error, saturated, wrench};
 use crate::config::{ControllerTable, RobotPlan};
 use crate::registry::StageError;
@@ -17,8 +24,15 @@ use crate::stages::{Controller, Gain};
 /// Default Kp, 1/s: a sixth of the speed loop's bandwidth with the default damping on 70 kg.
 const KP_1_S: [f64; 3] = [15.0; 3];
 /// Mass and inertia show where they are accelerated: they are learnt only while the reference's acceleration is so
-/// many times what the error alone asks for. Friction at steady speed or at rest must not look like mass.
-const EXCITATION: f64 = 6.0;
+/// many times what the error alone asks for.
+const EXCITATION: f64 = 3.0;
+/// And only above these, m/s² and rad/s²: below, the little of friction that no model tells would look like mass.
+const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
+/// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
+/// encoder over the speed filter's time.
+const NOISE_M_S: f64 = 1e-4;
+/// How fast the friction of the wheels is learnt, N/m.
+const WHEEL_FRICTION_RATE_N_M: f64 = 1000.0;
 
 /// Everything that can be set while it runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +57,7 @@ impl Gains {
             inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(1000.0),
             friction_rate_n_m: table.friction_rate_n_m.unwrap_or(2000.0),
             friction_leak_1_s: table.friction_leak_1_s.unwrap_or(0.2),
-            boundary_m_s: table.boundary_m_s.unwrap_or(0.01),
+            boundary_m_s: table.boundary_m_s.unwrap_or(0.03),
         }
     }
 
@@ -83,6 +97,19 @@ pub struct AdaptiveTorque {
     inertia_bounds_kg_m2: [f64; 2],
     friction_max_n: f64,
     estimates: Estimates,
+    friction: WheelFriction,
+    /// By what a force becomes a moment, m.
+    lever_m: f64,
+    wheel_forces_n: WheelForces,
+}
+
+/// What a cycle's law worked with, for learning from it.
+struct Step {
+    eta: [f64; 3],
+    eta_in_body: [f64; 3],
+    acceleration: [f64; 3],
+    friction_per_newton: [[f64; 3]; 2],
+    period_s: f64,
 }
 
 impl AdaptiveTorque {
@@ -98,7 +125,11 @@ impl AdaptiveTorque {
         let mass_kg = need(table.mass_kg, "mass_kg")?;
         let inertia_kg_m2 = need(table.inertia_kg_m2, "inertia_kg_m2")?;
         let start = Estimates { mass_kg, inertia_kg_m2, friction_n: table.friction_n.unwrap_or(0.0) };
+        let friction = WheelFriction::new(&plan.kinematics);
         Ok(AdaptiveTorque {
+            lever_m: friction.lever_m(),
+            friction,
+            wheel_forces_n: [0.0; 2],
             kinematics: plan.kinematics.clone(),
             wheel_torque_nm: plan.limits.wheel_torque_nm,
             gains: Gains::new(table),
@@ -112,21 +143,36 @@ impl AdaptiveTorque {
         })
     }
 
-    fn adapt(&mut self, eta: [f64; 3], acceleration: [f64; 3], period_s: f64) {
+    fn adapt(&mut self, step: &Step) {
+        let Step { eta, eta_in_body, acceleration, friction_per_newton, period_s } = *step;
         let kp = self.gains.kp_1_s;
+        let surface = [eta[0], eta[1], eta[2] * self.lever_m];
+        let speaks = surface.iter().any(|eta| eta.abs() > NOISE_M_S);
         let learn = |axis: usize| -eta[axis] * acceleration[axis] + kp[axis] * eta[axis] * eta[axis];
+        let is_excited =
+            |along: f64, asked: f64, least: f64| speaks && along > EXCITATION * asked && along > least;
         let estimates = &mut self.estimates;
+
         let [low, high] = self.mass_bounds_kg;
-        let is_excited = |along: f64, asked: f64| along > EXCITATION * asked;
-        let translation =
-            is_excited(acceleration[0].hypot(acceleration[1]), (kp[0] * eta[0]).hypot(kp[1] * eta[1]));
-        let mass_rate = if translation { self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1)) } else { 0.0 };
-        estimates.mass_kg = (estimates.mass_kg + period_s * mass_rate).clamp(low, high);
+        let (along, asked) = (acceleration[0].hypot(acceleration[1]), (kp[0] * eta[0]).hypot(kp[1] * eta[1]));
+        if is_excited(along, asked, LEAST_ACCELERATION[0]) {
+            let rate = self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1));
+            estimates.mass_kg = (estimates.mass_kg + period_s * rate).clamp(low, high);
+        }
         let [low, high] = self.inertia_bounds_kg_m2;
-        let rotation = is_excited(acceleration[2].abs(), (kp[2] * eta[2]).abs());
-        let inertia_rate = if rotation { self.gains.inertia_rate_kg_m2_s2 * learn(2) } else { 0.0 };
-        estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + period_s * inertia_rate).clamp(low, high);
-        let size: f64 = eta.iter().map(|eta| eta.abs()).sum();
+        if is_excited(acceleration[2].abs(), (kp[2] * eta[2]).abs(), LEAST_ACCELERATION[1]) {
+            let rate = self.gains.inertia_rate_kg_m2_s2 * learn(2);
+            estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + period_s * rate).clamp(low, high);
+        }
+        for (force_n, wrench) in self.wheel_forces_n.iter_mut().zip(friction_per_newton) {
+            let power: f64 = wrench.iter().zip(eta_in_body).map(|(force, eta)| force * eta).sum();
+            if speaks {
+                *force_n =
+                    (*force_n - period_s * WHEEL_FRICTION_RATE_N_M * power).clamp(0.0, self.friction_max_n);
+            }
+        }
+        let dead_m_s = 0.2 * self.gains.boundary_m_s;
+        let size: f64 = surface.iter().map(|eta| (eta.abs() - dead_m_s).max(0.0)).sum();
         let rate = self.gains.friction_rate_n_m * size - self.gains.friction_leak_1_s * estimates.friction_n;
         estimates.friction_n = (estimates.friction_n + period_s * rate).clamp(0.0, self.friction_max_n);
     }
@@ -139,6 +185,7 @@ impl Controller for AdaptiveTorque {
 
     fn reset(&mut self) {
         self.estimates = self.start;
+        self.wheel_forces_n = [0.0; 2];
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
@@ -147,22 +194,35 @@ impl Controller for AdaptiveTorque {
         let wished_speed = axes(&setpoint.twist_in_odom);
         let acceleration = axes(&setpoint.acceleration_in_odom);
         let kp = self.gains.kp_1_s;
-        let eta: [f64; 3] =
-            std::array::from_fn(|axis| speed[axis] - kp[axis] * error[axis] - wished_speed[axis]);
+        let age_s = state.twist_age_s;
+        let eta: [f64; 3] = std::array::from_fn(|axis| {
+            speed[axis] + age_s * acceleration[axis] - kp[axis] * error[axis] - wished_speed[axis]
+        });
         let Estimates { mass_kg, inertia_kg_m2, friction_n } = self.estimates;
         let inertia = [mass_kg, mass_kg, inertia_kg_m2];
         let damping = [self.gains.damping_n_s_m, self.gains.damping_n_s_m, self.gains.turn_damping_n_m_s_rad];
+        let levers = [1.0, 1.0, self.lever_m];
         let force: [f64; 3] = std::array::from_fn(|axis| {
-            let sign = (eta[axis] / self.gains.boundary_m_s).clamp(-1.0, 1.0);
+            let sign = (levers[axis] * eta[axis] / self.gains.boundary_m_s).clamp(-1.0, 1.0);
             inertia[axis] * acceleration[axis]
                 - (damping[axis] + inertia[axis] * kp[axis]) * eta[axis]
-                - friction_n * sign
+                - levers[axis] * friction_n * sign
         });
-        let wrench_in_body = wrench(force).rotated(-state.odom_from_body.heading_rad);
+        let heading_rad = state.odom_from_body.heading_rad;
+        let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
+        let friction_per_newton = self.friction.per_newton(axes(&wished_in_body));
+        let mut wrench_in_body = wrench(force).rotated(-heading_rad);
+        for (force_n, [fx_n, fy_n, torque_nm]) in self.wheel_forces_n.iter().zip(friction_per_newton) {
+            wrench_in_body.fx_n += force_n * fx_n;
+            wrench_in_body.fy_n += force_n * fy_n;
+            wrench_in_body.torque_nm += force_n * torque_nm;
+        }
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.wheel_torque_nm);
         if commands.saturation >= 1.0 {
-            self.adapt(eta, acceleration, time.period_s());
+            let eta_in_body = axes(&Twist2::new(eta[0], eta[1], eta[2]).rotated(-heading_rad));
+            let period_s = time.period_s();
+            self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, period_s });
         }
         commands
     }
