@@ -1,6 +1,7 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
 mod lifecycle;
+mod poison;
 mod promises;
 mod safety;
 mod support;

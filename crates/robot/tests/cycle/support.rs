@@ -45,6 +45,8 @@ pub struct Bench {
     /// What the next exchanges will be.
     pub exchange: Exchange,
     pub index: u64,
+    /// Where the next inputs are noise, its seed.
+    pub noise: Option<u64>,
     servos: Vec<Servo>,
     wheel_speeds: PerWheel,
     torques: PerWheel,
@@ -78,6 +80,7 @@ impl Bench {
             friction: [20.0, 5.0],
             exchange: Exchange::Complete,
             index: 0,
+            noise: None,
             servos: (0..wheels).map(servo).collect(),
             wheel_speeds: PerWheel::from_fn(wheels, |_| 0.0),
             torques: PerWheel::from_fn(wheels, |_| 0.0),
@@ -109,6 +112,10 @@ impl Bench {
         self.index += 1;
         if self.exchange == Exchange::Complete {
             self.servos_read_and_answer();
+        }
+        if let Some(seed) = self.noise {
+            let mut random = Random(seed | 1);
+            self.image.inputs.iter_mut().flatten().for_each(|byte| *byte = random.next() as u8);
         }
         let request = kind.map(Request::lasting);
         let record = *self.robot.compute(time, self.exchange, request, &mut self.image);
@@ -246,5 +253,21 @@ impl Bench {
             let counts = f64::from(drive.counts_per_revolution) * drive.gear_ratio / std::f64::consts::TAU;
             self.servos[wheel].counts += self.wheel_speeds[wheel] * period_s * counts;
         }
+    }
+}
+
+/// A small generator of its own (xorshift), so that the commands are the same everywhere.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    pub fn within(&mut self, greatest: f64) -> f64 {
+        greatest * ((self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
     }
 }

@@ -1,10 +1,10 @@
 //! Each control law follows paths; limits hold in every cycle; what is learnt stays bounded and becomes true.
 
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Frame, Quantity, SafetyReason};
+use omnibase_robot::signals::{Frame, Quantity, SafetyReason, StopCategory};
 use omnibase_robot::{CycleRecord, Phase, RequestKind};
 
-use crate::support::{BMM, Bench, MECANUM, plan};
+use crate::support::{BMM, Bench, MECANUM, Random, plan};
 
 const SQUARE: &str = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], \
                       [15, 0, 2, 0], [20, 0, 0, 0]]\n";
@@ -155,37 +155,49 @@ impl Rates {
     }
 }
 
-/// A small generator of its own (xorshift), so that the commands are the same everywhere.
-struct Random(u64);
-
-impl Random {
-    fn within(&mut self, greatest: f64) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        greatest * ((self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
-    }
-}
-
 #[test]
-fn limits_hold_in_every_cycle_of_random_commands() {
-    let mut bench = Bench::new(plan(BMM));
+fn limits_hold_in_a_million_cycles_of_random_commands() {
+    let eight = "\n[reference]\nkind = \"eight\"\nhalf_length_m = 0.8\nheading = \"follows_tangent\"\n[safety]\ntracking_error_m = 100.0\n";
+    let mut bench = Bench::new(plan(&(BMM.to_string() + eight)));
     bench.enable();
     let mut random = Random(0x5EED_0001);
     let mut rates = Rates::default();
     let mut twist = Twist2::default();
-    for cycle in 0..200_000_u32 {
+    let (mut silent_until, mut stops, mut silences, mut tracks) = (0, 0, 0, 0);
+    for cycle in 0..1_000_000_u32 {
         if random.within(1.0) > 0.99 {
-            twist = match cycle % 3 {
+            twist = match cycle % 4 {
                 0 => twist.scaled(-1.0),
-                1 => Twist2::new(random.within(0.7), random.within(0.7), random.within(1.5)),
+                1 | 2 => Twist2::new(random.within(0.7), random.within(0.7), random.within(1.5)),
                 _ => Twist2::default(),
             };
         }
-        let record = bench.step(Some(RequestKind::Velocity { twist, frame: Frame::Body }));
-        assert_eq!(record.stop_reason, SafetyReason::None, "cycle {cycle}");
+        let frame = if cycle / 1000 % 2 == 0 { Frame::Body } else { Frame::Odom };
+        let mut request = Some(RequestKind::Velocity { twist, frame });
+        match random.within(1.0) {
+            // Somebody stops it in full motion; the next command resumes at once, mid-ramp where it may.
+            chance if chance > 0.999 => {
+                stops += 1;
+                request = Some(RequestKind::Stop(StopCategory::RampAndHold));
+            }
+            // The command's source falls silent for up to a second: its command grows old, the platform ramps down.
+            chance if chance < -0.9995 => {
+                silences += 1;
+                silent_until = cycle + (random.within(1000.0).abs() as u32);
+            }
+            _ => {}
+        }
+        if cycle < silent_until {
+            request = (bench.robot.phase() == Phase::Holding).then_some(RequestKind::Track);
+            tracks += u32::from(request.is_some());
+        }
+        let record = bench.step(request);
+        let fine = [SafetyReason::None, SafetyReason::Requested, SafetyReason::CommandAge];
+        assert!(fine.contains(&record.stop_reason), "cycle {cycle}: {:?}", record.stop_reason);
         rates.watch(&record);
     }
+    println!("{stops} stops, {silences} silences, {tracks} references started; {:?}", rates.greatest);
+    assert!(stops > 200 && silences > 100 && tracks > 10, "{stops} {silences} {tracks}");
     rates.within(&bench);
 }
 
@@ -212,6 +224,31 @@ fn saturated_wheels_keep_the_direction() {
         }
     }
     assert!(saturated > 5000, "{saturated}");
+}
+
+#[test]
+fn saturated_torques_keep_the_direction() {
+    let weak = controlled(BMM, "adaptive_torque", "\n[safety]\ntracking_error_m = 10.0\n")
+        .replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 2.5");
+    let mut random = Random(0x5EED_0005);
+    let mut saturated = 0;
+    for _ in 0..20 {
+        let mut bench = Bench::new(plan(&weak));
+        bench.enable();
+        let (vx, vy) = (random.within(0.7), random.within(0.7));
+        let wished = vy.atan2(vx);
+        for cycle in 0..1500 {
+            bench.step(Some(RequestKind::Velocity { twist: Twist2::new(vx, vy, 0.0), frame: Frame::Odom }));
+            saturated += u32::from(bench.robot.record().commands.saturation < 1.0);
+            if cycle > 100 && bench.twist_in_body.speed_m_s() > 0.05 {
+                let twist = bench.twist_in_body.rotated(bench.pose.heading_rad);
+                let off = (twist.vy_m_s.atan2(twist.vx_m_s) - wished).sin().abs().to_degrees();
+                let saturation = bench.robot.record().commands.saturation;
+                assert!(off < 0.1, "{off}° off in cycle {cycle}, saturation {saturation}");
+            }
+        }
+    }
+    assert!(saturated > 2000, "{saturated}");
 }
 
 #[test]
