@@ -7,12 +7,17 @@ mod speed;
 
 use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2, wrap_angle_rad};
 
+use crate::config::Limits;
 use crate::registry::Registry;
 use crate::signals::{Commands, Quantity};
 
 pub use adaptive_model_free::AdaptiveModelFree;
 pub use adaptive_torque::AdaptiveTorque;
 pub use speed::{ClosedLoopSpeed, OpenLoop};
+
+/// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
+/// the measurement is read, one until the command arrives, half of the period in which it holds.
+const LEAD_PERIODS: f64 = 2.5;
 
 /// Registers the built-in controllers.
 pub fn register(registry: &mut Registry) {
@@ -30,6 +35,22 @@ pub fn saturated(quantity: Quantity, wished: &PerWheel, limit: f64) -> Commands 
         *slot = *value;
     }
     commands
+}
+
+/// A speed in odom within the platform's limits, its direction kept, and whether it was there already: a correction
+/// never drives the platform past its own limits, however large the error.
+fn within_speed(speed: [f64; 3], limits: &Limits) -> ([f64; 3], Correction) {
+    let [x, y, turn] = speed;
+    let factor = (limits.speed_m_s / x.hypot(y)).min(1.0);
+    let within = [factor * x, factor * y, turn.clamp(-limits.turn_speed_rad_s, limits.turn_speed_rad_s)];
+    (within, if within == speed { Correction::Whole } else { Correction::Cut })
+}
+
+/// Whether a correction stands as the law asks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Correction {
+    Whole,
+    Cut,
 }
 
 /// Setpoint minus pose, in odom; the angle the short way round.

@@ -9,14 +9,16 @@
 //! - dry friction of wheels and rollers is fed forward with two forces that are learnt (`friction.rs`), for
 //!   what is left to η would else look like mass: kp·η² is never negative, so m̂ would only rise;
 //! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
+//! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
+//!   nothing is learnt meanwhile;
 //! - estimates stay within their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
 //!   are saturated, nor of mass and inertia where nothing is accelerated, nor from an η within the measurement's noise.
 
 use omnibase_platform::{Kinematics, Twist2};
 
 use super::friction::{WheelForces, WheelFriction};
-use super::{axes, pose_error, saturated, wrench};
-use crate::config::{ControllerTable, RobotPlan};
+use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
+use crate::config::{ControllerTable, Limits, RobotPlan};
 use crate::registry::StageError;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
@@ -90,7 +92,7 @@ struct Estimates {
 #[derive(Clone, Debug)]
 pub struct AdaptiveTorque {
     kinematics: Kinematics,
-    wheel_torque_nm: f64,
+    limits: Limits,
     gains: Gains,
     start: Estimates,
     mass_bounds_kg: [f64; 2],
@@ -131,7 +133,7 @@ impl AdaptiveTorque {
             friction,
             wheel_forces_n: [0.0; 2],
             kinematics: plan.kinematics.clone(),
-            wheel_torque_nm: plan.limits.wheel_torque_nm,
+            limits: plan.limits,
             gains: Gains::new(table),
             start,
             mass_bounds_kg: table.mass_bounds_kg.unwrap_or([mass_kg / 10.0, mass_kg * 10.0]),
@@ -195,9 +197,13 @@ impl Controller for AdaptiveTorque {
         let acceleration = axes(&setpoint.acceleration_in_odom);
         let kp = self.gains.kp_1_s;
         let age_s = state.twist_age_s;
-        let eta: [f64; 3] = std::array::from_fn(|axis| {
-            speed[axis] + age_s * acceleration[axis] - kp[axis] * error[axis] - wished_speed[axis]
-        });
+        // η is the speed against a wished one that includes the correction: żr − Kp·Ze, kept within the limits.
+        let (corrected, correction) = within_speed(
+            std::array::from_fn(|axis| wished_speed[axis] + kp[axis] * error[axis]),
+            &self.limits,
+        );
+        let eta: [f64; 3] =
+            std::array::from_fn(|axis| speed[axis] + age_s * acceleration[axis] - corrected[axis]);
         let Estimates { mass_kg, inertia_kg_m2, friction_n } = self.estimates;
         let inertia = [mass_kg, mass_kg, inertia_kg_m2];
         let damping = [self.gains.damping_n_s_m, self.gains.damping_n_s_m, self.gains.turn_damping_n_m_s_rad];
@@ -208,7 +214,8 @@ impl Controller for AdaptiveTorque {
                 - (damping[axis] + inertia[axis] * kp[axis]) * eta[axis]
                 - levers[axis] * friction_n * sign
         });
-        let heading_rad = state.odom_from_body.heading_rad;
+        let lead_s = LEAD_PERIODS * time.period_s();
+        let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
         let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
         let friction_per_newton = self.friction.per_newton(axes(&wished_in_body));
         let mut wrench_in_body = wrench(force).rotated(-heading_rad);
@@ -218,8 +225,8 @@ impl Controller for AdaptiveTorque {
             wrench_in_body.torque_nm += force_n * torque_nm;
         }
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
-        let commands = saturated(Quantity::Torque, &torques, self.wheel_torque_nm);
-        if commands.saturation >= 1.0 {
+        let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
+        if commands.saturation >= 1.0 && correction == Correction::Whole {
             let eta_in_body = axes(&Twist2::new(eta[0], eta[1], eta[2]).rotated(-heading_rad));
             let period_s = time.period_s();
             self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, period_s });

@@ -2,7 +2,7 @@
 
 use omnibase_platform::{Kinematics, Twist2};
 
-use super::{axes, pose_error, saturated};
+use super::{LEAD_PERIODS, axes, pose_error, saturated, within_speed};
 use crate::config::{Limits, RobotPlan};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
@@ -76,17 +76,12 @@ impl Controller for ClosedLoopSpeed {
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
-        let forward = axes(&setpoint.twist_in_odom);
-        let mut speed: [f64; 3] = std::array::from_fn(|axis| forward[axis] + self.kp_1_s[axis] * error[axis]);
-        // A correction never drives the platform past its own limits, whatever the error.
-        let translation = speed[0].hypot(speed[1]);
-        if translation > self.limits.speed_m_s {
-            let factor = self.limits.speed_m_s / translation;
-            speed[0] *= factor;
-            speed[1] *= factor;
-        }
-        speed[2] = speed[2].clamp(-self.limits.turn_speed_rad_s, self.limits.turn_speed_rad_s);
-        let heading_rad = state.odom_from_body.heading_rad + 0.5 * speed[2] * time.period_s();
+        let lead_s = LEAD_PERIODS * time.period_s();
+        let (wished, acceleration) = (axes(&setpoint.twist_in_odom), axes(&setpoint.acceleration_in_odom));
+        let forward: [f64; 3] = std::array::from_fn(|axis| wished[axis] + lead_s * acceleration[axis]);
+        let speed: [f64; 3] = std::array::from_fn(|axis| forward[axis] + self.kp_1_s[axis] * error[axis]);
+        let (speed, _) = within_speed(speed, &self.limits);
+        let heading_rad = state.odom_from_body.heading_rad + lead_s * speed[2];
         let twist_in_body = Twist2::new(speed[0], speed[1], speed[2]).rotated(-heading_rad);
         let wheels = self.kinematics.wheel_speeds_rad_s(twist_in_body);
         saturated(Quantity::Speed, &wheels, self.limits.wheel_speed_rad_s)
