@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{decode, exchange, scan, sdo, sii, simulate};
+use crate::commands::{decode, exchange, run, scan, sdo, sii, simulate};
 use clap::{Parser, Subcommand};
 
 /// Real-time control of omnidirectional robots over EtherCAT.
@@ -18,6 +18,7 @@ pub struct Cli {
 /// One command each.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Run(Box<run::Arguments>),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

@@ -2,6 +2,7 @@
 
 pub mod decode;
 pub mod exchange;
+pub mod run;
 pub mod scan;
 pub mod sdo;
 pub mod sii;
@@ -17,6 +18,7 @@ use std::io::Write;
 /// Runs a command; data go to `output`.
 pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
+        Command::Run(arguments) => run::run(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),

@@ -8,6 +8,7 @@ mod dictionary;
 mod hex;
 mod progress;
 mod quantiles;
+mod robot_file;
 mod segment;
 mod sii_json;
 mod target;

@@ -22,6 +22,8 @@ pub struct DriveStation {
     pub piece: Piece,
     /// What the position shows at first power-on, in counts: absolute encoders start anywhere.
     pub initial_position: i32,
+    /// Counts of the encoder per revolution of the motor.
+    pub counts_per_revolution: u32,
 }
 
 impl DriveStation {
@@ -41,6 +43,7 @@ impl DriveStation {
                 ..Piece::default()
             },
             initial_position: i32::from_ne_bytes(number.wrapping_mul(0x3C6E_F372).to_ne_bytes()) >> 8,
+            counts_per_revolution: 1 << 20,
         }
     }
 }
@@ -127,6 +130,7 @@ fn drive(station: &DriveStation, motor: &MotorParameters) -> Drive {
     drive.servo.peak_torque_n_m = motor.peak_torque_n_m;
     drive.servo.max_speed_rad_s = motor.maximum_speed_rad_s;
     drive.servo.initial_position = station.initial_position;
+    drive.servo.counts_per_revolution = station.counts_per_revolution;
     // The current loop is the motor's, where it runs in the machine's fine steps.
     drive.servo.torque_time_constant_s = 0.0;
     drive

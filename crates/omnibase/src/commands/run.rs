@@ -1,0 +1,183 @@
+//! `omnibase run`: the whole robot, from its file to the error at the end.
+
+mod reference;
+mod report;
+
+use crate::Outcome;
+use crate::progress::{bar, note};
+use crate::robot_file::{Changes, RobotSource};
+use crate::target::{AnyClock, Port, Target};
+use anyhow::Context;
+use omnibase_ethercat_sim::in_process;
+use omnibase_ethercat_wire::Link;
+use omnibase_host::real_time::{self, Wishes};
+use omnibase_host::{Waiting, stop_on_signals};
+use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
+use omnibase_robot::{Registry, Robot};
+use omnibase_robot_sim::SharedMachine;
+use omnibase_run::channels::{Known, Rows};
+use omnibase_run::{LoadedRobot, Progress, Setup, Summary, simulated};
+use reference::ReferenceChoice;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// Runs a robot along a reference: drives up, tracked to the end, drives down, and says how well it went.
+///
+/// Without --interface the robot is simulated in the process, on virtual time.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase run robots/bmm.toml --path robots/square.dat                 the 2 m square, simulated
+  omnibase run robots/bmm.toml --circle radius=0.5,period=10 --controller adaptive_torque --payload-kg 100
+  omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
+  omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
+
+Ctrl-C ramps down, disables the drives and closes the files; a second one stops at once.
+Exit code 1 where the reference was not followed to its end.")]
+pub struct Arguments {
+    /// Robot file (TOML).
+    robot: PathBuf,
+    #[command(flatten)]
+    reference: ReferenceChoice,
+    #[command(flatten)]
+    changes: Changes,
+    /// Network interface with the drives (or `omnibase simulate`), in real time.
+    #[arg(long, value_name = "NIC")]
+    interface: Option<String>,
+    /// SCHED_FIFO, locked memory, shallow idle for the cycle, as far as granted.
+    #[arg(long, requires = "interface")]
+    realtime: bool,
+    /// The CPU on which the cycle shall run.
+    #[arg(long, value_name = "CPU", requires = "realtime")]
+    cpu: Option<usize>,
+    /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
+    #[arg(long, requires = "interface")]
+    ring: bool,
+    /// Record every signal of every cycle into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Record every signal of every cycle into this text file of columns, as Kst and numpy read it.
+    #[arg(long, value_name = "FILE")]
+    columns: Option<PathBuf>,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let registry = Registry::with_built_in();
+    let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
+    if let Some(reference) = arguments.reference.chosen()? {
+        source.text.reference = Some(reference);
+    }
+    let robot = source.load_or_explain(&registry)?;
+    anyhow::ensure!(
+        robot.plan.reference.kind.as_deref().is_some_and(|kind| kind != "hold"),
+        "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}",
+        arguments.robot.display()
+    );
+    let stop = stop_on_signals()?;
+    let way = arguments.open(&robot)?;
+    let stages = Robot::build(&robot.plan, &registry)?;
+    let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
+    let (recorder, recording) = arguments.recorder(&robot, known)?.unzip();
+    let progress = Progress::default();
+    let setup = Setup {
+        plan: &robot.plan,
+        robot: stages,
+        machine: way.machine,
+        recording,
+        stop,
+        progress: &progress,
+    };
+    // Until the end of the cycle.
+    let _granted = arguments.real_time();
+    let ran = std::thread::scope(|scope| {
+        // Drawing may block: not in the thread of the cycle.
+        scope.spawn(|| show(&progress));
+        let ran =
+            omnibase_run::run(way.link, way.clock, setup, &mut |text| note(format_args!("warning: {text}")));
+        progress.ended.store(true, Ordering::Relaxed);
+        ran
+    })?;
+    let mut summary: Summary = ran.summary;
+    if let Some(recorder) = recorder {
+        let recorded = recorder.finish()?;
+        (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+    }
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut *output, &summary)?;
+        writeln!(output)?;
+    } else {
+        report::print(&summary, output)?;
+    }
+    output.flush()?;
+    ran.ended?;
+    Ok(if ran.finished { Outcome::Done } else { Outcome::Failed })
+}
+
+/// The way to the drives.
+struct Way {
+    link: Box<dyn Link>,
+    clock: AnyClock,
+    /// The machine behind drives that are simulated in the process.
+    machine: Option<SharedMachine>,
+}
+
+impl Arguments {
+    fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Way> {
+        let Some(interface) = &self.interface else {
+            let (segment, machine) = simulated::segment(&robot.plan)?;
+            let (link, clock) = in_process(segment);
+            return Ok(Way { link: Box::new(link), clock: AnyClock::Virtual(clock), machine: Some(machine) });
+        };
+        let port = if self.ring { Port::Ring(Waiting::Sleep) } else { Port::Socket };
+        let cable = Target::Interface(interface.clone()).open(port)?;
+        Ok(Way { link: cable.link, clock: cable.clock, machine: None })
+    }
+
+    fn recorder(
+        &self,
+        robot: &LoadedRobot,
+        known: Known,
+    ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
+        if self.record.is_none() && self.columns.is_none() {
+            return Ok(None);
+        }
+        let rows = Rows::new(robot.plan.drives.len(), known);
+        let files = RunFiles {
+            mcap: self.record.clone(),
+            columns: self.columns.clone(),
+            description: omnibase_run::describe::description(robot),
+        };
+        let on_full = if self.interface.is_some() { OnFull::Drop } else { OnFull::Wait };
+        let (recorder, sink) =
+            RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
+        Ok(Some((recorder, (rows, sink))))
+    }
+
+    /// Asks for what the cycle wants of the machine; keeps it while the result lives.
+    fn real_time(&self) -> Option<real_time::Granted> {
+        if !self.realtime {
+            return None;
+        }
+        let granted = real_time::apply(&Wishes { cpu: self.cpu, ..Wishes::default() });
+        for outcome in &granted.outcomes {
+            note(format_args!("real time: {outcome}"));
+        }
+        Some(granted)
+    }
+}
+
+fn show(progress: &Progress) {
+    let bar = bar(progress.total.load(Ordering::Relaxed), "cycles");
+    while !progress.ended.load(Ordering::Relaxed) {
+        let (done, total) = (progress.cycles.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
+        bar.set_length(total.max(done));
+        bar.set_position(done);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    bar.finish_and_clear();
+}

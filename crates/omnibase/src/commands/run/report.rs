@@ -1,0 +1,38 @@
+//! The summary of a run for a person.
+
+use omnibase_run::Summary;
+use omnibase_run::tracking::BelievedAndTrue;
+use std::io::{self, Write};
+
+/// Prints it.
+pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
+    writeln!(output, "{:<22} {:>12} {:>12}", "tracking error", "believed", "true")?;
+    for (name, figure) in [
+        ("  final", summary.final_error_m),
+        ("  RMS", summary.rms_error_m),
+        ("  greatest", summary.max_error_m),
+    ] {
+        let BelievedAndTrue { believed, truth } = figure;
+        writeln!(output, "{name:<22} {:>12} {:>12}", millimetres(believed), millimetres(truth))?;
+    }
+    let heading = summary.final_heading_error_rad.map(|rad| format!("{:.3} mrad", 1e3 * rad));
+    writeln!(output, "{:<22} {:>12}", "final heading error", heading.unwrap_or_else(|| "-".to_owned()))?;
+    writeln!(output, "{:<22} {:>12}", "cycles", summary.cycles)?;
+    writeln!(output, "{:<22} {:>12}", "lost frames", summary.lost_frames)?;
+    writeln!(output, "{:<22} {:>12}", "overruns", summary.overruns)?;
+    writeln!(
+        output,
+        "{:<22} {:>12} written, {} dropped",
+        "records", summary.records_written, summary.records_dropped
+    )?;
+    writeln!(output, "{:<22} {:>12.1}", "times real time", summary.realtime_factor)?;
+    writeln!(output, "events")?;
+    for event in &summary.events {
+        writeln!(output, "  {:>10.3} s  {}", event.time_s, event.text)?;
+    }
+    Ok(())
+}
+
+fn millimetres(metres: Option<f64>) -> String {
+    metres.map_or_else(|| "-".to_owned(), |metres| format!("{:.4} mm", 1e3 * metres))
+}

@@ -1,0 +1,193 @@
+//! A cycle as a row of a recording: its channels grouped in topics, and its exact words for replay.
+
+use omnibase_record::run::RunSchema;
+use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
+
+use crate::session::Times;
+use crate::tracking::Errors;
+use crate::truth::TruePlatform;
+
+/// Beside the robot's own channels: how the cycle went, and how far off it was.
+const TIMING: [&str; 3] = ["round_trip_ns", "wake_up_ns", "compute_ns"];
+const ERROR: [&str; 3] = ["believed_m", "true_m", "heading_rad"];
+const TRUTH: [&str; 6] =
+    ["pose_x_m", "pose_y_m", "pose_heading_rad", "twist_x_m_s", "twist_y_m_s", "twist_heading_rad_s"];
+
+/// Whether the truth is known, and recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    /// Simulated: a topic `/truth`.
+    Truth,
+    /// Hardware.
+    BeliefAlone,
+}
+
+/// What a row tells beside the cycle's record.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside {
+    /// The cycle's times.
+    pub times: Times,
+    /// Time for computing, ns.
+    pub compute_ns: u64,
+    /// Its errors.
+    pub errors: Errors,
+    /// The truth, where it is known.
+    pub truth: Option<TruePlatform>,
+}
+
+/// Puts cycles into rows; no allocation after its making.
+#[derive(Clone, Debug)]
+pub struct Rows {
+    schema: RunSchema,
+    /// Values of the record's channels in a row's order.
+    order: Vec<usize>,
+    known: Known,
+    values: Vec<Value>,
+    row: Vec<f64>,
+    raw: Vec<u8>,
+}
+
+impl Rows {
+    /// Rows of a robot with so many wheels.
+    pub fn new(wheels: usize, known: Known) -> Self {
+        let channels = CycleRecord::channels(wheels);
+        let mut topics: Vec<(String, Vec<usize>)> = Vec::new();
+        let split = |name: &str| -> (String, String) {
+            let (topic, rest) = name.split_once('.').unwrap_or(("cycle", name));
+            (format!("/{topic}"), rest.replace('.', "_"))
+        };
+        for (number, channel) in channels.iter().enumerate() {
+            let topic = split(&channel.name).0;
+            match topics.iter_mut().find(|(name, _)| *name == topic) {
+                Some((_, members)) => members.push(number),
+                None => topics.push((topic, vec![number])),
+            }
+        }
+        let mut schema = RunSchema::default();
+        for (topic, members) in &topics {
+            schema.push(
+                topic,
+                members.iter().map(|&number| {
+                    let channel = &channels[number];
+                    with_unit(&split(&channel.name).1, channel.unit)
+                }),
+            );
+        }
+        schema.push("/timing", TIMING);
+        schema.push("/error", ERROR);
+        if known == Known::Truth {
+            schema.push("/truth", TRUTH);
+        }
+        let order: Vec<usize> = topics.into_iter().flat_map(|(_, members)| members).collect();
+        let (row, raw) = (Vec::with_capacity(schema.width()), Vec::with_capacity(8 * order.len()));
+        Rows { values: Vec::with_capacity(order.len()), schema, order, known, row, raw }
+    }
+
+    /// The columns.
+    pub fn schema(&self) -> &RunSchema {
+        &self.schema
+    }
+
+    /// A cycle as numbers in the schema's order, and as exact words in the order of the record's channels.
+    pub fn of(&mut self, record: &CycleRecord, beside: &Beside) -> (&[f64], &[u8]) {
+        record.values(&mut self.values);
+        self.row.clear();
+        self.row.extend(self.order.iter().map(|&number| self.values[number].as_f64()));
+        let Times { round_trip_ns, late_ns, .. } = beside.times;
+        self.row.extend([round_trip_ns, late_ns, beside.compute_ns].map(|ns| ns as f64));
+        let Errors { believed_m, true_m, heading_rad } = beside.errors;
+        self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
+        if self.known == Known::Truth {
+            let truth = beside.truth.unwrap_or_default();
+            let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);
+            self.row.extend([
+                pose.x_m,
+                pose.y_m,
+                pose.heading_rad,
+                twist.vx_m_s,
+                twist.vy_m_s,
+                twist.w_rad_s,
+            ]);
+        }
+        self.raw.clear();
+        for value in &self.values {
+            self.raw.extend_from_slice(&word(*value).to_le_bytes());
+        }
+        (&self.row, &self.raw)
+    }
+}
+
+/// The bits of a value.
+pub fn word(value: Value) -> u64 {
+    match value {
+        Value::F64(value) => value.to_bits(),
+        Value::U64(value) => value,
+    }
+}
+
+/// The record of a row's exact words; `None` where they aren't those of a robot with so many wheels.
+pub fn record(wheels: usize, raw: &[u8]) -> Option<CycleRecord> {
+    let channels = CycleRecord::channels(wheels);
+    if raw.len() != 8 * channels.len() {
+        return None;
+    }
+    let values = raw.chunks_exact(8).zip(&channels).map(|(bytes, channel)| {
+        let word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
+        match channel.kind {
+            ValueKind::F64 => Value::F64(f64::from_bits(word)),
+            ValueKind::U64 => Value::U64(word),
+        }
+    });
+    CycleRecord::from_values(wheels, &values.collect::<Vec<_>>())
+}
+
+/// A name with its unit, in letters, digits and underscores.
+fn with_unit(name: &str, unit: &str) -> String {
+    let unit = match unit {
+        "" | "rad/s or N·m" => return name.to_owned(),
+        "m/s" => "m_s",
+        "m/s²" => "m_s2",
+        "rad/s" => "rad_s",
+        "rad/s²" => "rad_s2",
+        "N·m" => "nm",
+        "N" => "n",
+        "m²" => "m2",
+        "rad²" => "rad2",
+        "m·rad" => "m_rad",
+        "kg·m²" => "kg_m2",
+        plain => plain,
+    };
+    format!("{name}_{unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_channel_has_one_column_with_its_unit() {
+        let mut rows = Rows::new(3, Known::Truth);
+        let schema = rows.schema().clone();
+        for (topic, signal) in [
+            ("/state", "pose_x_m"),
+            ("/state", "covariance_xh_m_rad"),
+            ("/setpoint", "twist_heading_rad_s"),
+            ("/wheel_3", "torque_nm"),
+            ("/truth", "pose_heading_rad"),
+            ("/cycle", "time_ns"),
+        ] {
+            assert!(schema.column(topic, signal).is_some(), "{topic} {signal} in {schema:#?}");
+        }
+        let plain = |name: &str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+        assert!(schema.topics.iter().flat_map(|topic| &topic.signals).all(|signal| plain(&signal.name)));
+        let mut cycle = CycleRecord::default();
+        cycle.measurements.wheels = 3;
+        cycle.state.odom_from_body.x_m = 0.1;
+        cycle.measurements.drives[2].torque_nm = -0.0;
+        let (row, raw) = rows.of(&cycle, &Beside::default());
+        assert_eq!(row.len(), schema.width());
+        assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
+        assert_eq!(record(3, raw), Some(cycle));
+        assert_eq!(record(4, raw), None);
+    }
+}

@@ -1,0 +1,30 @@
+//! A run of a robot: from its file to its figures.
+//!
+//! In the order in which a run goes:
+//!
+//! - [`robot_text`]: the robot's file with what the command line changes in it, as a plan; kept whole for replay.
+//! - [`simulated`]: the simulated robot of a plan.
+//! - [`session`]: the bus from PRE-OP to OP and back, one exchange a cycle, at the pace of clocks.
+//! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
+//! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
+//! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
+//! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
+#![forbid(unsafe_code)]
+
+pub mod channels;
+pub mod conductor;
+pub mod describe;
+pub mod events;
+pub mod replay;
+pub mod robot_text;
+pub mod run;
+pub mod session;
+pub mod simulated;
+pub mod summary;
+pub mod tracking;
+pub mod truth;
+
+pub use replay::{Replayed, replay};
+pub use robot_text::{LoadedRobot, RobotText};
+pub use run::{Progress, Ran, RunError, Setup, run};
+pub use summary::Summary;

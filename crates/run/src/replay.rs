@@ -1,0 +1,86 @@
+//! A recording computed again, cycle by cycle, and compared bit by bit.
+
+use omnibase_record::run::RecordedRun;
+use omnibase_robot::signals::{CycleRecord, Value};
+use omnibase_robot::{ImageBuffer, Problem, Registry, Robot, StageError};
+
+use crate::channels::{record, word};
+use crate::robot_text::from_description;
+
+/// Why a recording can't be computed again.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// Its robot can't be made.
+    #[error("the recording's robot: {}", list(.0))]
+    Robot(Vec<Problem>),
+    /// A stage can't be made.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// Its words aren't those of this robot.
+    #[error("cycle {row} of the recording holds {bytes} bytes, which aren't a record of this robot")]
+    Words {
+        /// Number of the row, from 0.
+        row: usize,
+        /// What it holds.
+        bytes: usize,
+    },
+    /// Cycles are missing, so that what follows can't be computed.
+    #[error("the recording lacks cycles before {index}: they found no room when it was made")]
+    Missing {
+        /// The first cycle behind the gap.
+        index: u64,
+    },
+}
+
+fn list(problems: &[Problem]) -> String {
+    problems.iter().map(|problem| format!("\n  {problem}")).collect()
+}
+
+/// What a replay showed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Replayed {
+    /// Cycles that were computed and compared.
+    pub cycles: u64,
+    /// The first value that differs.
+    pub difference: Option<Difference>,
+}
+
+/// A value that came out differently.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// The cycle.
+    pub index: u64,
+    /// The channel.
+    pub channel: String,
+    /// What was recorded.
+    pub recorded: Value,
+    /// What came out.
+    pub computed: Value,
+}
+
+/// Computes a recording again until the first difference.
+pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, ReplayError> {
+    let plan = from_description(&run.description, registry).map_err(ReplayError::Robot)?;
+    let wheels = plan.drives.len();
+    let mut robot = Robot::build(&plan, registry)?;
+    let mut image = ImageBuffer::new(&plan);
+    let (mut recorded, mut computed) = (Vec::new(), Vec::new());
+    let mut cycles = 0;
+    for (row, raw) in run.raw.iter().enumerate() {
+        let cycle = record(wheels, raw).ok_or(ReplayError::Words { row, bytes: raw.len() })?;
+        if row == 0 && cycle.time.index != 0 {
+            return Err(ReplayError::Missing { index: cycle.time.index });
+        }
+        cycle.values(&mut recorded);
+        robot.replay(&cycle, &mut image).values(&mut computed);
+        cycles += 1;
+        let differs = recorded.iter().zip(&computed).position(|(a, b)| word(*a) != word(*b));
+        if let Some(number) = differs {
+            let channel = CycleRecord::channels(wheels).swap_remove(number).name;
+            let (recorded, computed) = (recorded[number], computed[number]);
+            let difference = Difference { index: cycle.time.index, channel, recorded, computed };
+            return Ok(Replayed { cycles, difference: Some(difference) });
+        }
+    }
+    Ok(Replayed { cycles, difference: None })
+}

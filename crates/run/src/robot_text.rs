@@ -1,0 +1,169 @@
+//! The robot's file with what the command line changes in it: a plan, and everything that replay needs.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use omnibase_robot::config::{ReferenceTable, RobotFile, Source};
+use omnibase_robot::{Problem, Registry, RobotPlan};
+use serde_json::Value;
+
+/// Key of the robot's file, as it was in effect, in the description of a recording.
+pub const ROBOT_KEY: &str = "robot.toml";
+/// What stands before the name of each file that the robot's file names, in the description of a recording.
+pub const FILE_KEY: &str = "file/";
+/// The name by which problems call what the command line says.
+const COMMAND_LINE: &str = "command line";
+
+/// A robot's file as text, and what is changed in it.
+#[derive(Clone, Debug, Default)]
+pub struct RobotText {
+    /// The file's text.
+    pub text: String,
+    /// The folder from which the files it names are read.
+    pub folder: PathBuf,
+    /// Lines of TOML, each `table.key = value`, that replace what the file says.
+    pub changes: Vec<String>,
+    /// The reference in place of the file's own, with the folder of the files it names.
+    pub reference: Option<NewReference>,
+}
+
+/// A reference in place of the robot file's own.
+#[derive(Clone, Debug)]
+pub enum NewReference {
+    /// A reference file: its name and its text.
+    File {
+        /// The name by which problems call it.
+        name: String,
+        /// Its text.
+        text: String,
+        /// The folder from which the files it names are read.
+        folder: PathBuf,
+    },
+    /// A table, from the command line.
+    Table(Box<ReferenceTable>),
+}
+
+/// A robot that was read and checked.
+#[derive(Clone, Debug)]
+pub struct LoadedRobot {
+    /// What it resolves to.
+    pub plan: RobotPlan,
+    /// Everything from which the same plan is made again.
+    pub description: BTreeMap<String, String>,
+}
+
+impl RobotText {
+    /// Reads and checks: the robot, or every problem at once.
+    pub fn load(&self, registry: &Registry) -> Result<LoadedRobot, Vec<Problem>> {
+        let mut source: Source<RobotFile> = Source::read(&self.text, None);
+        for change in &self.changes {
+            let changed: Source<RobotFile> = Source::read(change, Some(COMMAND_LINE));
+            source.problems.extend(changed.problems);
+            source.file = merged(&source.file, &changed.file);
+        }
+        match &self.reference {
+            Some(NewReference::File { name, text, folder }) => {
+                let read: Source<ReferenceTable> = Source::read(text, Some(name));
+                source.problems.extend(read.problems);
+                source.file.reference = absolute(read.file, folder);
+            }
+            Some(NewReference::Table(table)) => source.file.reference = (**table).clone(),
+            None => {}
+        }
+        let effective = toml::to_string(&source.file).unwrap_or_else(|_| self.text.clone());
+        let read = RefCell::new(BTreeMap::new());
+        let read_file = |name: &str| {
+            let text = std::fs::read_to_string(self.folder.join(name)).map_err(|error| error.to_string())?;
+            read.borrow_mut().insert(format!("{FILE_KEY}{name}"), text.clone());
+            Ok(text)
+        };
+        let plan = RobotPlan::check(source, registry, &read_file)?;
+        let mut description = read.into_inner();
+        description.insert(ROBOT_KEY.into(), effective);
+        Ok(LoadedRobot { plan, description })
+    }
+}
+
+/// The robot of a recording's description.
+pub fn from_description(
+    description: &BTreeMap<String, String>,
+    registry: &Registry,
+) -> Result<RobotPlan, Vec<Problem>> {
+    let text = description.get(ROBOT_KEY).map_or("", String::as_str);
+    let read_file = |name: &str| {
+        let found = description.get(&format!("{FILE_KEY}{name}"));
+        found.cloned().ok_or_else(|| "the recording doesn't hold it".to_owned())
+    };
+    RobotPlan::from_toml(text, registry, &read_file)
+}
+
+/// Files that a reference file names stand beside it.
+fn absolute(mut table: ReferenceTable, folder: &Path) -> ReferenceTable {
+    let beside = |name: String| {
+        std::path::absolute(folder.join(&name)).map_or(name, |path| path.to_string_lossy().into_owned())
+    };
+    table.points_file = table.points_file.map(beside);
+    table
+}
+
+/// A file with the keys that the other one has.
+fn merged(file: &RobotFile, change: &RobotFile) -> RobotFile {
+    let (Ok(mut whole), Ok(change)) = (serde_json::to_value(file), serde_json::to_value(change)) else {
+        return file.clone();
+    };
+    merge(&mut whole, &change);
+    serde_json::from_value(whole).unwrap_or_else(|_| file.clone())
+}
+
+fn merge(whole: &mut Value, change: &Value) {
+    match (whole, change) {
+        (Value::Object(whole), Value::Object(change)) => {
+            for (key, value) in change {
+                merge(whole.entry(key.clone()).or_insert(Value::Null), value);
+            }
+        }
+        // What isn't said changes nothing.
+        (_, Value::Null) => {}
+        (_, Value::Array(items)) if items.is_empty() => {}
+        (whole, value) => *whole = value.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BMM: &str = include_str!("../../../robots/bmm.toml");
+
+    #[test]
+    fn changes_replace_single_keys_and_the_description_gives_the_same_plan() {
+        let registry = Registry::with_built_in();
+        let text = RobotText {
+            text: BMM.into(),
+            changes: vec!["controller.kind = \"open_loop\"".into(), "simulation.payload_kg = 0.1".into()],
+            ..Default::default()
+        };
+        let robot = text.load(&registry).unwrap();
+        assert_eq!(robot.plan.controllers().collect::<Vec<_>>(), ["open_loop"]);
+        assert_eq!(
+            (robot.plan.simulation.payload_kg, robot.plan.simulation.mass_kg),
+            (Some(0.1), Some(70.0))
+        );
+        let again = from_description(&robot.description, &registry).unwrap();
+        assert_eq!(format!("{again:?}"), format!("{:?}", robot.plan));
+    }
+
+    #[test]
+    fn a_wrong_change_is_a_problem_of_the_command_line() {
+        let text = RobotText {
+            text: BMM.into(),
+            changes: vec!["controller.mode = \"open_loop\"".into(), "limits.speed_m_s = -1.0".into()],
+            ..Default::default()
+        };
+        let problems = text.load(&Registry::with_built_in()).unwrap_err();
+        let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert_eq!(words.len(), 2, "{words:#?}");
+        assert!(words.iter().all(|text| text.starts_with("command line:1:1: ")), "{words:#?}");
+    }
+}

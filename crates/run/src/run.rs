@@ -1,0 +1,243 @@
+//! The run: bring-up, cycle after cycle until its end, and a defined stop, whatever happens.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_record::run::RunSink;
+use omnibase_robot::signals::{CycleTime, Phase};
+use omnibase_robot::{CycleRecord, Request, Robot, RobotPlan};
+use omnibase_robot_sim::SharedMachine;
+
+use crate::channels::{Beside, Rows};
+use crate::conductor::{Conductor, Wish};
+use crate::events::{Event, Watch};
+use crate::session::{Session, SessionError, input_age_ns};
+use crate::summary::Summary;
+use crate::tracking::Tracking;
+use crate::truth::Witness;
+
+/// Events that a run keeps; what comes later is only recorded.
+const MOST_EVENTS: usize = 1000;
+
+/// Why a run ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The bus.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The robot stopped by itself.
+    #[error("the robot stopped: {reason}{}", problems(.drives))]
+    Stopped {
+        /// Why, in words.
+        reason: &'static str,
+        /// What is wrong with each drive.
+        drives: Vec<String>,
+    },
+}
+
+fn problems(drives: &[String]) -> String {
+    drives.iter().map(|problem| format!("\n  {problem}")).collect()
+}
+
+/// How far a run is, for whoever watches from another thread.
+#[derive(Debug, Default)]
+pub struct Progress {
+    /// Cycles done.
+    pub cycles: AtomicU64,
+    /// Cycles that the reference takes; 0 until that is known.
+    pub total: AtomicU64,
+    /// It is over.
+    pub ended: AtomicBool,
+}
+
+/// What a run needs beside its link and its clock.
+pub struct Setup<'a> {
+    /// The robot's plan.
+    pub plan: &'a RobotPlan,
+    /// Its stages.
+    pub robot: Robot,
+    /// The machine behind a simulated robot.
+    pub machine: Option<SharedMachine>,
+    /// Rows for the recording, and where they go.
+    pub recording: Option<(Rows, RunSink)>,
+    /// Becomes true where somebody wants the end.
+    pub stop: &'a AtomicBool,
+    /// How far it is.
+    pub progress: &'a Progress,
+}
+
+/// How a run went: figures in any case, and why it ended early, where it did.
+#[derive(Debug)]
+pub struct Ran {
+    /// The figures; those of the recording are not in it yet.
+    pub summary: Summary,
+    /// Whether the reference was followed to its end.
+    pub finished: bool,
+    /// Why it ended early.
+    pub ended: Result<(), RunError>,
+}
+
+/// Runs a robot once: the same in virtual and in real time, for only link and clock differ.
+///
+/// In every end drives are disabled and the segment is brought to INIT, as far as it still listens.
+pub fn run<L: Link, C: Clock>(
+    link: L,
+    clock: C,
+    setup: Setup<'_>,
+    warn: &mut dyn FnMut(String),
+) -> Result<Ran, RunError> {
+    let mut session = Session::prepare(link, clock, setup.plan, warn)?;
+    let stop = setup.stop;
+    let mut cycle = Cycle::new(setup);
+    let reached = session.reach_op(stop);
+    let ran = match reached {
+        Ok(true) => cycle.until_over(&mut session).map_err(RunError::from),
+        Ok(false) => Ok(()),
+        Err(error) => Err(error.into()),
+    };
+    let ended = session.end().map_err(RunError::from);
+    Ok(cycle.finish(ran.and(ended)))
+}
+
+/// The cycle's state.
+struct Cycle<'a> {
+    plan: &'a RobotPlan,
+    robot: Robot,
+    witness: Option<Witness>,
+    recording: Option<(Rows, RunSink)>,
+    stop: &'a AtomicBool,
+    progress: &'a Progress,
+    conductor: Conductor,
+    watch: Watch,
+    tracking: Tracking,
+    events: Vec<(u64, &'static str)>,
+    time: CycleTime,
+    last: CycleRecord,
+    overruns: u64,
+    lost_frames: u64,
+    cycles: u64,
+    realtime_factor: f64,
+    stop_seen: bool,
+}
+
+impl<'a> Cycle<'a> {
+    fn new(setup: Setup<'a>) -> Self {
+        let Setup { plan, robot, machine, recording, stop, progress } = setup;
+        let total = robot.reference_duration_s().map_or(0.0, |s| s * 1e9 / plan.bus.cycle_ns as f64);
+        progress.total.store(total as u64, Ordering::Relaxed);
+        Cycle {
+            robot,
+            witness: machine.map(Witness::new),
+            recording,
+            stop,
+            progress,
+            conductor: Conductor::default(),
+            watch: Watch::default(),
+            tracking: Tracking::default(),
+            events: Vec::with_capacity(MOST_EVENTS),
+            time: CycleTime::on_grid(0, plan.bus.cycle_ns),
+            last: CycleRecord::default(),
+            overruns: 0,
+            lost_frames: 0,
+            cycles: 0,
+            realtime_factor: 0.0,
+            stop_seen: false,
+            plan,
+        }
+    }
+
+    fn until_over<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
+        let (before, began, began_host) = (session.counters(), session.clock().now(), Instant::now());
+        let mut result = Ok(());
+        while !self.conductor.is_over() {
+            if let Err(error) = self.one(session) {
+                result = Err(error);
+                break;
+            }
+        }
+        let robot_s = (session.clock().now() - began).as_secs_f64();
+        self.realtime_factor = robot_s / began_host.elapsed().as_secs_f64().max(1e-9);
+        self.lost_frames = session.counters().frames_lost - before.frames_lost;
+        result
+    }
+
+    /// Sleep, exchange, compute, record.
+    fn one<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
+        let (exchange, times) = session.exchange()?;
+        if self.cycles > 0 {
+            let index = self.time.index + times.periods;
+            self.time = CycleTime::on_grid(index, self.plan.bus.cycle_ns);
+        }
+        self.cycles += 1;
+        let wish = if self.stop.load(Ordering::Relaxed) { Wish::Stop } else { Wish::GoOn };
+        if wish == Wish::Stop && !self.stop_seen {
+            self.stop_seen = true;
+            self.happened(self.time.now_ns, "a stop was asked for");
+        }
+        let request = self.conductor.next(&self.last, self.robot.phase(), wish).map(Request::lasting);
+        let from = session.clock().now();
+        self.last = *self.robot.compute(self.time, exchange, request, &mut session.image());
+        let compute_ns = (session.clock().now() - from).as_nanos() as u64;
+        let inputs_ns = times.wake.0.saturating_sub(input_age_ns(&self.plan.bus));
+        let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
+        let errors = self.tracking.take(&self.last, truth.as_ref());
+        self.record(&Beside { times, compute_ns, errors, truth });
+        self.progress.cycles.store(self.cycles, Ordering::Relaxed);
+        self.overruns += session.skip_missed();
+        Ok(())
+    }
+
+    fn record(&mut self, beside: &Beside) {
+        let (now_ns, phase) = (self.last.time.now_ns, self.robot.phase());
+        if let Some((rows, sink)) = &mut self.recording {
+            let (values, raw) = rows.of(&self.last, beside);
+            sink.push_row(now_ns, values, raw);
+        }
+        for text in self.watch.look(&self.last, phase).into_iter().flatten() {
+            self.happened(now_ns, text);
+        }
+    }
+
+    fn happened(&mut self, time_ns: u64, text: &'static str) {
+        if self.events.len() < MOST_EVENTS {
+            self.events.push((time_ns, text));
+        }
+        if let Some((_, sink)) = &mut self.recording {
+            sink.push_event(time_ns, text);
+        }
+    }
+
+    fn finish(self, ran: Result<(), RunError>) -> Ran {
+        self.progress.ended.store(true, Ordering::Relaxed);
+        let event =
+            |(time_ns, text): (u64, &str)| Event { time_s: time_ns as f64 * 1e-9, text: text.to_owned() };
+        let finished = self.conductor.has_finished() && ran.is_ok();
+        let wanted = self.stop.load(Ordering::Relaxed);
+        let ended = ran.and_then(|()| {
+            if finished || (wanted && self.robot.phase() != Phase::Fault) {
+                return Ok(());
+            }
+            let name = |wheel: usize| self.plan.drives.get(wheel).map_or("?", |drive| drive.name.as_str());
+            let problem = |(wheel, problem): (usize, String)| format!("{}: {problem}", name(wheel));
+            Err(RunError::Stopped {
+                reason: self.last.stop_reason.text(),
+                drives: self.robot.drive_problems().map(problem).collect(),
+            })
+        });
+        let summary = Summary {
+            final_error_m: self.tracking.final_error_m(),
+            rms_error_m: self.tracking.rms_error_m(),
+            max_error_m: self.tracking.max_error_m(),
+            final_heading_error_rad: self.tracking.final_heading_error_rad(),
+            cycles: self.cycles,
+            lost_frames: self.lost_frames,
+            overruns: self.overruns,
+            records_written: 0,
+            records_dropped: 0,
+            realtime_factor: self.realtime_factor,
+            events: self.events.into_iter().map(event).collect(),
+        };
+        Ran { summary, finished, ended }
+    }
+}

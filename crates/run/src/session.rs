@@ -1,0 +1,346 @@
+//! The bus of a robot: from what is plugged in to OP, one exchange a cycle at the pace of clocks, and back to INIT.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use omnibase_ethercat::cyclic::{
+    ClockDirection, CycleCounters, CyclicBus, DcFollower, Exchange as BusExchange, FollowerGains, Goal,
+    Handover, HostToDc, Phase, TransitionError, TransitionOptions,
+};
+use omnibase_ethercat::image::PlanError;
+use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::wire::frame::FrameBuilder;
+use omnibase_ethercat::wire::{
+    Address, AlState, Clock, Command, DcTime, HostTime, Link, LinkError, register,
+};
+use omnibase_ethercat::{Bus, BusOptions, Match, ProcessImage as BusImage, SetUpError};
+use omnibase_robot::config::{BusPlan, ClockSource, DrivePlace, Synchronisation};
+use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
+
+/// Frames that ask for INIT where the orderly way there failed.
+const BROADCAST_ATTEMPTS: u32 = 3;
+/// The longest wait for each state on the way back.
+const END_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Why a robot's bus couldn't be brought to OP, or kept.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// Set-up failed: nobody there, somebody else there, a parameter refused.
+    #[error(transparent)]
+    SetUp(#[from] SetUpError),
+    /// The process data don't fit.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// A drive refused a state.
+    #[error("on the way to {goal}: {error}")]
+    Transition {
+        /// The state that was asked for.
+        goal: &'static str,
+        /// Why it wasn't reached.
+        error: TransitionError,
+    },
+    /// The link is gone.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A drive's process data have another length than the plan says.
+    #[error("drive `{drive}` has {found} bytes of {direction}, its file says {expected}")]
+    Length {
+        /// The drive.
+        drive: String,
+        /// Which of its data.
+        direction: &'static str,
+        /// Bytes by the plan.
+        expected: usize,
+        /// Bytes on the bus.
+        found: usize,
+    },
+}
+
+/// What one cycle's times were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// Periods of the cycle since the one before: more than one where cycles were left out.
+    pub periods: u64,
+    /// When it was to begin.
+    pub wake: HostTime,
+    /// How late it began, ns.
+    pub late_ns: u64,
+    /// From the send until all frames were back or given up, ns.
+    pub round_trip_ns: u64,
+}
+
+/// Who leads whom in time.
+#[derive(Debug)]
+enum Pace {
+    /// The cycle runs by the host's clock.
+    Free,
+    /// The cycle follows the reference clock.
+    FollowDc(DcFollower),
+    /// The reference clock follows the host's; the follower tells the first phase.
+    LeadDc(DcFollower, HostToDc),
+}
+
+/// A robot's bus with its process data and its pace.
+pub struct Session<L, C> {
+    bus: CyclicBus<L>,
+    clock: C,
+    image: BusImage,
+    wiring: Vec<Wires>,
+    pace: Pace,
+    cycle: Duration,
+    timeout: Duration,
+    last_clock: Option<DcTime>,
+    wake: HostTime,
+    /// Periods by which the coming cycle lies behind the last one.
+    periods: u64,
+}
+
+/// Where one wheel's process data stand.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Wires {
+    inputs: Range<usize>,
+    outputs: Range<usize>,
+}
+
+/// The process data of all wheels, as the robot sees them.
+struct WheelImage<'a> {
+    image: &'a mut BusImage,
+    wiring: &'a [Wires],
+}
+
+impl ProcessImage for WheelImage<'_> {
+    fn inputs(&self, wheel: usize) -> &[u8] {
+        self.wiring.get(wheel).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
+    }
+
+    fn outputs(&mut self, wheel: usize) -> &mut [u8] {
+        match self.wiring.get(wheel) {
+            Some(wires) => &mut self.image.outputs[wires.outputs.clone()],
+            None => &mut [],
+        }
+    }
+}
+
+impl<L: Link, C: Clock> Session<L, C> {
+    /// Finds the drives, compares them with the plan and configures them; they are in PRE-OP then.
+    ///
+    /// `warn` is told what a person should know of the segment.
+    pub fn prepare(
+        link: L,
+        clock: C,
+        plan: &RobotPlan,
+        warn: &mut dyn FnMut(String),
+    ) -> Result<Self, SessionError> {
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan()?;
+        let configs: Vec<_> = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus)).collect();
+        let configured = bus.configure(&configs);
+        bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
+        configured?;
+        let direction = match plan.bus.clock_source {
+            ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
+            ClockSource::Host => ClockDirection::DcFollowsHost,
+        };
+        let Handover { bus, clock, subdevices } = bus.into_cyclic(direction)?;
+        let wiring = wire(plan, &bus, &subdevices)?;
+        let cycle = Duration::from_nanos(plan.bus.cycle_ns);
+        let pace = if bus.clock_use().reference().is_some() { pace(&plan.bus) } else { Pace::Free };
+        Ok(Session {
+            image: bus.plan().image(),
+            wake: clock.now() + cycle,
+            bus,
+            clock,
+            wiring,
+            pace,
+            cycle,
+            timeout: Duration::from_nanos(plan.bus.receive_timeout_ns),
+            last_clock: None,
+            periods: 1,
+        })
+    }
+
+    /// Cycles until everyone is in OP; `false` where `stop` came first. Outputs are zero until somebody writes them.
+    pub fn reach_op(&mut self, stop: &AtomicBool) -> Result<bool, SessionError> {
+        self.reach(Goal::Op, "OP", TransitionOptions::default(), stop)
+    }
+
+    /// Brings everyone back to INIT; who doesn't go there in order is asked by broadcast.
+    pub fn end(&mut self) -> Result<(), SessionError> {
+        let options = TransitionOptions { state_timeout: END_TIMEOUT, ..TransitionOptions::default() };
+        let ended = self.reach(Goal::Init, "INIT", options, &AtomicBool::new(false));
+        if ended.is_err() {
+            self.broadcast_init();
+        }
+        ended.map(drop)
+    }
+
+    fn reach(
+        &mut self,
+        goal: Goal,
+        name: &'static str,
+        options: TransitionOptions,
+        stop: &AtomicBool,
+    ) -> Result<bool, SessionError> {
+        self.bus.request(goal, options, self.clock.now());
+        loop {
+            match self.bus.phase() {
+                Phase::Reached(_) => return Ok(true),
+                Phase::Failed(error) => return Err(SessionError::Transition { goal: name, error }),
+                Phase::Standby => return Ok(false),
+                Phase::Moving { .. } => {}
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            self.exchange()?;
+        }
+    }
+
+    /// One cycle: sleeps until its instant, exchanges, and plans the next instant. `Err` only where the link is gone.
+    pub fn exchange(&mut self) -> Result<(Exchange, Times), LinkError> {
+        self.clock.sleep_until(self.wake);
+        let woke = self.clock.now();
+        // Where the host overslept the frame still needs its time to come back.
+        let deadline = self.wake.max(woke) + self.timeout;
+        if let Pace::LeadDc(_, leader) = &self.pace {
+            self.bus.steer_clock(leader.time_at(woke));
+        }
+        let exchange = self.bus.exchange(&mut self.image, deadline)?;
+        let back = self.clock.now();
+        let times = Times {
+            periods: self.periods,
+            wake: self.wake,
+            late_ns: (woke - self.wake).as_nanos() as u64,
+            round_trip_ns: (back - woke).as_nanos() as u64,
+        };
+        self.wake = self.next_wake(woke);
+        self.periods = 1;
+        Ok((robot_exchange(exchange, self.wiring.len()), times))
+    }
+
+    /// Leaves out what was missed while the cycle computed: no burst catches up, and the phase stays. Cycles left out.
+    pub fn skip_missed(&mut self) -> u64 {
+        let now = self.clock.now();
+        if now <= self.wake {
+            return 0;
+        }
+        let missed = ((now - self.wake).as_nanos() / self.cycle.as_nanos().max(1)) as u64;
+        self.wake = self.wake + self.cycle * missed as u32;
+        self.periods += missed;
+        missed
+    }
+
+    fn next_wake(&mut self, woke: HostTime) -> HostTime {
+        // A reading that didn't change is that of an earlier frame.
+        let reading = self.bus.clock().filter(|time| self.last_clock != Some(*time));
+        self.last_clock = self.bus.clock();
+        let planned = self.wake + self.cycle;
+        match &mut self.pace {
+            Pace::Free => planned,
+            Pace::FollowDc(follower) => follower.next_wake(self.wake, reading),
+            Pace::LeadDc(follower, leader) => {
+                let is_first = leader.time_at(woke).is_none();
+                let Some(clock) = reading else { return planned };
+                leader.read(woke, clock);
+                if !is_first {
+                    return planned;
+                }
+                // Once, before any SYNC0: from then on both pass alike.
+                let late = i64::try_from((woke - self.wake).as_nanos()).unwrap_or(0);
+                HostTime(planned.0.saturating_add_signed(late - follower.phase_error(clock)))
+            }
+        }
+    }
+
+    /// The process data as the robot sees them.
+    pub fn image(&mut self) -> impl ProcessImage + '_ {
+        WheelImage { image: &mut self.image, wiring: &self.wiring }
+    }
+
+    /// The clock.
+    pub fn clock(&self) -> &C {
+        &self.clock
+    }
+
+    /// What the bus counted.
+    pub fn counters(&self) -> CycleCounters {
+        self.bus.counters()
+    }
+
+    /// Asks everyone who still listens for INIT: one that is gone must not keep the others in OP.
+    fn broadcast_init(&mut self) {
+        let mut frame = FrameBuilder::new();
+        let ask = [AlState::Init.bits() as u8 | AlState::ERROR as u8, 0];
+        if frame.push(Command::Bwr, 0, Address::broadcast(register::AL_CONTROL), &ask).is_ok() {
+            for _ in 0..BROADCAST_ATTEMPTS {
+                // Where the link is gone nobody hears it; the drives' watchdogs stop them.
+                let _ = self.bus.link_mut().send(frame.bytes());
+            }
+        }
+    }
+}
+
+fn pace(bus: &BusPlan) -> Pace {
+    if bus.synchronisation != Synchronisation::Sync0 {
+        return Pace::Free;
+    }
+    let cycle = Duration::from_nanos(bus.cycle_ns);
+    // Frames pass half a cycle away from SYNC0, before and behind it.
+    let phase_ns = (i64::from(bus.sync0_shift_ns) + bus.cycle_ns as i64 / 2).rem_euclid(bus.cycle_ns as i64);
+    let follower = DcFollower::new(cycle, Duration::from_nanos(phase_ns as u64), FollowerGains::default());
+    match bus.clock_source {
+        ClockSource::DistributedClock => Pace::FollowDc(follower),
+        ClockSource::Host => Pace::LeadDc(follower, HostToDc::new()),
+    }
+}
+
+/// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
+pub fn input_age_ns(bus: &BusPlan) -> u64 {
+    match bus.synchronisation {
+        Synchronisation::Sync0 => bus.cycle_ns / 2,
+        // At the arrival of the frame before.
+        Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus.cycle_ns,
+    }
+}
+
+fn wire<L>(plan: &RobotPlan, bus: &CyclicBus<L>, subdevices: &[SubDevice]) -> Result<Vec<Wires>, SessionError>
+where
+    L: Link,
+{
+    let wires = plan.drives.iter().map(|drive| {
+        let place = match drive.place {
+            DrivePlace::Position(position) => Match::Position(position),
+            DrivePlace::Alias(alias) => Match::Alias(alias),
+        };
+        let found = subdevices.iter().find(|one| one.config.place == Some(place));
+        let placements = found.map_or(&[][..], |one| bus.plan().placements_of(one.position));
+        let bytes = |direction: Direction, name, expected: usize| {
+            let placement = placements.iter().find(|placement| placement.direction == direction);
+            let range = placement.map_or(0..0, |placement| placement.bytes());
+            if range.len() == expected {
+                return Ok(range);
+            }
+            let drive = drive.name.clone();
+            Err(SessionError::Length { drive, direction: name, expected, found: range.len() })
+        };
+        Ok(Wires {
+            inputs: bytes(Direction::Inputs, "inputs", drive.input_bytes())?,
+            outputs: bytes(Direction::Outputs, "outputs", drive.output_bytes())?,
+        })
+    });
+    wires.collect()
+}
+
+/// What became of an exchange, as the robot needs to know it.
+fn robot_exchange(exchange: BusExchange, drives: usize) -> Exchange {
+    match exchange {
+        BusExchange::Complete => Exchange::Complete,
+        BusExchange::Lost { .. } => Exchange::Lost,
+        BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
+        BusExchange::Without { unwell } => {
+            let expected = drives as u16;
+            Exchange::ShortCount { expected, received: expected.saturating_sub(unwell) }
+        }
+    }
+}

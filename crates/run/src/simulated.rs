@@ -1,0 +1,131 @@
+//! The simulated robot of a plan: what the file says, and the simulator's documented figures for the rest.
+
+use omnibase_ethercat_sim::Segment;
+use omnibase_ethercat_sim::device::drive::DriveKind;
+use omnibase_platform::Wheel;
+use omnibase_robot::RobotPlan;
+use omnibase_robot::config::{DrivePlace, DrivePlan, SimulationTable, TurnDirection};
+use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
+use omnibase_robot_sim::{
+    BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
+    RobotSimDescription, SharedMachine, WheelDrive, WheelParameters,
+};
+
+/// Mass of a platform whose file gives none, kg: that of the BMM without batteries (thesis, chapter 1).
+const MASS_KG: f64 = 70.0;
+/// Height of a platform's centre of mass whose file gives none, m: batteries and drives lie low.
+const CENTRE_HEIGHT_M: f64 = 0.25;
+/// Height of a payload's centre of mass whose file gives none, m: it stands on the platform.
+const PAYLOAD_HEIGHT_M: f64 = 0.6;
+
+/// A plan whose robot can't be simulated, in words.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the simulated robot: {0}")]
+pub struct SimulationError(pub String);
+
+/// The simulated robot of a plan on a bus of its own, and the truth behind it.
+pub fn segment(plan: &RobotPlan) -> Result<(Segment, SharedMachine), SimulationError> {
+    let robot = RobotSim::new(&description(plan)).map_err(|error| SimulationError(error.to_string()))?;
+    robot.into_line().map_err(|error| SimulationError(error.to_string()))
+}
+
+/// What a plan says about its simulated robot.
+pub fn description(plan: &RobotPlan) -> RobotSimDescription {
+    let table = &plan.simulation;
+    let wheels = plan.kinematics.wheels();
+    let mass_kg = table.mass_kg.unwrap_or(MASS_KG);
+    let payload_kg = table.payload_kg.unwrap_or(0.0);
+    let drives = wheels.iter().zip(&plan.drives);
+    RobotSimDescription {
+        machine: MachineParameters {
+            body: BodyParameters {
+                mass_kg,
+                yaw_inertia_kg_m2: table.inertia_kg_m2.unwrap_or_else(|| disc_kg_m2(mass_kg, wheels)),
+                center_of_mass_m: table.centre_of_mass_m.unwrap_or_default(),
+                center_of_mass_height_m: table.centre_of_mass_height_m.unwrap_or(CENTRE_HEIGHT_M),
+            },
+            payload: Payload {
+                mass_kg: payload_kg,
+                yaw_inertia_kg_m2: table
+                    .payload_inertia_kg_m2
+                    .unwrap_or_else(|| disc_kg_m2(payload_kg, wheels)),
+                position_m: table.payload_position_m.unwrap_or_default(),
+                height_m: table.payload_height_m.unwrap_or(PAYLOAD_HEIGHT_M),
+            },
+            wheels: drives.map(|(wheel, drive)| wheel_drive(table, wheel, drive)).collect(),
+            step_ns: table.step_us.map_or(DEFAULT_STEP_NS, |step_us| step_us.saturating_mul(1000)),
+        },
+        drives: stations(plan),
+    }
+}
+
+/// Moment of inertia of a disc that reaches out to the wheels, kg·m².
+fn disc_kg_m2(mass_kg: f64, wheels: &[Wheel]) -> f64 {
+    let squares = wheels.iter().map(|wheel| wheel.position_m[0].powi(2) + wheel.position_m[1].powi(2));
+    0.5 * mass_kg * squares.sum::<f64>() / wheels.len().max(1) as f64
+}
+
+fn wheel_drive(table: &SimulationTable, wheel: &Wheel, drive: &DrivePlan) -> WheelDrive {
+    let standard = Contact::default();
+    let mut parameters = WheelParameters::mecanum(
+        wheel.position_m,
+        wheel.rolling_direction,
+        wheel.force_direction,
+        wheel.radius_m,
+    );
+    parameters.contact = Contact {
+        static_friction: table.static_friction.unwrap_or(standard.static_friction),
+        sliding_friction: table.sliding_friction.unwrap_or(standard.sliding_friction),
+        rolling_resistance: table.rolling_resistance.unwrap_or(standard.rolling_resistance),
+        roller_resistance: table.roller_resistance.unwrap_or(standard.roller_resistance),
+        creep: table.creep.unwrap_or(standard.creep),
+    };
+    if let Some(inertia_kg_m2) = table.wheel_inertia_kg_m2 {
+        parameters.inertia_kg_m2 = inertia_kg_m2;
+    }
+    WheelDrive { wheel: parameters, motor: motor(table, drive) }
+}
+
+/// A motor behind a gear is, seen from the wheel, like the simulator's direct-drive motor.
+fn motor(table: &SimulationTable, drive: &DrivePlan) -> MotorParameters {
+    let standard = MotorParameters::default();
+    let gear = drive.scale.gear_ratio;
+    let rated_speed_rad_s = table.motor_rated_speed_rad_s.unwrap_or(standard.rated_speed_rad_s * gear);
+    MotorParameters {
+        rated_torque_n_m: drive.scale.rated_torque_nm,
+        peak_torque_n_m: table.motor_torque_limit_nm.unwrap_or(drive.scale.peak_torque_nm),
+        rotor_inertia_kg_m2: table
+            .rotor_inertia_kg_m2
+            .unwrap_or(standard.rotor_inertia_kg_m2 / (gear * gear)),
+        rated_speed_rad_s,
+        maximum_speed_rad_s: table
+            .motor_greatest_speed_rad_s
+            .unwrap_or(rated_speed_rad_s * standard.maximum_speed_rad_s / standard.rated_speed_rad_s),
+        heating_time_constant_s: table.heating_time_constant_s.unwrap_or(standard.heating_time_constant_s),
+        gear_ratio: match drive.scale.direction {
+            TurnDirection::Forward => gear,
+            TurnDirection::Backward => -gear,
+        },
+        ..standard
+    }
+}
+
+/// The drives in the order of their positions; those known by alias stand behind them.
+fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
+    let mut order: Vec<usize> = (0..plan.drives.len()).collect();
+    order.sort_by_key(|&wheel| match plan.drives[wheel].place {
+        DrivePlace::Position(position) => u32::from(position),
+        DrivePlace::Alias(_) => u32::MAX,
+    });
+    let station = |wheel: usize| {
+        let drive = &plan.drives[wheel];
+        let kind = if drive.device == "sgdv" { DriveKind::Sgdv } else { DriveKind::Generic };
+        let mut station = DriveStation::new(kind, wheel);
+        station.counts_per_revolution = drive.scale.counts_per_revolution;
+        if let DrivePlace::Alias(alias) = drive.place {
+            station.piece.alias = alias;
+        }
+        station
+    };
+    order.into_iter().map(station).collect()
+}

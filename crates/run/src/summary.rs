@@ -1,0 +1,33 @@
+//! The figures of a run.
+
+use serde::Serialize;
+
+use crate::events::Event;
+use crate::tracking::BelievedAndTrue;
+
+/// How a run went: `omnibase run --json` prints this, key by key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Distance from the wished pose after the end was held, m.
+    pub final_error_m: BelievedAndTrue,
+    /// Root of the mean square of that distance while tracking, m.
+    pub rms_error_m: BelievedAndTrue,
+    /// Greatest distance while tracking, m.
+    pub max_error_m: BelievedAndTrue,
+    /// Heading at the end: wished less true (believed on hardware), rad.
+    pub final_heading_error_rad: Option<f64>,
+    /// Cycles in OP.
+    pub cycles: u64,
+    /// Frames that weren't back at their deadline.
+    pub lost_frames: u64,
+    /// Cycles left out because the one before took too long or the host overslept.
+    pub overruns: u64,
+    /// Cycles in the recording.
+    pub records_written: u64,
+    /// Cycles that found no room in the recorder's ring.
+    pub records_dropped: u64,
+    /// Time of the robot over time of the host.
+    pub realtime_factor: f64,
+    /// What happened.
+    pub events: Vec<Event>,
+}
