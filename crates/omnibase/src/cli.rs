@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{decode, exchange, run, scan, sdo, sii, simulate};
+use crate::commands::{check, decode, exchange, kinematics, replay, run, scan, sdo, sii, simulate};
 use clap::{Parser, Subcommand};
 
 /// Real-time control of omnidirectional robots over EtherCAT.
@@ -19,6 +19,9 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Run(Box<run::Arguments>),
+    Check(check::Arguments),
+    Kinematics(kinematics::Arguments),
+    Replay(replay::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

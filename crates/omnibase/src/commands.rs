@@ -1,7 +1,10 @@
 //! One file per command, and what several of them do alike.
 
+pub mod check;
 pub mod decode;
 pub mod exchange;
+pub mod kinematics;
+pub mod replay;
 pub mod run;
 pub mod scan;
 pub mod sdo;
@@ -19,6 +22,9 @@ use std::io::Write;
 pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
         Command::Run(arguments) => run::run(arguments, output),
+        Command::Check(arguments) => check::run(arguments, output),
+        Command::Kinematics(arguments) => kinematics::run(arguments, output),
+        Command::Replay(arguments) => replay::run(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),

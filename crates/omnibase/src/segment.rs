@@ -16,6 +16,15 @@ pub fn load(path: &Path) -> anyhow::Result<Segment> {
     })
 }
 
+/// Whether a file describes a robot: segment files know no platform and no limits.
+pub fn is_robot(path: &Path) -> anyhow::Result<bool> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
+    // Where it isn't even TOML, whoever reads it as a segment file says so.
+    Ok(text
+        .parse::<toml::Table>()
+        .is_ok_and(|table| ["platform", "drive", "limits"].iter().any(|key| table.contains_key(*key))))
+}
+
 /// A line of devices from SII images.
 pub fn from_images(paths: &[PathBuf]) -> anyhow::Result<Segment> {
     let mut images = Vec::with_capacity(paths.len());

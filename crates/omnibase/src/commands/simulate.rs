@@ -3,6 +3,7 @@
 mod fault;
 
 use crate::progress::note;
+use crate::robot_file::{Changes, RobotSource};
 use crate::target::{Port, Target, finish_recording};
 use crate::{Outcome, segment};
 use fault::TimedFault;
@@ -10,15 +11,18 @@ use omnibase_ethercat_sim::{Segment, Served, serve};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{Clock, HostTime, LinkError};
 use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
+use omnibase_robot::Registry;
+use omnibase_run::simulated;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Simulates a segment behind a network interface, in real time, for any MainDevice. Ctrl-C ends it.
+/// Simulates a segment, or a whole robot, behind a network interface, in real time, for any MainDevice. Ctrl-C ends it.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("what").required(true), after_help = "Examples:
   omnibase simulate segments/three-sgdv.toml --interface veth1
+  omnibase simulate robots/bmm.toml --interface veth1                the robot of a robot file: drives, wheels, floor
   omnibase simulate --sii ek1100.bin,el2828.bin --interface veth1    devices from SII images, in a line
   omnibase simulate segments/three-sgdv.toml --interface veth1 --fault power-cycle@1:5 --record run.pcapng
 
@@ -30,9 +34,11 @@ Faults, `<fault>@<position>:<seconds after the start>[:<argument>]`:
   al-error@1:5:0x1b (AL status code)   drive-fault@1:5:0x7500 (error code)
   mailbox-silence@1:5   mailbox-back@1:8   freeze@1:5   unfreeze@1:8")]
 pub struct Arguments {
-    /// Segment file (TOML).
+    /// Segment file or robot file (TOML); which of them, its tables tell.
     #[arg(group = "what")]
-    segment: Option<PathBuf>,
+    file: Option<PathBuf>,
+    #[command(flatten)]
+    changes: Changes,
     /// SII images in place of a segment file: a line of devices.
     #[arg(long, value_delimiter = ',', value_name = "IMAGE,IMAGE", group = "what")]
     sii: Vec<PathBuf>,
@@ -49,9 +55,15 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let mut segment = match &arguments.segment {
-        Some(path) => segment::load(path)?,
-        None => segment::from_images(&arguments.sii)?,
+    let (mut segment, machine) = match &arguments.file {
+        Some(path) if segment::is_robot(path)? => {
+            let source = RobotSource::read(path, &arguments.changes)?;
+            let robot = source.load_or_explain(&Registry::with_built_in())?;
+            let (segment, machine) = simulated::segment(&robot.plan)?;
+            (segment, Some(machine))
+        }
+        Some(path) => (segment::load(path)?, None),
+        None => (segment::from_images(&arguments.sii)?, None),
     };
     let count = segment.sub_devices().len();
     for fault in &arguments.fault {
@@ -90,6 +102,14 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     let served = server.served;
     writeln!(output, "{} frames, {} answered, {} ignored", served.frames, served.answered, served.ignored)?;
+    if let Some(machine) = machine {
+        let pose = machine.truth().pose;
+        writeln!(
+            output,
+            "true pose: x {:.6} m, y {:.6} m, heading {:.6} rad",
+            pose.x_m, pose.y_m, pose.heading_rad
+        )?;
+    }
     drop(cable);
     if let Some((recorder, path)) = recorder {
         finish_recording(recorder, path)?;

@@ -1,0 +1,215 @@
+//! `omnibase check`: all problems of a robot's file at once, else what it resolves to.
+
+use crate::Outcome;
+use crate::robot_file::{Changes, RobotSource, plural};
+use omnibase_robot::config::{DrivePlace, DrivePlan, Limits, PdoPlan, RobotFile, json_schema};
+use omnibase_robot::{Problem, Registry, RobotPlan};
+use serde_json::{Value, json};
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Checks a robot's file without any hardware: all problems at once with file, line and column, else the plan.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase check robots/bmm.toml
+  omnibase check robots/bmm.toml --json
+  omnibase check --schema > robots/robot.schema.json     for editors
+
+Exit code 1 where the file has a problem.")]
+pub struct Arguments {
+    /// Robot file (TOML).
+    #[arg(required_unless_present = "schema")]
+    robot: Option<PathBuf>,
+    #[command(flatten)]
+    changes: Changes,
+    /// Print one JSON object: {"problems": [...]} or the plan.
+    #[arg(long)]
+    json: bool,
+    /// Print the JSON schema of robot files.
+    #[arg(long)]
+    schema: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if let (true, _) | (_, None) = (arguments.schema, &arguments.robot) {
+        serde_json::to_writer_pretty(&mut *output, &json_schema::<RobotFile>())?;
+        writeln!(output)?;
+        return Ok(Outcome::Done);
+    }
+    let path = arguments.robot.as_deref().unwrap_or(std::path::Path::new(""));
+    let source = RobotSource::read(path, &arguments.changes)?;
+    match source.load(&Registry::with_built_in()) {
+        Ok(robot) => {
+            if arguments.json {
+                serde_json::to_writer_pretty(&mut *output, &plan_json(&robot.plan))?;
+                writeln!(output)?;
+            } else {
+                print(&robot.plan, output)?;
+            }
+            Ok(Outcome::Done)
+        }
+        Err(problems) => {
+            if arguments.json {
+                let list: Vec<Value> = problems.iter().map(problem_json).collect();
+                serde_json::to_writer_pretty(&mut *output, &json!({ "problems": list }))?;
+                writeln!(output)?;
+            } else {
+                for problem in &problems {
+                    writeln!(output, "{}", source.explain(problem))?;
+                }
+                writeln!(output, "{} in {}", plural(problems.len()), path.display())?;
+            }
+            Ok(Outcome::Failed)
+        }
+    }
+}
+
+fn problem_json(problem: &Problem) -> Value {
+    let Problem { setting, value, limit, reason, place, .. } = problem;
+    json!({
+        "setting": setting, "value": value, "limit": limit, "reason": reason,
+        "file": place.as_ref().and_then(|place| place.file.as_ref()),
+        "line": place.as_ref().map(|place| place.line),
+        "column": place.as_ref().map(|place| place.column),
+    })
+}
+
+fn place(drive: &DrivePlan) -> String {
+    match drive.place {
+        DrivePlace::Position(position) => format!("position {position}"),
+        DrivePlace::Alias(alias) => format!("alias {alias}"),
+    }
+}
+
+/// Every limit with its name and unit.
+fn limits(limits: &Limits) -> [(&'static str, f64, &'static str); 8] {
+    [
+        ("speed", limits.speed_m_s, "m/s"),
+        ("acceleration", limits.acceleration_m_s2, "m/s²"),
+        ("jerk", limits.jerk_m_s3, "m/s³"),
+        ("turn_speed", limits.turn_speed_rad_s, "rad/s"),
+        ("turn_acceleration", limits.turn_acceleration_rad_s2, "rad/s²"),
+        ("turn_jerk", limits.turn_jerk_rad_s3, "rad/s³"),
+        ("wheel_speed", limits.wheel_speed_rad_s, "rad/s"),
+        ("wheel_torque", limits.wheel_torque_nm, "N·m"),
+    ]
+}
+
+/// The objects of PDOs with their places: `6040:00` at byte 0, 16 bits.
+fn objects(pdos: &[PdoPlan]) -> Vec<(String, u32, u8)> {
+    let mut bit = 0;
+    let mut list = Vec::new();
+    for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
+        // Index 0 is a gap.
+        if entry.index != 0 {
+            list.push((format!("{:04X}:{:02X}", entry.index, entry.subindex), bit, entry.bits));
+        }
+        bit += u32::from(entry.bits);
+    }
+    list
+}
+
+fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    let controllers: Vec<&str> = plan.controllers().collect();
+    writeln!(output, "robot       {}", plan.name)?;
+    writeln!(
+        output,
+        "bus         cycle {} us, answers awaited {} us, {:?}, SYNC0 shifted by {} us, paced by {:?}",
+        plan.bus.cycle_ns / 1000,
+        plan.bus.receive_timeout_ns / 1000,
+        plan.bus.synchronisation,
+        plan.bus.sync0_shift_ns / 1000,
+        plan.bus.clock_source
+    )?;
+    writeln!(output, "controller  {}", controllers.join(", then on request "))?;
+    writeln!(output, "reference   {}\n", plan.reference.kind.as_deref().unwrap_or("hold"))?;
+    writeln!(
+        output,
+        "{:<14} {:>9} {:>9} {:>10} {:>10} {:>9}  {:<12} device",
+        "wheel", "x m", "y m", "rolls deg", "force deg", "radius m", "on the bus"
+    )?;
+    for (wheel, drive) in plan.kinematics.wheels().iter().zip(&plan.drives) {
+        let degrees = |[x, y]: [f64; 2]| y.atan2(x).to_degrees();
+        let [x_m, y_m] = wheel.position_m;
+        writeln!(
+            output,
+            "{:<14} {x_m:>9.4} {y_m:>9.4} {:>10.2} {:>10.2} {:>9.4}  {:<12} {}",
+            drive.name,
+            degrees(wheel.rolling_direction),
+            degrees(wheel.force_direction),
+            wheel.radius_m,
+            place(drive),
+            drive.device
+        )?;
+    }
+    writeln!(output, "\nprocess image, bytes from the start of each drive's data")?;
+    for drive in &plan.drives {
+        let scale = &drive.scale;
+        writeln!(
+            output,
+            "  {}: {} counts/rev, gear {}, {} N·m rated, {} N·m peak, {} parameters",
+            drive.name,
+            scale.counts_per_revolution,
+            scale.gear_ratio,
+            scale.rated_torque_nm,
+            scale.peak_torque_nm,
+            drive.parameters.len()
+        )?;
+        for (name, pdos, bytes) in
+            [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
+        {
+            let list: Vec<String> = objects(pdos)
+                .into_iter()
+                .map(|(object, bit, bits)| format!("{object}@{}", position(bit, bits)))
+                .collect();
+            writeln!(output, "    {name:<4}{bytes:>3} bytes  {}", list.join(" "))?;
+        }
+    }
+    writeln!(output, "\nlimits")?;
+    for (name, value, unit) in limits(&plan.limits) {
+        writeln!(output, "  {name:<20} {value:>8} {unit}")?;
+    }
+    if let Some(area) = plan.limits.area {
+        let ([x0, y0], [x1, y1]) = (area.min_m, area.max_m);
+        writeln!(output, "  {:<20} x from {x0} to {x1} m, y from {y0} to {y1} m", "area")?;
+    }
+    Ok(())
+}
+
+/// Byte and length: `2:i32`-like, in bits.
+fn position(bit: u32, bits: u8) -> String {
+    if bit % 8 == 0 { format!("{}:{bits}", bit / 8) } else { format!("{}.{}:{bits}", bit / 8, bit % 8) }
+}
+
+fn plan_json(plan: &RobotPlan) -> Value {
+    let wheels = plan.kinematics.wheels().iter().zip(&plan.drives).map(|(wheel, drive)| {
+        let image = |pdos| -> Vec<Value> {
+            let object = |(object, bit, bits)| json!({ "object": object, "bit": bit, "bits": bits });
+            objects(pdos).into_iter().map(object).collect()
+        };
+        json!({
+            "name": drive.name,
+            "position_m": wheel.position_m,
+            "rolling_direction": wheel.rolling_direction,
+            "force_direction": wheel.force_direction,
+            "radius_m": wheel.radius_m,
+            "place": place(drive),
+            "device": drive.device,
+            "outputs": { "bytes": drive.output_bytes(), "objects": image(&drive.outputs) },
+            "inputs": { "bytes": drive.input_bytes(), "objects": image(&drive.inputs) },
+        })
+    });
+    let limits: serde_json::Map<String, Value> = limits(&plan.limits)
+        .into_iter()
+        .map(|(name, value, unit)| (name.to_owned(), json!({ "value": value, "unit": unit })))
+        .collect();
+    json!({
+        "problems": [],
+        "robot": plan.name,
+        "cycle_us": plan.bus.cycle_ns / 1000,
+        "controllers": plan.controllers().collect::<Vec<_>>(),
+        "wheels": wheels.collect::<Vec<_>>(),
+        "limits": limits,
+    })
+}
