@@ -1,17 +1,20 @@
 //! The cycle: one function, its stages in source order.
 
 use omnibase_platform::Twist2;
+use omnibase_trajectory::LimitsError;
 
 use crate::config::{Limits, RobotPlan};
 use crate::devices::mode_of;
 use crate::image::{ImageBuffer, ProcessImage};
 use crate::lifecycle::{Change, Lifecycle, Outcome};
 use crate::limiter::Limiter;
+use crate::motion::{CantBegin, Motion};
 use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
+use crate::settings::Settings;
 use crate::signals::{
-    Commands, CycleRecord, CycleTime, Exchange, Frame, InputBytes, MAX_INPUT_BYTES, Phase, PlatformState,
-    Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, Setpoint, WheelCommand,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, InputBytes, MAX_INPUT_BYTES, Phase,
+    PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, Setpoint, WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
@@ -21,7 +24,6 @@ use crate::stages::{
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
     estimator: Box<dyn Estimator>,
-    reference: Box<dyn Reference>,
     limiter: Limiter,
     /// Never empty; the present one is `active`.
     controllers: Vec<Box<dyn Controller>>,
@@ -30,10 +32,8 @@ pub struct Robot {
     lifecycle: Lifecycle,
     limits: Limits,
     command_age_ns: u64,
-    /// The moment at which the reference started.
-    reference_start_ns: u64,
-    /// The velocity command that is followed in place of the reference.
-    velocity: Option<Request>,
+    motion: Motion,
+    settings: Settings,
     record: CycleRecord,
 }
 
@@ -52,8 +52,12 @@ impl Robot {
     ) -> Result<Robot, StageError> {
         let devices =
             plan.drives.iter().map(|drive| registry.make_device(drive)).collect::<Result<_, _>>()?;
-        let limiter = Limiter::new(&plan.limits, plan.bus.cycle_ns as f64 * 1e-9)
-            .map_err(|error| StageError::Refused { setting: "limits".into(), reason: error.to_string() })?;
+        let period_s = plan.bus.cycle_ns as f64 * 1e-9;
+        let refused =
+            |error: LimitsError| StageError::Refused { setting: "limits".into(), reason: error.to_string() };
+        let limiter = Limiter::new(&plan.limits, period_s).map_err(refused)?;
+        let reference = registry.make_reference(plan)?;
+        let motion = Motion::new(reference, &plan.limits, &plan.safety, period_s).map_err(refused)?;
         let controllers = registry.make_controllers(plan)?;
         if controllers.is_empty() {
             return Err(StageError::Refused {
@@ -66,7 +70,6 @@ impl Robot {
         Ok(Robot {
             devices,
             estimator: registry.make_estimator(plan)?,
-            reference: registry.make_reference(plan)?,
             limiter,
             controllers,
             active: 0,
@@ -74,8 +77,8 @@ impl Robot {
             lifecycle: Lifecycle::new(plan.safety),
             limits: plan.limits,
             command_age_ns: plan.safety.command_age_ns,
-            reference_start_ns: 0,
-            velocity: None,
+            motion,
+            settings: Settings::new(&plan.limits),
             record,
         })
     }
@@ -107,6 +110,10 @@ impl Robot {
         self.record.estimates = self.controllers[self.active].estimates();
         self.record.stop_reason = self.lifecycle.reason();
         self.record.stop_where = self.lifecycle.where_index();
+        self.record.course = self.motion.course();
+        self.record.reference_time_s = self.motion.time_s();
+        self.record.reference_rate = self.motion.rate();
+        self.record.reference_begun = u64::from(self.motion.is_interrupted());
         &self.record
     }
 
@@ -129,14 +136,24 @@ impl Robot {
         self.lifecycle.phase()
     }
 
-    /// The controller's gains, in the order of their index.
-    pub fn gains(&self) -> impl Iterator<Item = Gain> + '_ {
-        (0..).map_while(|index| self.controllers[self.active].gain(index))
+    /// What may be set while the robot runs, in the order of its index: the robot's own, then the controller's gains.
+    pub fn settings(&self) -> impl Iterator<Item = Gain> + '_ {
+        (0..).map_while(|index| self.settings.get(&*self.controllers[self.active], index))
+    }
+
+    /// Puts a reference in waiting for [`RequestKind::UseReference`]; gives back the one that waited, or that was
+    /// replaced last, so that it can be dropped elsewhere. It is for the cycle: nothing is allocated.
+    pub fn offer_reference(
+        &mut self,
+        number: u32,
+        reference: Box<dyn Reference>,
+    ) -> Option<(u32, Box<dyn Reference>)> {
+        self.motion.offer(number, reference)
     }
 
     /// Time of the reference's whole motion, s; `None` where it has no end.
     pub fn reference_duration_s(&self) -> Option<f64> {
-        self.reference.duration_s()
+        self.motion.reference().duration_s()
     }
 
     /// What is wrong with each drive, in words; not for the cycle, for it allocates.
@@ -181,33 +198,35 @@ impl Robot {
             return RequestAnswer::TooOld;
         }
         match request.kind {
-            RequestKind::SetGain { index, value } => return self.set_gain(index as usize, value),
+            RequestKind::Set { index, value, apply } => {
+                let controller = &mut *self.controllers[self.active];
+                return self.settings.set(controller, (index as usize, value), apply);
+            }
             RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
             RequestKind::Velocity { twist, .. } => {
                 if !twist.is_finite() {
                     return RequestAnswer::Refused;
                 }
-                let followed = self.lifecycle.phase() == Phase::Tracking && self.velocity.is_some();
-                if !followed && self.lifecycle.request(&time, &request.kind).0 != RequestAnswer::Taken {
+                if self.lifecycle.request(&time, &request.kind).0 != RequestAnswer::Taken {
                     return RequestAnswer::WrongPhase;
                 }
                 // However long it is said to count: a command grows old.
                 let oldest_ns = time.now_ns.saturating_add(self.command_age_ns);
                 let valid_until_ns = request.valid_until_ns.min(oldest_ns);
-                self.velocity = Some(Request { valid_until_ns, ..*request });
+                self.motion.follow(Request { valid_until_ns, ..*request });
                 return RequestAnswer::Taken;
             }
+            RequestKind::Track
+            | RequestKind::Resume
+            | RequestKind::GoTo { .. }
+            | RequestKind::Pause
+            | RequestKind::UseReference { .. } => return self.lead(request.kind),
             _ => {}
         }
         let (answer, change) = self.lifecycle.request(&time, &request.kind);
         match change {
             Change::None => {}
             Change::Begin => self.begin(),
-            Change::Track => {
-                self.velocity = None;
-                self.reference_start_ns = time.now_ns;
-                self.reference.start(&Setpoint::at_rest(self.limiter.setpoint().odom_from_body));
-            }
             Change::Acknowledge => {
                 self.devices.iter_mut().for_each(|device| device.acknowledge());
                 self.safety.reset();
@@ -215,6 +234,35 @@ impl Robot {
             }
         }
         answer
+    }
+
+    /// A request about what is followed.
+    fn lead(&mut self, kind: RequestKind) -> RequestAnswer {
+        let (time, phase) = (self.record.time, self.lifecycle.phase());
+        let here = self.limiter.setpoint().odom_from_body;
+        let fits = match kind {
+            RequestKind::Pause => phase == Phase::Tracking,
+            RequestKind::UseReference { .. } => phase != Phase::Tracking && phase != Phase::Stopping,
+            _ => phase == Phase::Holding,
+        };
+        if !fits {
+            return RequestAnswer::WrongPhase;
+        }
+        let begun = match kind {
+            RequestKind::Pause => return answer(self.motion.pause()),
+            RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
+            RequestKind::GoTo { odom_from_body } if !odom_from_body.is_finite() => Err(CantBegin::Nothing),
+            RequestKind::GoTo { odom_from_body } => {
+                self.motion.go(&time, here, odom_from_body);
+                Ok(())
+            }
+            RequestKind::Resume => self.motion.resume(&time, here),
+            _ => self.motion.track(&time, here),
+        };
+        if begun.is_ok() {
+            self.lifecycle.request(&time, &kind);
+        }
+        answer(begun)
     }
 
     /// The drives change their mode by themselves where the new controller's commands need it.
@@ -227,25 +275,16 @@ impl Robot {
         RequestAnswer::Taken
     }
 
-    fn set_gain(&mut self, index: usize, value: f64) -> RequestAnswer {
-        match self.controllers[self.active].gain(index) {
-            Some(gain) if (gain.least..=gain.greatest).contains(&value) => {
-                self.controllers[self.active].set_gain(index, value);
-                RequestAnswer::Taken
-            }
-            _ => RequestAnswer::Refused,
-        }
-    }
-
     /// What is wished and told begins anew where the platform stands. Only a pose that isn't finite is forgotten.
     fn begin(&mut self) {
         if !self.record.state.is_finite() {
             self.record.state = PlatformState::default();
+            self.motion.forget();
             self.estimator.reset(&self.record.state);
         }
         self.controllers[self.active].reset();
         self.limiter.reset(self.record.state.odom_from_body);
-        self.velocity = None;
+        self.motion.leave();
     }
 
     /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
@@ -264,12 +303,9 @@ impl Robot {
                 }
             }
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
-            Phase::Tracking => match self.velocity {
-                Some(request) => self.velocity_wish(&request),
-                None => {
-                    let since_ns = self.record.time.now_ns.saturating_sub(self.reference_start_ns);
-                    self.reference.sample(since_ns as f64 * 1e-9)
-                }
+            Phase::Tracking => match self.motion.velocity() {
+                Some(&request) => self.velocity_wish(&request),
+                None => self.motion.sample(&self.record.time, &self.settings),
             },
         }
     }
@@ -284,6 +320,7 @@ impl Robot {
             Frame::Body => twist.rotated(now.odom_from_body.heading_rad),
             Frame::Odom => twist,
         };
+        twist_in_odom = self.settings.slowed(twist_in_odom);
         self.block_outward(&now, &mut twist_in_odom);
         Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
     }
@@ -317,7 +354,7 @@ impl Robot {
                 self.limiter.setpoint()
             }
             Phase::Stopping => self.limiter.toward(Twist2::default()),
-            Phase::Tracking if self.velocity.is_some() => self.limiter.toward(wished.twist_in_odom),
+            Phase::Tracking if self.motion.velocity().is_some() => self.limiter.toward(wished.twist_in_odom),
             Phase::Holding | Phase::Tracking => self.limiter.follow(&wished),
         };
         let rests = self.limiter.is_at_rest() || self.limiter.has_reached(&wished.odom_from_body);
@@ -347,7 +384,7 @@ impl Robot {
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
-            velocity: self.velocity.as_ref(),
+            velocity: self.motion.velocity(),
             commands: &record.commands,
         })
     }
@@ -360,10 +397,12 @@ impl Robot {
             measurements: &record.measurements,
             allowed: &record.allowed,
             setpoint_rests: self.limiter.is_at_rest(),
-            is_finished: self.velocity.is_none() && record.setpoint.status == ReferenceStatus::Finished,
+            is_finished: self.motion.course() != Course::Velocity
+                && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
         });
+        self.motion.arrive(&record.time, &record.setpoint);
         if self.lifecycle.phase() != Phase::Tracking {
-            self.velocity = None;
+            self.motion.leave();
         }
     }
 
@@ -383,5 +422,13 @@ impl Robot {
             let progress = device.write(&self.record.time, &command, image.outputs(wheel));
             self.record.measurements.drives[wheel].progress = progress;
         }
+    }
+}
+
+fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
+    match begun {
+        Ok(()) => RequestAnswer::Taken,
+        Err(CantBegin::Nothing) => RequestAnswer::Refused,
+        Err(CantBegin::TooFar) => RequestAnswer::TooFar,
     }
 }

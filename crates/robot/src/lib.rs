@@ -18,9 +18,11 @@ pub mod estimators;
 mod image;
 mod lifecycle;
 pub mod limiter;
+mod motion;
 pub mod references;
 pub mod registry;
 pub mod safety;
+mod settings;
 pub mod signals;
 pub mod stages;
 

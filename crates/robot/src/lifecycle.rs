@@ -18,8 +18,6 @@ pub(crate) enum Change {
     None,
     /// All stages begin anew.
     Begin,
-    /// The reference starts.
-    Track,
     /// Faults are acknowledged.
     Acknowledge,
 }
@@ -43,7 +41,7 @@ pub(crate) struct Outcome<'a> {
     pub(crate) allowed: &'a Allowed,
     /// The setpoint is at rest.
     pub(crate) setpoint_rests: bool,
-    /// The reference has come to its end.
+    /// What was followed has come to its end.
     pub(crate) is_finished: bool,
 }
 
@@ -81,7 +79,7 @@ impl Lifecycle {
         }
     }
 
-    /// A request that isn't about gains.
+    /// A request that isn't about settings.
     pub(crate) fn request(&mut self, time: &CycleTime, kind: &RequestKind) -> (RequestAnswer, Change) {
         let taken = |change| (RequestAnswer::Taken, change);
         match (kind, self.phase) {
@@ -93,11 +91,14 @@ impl Lifecycle {
             (RequestKind::Track, Phase::Holding) => {
                 self.reason = SafetyReason::None;
                 self.enter(time, Phase::Tracking);
-                taken(Change::Track)
+                taken(Change::None)
             }
-            (RequestKind::Velocity { .. }, Phase::Holding) => {
+            (RequestKind::Velocity { .. }, Phase::Holding | Phase::Tracking)
+            | (RequestKind::GoTo { .. } | RequestKind::Resume, Phase::Holding) => {
                 self.reason = SafetyReason::None;
-                self.enter(time, Phase::Tracking);
+                if self.phase != Phase::Tracking {
+                    self.enter(time, Phase::Tracking);
+                }
                 taken(Change::None)
             }
             (RequestKind::Stop(category), Phase::Holding | Phase::Tracking | Phase::Stopping) => {

@@ -1,13 +1,13 @@
 //! References: wished motions that begin where the platform stands, and begin and end at rest.
 
-use omnibase_platform::Pose2;
+use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
     Heading, Interpolation, PathPoint, PathPoints, Placed, PointTrajectory, Shape, ShapeTrajectory,
     SpeedRule, Trajectory,
 };
 
-use crate::config::{HeadingName, InterpolationName, Limits, ReferenceTable};
+use crate::config::{HeadingName, InterpolationName, Limits, PathFrame, ReferenceTable};
 use crate::registry::{Registry, StageError};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
@@ -21,15 +21,26 @@ const ROOM: f64 = 1.02;
 pub fn register(registry: &mut Registry) {
     registry.reference("hold", |_| Ok(Box::new(Hold::default())));
     for name in TRAJECTORIES {
-        registry.reference(name, |plan| match trajectory(&plan.reference, &plan.limits) {
-            Ok(Some(trajectory)) => Ok(Box::new(Tracked::new(trajectory))),
-            Ok(None) => Ok(Box::new(Hold::default())),
-            Err(refusals) => Err(StageError::Refused {
+        registry.reference(name, |plan| {
+            reference(&plan.reference, &plan.limits).map_err(|refusals| StageError::Refused {
                 setting: "reference".into(),
                 reason: refusals.iter().map(|refusal| refusal.reason.as_str()).collect::<Vec<_>>().join("; "),
-            }),
+            })
         });
     }
+}
+
+/// The reference that a table asks for, or every reason why not.
+pub fn reference(
+    table: &ReferenceTable,
+    limits: &Limits,
+) -> Result<Box<dyn Reference>, Vec<ReferenceRefusal>> {
+    Ok(match trajectory(table, limits)? {
+        Some(trajectory) => {
+            Box::new(Tracked { frame: table.frame.unwrap_or(PathFrame::Start), ..Tracked::new(trajectory) })
+        }
+        None => Box::new(Hold::default()),
+    })
 }
 
 /// A trajectory that can be handed to the cycle's thread.
@@ -134,24 +145,36 @@ pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
     Ok(points.as_slice().iter().map(row).collect())
 }
 
-/// Follows a trajectory from where the platform stands.
+/// Follows a trajectory.
 pub struct Tracked {
     /// Taken out only while it is put in its place.
     placed: Option<Placed<AnyTrajectory>>,
     duration_s: f64,
+    frame: PathFrame,
+    /// The trajectory's own first pose.
+    first: Pose2,
 }
 
 impl Tracked {
-    /// A reference that follows a trajectory.
+    /// A reference that follows a trajectory from where the platform stands.
     pub fn new(trajectory: AnyTrajectory) -> Self {
-        let duration_s = trajectory.duration_s();
-        Tracked { placed: Some(Placed::new(trajectory)), duration_s }
+        let (duration_s, first) = (trajectory.duration_s(), trajectory.sample(0.0).odom_from_base);
+        Tracked { placed: Some(Placed::new(trajectory)), duration_s, frame: PathFrame::Start, first }
     }
 }
 
 impl Reference for Tracked {
     fn start(&mut self, from: &Setpoint) {
-        self.placed = self.placed.take().map(|placed| placed.beginning_at(from.odom_from_body));
+        let here = from.odom_from_body;
+        let begin = match self.frame {
+            PathFrame::Start => here,
+            // The platform's heading counts its turns.
+            PathFrame::Odom => {
+                let turn_rad = wrap_angle_rad(self.first.heading_rad - here.heading_rad);
+                Pose2 { heading_rad: here.heading_rad + turn_rad, ..self.first }
+            }
+        };
+        self.placed = self.placed.take().map(|placed| placed.beginning_at(begin));
     }
 
     fn sample(&mut self, since_start_s: f64) -> Setpoint {
@@ -171,6 +194,13 @@ impl Reference for Tracked {
 
     fn duration_s(&self) -> Option<f64> {
         Some(self.duration_s)
+    }
+
+    fn start_pose(&self) -> Option<Pose2> {
+        match self.frame {
+            PathFrame::Start => None,
+            PathFrame::Odom => Some(self.first),
+        }
     }
 }
 

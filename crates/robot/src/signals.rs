@@ -15,11 +15,11 @@ pub use commands::{
 };
 pub use exchange::{CycleTime, Exchange};
 pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
-pub use motion::{PlatformState, ReferenceStatus, Setpoint};
+pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;
 pub use phase::Phase;
 pub use record::{Channel, CycleRecord, InputBytes, Value, ValueKind};
-pub use request::{Frame, Request, RequestAnswer, RequestKind};
+pub use request::{Apply, Frame, Request, RequestAnswer, RequestKind};
 
 /// Bytes of process data that one drive can send or receive in a cycle.
 pub const MAX_INPUT_BYTES: usize = 64;

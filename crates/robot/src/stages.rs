@@ -4,6 +4,7 @@
 //! outputs for the same inputs: that is what makes a record replayable.
 
 use omnibase_cia402::{Mode, Wanted};
+use omnibase_platform::Pose2;
 
 use crate::signals::{
     Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, Measurements, Phase,
@@ -63,11 +64,16 @@ pub trait Reference: Send {
     /// Begins at a pose at rest; paths are laid from there.
     fn start(&mut self, from: &Setpoint);
 
-    /// The setpoint at a time since the start, s; it rises by one period a cycle.
+    /// The setpoint at a time since the start, s; it rises by one period a cycle, or less while the motion is slowed.
     fn sample(&mut self, since_start_s: f64) -> Setpoint;
 
     /// Time of the whole motion, s; `None` where it has no end.
     fn duration_s(&self) -> Option<f64>;
+
+    /// Where the platform must stand at the start, in odom; `None` where it begins wherever it stands.
+    fn start_pose(&self) -> Option<Pose2> {
+        None
+    }
 }
 
 /// A value of a stage that can be read and set while the robot runs.

@@ -216,6 +216,8 @@ impl Check {
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),
             stop_timeout_ns: ns(table.stop_timeout_ms, 5000),
             tracking_error_m: table.tracking_error_m.unwrap_or(0.5),
+            start_distance_m: table.start_distance_m.unwrap_or(0.05),
+            start_heading_rad: table.start_heading_rad.unwrap_or(0.1),
             wheel_speed_stop: stop(table.wheel_speed_stop, StopName::Category1),
             reference_speed_stop: stop(table.reference_speed_stop, StopName::Category1),
             area_stop: stop(table.area_stop, StopName::Category2),

@@ -414,8 +414,20 @@ pub struct ReferenceTable {
     pub points_file: Option<String>,
     /// `path`: what joins the points; default: `cubic_previous_slope`, the thesis's rule.
     pub interpolation: Option<InterpolationName>,
+    /// `path`: where its coordinates begin; default: `start`.
+    pub frame: Option<PathFrame>,
     /// Parameters of a registered reference.
     pub custom: Parameters,
+}
+
+/// Where a path's coordinates begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PathFrame {
+    /// The first point is where the platform stands at the start.
+    Start,
+    /// Points are poses in odom; the platform must stand at the first one.
+    Odom,
 }
 
 /// What joins path points.
@@ -463,6 +475,12 @@ pub struct SafetyTable {
     /// Distance between wished and estimated pose that stops, m; default: 0.5.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub tracking_error_m: Option<f64>,
+    /// How far from the start of a path that is laid in odom the platform may stand, m; default: 0.05.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub start_distance_m: Option<f64>,
+    /// How far from its heading there, rad; default: 0.1.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub start_heading_rad: Option<f64>,
     /// What a measured wheel speed above its limit leads to; default: `category_1`.
     pub wheel_speed_stop: Option<StopName>,
     /// What a wished speed above its limit leads to; default: `category_1`.

@@ -180,6 +180,10 @@ pub struct SafetyPlan {
     pub stop_timeout_ns: u64,
     /// Distance between wished and estimated pose that stops, m.
     pub tracking_error_m: f64,
+    /// How far from the start of a path that is laid in odom the platform may stand, m.
+    pub start_distance_m: f64,
+    /// How far from its heading there, rad.
+    pub start_heading_rad: f64,
     /// What a measured wheel speed above its limit leads to.
     pub wheel_speed_stop: StopCategory,
     /// What a wished speed above its limit leads to.

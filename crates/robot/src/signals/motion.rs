@@ -90,4 +90,18 @@ pub enum ReferenceStatus {
     Finished,
 }
 
+/// What a tracking robot follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Course {
+    /// Its reference.
+    #[default]
+    Reference,
+    /// Velocity commands.
+    Velocity,
+    /// The straight way to a pose.
+    Way,
+}
+
+coded!(Course { Reference = 0, Velocity = 1, Way = 2 });
+
 coded!(ReferenceStatus { Resting = 0, Moving = 1, Finished = 2 });

@@ -4,9 +4,9 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
-    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, MAX_INPUT_BYTES, MAX_WHEELS,
-    Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, SafetyAction,
-    SafetyReason, Setpoint,
+    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, MAX_INPUT_BYTES,
+    MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer,
+    SafetyAction, SafetyReason, Setpoint,
 };
 
 const INPUT_WORDS: usize = MAX_INPUT_BYTES / 8;
@@ -46,6 +46,14 @@ pub struct CycleRecord {
     pub measurements: Measurements,
     /// What is known.
     pub state: PlatformState,
+    /// What is followed while tracking.
+    pub course: Course,
+    /// The reference's own time, s.
+    pub reference_time_s: f64,
+    /// Its rate: 1 as planned, 0 paused.
+    pub reference_rate: f64,
+    /// 1 where the reference was begun and isn't at its end.
+    pub reference_begun: u64,
     /// What is wished.
     pub wished: Setpoint,
     /// What of it the platform's limits let through: what the controller follows.
@@ -180,6 +188,10 @@ impl CycleRecord {
         v.u64("state.regime", "", &mut regime);
         self.state.regime = regime_from_code(regime).unwrap_or(Regime::Integrated);
         v.f64("state.slip_residual", "m/s", &mut self.state.slip_residual_m_s);
+        v.code("reference.course", &mut self.course, Course::code, Course::from_code);
+        v.f64("reference.time", "s", &mut self.reference_time_s);
+        v.f64("reference.rate", "", &mut self.reference_rate);
+        v.u64("reference.begun", "", &mut self.reference_begun);
         v.setpoint(["wished.pose", "wished.twist", "wished.acceleration", "wished.status"], &mut self.wished);
         v.setpoint(
             ["setpoint.pose", "setpoint.twist", "setpoint.acceleration", "setpoint.status"],

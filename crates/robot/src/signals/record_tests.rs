@@ -82,7 +82,12 @@ fn every_request_comes_back() {
         RequestKind::Track,
         RequestKind::Stop(StopCategory::RampThenRemove),
         RequestKind::Acknowledge,
-        RequestKind::SetGain { index: 4, value: 2.5 },
+        RequestKind::Set { index: 4, value: 2.5, apply: Apply::WithNext },
+        RequestKind::Set { index: 5, value: -2.5, apply: Apply::Now },
+        RequestKind::Pause,
+        RequestKind::Resume,
+        RequestKind::GoTo { odom_from_body: Pose2 { x_m: 1.0, y_m: -2.0, heading_rad: 7.0 } },
+        RequestKind::UseReference { number: 3 },
         RequestKind::SwitchController { index: 1 },
     ];
     for kind in kinds {

@@ -1,6 +1,6 @@
 //! What is asked of a running robot: at most one request a cycle, recorded with it.
 
-use omnibase_platform::Twist2;
+use omnibase_platform::{Pose2, Twist2};
 
 use super::{StopCategory, coded};
 
@@ -39,14 +39,42 @@ pub enum RequestKind {
         /// Its place in [`RobotPlan::controllers`](crate::RobotPlan::controllers).
         index: u32,
     },
-    /// Change a gain of the present controller.
-    SetGain {
-        /// Its place in [`Controller::gain`](crate::stages::Controller::gain).
+    /// Change a setting.
+    Set {
+        /// Its place in [`Robot::settings`](crate::Robot::settings).
         index: u32,
         /// Its new value.
         value: f64,
+        /// With which others.
+        apply: Apply,
+    },
+    /// Let the reference come to a halt on its path.
+    Pause,
+    /// Go on with a reference that was left: first the straight way back to where it was left.
+    Resume,
+    /// Go the straight way to a pose in odom, from rest to rest.
+    GoTo {
+        /// The pose; its heading isn't wrapped.
+        odom_from_body: Pose2,
+    },
+    /// Take the reference that was [offered](crate::Robot::offer_reference) in place of the present one.
+    UseReference {
+        /// The number by which it was offered.
+        number: u32,
     },
 }
+
+/// When a changed setting acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Apply {
+    /// In this cycle, with all that waited for it: all of them, or none where one of them is refused.
+    #[default]
+    Now,
+    /// With the next one that acts.
+    WithNext,
+}
+
+coded!(Apply { Now = 0, WithNext = 1 });
 
 /// A request and how long it counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,8 +102,16 @@ impl Request {
             RequestKind::Velocity { twist, frame } => {
                 (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s])
             }
-            RequestKind::SetGain { index, value } => (6, index.into(), [value, 0.0, 0.0]),
+            RequestKind::Set { index, value, apply } => {
+                (6, u64::from(index) | apply.code() << 32, [value, 0.0, 0.0])
+            }
             RequestKind::SwitchController { index } => (7, index.into(), [0.0; 3]),
+            RequestKind::Pause => (8, 0, [0.0; 3]),
+            RequestKind::Resume => (9, 0, [0.0; 3]),
+            RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } } => {
+                (10, 0, [x_m, y_m, heading_rad])
+            }
+            RequestKind::UseReference { number } => (11, number.into(), [0.0; 3]),
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -98,8 +134,19 @@ impl Request {
                     frame: Frame::from_code(argument)?,
                 }
             }
-            6 => RequestKind::SetGain { index: argument.try_into().ok()?, value: values[0] },
+            6 => RequestKind::Set {
+                index: argument as u32,
+                value: values[0],
+                apply: Apply::from_code(argument >> 32)?,
+            },
             7 => RequestKind::SwitchController { index: argument.try_into().ok()? },
+            8 => RequestKind::Pause,
+            9 => RequestKind::Resume,
+            10 => {
+                let [x_m, y_m, heading_rad] = values;
+                RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } }
+            }
+            11 => RequestKind::UseReference { number: argument.try_into().ok()? },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
@@ -118,8 +165,10 @@ pub enum RequestAnswer {
     TooOld,
     /// It doesn't fit the phase in which the robot is.
     WrongPhase,
-    /// Its value isn't finite, or outside what is allowed.
+    /// Its value isn't finite, or outside what is allowed, or there is nothing that it could be about.
     Refused,
+    /// The platform stands too far from the reference's start.
+    TooFar,
 }
 
-coded!(RequestAnswer { None = 0, Taken = 1, TooOld = 2, WrongPhase = 3, Refused = 4 });
+coded!(RequestAnswer { None = 0, Taken = 1, TooOld = 2, WrongPhase = 3, Refused = 4, TooFar = 5 });

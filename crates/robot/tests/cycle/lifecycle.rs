@@ -164,20 +164,6 @@ fn the_rectangle_blocks_only_the_way_out() {
 }
 
 #[test]
-fn gains_change_while_it_runs_within_their_bounds() {
-    let mut bench = Bench::new(plan(BMM));
-    bench.enable();
-    let set =
-        |bench: &mut Bench, index, value| bench.step(Some(RequestKind::SetGain { index, value })).answer;
-    assert_eq!(set(&mut bench, 0, 3.0), RequestAnswer::Taken);
-    assert_eq!(bench.robot.gains().next().map(|gain| (gain.name, gain.value)), Some(("kp_x_1_s", 3.0)));
-    assert_eq!(set(&mut bench, 0, f64::NAN), RequestAnswer::Refused);
-    assert_eq!(set(&mut bench, 0, -1.0), RequestAnswer::Refused);
-    assert_eq!(set(&mut bench, 99, 1.0), RequestAnswer::Refused);
-    assert_eq!(bench.robot.gains().next().map(|gain| gain.value), Some(3.0));
-}
-
-#[test]
 fn a_velocity_that_is_no_number_is_refused() {
     let mut bench = Bench::new(plan(BMM));
     bench.enable();

@@ -1,9 +1,11 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
+mod courses;
 mod lifecycle;
 mod poison;
 mod promises;
 mod safety;
+mod settings;
 mod support;
 mod tracking;
 

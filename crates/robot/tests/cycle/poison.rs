@@ -220,11 +220,15 @@ fn requests_that_are_no_numbers_are_refused_and_change_nothing() {
                     assert_eq!((record.answer, record.phase), (RequestAnswer::Refused, Phase::Holding));
                 }
             }
-            for index in 0..12 {
-                let before: Vec<f64> = bench.robot.gains().map(|gain| gain.value).collect();
-                let record = bench.step(Some(RequestKind::SetGain { index, value: wrong }));
+            for index in 0..15 {
+                let before: Vec<f64> = bench.robot.settings().map(|gain| gain.value).collect();
+                let record = bench.step(Some(RequestKind::Set {
+                    index,
+                    value: wrong,
+                    apply: omnibase_robot::signals::Apply::Now,
+                }));
                 assert_eq!(record.answer, RequestAnswer::Refused);
-                assert!(bench.robot.gains().map(|gain| gain.value).eq(before));
+                assert!(bench.robot.settings().map(|gain| gain.value).eq(before));
             }
         }
     }

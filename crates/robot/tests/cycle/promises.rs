@@ -17,7 +17,9 @@ fn life(bench: &mut Bench) -> Vec<CycleRecord> {
                 let twist = Twist2::new(0.4 * swing.sin(), 0.3 * swing.cos(), 0.5 * (0.3 * swing).sin());
                 Some(RequestKind::Velocity { twist, frame: Frame::Body })
             }
-            1600 => Some(RequestKind::SetGain { index: 0, value: 5.0 }),
+            1600 => {
+                Some(RequestKind::Set { index: 3, value: 5.0, apply: omnibase_robot::signals::Apply::Now })
+            }
             2500 => Some(RequestKind::Stop(omnibase_robot::signals::StopCategory::RampThenRemove)),
             _ => None,
         };

@@ -1,0 +1,314 @@
+//! What a tracking robot follows: its reference at a rate, a velocity command, or the straight way to a pose.
+
+use omnibase_platform::{Pose2, Twist2};
+use omnibase_trajectory::{LimitsError, TwistLimiter};
+
+use crate::config::{Limits, SafetyPlan};
+use crate::references::motion_limits;
+use crate::settings::Settings;
+use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
+use crate::stages::Reference;
+
+/// Part of the acceleration and jerk limits that slowing a reference down may take; the rest is the path's own.
+const SHARE_OF_LIMITS: f64 = 0.5;
+/// A way keeps this far from the limits, so that catching up has room.
+const ROOM: f64 = 1.05;
+/// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
+const ON_PATH: f64 = 1e-4;
+/// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
+const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
+
+/// What is followed, and where it is on its way.
+pub(crate) struct Motion {
+    reference: Box<dyn Reference>,
+    /// Came from outside and waits for its request; afterwards the one that it replaced.
+    offered: Option<(u32, Box<dyn Reference>)>,
+    course: Course,
+    velocity: Option<Request>,
+    way: Way,
+    /// The reference's own time, ns: exact as long as it runs at its full rate.
+    time_ns: f64,
+    now_ns: u64,
+    /// Rate of the reference's time, and how it may change.
+    rate: TwistLimiter,
+    rate_now: f64,
+    rate_change_1_s: f64,
+    pausing: Pausing,
+    /// The reference's speed at its full rate.
+    planned: Twist2,
+    /// The reference was begun and isn't at its end.
+    begun: bool,
+    limits: Limits,
+    start_distance_m: f64,
+    start_heading_rad: f64,
+}
+
+/// Whether the reference shall come to a halt on its path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pausing {
+    No,
+    Yes,
+}
+
+/// A straight way from rest to rest, by a quintic in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Way {
+    from: Pose2,
+    to: Pose2,
+    start_ns: u64,
+    duration_s: f64,
+    goes_on: bool,
+}
+
+/// Why a motion can't begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CantBegin {
+    /// There is nothing to go on with, or no such reference.
+    Nothing,
+    /// The platform stands too far from the reference's start.
+    TooFar,
+}
+
+impl Motion {
+    pub(crate) fn new(
+        reference: Box<dyn Reference>,
+        limits: &Limits,
+        safety: &SafetyPlan,
+        period_s: f64,
+    ) -> Result<Self, LimitsError> {
+        let per_s = |most: f64, speed: f64| SHARE_OF_LIMITS * most / speed;
+        let rate_1_s = per_s(limits.acceleration_m_s2, limits.speed_m_s)
+            .min(per_s(limits.turn_acceleration_rad_s2, limits.turn_speed_rad_s));
+        let rate_1_s2 = per_s(limits.jerk_m_s3, limits.speed_m_s)
+            .min(per_s(limits.turn_jerk_rad_s3, limits.turn_speed_rad_s));
+        let of_rate = omnibase_trajectory::Limits {
+            speed_m_s: 1.0,
+            acceleration_m_s2: rate_1_s,
+            jerk_m_s3: rate_1_s2,
+            ..motion_limits(limits)
+        };
+        Ok(Motion {
+            reference,
+            offered: None,
+            course: Course::Reference,
+            velocity: None,
+            way: Way::default(),
+            time_ns: 0.0,
+            now_ns: 0,
+            rate: TwistLimiter::new(&of_rate, period_s)?,
+            rate_now: 1.0,
+            rate_change_1_s: 0.0,
+            pausing: Pausing::No,
+            planned: Twist2::default(),
+            begun: false,
+            limits: *limits,
+            start_distance_m: safety.start_distance_m,
+            start_heading_rad: safety.start_heading_rad,
+        })
+    }
+
+    pub(crate) fn course(&self) -> Course {
+        self.course
+    }
+
+    pub(crate) fn velocity(&self) -> Option<&Request> {
+        self.velocity.as_ref().filter(|_| self.course == Course::Velocity)
+    }
+
+    pub(crate) fn reference(&self) -> &dyn Reference {
+        &*self.reference
+    }
+
+    /// The reference's own time, s.
+    pub(crate) fn time_s(&self) -> f64 {
+        self.time_ns * 1e-9
+    }
+
+    pub(crate) fn rate(&self) -> f64 {
+        self.rate_now
+    }
+
+    /// Whether the reference was left before its end, so that it can be gone on with.
+    pub(crate) fn is_interrupted(&self) -> bool {
+        self.begun
+    }
+
+    /// Puts a reference in waiting; gives back the one that waited before, or that was replaced.
+    pub(crate) fn offer(
+        &mut self,
+        number: u32,
+        reference: Box<dyn Reference>,
+    ) -> Option<(u32, Box<dyn Reference>)> {
+        self.offered.replace((number, reference))
+    }
+
+    /// The reference that waits takes the place of the present one.
+    pub(crate) fn use_offered(&mut self, number: u32) -> Result<(), CantBegin> {
+        match &mut self.offered {
+            Some((offered, reference)) if *offered == number => {
+                std::mem::swap(reference, &mut self.reference);
+                // What was replaced is not offered again.
+                *offered = u32::MAX;
+                self.begun = false;
+                Ok(())
+            }
+            _ => Err(CantBegin::Nothing),
+        }
+    }
+
+    /// The reference from its start.
+    pub(crate) fn track(&mut self, time: &CycleTime, here: Pose2) -> Result<(), CantBegin> {
+        if let Some(start) = self.reference.start_pose() {
+            let turn_rad = omnibase_platform::wrap_angle_rad(start.heading_rad - here.heading_rad);
+            if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
+                return Err(CantBegin::TooFar);
+            }
+        }
+        self.reference.start(&Setpoint::at_rest(here));
+        self.time_ns = 0.0;
+        self.begin_reference(time, 1.0);
+        Ok(())
+    }
+
+    /// The reference from where it was left: first the straight way back to it.
+    pub(crate) fn resume(&mut self, time: &CycleTime, here: Pose2) -> Result<(), CantBegin> {
+        if !self.begun {
+            return Err(CantBegin::Nothing);
+        }
+        let left = self.reference.sample(self.time_s()).odom_from_body;
+        self.begin_reference(time, 0.0);
+        if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
+            self.go(time, here, left);
+            self.way.goes_on = true;
+        }
+        Ok(())
+    }
+
+    fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
+        self.rate.restart(Twist2::new(rate, 0.0, 0.0));
+        (self.rate_now, self.rate_change_1_s) = (rate, 0.0);
+        (self.pausing, self.begun, self.course, self.now_ns) =
+            (Pausing::No, true, Course::Reference, time.now_ns);
+    }
+
+    /// The straight way to a pose.
+    pub(crate) fn go(&mut self, time: &CycleTime, from: Pose2, to: Pose2) {
+        let limits = &self.limits;
+        let needed_s = |length: f64, most: [f64; 3]| {
+            let [v, a, j] = QUINTIC_PEAKS;
+            (v * length / most[0]).max((a * length / most[1]).sqrt()).max((j * length / most[2]).cbrt())
+        };
+        let straight = [limits.speed_m_s, limits.acceleration_m_s2, limits.jerk_m_s3];
+        let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
+        let turn_rad = (to.heading_rad - from.heading_rad).abs();
+        let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
+        self.way = Way { from, to, start_ns: time.now_ns, duration_s, goes_on: false };
+        self.course = Course::Way;
+    }
+
+    /// A velocity command; one that counts already is replaced.
+    pub(crate) fn follow(&mut self, request: Request) {
+        self.velocity = Some(request);
+        self.course = Course::Velocity;
+    }
+
+    /// The reference slows down on its path until it stands.
+    pub(crate) fn pause(&mut self) -> Result<(), CantBegin> {
+        if self.course != Course::Reference {
+            return Err(CantBegin::Nothing);
+        }
+        self.pausing = Pausing::Yes;
+        Ok(())
+    }
+
+    /// Whether the reference stands on its path because it was paused.
+    pub(crate) fn is_paused(&self) -> bool {
+        self.course == Course::Reference && self.pausing == Pausing::Yes && self.rate_now == 0.0
+    }
+
+    /// What was followed is left; a reference can be gone on with.
+    pub(crate) fn leave(&mut self) {
+        self.velocity = None;
+        self.course = Course::Reference;
+    }
+
+    /// Nothing of what was begun counts any more.
+    pub(crate) fn forget(&mut self) {
+        self.leave();
+        self.begun = false;
+    }
+
+    /// The wish of a cycle; not for velocity commands, whose wish needs the setpoint.
+    pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings) -> Setpoint {
+        match self.course {
+            Course::Way => self.sample_way(time),
+            Course::Reference | Course::Velocity => self.sample_reference(time, settings),
+        }
+    }
+
+    fn sample_reference(&mut self, time: &CycleTime, settings: &Settings) -> Setpoint {
+        let wished = match self.pausing {
+            Pausing::Yes => 0.0,
+            Pausing::No => settings.rate(self.planned),
+        };
+        let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
+        self.now_ns = time.now_ns;
+        if elapsed_ns > 0.0 {
+            let limited = self.rate.step(Twist2::new(wished, 0.0, 0.0));
+            self.rate_now = limited.twist_in_odom.vx_m_s.clamp(0.0, 1.0);
+            self.rate_change_1_s = limited.acceleration_in_odom.vx_m_s;
+        }
+        self.time_ns += self.rate_now * elapsed_ns;
+        let own = self.reference.sample(self.time_s());
+        self.planned = own.twist_in_odom;
+        self.begun = own.status != ReferenceStatus::Finished;
+        let (rate, change) = (self.rate_now, self.rate_change_1_s);
+        if rate == 1.0 && change == 0.0 {
+            return own;
+        }
+        let (v, a) = (own.twist_in_odom, own.acceleration_in_odom.scaled(rate * rate));
+        let bend = v.scaled(change);
+        Setpoint {
+            twist_in_odom: v.scaled(rate),
+            acceleration_in_odom: Twist2::new(
+                a.vx_m_s + bend.vx_m_s,
+                a.vy_m_s + bend.vy_m_s,
+                a.w_rad_s + bend.w_rad_s,
+            ),
+            ..own
+        }
+    }
+
+    fn sample_way(&mut self, time: &CycleTime) -> Setpoint {
+        let Way { from, to, start_ns, duration_s, goes_on } = self.way;
+        let since_s = time.now_ns.saturating_sub(start_ns) as f64 * 1e-9;
+        if since_s >= duration_s {
+            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
+            return Setpoint { status, ..Setpoint::at_rest(to) };
+        }
+        let u = since_s / duration_s;
+        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
+        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
+        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
+        let all = Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad);
+        Setpoint {
+            odom_from_body: Pose2 {
+                x_m: from.x_m + part * all.vx_m_s,
+                y_m: from.y_m + part * all.vy_m_s,
+                heading_rad: from.heading_rad + part * all.w_rad_s,
+            },
+            twist_in_odom: all.scaled(speed),
+            acceleration_in_odom: all.scaled(bend),
+            status: ReferenceStatus::Moving,
+        }
+    }
+
+    /// A way that leads back to the reference ends: the reference goes on from where it stands.
+    pub(crate) fn arrive(&mut self, time: &CycleTime, setpoint: &Setpoint) {
+        let is_there = setpoint.odom_from_body.distance_m(self.way.to) <= ON_PATH;
+        let since_s = time.now_ns.saturating_sub(self.way.start_ns) as f64 * 1e-9;
+        if self.course == Course::Way && self.way.goes_on && is_there && since_s >= self.way.duration_s {
+            self.begin_reference(time, 0.0);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Values of the whole robot that may change while it runs: how much of its limits is used.
+
+use omnibase_platform::Twist2;
+
+use crate::config::Limits;
+use crate::signals::{Apply, RequestAnswer};
+use crate::stages::{Controller, Gain};
+
+/// Slower than this share of its speed a robot is not asked to go; it is paused instead.
+const LEAST_FACTOR: f64 = 0.01;
+/// Settings that can wait for others.
+const MOST_WAITING: usize = 16;
+/// Settings of the robot itself; those of the controller stand behind them.
+const OWN: usize = 3;
+
+/// What may be set while the robot runs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Settings {
+    /// Share of the wished speed.
+    speed_factor: f64,
+    /// Speeds that no wish exceeds; never above the limits of the robot's file.
+    speed_m_s: f64,
+    turn_speed_rad_s: f64,
+    limits: Limits,
+    waiting: [(usize, f64); MOST_WAITING],
+    waiting_count: usize,
+    /// One of those that wait was refused: so are all.
+    is_refused: bool,
+}
+
+impl Settings {
+    pub(crate) fn new(limits: &Limits) -> Self {
+        Settings {
+            speed_factor: 1.0,
+            speed_m_s: limits.speed_m_s,
+            turn_speed_rad_s: limits.turn_speed_rad_s,
+            limits: *limits,
+            waiting: [(0, 0.0); MOST_WAITING],
+            waiting_count: 0,
+            is_refused: false,
+        }
+    }
+
+    /// The setting of a place: first the robot's own, then the controller's.
+    pub(crate) fn get(&self, controller: &dyn Controller, index: usize) -> Option<Gain> {
+        let share =
+            |name, value, greatest: f64| Gain { name, value, least: LEAST_FACTOR * greatest, greatest };
+        let Limits { speed_m_s, turn_speed_rad_s, .. } = self.limits;
+        match index {
+            0 => Some(share("speed_factor", self.speed_factor, 1.0)),
+            1 => Some(share("speed_m_s", self.speed_m_s, speed_m_s)),
+            2 => Some(share("turn_speed_rad_s", self.turn_speed_rad_s, turn_speed_rad_s)),
+            _ => controller.gain(index - OWN),
+        }
+    }
+
+    /// Sets one, with those that waited for it; all of them or none.
+    pub(crate) fn set(
+        &mut self,
+        controller: &mut dyn Controller,
+        (index, value): (usize, f64),
+        apply: Apply,
+    ) -> RequestAnswer {
+        let fits = |gain: Gain| (gain.least..=gain.greatest).contains(&value);
+        let has_room = self.waiting_count < MOST_WAITING;
+        if has_room && self.get(controller, index).is_some_and(fits) {
+            self.waiting[self.waiting_count] = (index, value);
+            self.waiting_count += 1;
+        } else {
+            self.is_refused = true;
+        }
+        let answer = if self.is_refused { RequestAnswer::Refused } else { RequestAnswer::Taken };
+        if apply == Apply::Now {
+            if !self.is_refused {
+                self.put(controller);
+            }
+            (self.waiting_count, self.is_refused) = (0, false);
+        }
+        answer
+    }
+
+    fn put(&mut self, controller: &mut dyn Controller) {
+        for (index, value) in self.waiting.into_iter().take(self.waiting_count) {
+            match index {
+                0 => self.speed_factor = value,
+                1 => self.speed_m_s = value,
+                2 => self.turn_speed_rad_s = value,
+                _ => controller.set_gain(index - OWN, value),
+            }
+        }
+    }
+
+    /// A wished speed, scaled as a whole.
+    pub(crate) fn slowed(&self, wished: Twist2) -> Twist2 {
+        let wished = wished.scaled(self.speed_factor);
+        wished.scaled(self.share_of(wished))
+    }
+
+    /// The rate at which a reference may go on that moves so.
+    pub(crate) fn rate(&self, twist: Twist2) -> f64 {
+        self.speed_factor * self.share_of(twist.scaled(self.speed_factor))
+    }
+
+    /// How much of a speed is within what is set.
+    fn share_of(&self, twist: Twist2) -> f64 {
+        let share = |most: f64, speed: f64| if speed > most { most / speed } else { 1.0 };
+        // Unset, limits are the limiter's work alone.
+        let linear = if self.speed_m_s < self.limits.speed_m_s {
+            share(self.speed_m_s, twist.speed_m_s())
+        } else {
+            1.0
+        };
+        let turning = if self.turn_speed_rad_s < self.limits.turn_speed_rad_s {
+            share(self.turn_speed_rad_s, twist.w_rad_s.abs())
+        } else {
+            1.0
+        };
+        linear.min(turning)
+    }
+}

@@ -1,0 +1,71 @@
+//! What may be set while the robot runs.
+
+use super::support::{BMM, Bench, plan};
+use omnibase_platform::Twist2;
+use omnibase_robot::RequestKind;
+use omnibase_robot::signals::{Apply, Frame, RequestAnswer};
+
+fn index_of(bench: &Bench, name: &str) -> u32 {
+    bench.robot.settings().position(|setting| setting.name == name).unwrap() as u32
+}
+
+fn value_of(bench: &Bench, name: &str) -> f64 {
+    bench.robot.settings().find(|setting| setting.name == name).unwrap().value
+}
+
+fn set(bench: &mut Bench, index: u32, value: f64, apply: Apply) -> RequestAnswer {
+    bench.step(Some(RequestKind::Set { index, value, apply })).answer
+}
+
+#[test]
+fn settings_change_while_it_runs_within_their_bounds() {
+    let mut bench = Bench::new(plan(BMM));
+    bench.enable();
+    let kp = index_of(&bench, "kp_x_1_s");
+    assert_eq!(set(&mut bench, kp, 3.0, Apply::Now), RequestAnswer::Taken);
+    assert_eq!(value_of(&bench, "kp_x_1_s"), 3.0);
+    for (index, wrong) in [(kp, f64::NAN), (kp, -1.0), (99, 1.0), (u32::MAX, 1.0), (0, 0.0), (1, 1.001)] {
+        assert_eq!(set(&mut bench, index, wrong, Apply::Now), RequestAnswer::Refused, "{index} {wrong}");
+    }
+    assert_eq!(value_of(&bench, "kp_x_1_s"), 3.0);
+}
+
+#[test]
+fn several_settings_act_together_or_not_at_all() {
+    let mut bench = Bench::new(plan(BMM));
+    bench.enable();
+    let (x, y) = (index_of(&bench, "kp_x_1_s"), index_of(&bench, "kp_y_1_s"));
+    assert_eq!(set(&mut bench, x, 3.0, Apply::WithNext), RequestAnswer::Taken);
+    assert_eq!(value_of(&bench, "kp_x_1_s"), 8.0, "it waits");
+    assert_eq!(set(&mut bench, y, 4.0, Apply::Now), RequestAnswer::Taken);
+    assert_eq!([value_of(&bench, "kp_x_1_s"), value_of(&bench, "kp_y_1_s")], [3.0, 4.0]);
+    // One of them is wrong: none acts, whichever it is.
+    for values in [[-1.0, 6.0], [6.0, -1.0]] {
+        set(&mut bench, x, values[0], Apply::WithNext);
+        assert_eq!(set(&mut bench, y, values[1], Apply::Now), RequestAnswer::Refused);
+        assert_eq!([value_of(&bench, "kp_x_1_s"), value_of(&bench, "kp_y_1_s")], [3.0, 4.0]);
+    }
+    // More than can wait are refused together, and the next one starts afresh.
+    for _ in 0..20 {
+        set(&mut bench, x, 7.0, Apply::WithNext);
+    }
+    assert_eq!(set(&mut bench, y, 7.0, Apply::Now), RequestAnswer::Refused);
+    assert_eq!(set(&mut bench, y, 7.0, Apply::Now), RequestAnswer::Taken);
+    assert_eq!([value_of(&bench, "kp_x_1_s"), value_of(&bench, "kp_y_1_s")], [3.0, 7.0]);
+}
+
+#[test]
+fn a_lower_speed_slows_every_wish() {
+    for (name, value, expected) in [("speed_factor", 0.5, 0.3), ("speed_m_s", 0.2, 0.2)] {
+        let mut bench = Bench::new(plan(BMM));
+        bench.enable();
+        let index = index_of(&bench, name);
+        assert_eq!(set(&mut bench, index, value, Apply::Now), RequestAnswer::Taken);
+        let wish = RequestKind::Velocity { twist: Twist2::new(0.6, 0.0, 0.0), frame: Frame::Body };
+        for _ in 0..2000 {
+            bench.step(Some(wish));
+        }
+        let speed = bench.robot.record().setpoint.twist_in_odom.speed_m_s();
+        assert!((speed - expected).abs() < 1e-9, "{name}: {speed}");
+    }
+}
