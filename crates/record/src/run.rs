@@ -10,7 +10,7 @@ mod recorder;
 
 pub use columns::{ColumnError, ColumnWriter};
 pub use mcap_file::{McapRun, RecordedRun, RunError};
-pub use recorder::{OnFull, RecorderError, RunFiles, RunRecorded, RunRecorder, RunSink};
+pub use recorder::{OnFull, RecorderError, RunDescriber, RunFiles, RunRecorded, RunRecorder, RunSink};
 
 /// One column: a number per cycle.
 #[derive(Clone, Debug, PartialEq, Eq)]

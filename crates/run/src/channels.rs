@@ -3,6 +3,7 @@
 use omnibase_record::run::RunSchema;
 use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
 
+use crate::live::Commander;
 use crate::session::Times;
 use crate::tracking::Errors;
 use crate::truth::TruePlatform;
@@ -10,6 +11,7 @@ use crate::truth::TruePlatform;
 /// Beside the robot's own channels: how the cycle went, and how far off it was.
 const TIMING: [&str; 3] = ["round_trip_ns", "wake_up_ns", "compute_ns"];
 const ERROR: [&str; 3] = ["believed_m", "true_m", "heading_rad"];
+const OPERATOR: [&str; 3] = ["commander", "emergency_stop", "blocked_sticks"];
 const TRUTH: [&str; 6] =
     ["pose_x_m", "pose_y_m", "pose_heading_rad", "twist_x_m_s", "twist_y_m_s", "twist_heading_rad_s"];
 
@@ -31,8 +33,21 @@ pub struct Beside {
     pub compute_ns: u64,
     /// Its errors.
     pub errors: Errors,
+    /// Who has the say.
+    pub say: Say,
     /// The truth, where it is known.
     pub truth: Option<TruePlatform>,
+}
+
+/// Who has the say over a robot that people and programs lead.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Say {
+    /// Who commands.
+    pub commander: Commander,
+    /// The emergency stop is set.
+    pub is_emergency: bool,
+    /// Blocked sticks: bit 0 the joystick's, then the pages'.
+    pub blocked_sticks: u64,
 }
 
 /// Puts cycles into rows; no allocation after its making.
@@ -75,6 +90,7 @@ impl Rows {
         }
         schema.push("/timing", TIMING);
         schema.push("/error", ERROR);
+        schema.push("/operator", OPERATOR);
         if known == Known::Truth {
             schema.push("/truth", TRUTH);
         }
@@ -97,6 +113,8 @@ impl Rows {
         self.row.extend([round_trip_ns, late_ns, beside.compute_ns].map(|ns| ns as f64));
         let Errors { believed_m, true_m, heading_rad } = beside.errors;
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
+        let Say { commander, is_emergency, blocked_sticks } = beside.say;
+        self.row.extend([commander.code(), is_emergency.into(), blocked_sticks].map(|code| code as f64));
         if self.known == Known::Truth {
             let truth = beside.truth.unwrap_or_default();
             let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);

@@ -5,6 +5,11 @@ use std::collections::BTreeMap;
 use crate::robot_text::LoadedRobot;
 use crate::simulated;
 
+/// The key of a reference that was loaded while the robot ran: its table as TOML.
+pub fn reference_key(number: u32) -> String {
+    format!("reference/{number}")
+}
+
 /// Everything about a run that doesn't change with its cycles.
 pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     let plan = &robot.plan;

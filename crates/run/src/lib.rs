@@ -8,6 +8,7 @@
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
+//! - [`live`]: the same run under the hands of people and programs.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
 
@@ -15,6 +16,7 @@ pub mod channels;
 pub mod conductor;
 pub mod describe;
 pub mod events;
+pub mod live;
 pub mod replay;
 pub mod robot_text;
 pub mod run;

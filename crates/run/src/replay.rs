@@ -1,10 +1,14 @@
 //! A recording computed again, cycle by cycle, and compared bit by bit.
 
 use omnibase_record::run::RecordedRun;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::references::reference;
 use omnibase_robot::signals::{CycleRecord, Value};
-use omnibase_robot::{ImageBuffer, Problem, Registry, Robot, StageError};
+use omnibase_robot::stages::Reference;
+use omnibase_robot::{ImageBuffer, Problem, Registry, RequestKind, Robot, RobotPlan, StageError};
 
 use crate::channels::{record, word};
+use crate::describe::reference_key;
 use crate::robot_text::from_description;
 
 /// Why a recording can't be computed again.
@@ -24,12 +28,26 @@ pub enum ReplayError {
         /// What it holds.
         bytes: usize,
     },
+    /// A reference that was loaded while the robot ran isn't there.
+    #[error("the recording lacks reference {number}, which was loaded while the robot ran")]
+    Reference {
+        /// Its number.
+        number: u32,
+    },
     /// Cycles are missing, so that what follows can't be computed.
     #[error("the recording lacks cycles before {index}: they found no room when it was made")]
     Missing {
         /// The first cycle behind the gap.
         index: u64,
     },
+}
+
+/// The reference that was loaded by a number while the robot ran.
+fn loaded(run: &RecordedRun, plan: &RobotPlan, number: u32) -> Result<Box<dyn Reference>, ReplayError> {
+    let missing = || ReplayError::Reference { number };
+    let text = run.description.get(&reference_key(number)).ok_or_else(missing)?;
+    let table: ReferenceTable = toml::from_str(text).map_err(|_| missing())?;
+    reference(&table, &plan.limits).map_err(|_| missing())
 }
 
 fn list(problems: &[Problem]) -> String {
@@ -70,6 +88,9 @@ pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, Replay
         let cycle = record(wheels, raw).ok_or(ReplayError::Words { row, bytes: raw.len() })?;
         if row == 0 && cycle.time.index != 0 {
             return Err(ReplayError::Missing { index: cycle.time.index });
+        }
+        if let Some(RequestKind::UseReference { number }) = cycle.request.map(|request| request.kind) {
+            robot.offer_reference(number, loaded(run, &plan, number)?);
         }
         cycle.values(&mut recorded);
         robot.replay(&cycle, &mut image).values(&mut computed);

@@ -12,6 +12,9 @@ use omnibase_robot_sim::SharedMachine;
 use crate::channels::{Beside, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::events::{Event, Watch};
+use crate::live::operator::Turn;
+use crate::live::snapshot::MAX_SETTINGS;
+use crate::live::{LiveEnd, Snapshot};
 use crate::session::{Session, SessionError, input_age_ns};
 use crate::summary::Summary;
 use crate::tracking::Tracking;
@@ -61,6 +64,8 @@ pub struct Setup<'a> {
     pub machine: Option<SharedMachine>,
     /// Rows for the recording, and where they go.
     pub recording: Option<(Rows, RunSink)>,
+    /// Where people and programs lead the robot, in place of its one reference from start to end.
+    pub live: Option<LiveEnd>,
     /// Becomes true where somebody wants the end.
     pub stop: &'a AtomicBool,
     /// How far it is.
@@ -109,6 +114,7 @@ struct Cycle<'a> {
     stop: &'a AtomicBool,
     progress: &'a Progress,
     conductor: Conductor,
+    live: Option<LiveEnd>,
     watch: Watch,
     tracking: Tracking,
     events: Vec<(u64, &'static str)>,
@@ -116,6 +122,7 @@ struct Cycle<'a> {
     last: CycleRecord,
     overruns: u64,
     lost_frames: u64,
+    lost_before: u64,
     cycles: u64,
     realtime_factor: f64,
     stop_seen: bool,
@@ -123,7 +130,7 @@ struct Cycle<'a> {
 
 impl<'a> Cycle<'a> {
     fn new(setup: Setup<'a>) -> Self {
-        let Setup { plan, robot, machine, recording, stop, progress } = setup;
+        let Setup { plan, robot, machine, recording, live, stop, progress } = setup;
         let total = robot.reference_duration_s().map_or(0.0, |s| s * 1e9 / plan.bus.cycle_ns as f64);
         progress.total.store(total as u64, Ordering::Relaxed);
         Cycle {
@@ -133,6 +140,7 @@ impl<'a> Cycle<'a> {
             stop,
             progress,
             conductor: Conductor::default(),
+            live,
             watch: Watch::default(),
             tracking: Tracking::default(),
             events: Vec::with_capacity(MOST_EVENTS),
@@ -140,6 +148,7 @@ impl<'a> Cycle<'a> {
             last: CycleRecord::default(),
             overruns: 0,
             lost_frames: 0,
+            lost_before: 0,
             cycles: 0,
             realtime_factor: 0.0,
             stop_seen: false,
@@ -148,7 +157,8 @@ impl<'a> Cycle<'a> {
     }
 
     fn until_over<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
-        let (before, began, began_host) = (session.counters(), session.clock().now(), Instant::now());
+        let (began, began_host) = (session.clock().now(), Instant::now());
+        self.lost_before = session.counters().frames_lost;
         let mut result = Ok(());
         while !self.conductor.is_over() {
             if let Err(error) = self.one(session) {
@@ -158,7 +168,6 @@ impl<'a> Cycle<'a> {
         }
         let robot_s = (session.clock().now() - began).as_secs_f64();
         self.realtime_factor = robot_s / began_host.elapsed().as_secs_f64().max(1e-9);
-        self.lost_frames = session.counters().frames_lost - before.frames_lost;
         result
     }
 
@@ -175,17 +184,54 @@ impl<'a> Cycle<'a> {
             self.stop_seen = true;
             self.happened(self.time.now_ns, "a stop was asked for");
         }
-        let request = self.conductor.next(&self.last, self.robot.phase(), wish).map(Request::lasting);
+        let request = self.request(wish);
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, &mut session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
         let inputs_ns = times.wake.0.saturating_sub(input_age_ns(&self.plan.bus));
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
         let errors = self.tracking.take(&self.last, truth.as_ref());
-        self.record(&Beside { times, compute_ns, errors, truth });
+        let say = self.live.as_ref().map(LiveEnd::say).unwrap_or_default();
+        let beside = Beside { times, compute_ns, errors, say, truth };
+        self.record(&beside);
+        self.lost_frames = session.counters().frames_lost - self.lost_before;
+        self.show(beside);
         self.progress.cycles.store(self.cycles, Ordering::Relaxed);
         self.overruns += session.skip_missed();
         Ok(())
+    }
+
+    /// What is asked of the robot in this cycle: by people, or by the run's own plan; the end is the plan's in any case.
+    fn request(&mut self, wish: Wish) -> Option<Request> {
+        let phase = self.robot.phase();
+        let Some(live) = self.live.as_mut().filter(|_| wish == Wish::GoOn) else {
+            return self.conductor.next(&self.last, phase, wish).map(Request::lasting);
+        };
+        let Turn { request, offer } = live.turn(self.time.now_ns, &self.last, phase);
+        if let Some((number, reference)) = offer
+            && let Some((_, replaced)) = self.robot.offer_reference(number, reference)
+        {
+            live.give_back(replaced);
+        }
+        request
+    }
+
+    fn show(&mut self, beside: Beside) {
+        let Some(live) = &mut self.live else { return };
+        let mut settings = [None; MAX_SETTINGS];
+        for (slot, setting) in settings.iter_mut().zip(self.robot.settings()) {
+            *slot = Some(setting);
+        }
+        live.show(&Snapshot {
+            record: self.last,
+            phase: self.robot.phase(),
+            beside,
+            settings,
+            cycles: self.cycles,
+            lost_frames: self.lost_frames,
+            overruns: self.overruns,
+            ..Snapshot::default()
+        });
     }
 
     fn record(&mut self, beside: &Beside) {
@@ -202,6 +248,9 @@ impl<'a> Cycle<'a> {
     fn happened(&mut self, time_ns: u64, text: &'static str) {
         if self.events.len() < MOST_EVENTS {
             self.events.push((time_ns, text));
+        }
+        if let Some(live) = &mut self.live {
+            live.tell(time_ns, text);
         }
         if let Some((_, sink)) = &mut self.recording {
             sink.push_event(time_ns, text);

@@ -179,7 +179,11 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
 
 /// Byte and length: `2:i32`-like, in bits.
 fn position(bit: u32, bits: u8) -> String {
-    if bit.is_multiple_of(8) { format!("{}:{bits}", bit / 8) } else { format!("{}.{}:{bits}", bit / 8, bit % 8) }
+    if bit.is_multiple_of(8) {
+        format!("{}:{bits}", bit / 8)
+    } else {
+        format!("{}.{}:{bits}", bit / 8, bit % 8)
+    }
 }
 
 fn plan_json(plan: &RobotPlan) -> Value {

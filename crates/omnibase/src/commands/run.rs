@@ -89,6 +89,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         robot: stages,
         machine: way.machine,
         recording,
+        live: None,
         stop,
         progress: &progress,
     };

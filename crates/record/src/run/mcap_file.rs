@@ -95,6 +95,12 @@ impl<W: Write + Seek> McapRun<W> {
         Ok(())
     }
 
+    /// Writes more about the run, known only now.
+    pub fn describe(&mut self, key: &str, text: &str) -> Result<(), RunError> {
+        let metadata = BTreeMap::from([(key.to_owned(), text.to_owned())]);
+        Ok(self.writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?)
+    }
+
     /// Writes an event.
     pub fn write_event(&mut self, event: &RunEvent) -> Result<(), RunError> {
         self.message.clear();
@@ -152,7 +158,7 @@ impl RecordedRun {
         for record in mcap::read::LinearReader::new_with_options(bytes, options)? {
             match record {
                 Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == METADATA => {
-                    run.description = metadata.metadata;
+                    run.description.extend(metadata.metadata);
                 }
                 Ok(_) => {}
                 Err(_) => break,

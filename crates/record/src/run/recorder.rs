@@ -9,6 +9,7 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -119,6 +120,18 @@ impl RunSink {
 pub struct RunRecorder {
     thread: JoinHandle<Result<u64, RecorderError>>,
     dropped: Arc<AtomicU64>,
+    describe: mpsc::Sender<(String, String)>,
+}
+
+/// Adds to the description of a run that is being recorded; not for the cycle, for it allocates.
+#[derive(Clone, Debug)]
+pub struct RunDescriber(mpsc::Sender<(String, String)>);
+
+impl RunDescriber {
+    /// Adds a key and its text; a key that is there already is replaced. Nothing happens where the recording is over.
+    pub fn describe(&self, key: String, text: String) {
+        let _ = self.0.send((key, text));
+    }
 }
 
 /// Which files to write, and what to say about the run in them.
@@ -162,13 +175,19 @@ impl RunRecorder {
             writers.columns = Some((path.clone(), columns));
         }
         let (ring, consumer) = RingBuffer::new(RING);
+        let (describe, described) = mpsc::channel();
         let dropped = Arc::new(AtomicU64::new(0));
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || drain(consumer, writers))
+            .spawn(move || drain(consumer, &described, writers))
             .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
         let sink = RunSink { ring, dropped: dropped.clone(), on_full };
-        Ok((RunRecorder { thread, dropped }, sink))
+        Ok((RunRecorder { thread, dropped, describe }, sink))
+    }
+
+    /// A way to add to the description while the run goes on.
+    pub fn describer(&self) -> RunDescriber {
+        RunDescriber(self.describe.clone())
     }
 
     /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
@@ -183,13 +202,20 @@ impl RunRecorder {
 }
 
 /// Writes entries until the sink is gone and the ring is empty; the number of cycles written.
-fn drain(mut ring: Consumer<u64>, mut writers: Writers) -> Result<u64, RecorderError> {
+fn drain(
+    mut ring: Consumer<u64>,
+    described: &mpsc::Receiver<(String, String)>,
+    mut writers: Writers,
+) -> Result<u64, RecorderError> {
     let mut written = 0;
     let mut words = Vec::new();
     let (mut values, mut bytes) = (Vec::new(), Vec::new());
     loop {
         // Asked first: what was pushed before the sink went is seen below.
         let ended = ring.is_abandoned();
+        for (key, text) in described.try_iter() {
+            writers.describe(&key, &text)?;
+        }
         while take(&mut ring, HEADER, &mut words) {
             let (head, time_ns) = (words[0], words[1]);
             let (count, length) = ((head >> 8 & 0xFF_FFFF) as usize, (head >> 32) as usize);
@@ -227,6 +253,11 @@ impl Writers {
                 .map_err(|source| RecorderError::Columns { path: path.clone(), source })?;
         }
         Ok(())
+    }
+
+    fn describe(&mut self, key: &str, text: &str) -> Result<(), RecorderError> {
+        let Some((path, mcap)) = &mut self.mcap else { return Ok(()) };
+        mcap.describe(key, text).map_err(|source| RecorderError::Mcap { path: path.clone(), source })
     }
 
     fn event(&mut self, event: &RunEvent) -> Result<(), RecorderError> {

@@ -1,0 +1,333 @@
+//! What crosses between the cycle's thread and everybody else; nothing of it ever waits in the cycle.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use omnibase_record::run::RunDescriber;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::signals::Phase;
+use omnibase_robot::stages::Reference;
+use rtrb::{Consumer, Producer, RingBuffer};
+use triple_buffer::{Input, Output, triple_buffer};
+
+use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS};
+use super::operator::{Ages, Note, Operator, Turn};
+use super::snapshot::Snapshot;
+use crate::channels::Say;
+use crate::describe::reference_key;
+
+/// Commands on their way.
+const COMMANDS: usize = 256;
+/// Answers, notes and points of the trace on their way.
+const BACK: usize = 4096;
+/// Between two points of the trace, ns.
+const TRACE_NS: u64 = 10_000_000;
+/// Points of the trace that are kept: ten minutes.
+const TRACE_KEPT: usize = 60_000;
+/// Events and answers that are kept.
+const KEPT: usize = 500;
+
+/// One point of where the robot went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TracePoint {
+    /// Time of the run, s.
+    pub time_s: f64,
+    /// Believed pose in odom: x, y in m, heading in rad.
+    pub believed: [f64; 3],
+    /// Setpoint, likewise.
+    pub wished: [f64; 3],
+    /// True pose, likewise; `None` on hardware.
+    pub truth: Option<[f64; 3]>,
+}
+
+/// Something that happened, with the client whom it is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LiveEvent {
+    /// Its number, rising by one.
+    pub number: u64,
+    /// Time of the run, s.
+    pub time_s: f64,
+    /// In words.
+    pub text: &'static str,
+    /// Whom it is about; `None` for the robot itself.
+    pub client: Option<Client>,
+}
+
+/// What the cycle's thread sends back.
+enum Back {
+    Answer(u64, Answer),
+    Event {
+        time_ns: u64,
+        text: &'static str,
+        client: Option<Client>,
+    },
+    Trace(TracePoint),
+    /// To be dropped where dropping may take its time.
+    Reference(Box<dyn Reference>),
+}
+
+/// The ends of one robot's live operation.
+pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Live, LiveEnd) {
+    let (commands, inbox) = RingBuffer::new(COMMANDS);
+    let (back, from_cycle) = RingBuffer::new(BACK);
+    let (input, output) = triple_buffer(&Snapshot::default());
+    let shared = Shared {
+        commands: Mutex::new(commands),
+        seen: Mutex::new(Seen {
+            output,
+            from_cycle,
+            events: VecDeque::new(),
+            answers: VecDeque::new(),
+            trace: VecDeque::new(),
+            next_event: 1,
+        }),
+        references: Mutex::new(BTreeMap::new()),
+        describer: Mutex::new(None),
+        next_reference: AtomicU32::new(1),
+        next_ticket: AtomicU64::new(1),
+        sessions: Mutex::new([false; MAX_SESSIONS]),
+    };
+    let end = LiveEnd {
+        operator: Operator::new(ages, emergency),
+        inbox,
+        back,
+        snapshot: input,
+        reference: 0,
+        reference_start: None,
+        last_trace_ns: None,
+        unsent: None,
+    };
+    (Live { shared: Arc::new(shared) }, end)
+}
+
+/// Everybody else's end; clones talk to the same robot. Methods may wait for each other, never for the cycle.
+#[derive(Clone)]
+pub struct Live {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    commands: Mutex<Producer<Command>>,
+    seen: Mutex<Seen>,
+    references: Mutex<BTreeMap<u32, ReferenceTable>>,
+    describer: Mutex<Option<RunDescriber>>,
+    next_reference: AtomicU32,
+    next_ticket: AtomicU64,
+    sessions: Mutex<[bool; MAX_SESSIONS]>,
+}
+
+struct Seen {
+    output: Output<Snapshot>,
+    from_cycle: Consumer<Back>,
+    events: VecDeque<LiveEvent>,
+    answers: VecDeque<(u64, Answer)>,
+    trace: VecDeque<TracePoint>,
+    next_event: u64,
+}
+
+/// A guard whose holder panicked still guards whole values.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+impl Live {
+    /// A session for a page; `None` where all are taken. It ends with [`Live::end_session`], or by silence.
+    pub fn begin_session(&self) -> Option<Client> {
+        let mut sessions = lock(&self.shared.sessions);
+        let number = sessions.iter().position(|taken| !taken)?;
+        sessions[number] = true;
+        Some(Client::Page(number as u8))
+    }
+
+    /// Ends a session: the motion that it commands stops.
+    pub fn end_session(&self, client: Client) {
+        if let Client::Page(number) = client {
+            self.send(client, Ask::Gone);
+            if let Some(taken) = lock(&self.shared.sessions).get_mut(usize::from(number)) {
+                *taken = false;
+            }
+        }
+    }
+
+    /// Sends a command; the ticket by which its answer will be found, or `None` where the cycle takes no more.
+    pub fn send(&self, client: Client, ask: Ask) -> Option<u64> {
+        let ticket = self.shared.next_ticket.fetch_add(1, Ordering::Relaxed);
+        lock(&self.shared.commands).push(Command { client, ticket, ask }).ok()?;
+        Some(ticket)
+    }
+
+    /// Sends a reference with the table it was made of, which recordings keep; its number and ticket.
+    pub fn load(
+        &self,
+        client: Client,
+        table: ReferenceTable,
+        reference: Box<dyn Reference>,
+    ) -> Option<(u32, u64)> {
+        let number = self.shared.next_reference.fetch_add(1, Ordering::Relaxed);
+        if let Some(describer) = &*lock(&self.shared.describer)
+            && let Ok(text) = toml::to_string(&table)
+        {
+            describer.describe(reference_key(number), text);
+        }
+        lock(&self.shared.references).insert(number, table);
+        Some((number, self.send(client, Ask::Load { number, reference })?))
+    }
+
+    /// From now on the recording is told of references, without which it can't be computed again.
+    pub fn describe_to(&self, describer: RunDescriber) {
+        *lock(&self.shared.describer) = Some(describer);
+    }
+
+    /// The tables of all references that were loaded, by their numbers.
+    pub fn references(&self) -> BTreeMap<u32, ReferenceTable> {
+        lock(&self.shared.references).clone()
+    }
+
+    /// The latest of everything.
+    pub fn snapshot(&self) -> Snapshot {
+        *self.seen().output.read()
+    }
+
+    /// The answer to a command, once it is there.
+    pub fn answer(&self, ticket: u64) -> Option<Answer> {
+        self.seen().answers.iter().find(|(of, _)| *of == ticket).map(|(_, answer)| *answer)
+    }
+
+    /// Events with a number above `after`, oldest first; as many as are kept.
+    pub fn events_after(&self, after: u64) -> Vec<LiveEvent> {
+        self.seen().events.iter().filter(|event| event.number > after).copied().collect()
+    }
+
+    /// The trace since a time of the run, s.
+    pub fn trace_since(&self, time_s: f64) -> Vec<TracePoint> {
+        let seen = self.seen();
+        let first = seen.trace.partition_point(|point| point.time_s <= time_s);
+        seen.trace.range(first..).copied().collect()
+    }
+
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        let mut seen = lock(&self.shared.seen);
+        while let Ok(back) = seen.from_cycle.pop() {
+            match back {
+                Back::Answer(ticket, answer) => push_kept(&mut seen.answers, KEPT, (ticket, answer)),
+                Back::Event { time_ns, text, client } => {
+                    let event =
+                        LiveEvent { number: seen.next_event, time_s: time_ns as f64 * 1e-9, text, client };
+                    seen.next_event += 1;
+                    push_kept(&mut seen.events, KEPT, event);
+                }
+                Back::Trace(point) => push_kept(&mut seen.trace, TRACE_KEPT, point),
+                Back::Reference(reference) => drop(reference),
+            }
+        }
+        seen
+    }
+}
+
+fn push_kept<T>(list: &mut VecDeque<T>, most: usize, value: T) {
+    if list.len() == most {
+        list.pop_front();
+    }
+    list.push_back(value);
+}
+
+/// The cycle's end: takes commands in, gives one request a cycle, shows the latest. Neither waits nor allocates.
+pub struct LiveEnd {
+    operator: Operator,
+    inbox: Consumer<Command>,
+    back: Producer<Back>,
+    snapshot: Input<Snapshot>,
+    reference: u32,
+    reference_start: Option<omnibase_robot::signals::Setpoint>,
+    last_trace_ns: Option<u64>,
+    /// A reference for which there was no room on the way back; kept, for dropping it would free memory.
+    unsent: Option<Box<dyn Reference>>,
+}
+
+impl LiveEnd {
+    /// What to ask in the coming cycle, at its time, from the last snapshot's record and phase.
+    pub fn turn(&mut self, now_ns: u64, last: &omnibase_robot::CycleRecord, phase: Phase) -> Turn {
+        // As many as were there at the beginning: a flood doesn't hold the cycle up.
+        for _ in 0..self.inbox.slots() {
+            let Ok(command) = self.inbox.pop() else { break };
+            self.operator.hear(now_ns, command);
+        }
+        let turn = self.operator.turn(now_ns, last, phase);
+        for (ticket, answer) in self.operator.answers() {
+            let _ = self.back.push(Back::Answer(ticket, answer));
+        }
+        for Note { text, client } in self.operator.notes() {
+            let _ = self.back.push(Back::Event { time_ns: now_ns, text, client: Some(client) });
+        }
+        for reference in self.operator.discarded() {
+            give_back(&mut self.back, &mut self.unsent, reference);
+        }
+        turn
+    }
+
+    /// Who has the say.
+    pub fn say(&self) -> Say {
+        Say {
+            commander: self.operator.commander(),
+            is_emergency: self.operator.is_emergency(),
+            blocked_sticks: self.operator.blocked_bits(),
+        }
+    }
+
+    /// Sends a reference that is no longer used to where it may be dropped.
+    pub fn give_back(&mut self, reference: Box<dyn Reference>) {
+        give_back(&mut self.back, &mut self.unsent, reference);
+    }
+
+    /// Tells everybody what happened.
+    pub fn tell(&mut self, time_ns: u64, text: &'static str) {
+        let _ = self.back.push(Back::Event { time_ns, text, client: None });
+    }
+
+    /// Shows the latest.
+    pub fn show(&mut self, snapshot: &Snapshot) {
+        use omnibase_robot::RequestKind;
+        use omnibase_robot::signals::RequestAnswer;
+        let record = &snapshot.record;
+        let taken = record.request.filter(|_| record.answer == RequestAnswer::Taken);
+        match taken.map(|request| request.kind) {
+            Some(RequestKind::Track) => self.reference_start = Some(record.wished),
+            Some(RequestKind::UseReference { number }) => {
+                (self.reference, self.reference_start) = (number, None);
+            }
+            _ => {}
+        }
+        *self.snapshot.input_buffer_mut() =
+            Snapshot { reference: self.reference, reference_start: self.reference_start, ..*snapshot };
+        self.snapshot.publish();
+        let now_ns = record.time.now_ns;
+        if self.last_trace_ns.is_none_or(|last_ns| now_ns >= last_ns + TRACE_NS) {
+            self.last_trace_ns = Some(now_ns);
+            let numbers = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
+            let point = TracePoint {
+                time_s: now_ns as f64 * 1e-9,
+                believed: numbers(record.state.odom_from_body),
+                wished: numbers(record.setpoint.odom_from_body),
+                truth: snapshot.beside.truth.map(|truth| numbers(truth.odom_from_body)),
+            };
+            // Where nobody looks the trace ends here; answers keep their room.
+            if self.back.slots() > BACK / 2 {
+                let _ = self.back.push(Back::Trace(point));
+            }
+        }
+    }
+}
+
+/// Where there is no room, one is kept and the rest stays with it for the run: nothing is freed in a cycle.
+fn give_back(
+    back: &mut Producer<Back>,
+    unsent: &mut Option<Box<dyn Reference>>,
+    reference: Box<dyn Reference>,
+) {
+    if let Err(rtrb::PushError::Full(Back::Reference(reference))) = back.push(Back::Reference(reference))
+        && let Some(older) = unsent.replace(reference)
+    {
+        std::mem::forget(older);
+    }
+}

@@ -1,0 +1,172 @@
+//! What a person or a program asks of a running robot.
+
+use omnibase_platform::Twist2;
+use omnibase_robot::RequestKind;
+use omnibase_robot::signals::{Frame, RequestAnswer, StopCategory};
+use omnibase_robot::stages::Reference;
+
+/// Clients that can hold a session at the same time.
+pub const MAX_SESSIONS: usize = 16;
+
+/// Whom a command comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Client {
+    /// The stick at the robot's computer.
+    Joystick,
+    /// A page in a browser, by the number of its session, below [`MAX_SESSIONS`]; what it started ends with it.
+    Page(u8),
+    /// The command line or a program: it asks and goes; what it started goes on.
+    Command,
+}
+
+/// What a stick wishes. A resting stick repeats its wish; silence is a loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pad {
+    /// Its dead-man button is held.
+    Held {
+        /// Wished speed.
+        twist: Twist2,
+        /// The frame of that speed.
+        frame: Frame,
+    },
+    /// It is there, and nobody holds it.
+    Released,
+    /// It is gone.
+    Lost,
+}
+
+/// What is asked.
+pub enum Ask {
+    /// A request that the robot itself answers. Velocities come from pads.
+    Robot(RequestKind),
+    /// Take this reference in place of the present one.
+    Load {
+        /// Its number, by which recordings know it.
+        number: u32,
+        /// The reference.
+        reference: Box<dyn Reference>,
+    },
+    /// Stop, and let nothing begin until that is released.
+    EmergencyStop,
+    /// Motion may be asked for again.
+    ReleaseEmergencyStop,
+    /// A stick's wish.
+    Pad(Pad),
+    /// A stick that was lost may command again.
+    EnablePad,
+    /// The session is alive.
+    Alive,
+    /// The session has ended.
+    Gone,
+}
+
+/// A command on its way to the cycle.
+pub struct Command {
+    /// Whom it comes from.
+    pub client: Client,
+    /// The number by which its answer is found; 0 where nobody waits for one.
+    pub ticket: u64,
+    /// What is asked.
+    pub ask: Ask,
+}
+
+/// What became of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// The robot's own answer.
+    Robot(RequestAnswer),
+    /// Done.
+    Done,
+    /// Refused before the robot was asked.
+    Refused(Refusal),
+}
+
+/// Why a command never reached the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The emergency stop is set.
+    EmergencyStop,
+    /// Somebody with more say commands.
+    Commanded,
+    /// Too much was asked at once.
+    Busy,
+    /// Velocities come from pads.
+    NotAPad,
+    /// A stop came first, or whoever asked is gone.
+    Stopped,
+}
+
+impl Answer {
+    /// The answer in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Answer::Done | Answer::Robot(RequestAnswer::Taken | RequestAnswer::None) => "done",
+            Answer::Robot(RequestAnswer::TooOld) => "refused: it came too late",
+            Answer::Robot(RequestAnswer::WrongPhase) => "refused: it doesn't fit what the robot is doing",
+            Answer::Robot(RequestAnswer::Refused) => {
+                "refused: the value is outside what is allowed, or there is nothing that it could be about"
+            }
+            Answer::Robot(RequestAnswer::TooFar) => {
+                "refused: the platform stands too far from the path's start"
+            }
+            Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
+            Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
+            Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
+            Answer::Refused(Refusal::NotAPad) => "refused: a velocity comes from a pad",
+            Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
+        }
+    }
+
+    /// Whether it was carried out.
+    pub fn is_done(self) -> bool {
+        matches!(self, Answer::Done | Answer::Robot(RequestAnswer::Taken))
+    }
+}
+
+/// Who commands the motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Commander {
+    /// Nobody: the robot rests.
+    #[default]
+    Nobody,
+    /// A stick drives.
+    Pad(Client),
+    /// A reference is followed, or a way, that this client asked for.
+    Reference(Client),
+}
+
+impl Client {
+    /// The number by which recordings hold it: 1 the joystick, 2 a command, 16 and up the pages.
+    pub fn code(self) -> u64 {
+        match self {
+            Client::Joystick => 1,
+            Client::Command => 2,
+            Client::Page(number) => 16 + u64::from(number),
+        }
+    }
+}
+
+impl Commander {
+    /// The number by which recordings hold it: 0 nobody, 100 and up a pad, 200 and up a reference, plus the client's.
+    pub fn code(self) -> u64 {
+        match self {
+            Commander::Nobody => 0,
+            Commander::Pad(client) => 100 + client.code(),
+            Commander::Reference(client) => 200 + client.code(),
+        }
+    }
+}
+
+/// Requests that begin a motion.
+pub(super) fn begins_motion(kind: &RequestKind) -> bool {
+    matches!(kind, RequestKind::Track | RequestKind::Resume | RequestKind::GoTo { .. })
+}
+
+/// A stop's category and what follows, most severe first.
+pub(super) fn severity(category: StopCategory) -> u8 {
+    match category {
+        StopCategory::RemoveTorque => 2,
+        StopCategory::RampThenRemove => 1,
+        StopCategory::RampAndHold => 0,
+    }
+}

@@ -1,0 +1,32 @@
+//! The latest of everything, for whoever looks at a running robot.
+
+use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
+use omnibase_robot::stages::Gain;
+
+use crate::channels::Beside;
+
+/// Settings that a snapshot has room for.
+pub const MAX_SETTINGS: usize = 32;
+
+/// The latest of everything.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Snapshot {
+    /// The cycle.
+    pub record: CycleRecord,
+    /// Where the robot is in its life after it.
+    pub phase: Phase,
+    /// What stands beside it: times, errors, truth, who has the say.
+    pub beside: Beside,
+    /// What may be set, in the order of its index.
+    pub settings: [Option<Gain>; MAX_SETTINGS],
+    /// The number of the reference that is followed; 0 for the robot file's own.
+    pub reference: u32,
+    /// Where that began when it was last started.
+    pub reference_start: Option<Setpoint>,
+    /// Cycles in OP.
+    pub cycles: u64,
+    /// Frames that weren't back at their deadline.
+    pub lost_frames: u64,
+    /// Cycles left out.
+    pub overruns: u64,
+}

@@ -1,0 +1,168 @@
+//! People's hands on a robot that runs in virtual time: what they do at which second, and what they see then.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use omnibase_ethercat::wire::{Clock, HostTime};
+use omnibase_ethercat_sim::{VirtualClock, in_process};
+use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
+use omnibase_robot::signals::StopCategory;
+use omnibase_robot::{Registry, Robot, RobotPlan};
+use omnibase_run::channels::{Known, Rows};
+use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Pad, Snapshot, live};
+use omnibase_run::{Progress, Ran, Replayed, RobotText, Setup, replay, run, simulated};
+
+const BMM: &str = include_str!("../../../../robots/bmm.toml");
+const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
+
+/// The robot that all of them drive.
+pub fn plan() -> RobotPlan {
+    let text = RobotText { text: BMM.into(), ..RobotText::default() };
+    text.load(&Registry::with_built_in()).unwrap().plan
+}
+
+type Act = Box<dyn FnMut(&Live, &Snapshot)>;
+
+struct Deed {
+    from_s: f64,
+    until_s: f64,
+    act: Act,
+}
+
+/// What hands do.
+#[derive(Default)]
+pub struct Hands {
+    deeds: Vec<Deed>,
+}
+
+impl Hands {
+    /// Does something once, at a second of the run.
+    pub fn at(&mut self, time_s: f64, act: impl FnMut(&Live, &Snapshot) + 'static) {
+        self.deeds.push(Deed { from_s: time_s, until_s: time_s, act: Box::new(act) });
+    }
+
+    /// Does something in every cycle.
+    pub fn between(&mut self, from_s: f64, until_s: f64, act: impl FnMut(&Live, &Snapshot) + 'static) {
+        self.deeds.push(Deed { from_s, until_s, act: Box::new(act) });
+    }
+
+    /// Asks for something.
+    pub fn send(&mut self, time_s: f64, client: Client, ask: Ask) {
+        let mut ask = Some(ask);
+        self.at(time_s, move |live, _| {
+            live.send(client, ask.take().expect("once")).expect("there is room");
+        });
+    }
+
+    /// Holds a stick like that.
+    pub fn pad(&mut self, from_s: f64, until_s: f64, client: Client, pad: Pad) {
+        self.between(from_s, until_s, move |live, _| {
+            live.send(client, Ask::Pad(pad)).expect("there is room");
+        });
+    }
+
+    /// A page is alive.
+    pub fn alive(&mut self, from_s: f64, until_s: f64, client: Client) {
+        self.between(from_s, until_s, move |live, _| {
+            live.send(client, Ask::Alive).expect("there is room");
+        });
+    }
+
+    /// Asks for something, and looks at the answer 0.1 s later.
+    pub fn ask(&mut self, time_s: f64, client: Client, ask: Ask, expected: Answer) {
+        let ticket = Rc::new(RefCell::new(None));
+        let (sent, mut ask) = (ticket.clone(), Some(ask));
+        self.at(time_s, move |live, _| *sent.borrow_mut() = live.send(client, ask.take().unwrap()));
+        self.at(time_s + 0.1, move |live, _| {
+            let answer = live.answer(ticket.borrow().expect("there is room"));
+            assert_eq!(answer, Some(expected), "what was asked at {time_s} s");
+        });
+    }
+
+    fn act(&mut self, live: &Live) {
+        let seen = live.snapshot();
+        let now_s = seen.record.time.now_ns as f64 * 1e-9;
+        for deed in &mut self.deeds {
+            if now_s >= deed.from_s && deed.from_s <= deed.until_s {
+                (deed.act)(live, &seen);
+                // Done once, or until its end.
+                if now_s + 1e-9 >= deed.until_s {
+                    deed.from_s = f64::INFINITY;
+                }
+            }
+        }
+    }
+}
+
+/// Virtual time that lets hands act whenever the cycle sleeps.
+#[derive(Clone)]
+struct Watched {
+    clock: VirtualClock,
+    live: Live,
+    hands: Rc<RefCell<Hands>>,
+    until_s: f64,
+    stop: &'static AtomicBool,
+}
+
+impl Clock for Watched {
+    fn now(&self) -> HostTime {
+        self.clock.now()
+    }
+
+    fn sleep_until(&mut self, instant: HostTime) {
+        self.hands.borrow_mut().act(&self.live);
+        if self.live.snapshot().record.time.now_ns as f64 * 1e-9 >= self.until_s {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        self.clock.sleep_until(instant);
+    }
+}
+
+/// What came of it.
+pub struct Played {
+    pub ran: Ran,
+    pub last: Snapshot,
+    pub live: Live,
+    pub replayed: Replayed,
+    pub stop: &'static AtomicBool,
+}
+
+/// Runs the simulated robot for so many seconds under these hands, and computes its recording again.
+pub fn played(until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
+    let registry = Registry::with_built_in();
+    let robot = RobotText { text: BMM.into(), ..RobotText::default() }.load(&registry).unwrap();
+    let mut hands = Hands::default();
+    prepare(&mut hands);
+    let (live, end) = live(AGES, StopCategory::RampThenRemove);
+    let (segment, machine) = simulated::segment(&robot.plan).unwrap();
+    let (link, clock) = in_process(segment);
+    let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
+    let clock = Watched { clock, live: live.clone(), hands: Rc::new(RefCell::new(hands)), until_s, stop };
+    static NUMBER: AtomicUsize = AtomicUsize::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let path = std::env::temp_dir().join(format!("omnibase-live-{}-{number}.mcap", std::process::id()));
+    let rows = Rows::new(robot.plan.drives.len(), Known::Truth);
+    let files = RunFiles {
+        mcap: Some(path.clone()),
+        columns: None,
+        description: omnibase_run::describe::description(&robot),
+    };
+    let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Wait).unwrap();
+    live.describe_to(recorder.describer());
+    let setup = Setup {
+        plan: &robot.plan,
+        robot: Robot::build(&robot.plan, &registry).unwrap(),
+        machine: Some(machine),
+        recording: Some((rows, sink)),
+        live: Some(end),
+        stop,
+        progress: &Progress::default(),
+    };
+    let ran = run(link, clock, setup, &mut |warning| panic!("{warning}")).unwrap();
+    recorder.finish().unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let recorded = RecordedRun::read(&bytes).unwrap();
+    Played { ran, last: live.snapshot(), live, replayed: replay(&recorded, &registry).unwrap(), stop }
+}

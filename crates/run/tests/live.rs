@@ -1,0 +1,187 @@
+//! A running robot under people's hands, in virtual time, frames and all.
+
+mod hands;
+
+use std::sync::atomic::Ordering;
+
+use hands::{Hands, played};
+use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::RequestKind;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::references::reference;
+use omnibase_robot::signals::{Apply, Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
+use omnibase_run::live::{Answer, Ask, Client, Commander, Pad, Refusal};
+
+const FORWARD: Pad =
+    Pad::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
+
+fn robot(kind: RequestKind) -> Ask {
+    Ask::Robot(kind)
+}
+
+#[test]
+fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
+    let run = played(8.0, |hands: &mut Hands| {
+        hands.at(0.5, |live, _| assert!(live.send(Client::Joystick, robot(RequestKind::Enable)).is_some()));
+        hands.pad(1.0, 3.0, Client::Joystick, FORWARD);
+        hands.at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Pad(Client::Joystick)));
+        hands.at(2.9, |_, seen| assert!((seen.record.state.twist_in_body.vx_m_s - 0.3).abs() < 0.01));
+        hands.send(3.0, Client::Joystick, Ask::Pad(Pad::Released));
+        hands.at(4.0, |_, seen| assert_eq!(seen.phase, Phase::Holding));
+        hands.at(4.0, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Nobody));
+    });
+    let x_m = run.last.record.state.odom_from_body.x_m;
+    assert!((0.5..0.7).contains(&x_m), "{x_m} m");
+    assert!(run.ran.ended.is_ok(), "{:?}", run.ran.ended);
+    assert!(run.replayed.difference.is_none() && run.replayed.cycles > 8000, "{:?}", run.replayed);
+}
+
+#[test]
+fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
+    played(9.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
+        hands.pad(1.0, 2.0, Client::Joystick, FORWARD);
+        // Silent from 2 s on.
+        hands
+            .at(3.0, |_, seen| assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1)));
+        // Back, but blocked.
+        hands.pad(3.0, 4.0, Client::Joystick, FORWARD);
+        hands.at(4.0, |live, seen| {
+            assert_eq!(seen.phase, Phase::Holding);
+            live.send(Client::Joystick, Ask::EnablePad);
+        });
+        // Enabled with the stick in hand: it must be let go first.
+        hands.pad(4.0, 5.0, Client::Joystick, FORWARD);
+        hands.at(5.0, |live, seen| {
+            assert_eq!(seen.phase, Phase::Holding);
+            live.send(Client::Joystick, Ask::Pad(Pad::Released));
+        });
+        hands.pad(5.1, 6.0, Client::Joystick, FORWARD);
+        hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+    });
+}
+
+#[test]
+fn a_page_that_goes_ends_the_motion_it_asked_for_and_a_command_line_that_goes_does_not() {
+    for (client, goes_on) in [(Client::Page(3), false), (Client::Command, true)] {
+        played(6.0, |hands: &mut Hands| {
+            hands.send(0.5, client, robot(RequestKind::Enable));
+            hands.at(1.5, move |live, _| {
+                let odom_from_body = Pose2 { x_m: 3.0, y_m: 0.0, heading_rad: 0.0 };
+                live.send(client, robot(RequestKind::GoTo { odom_from_body }));
+            });
+            hands.alive(0.4, 3.0, client);
+            hands.at(2.9, move |_, seen| {
+                assert_eq!(seen.phase, Phase::Tracking);
+                assert_eq!(seen.beside.say.commander, Commander::Reference(client));
+            });
+            let expected = if goes_on { Phase::Tracking } else { Phase::Holding };
+            hands.at(5.0, move |_, seen| assert_eq!(seen.phase, expected));
+        });
+    }
+}
+
+#[test]
+fn while_the_emergency_stop_is_set_nothing_begins_and_the_answer_says_why() {
+    played(7.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Command, robot(RequestKind::Enable));
+        hands.pad(1.0, 5.0, Client::Joystick, FORWARD);
+        hands.at(2.0, |live, seen| {
+            assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
+            live.send(Client::Page(0), Ask::EmergencyStop);
+        });
+        hands.ask(3.0, Client::Command, robot(RequestKind::Enable), Answer::Refused(Refusal::EmergencyStop));
+        hands.at(3.5, |_, seen| {
+            assert_eq!(seen.phase, Phase::Disabled);
+            assert!(seen.beside.say.is_emergency);
+        });
+        hands.ask(3.6, Client::Command, Ask::ReleaseEmergencyStop, Answer::Done);
+        // Released is not enabled, and a stick in hand starts nothing.
+        hands.at(4.5, |_, seen| assert_eq!(seen.phase, Phase::Disabled));
+        hands.ask(4.6, Client::Command, robot(RequestKind::Enable), Answer::Robot(RequestAnswer::Taken));
+        hands.at(5.0, |_, seen| assert_eq!(seen.record.state.twist_in_body.vx_m_s.abs().max(1e-3), 1e-3));
+    });
+}
+
+#[test]
+fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_be_loaded() {
+    let line: ReferenceTable = toml::from_str(
+        "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [3.0, 0.5, 0.0, 0.0]]",
+    )
+    .unwrap();
+    let run = played(12.0, move |hands: &mut Hands| {
+        hands.send(0.5, Client::Page(1), robot(RequestKind::Enable));
+        hands.alive(0.4, 12.0, Client::Page(1));
+        let table = line.clone();
+        hands.at(1.2, move |live, _| {
+            let loaded = reference(&table, &hands::plan().limits).unwrap();
+            assert_eq!(live.load(Client::Page(1), table.clone(), loaded).unwrap().0, 1);
+        });
+        hands.ask(1.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
+        hands.at(2.5, |_, seen| assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 1)));
+        let twist = Twist2 { vx_m_s: 0.0, vy_m_s: 0.2, w_rad_s: 0.0 };
+        hands.pad(2.5, 3.5, Client::Joystick, Pad::Held { twist, frame: Frame::Odom });
+        hands.ask(3.0, Client::Page(1), robot(RequestKind::Resume), Answer::Refused(Refusal::Commanded));
+        hands.send(3.5, Client::Joystick, Ask::Pad(Pad::Released));
+        hands.at(5.0, |_, seen| assert!(seen.record.state.odom_from_body.y_m > 0.1));
+        hands.ask(5.0, Client::Page(1), robot(RequestKind::Resume), Answer::Robot(RequestAnswer::Taken));
+        hands.at(11.5, |_, seen| {
+            let pose = seen.record.state.odom_from_body;
+            assert!((pose.x_m - 0.5).abs() < 1e-3 && pose.y_m.abs() < 1e-3, "{pose:?}");
+        });
+    });
+    assert_eq!(run.live.references().len(), 1);
+    assert!(run.replayed.difference.is_none(), "a loaded reference replays too: {:?}", run.replayed);
+}
+
+#[test]
+fn settings_change_as_a_whole_and_bad_ones_change_nothing() {
+    played(4.0, |hands: &mut Hands| {
+        let place = |live: &omnibase_run::live::Live, name: &str| {
+            let found = live.snapshot().settings.iter().flatten().position(|setting| setting.name == name);
+            found.unwrap_or_else(|| panic!("no setting `{name}`")) as u32
+        };
+        let set = |index, value, apply| robot(RequestKind::Set { index, value, apply });
+        hands.at(1.0, move |live, _| {
+            let (speed, turn) = (place(live, "speed_m_s"), place(live, "turn_speed_rad_s"));
+            live.send(Client::Command, set(speed, 0.4, Apply::WithNext));
+            live.send(Client::Command, set(turn, 0.6, Apply::Now));
+        });
+        hands.at(1.5, move |live, seen| {
+            let value = |name| seen.settings[place(live, name) as usize].map(|setting| setting.value);
+            assert_eq!((value("speed_m_s"), value("turn_speed_rad_s")), (Some(0.4), Some(0.6)));
+            live.send(Client::Command, set(place(live, "speed_m_s"), 0.7, Apply::WithNext));
+            live.send(Client::Command, set(place(live, "turn_speed_rad_s"), f64::NAN, Apply::Now));
+        });
+        hands.at(2.0, move |live, seen| {
+            let value = |name| seen.settings[place(live, name) as usize].map(|setting| setting.value);
+            assert_eq!((value("speed_m_s"), value("turn_speed_rad_s")), (Some(0.4), Some(0.6)));
+        });
+    });
+}
+
+#[test]
+fn a_flood_is_bounded_answered_and_no_cycle_is_lost() {
+    let run = played(3.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Command, robot(RequestKind::Enable));
+        hands.between(1.0, 2.0, |live, _| {
+            for _ in 0..400 {
+                let _ = live.send(Client::Page(2), robot(RequestKind::Pause));
+            }
+            let _ = live.send(
+                Client::Page(2),
+                Ask::Pad(Pad::Held { twist: Twist2::new(f64::NAN, 0.0, 0.0), frame: Frame::Odom }),
+            );
+        });
+        hands.at(2.5, |_, seen| assert_eq!(seen.phase, Phase::Holding));
+        hands.ask(
+            2.6,
+            Client::Command,
+            robot(RequestKind::Stop(StopCategory::RampThenRemove)),
+            Answer::Robot(RequestAnswer::Taken),
+        );
+    });
+    assert_eq!(run.last.overruns, 0);
+    assert_eq!(run.last.record.stop_reason, SafetyReason::Requested);
+    assert!(run.stop.load(Ordering::Relaxed));
+}
