@@ -124,7 +124,7 @@ fn refused(key: &str, reason: impl ToString) -> Vec<ReferenceRefusal> {
 }
 
 /// The platform's limits as trajectories know them.
-pub(crate) fn motion_limits(limits: &Limits) -> omnibase_trajectory::Limits {
+pub fn motion_limits(limits: &Limits) -> omnibase_trajectory::Limits {
     omnibase_trajectory::Limits {
         speed_m_s: limits.speed_m_s,
         acceleration_m_s2: limits.acceleration_m_s2,

@@ -9,6 +9,7 @@
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
 //! - [`live`]: the same run under the hands of people and programs.
+//! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
 
@@ -23,6 +24,7 @@ pub mod run;
 pub mod session;
 pub mod simulated;
 pub mod summary;
+pub mod teach;
 pub mod tracking;
 pub mod truth;
 
