@@ -178,27 +178,38 @@ fn kept_is_near(last: &PathPoint, end: &PathPoint, sampling: Sampling) -> bool {
     }
 }
 
-/// Each inner point in the middle of its neighbours, but never farther from where it was than `most_m`.
+/// Each inner point on the line that fits its neighbours best, but never farther from where it was than `most_m`.
 fn smoothed(points: &[PathPoint], most_m: f64) -> Vec<PathPoint> {
     let smooth = |at: usize| {
         let half = SMOOTHED.min(at).min(points.len() - 1 - at);
         let near = &points[at - half..=at + half];
-        let mean = |of: fn(&PathPoint) -> f64| near.iter().map(of).sum::<f64>() / near.len() as f64;
-        let here = points[at].odom_from_base;
-        let middle = Pose2 {
-            x_m: mean(|point| point.odom_from_base.x_m),
-            y_m: mean(|point| point.odom_from_base.y_m),
-            heading_rad: mean(|point| point.odom_from_base.heading_rad),
+        let point = points[at];
+        let fitted = |of: fn(&Pose2) -> f64| {
+            let samples = near.iter().map(|near| (near.time_s - point.time_s, of(&near.odom_from_base)));
+            line_at_zero(samples.clone()).unwrap_or_else(|| of(&point.odom_from_base))
         };
-        // Where points are not evenly in time a mean would change the speed: the time goes along.
-        let time_s = mean(|point| point.time_s);
-        let far = distance(here, middle);
-        if far <= most_m { PathPoint { time_s, odom_from_base: middle } } else { points[at] }
+        let odom_from_base = Pose2 {
+            x_m: fitted(|pose| pose.x_m),
+            y_m: fitted(|pose| pose.y_m),
+            heading_rad: fitted(|pose| pose.heading_rad),
+        };
+        if distance(point.odom_from_base, odom_from_base) <= most_m {
+            PathPoint { odom_from_base, ..point }
+        } else {
+            point
+        }
     };
-    let mut smooth: Vec<PathPoint> = (0..points.len()).map(smooth).collect();
-    // Times rise in any case.
-    smooth.dedup_by(|later, earlier| later.time_s <= earlier.time_s + 1e-6);
-    smooth
+    (0..points.len()).map(smooth).collect()
+}
+
+/// The value at 0 of the line of least squares through `(x, y)`; `None` where they give no line.
+fn line_at_zero(samples: impl Iterator<Item = (f64, f64)> + Clone) -> Option<f64> {
+    let count = samples.clone().count() as f64;
+    let mean_x = samples.clone().map(|(x, _)| x).sum::<f64>() / count;
+    let mean_y = samples.clone().map(|(_, y)| y).sum::<f64>() / count;
+    let spread: f64 = samples.clone().map(|(x, _)| (x - mean_x).powi(2)).sum();
+    let together: f64 = samples.map(|(x, y)| (x - mean_x) * (y - mean_y)).sum();
+    (spread > 0.0).then(|| mean_y - mean_x * together / spread)
 }
 
 /// As few of the points as keep the spline within the tolerance of what was remembered: begins with the ends, and adds
