@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{check, decode, exchange, kinematics, replay, run, scan, sdo, sii, simulate};
+use crate::commands::{check, decode, exchange, kinematics, replay, report, run, scan, sdo, sii, simulate};
 use clap::{Parser, Subcommand};
 
 /// Real-time control of omnidirectional robots over EtherCAT.
@@ -22,6 +22,7 @@ pub enum Command {
     Check(check::Arguments),
     Kinematics(kinematics::Arguments),
     Replay(replay::Arguments),
+    Report(report::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

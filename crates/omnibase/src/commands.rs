@@ -5,6 +5,7 @@ pub mod decode;
 pub mod exchange;
 pub mod kinematics;
 pub mod replay;
+pub mod report;
 pub mod run;
 pub mod scan;
 pub mod sdo;
@@ -25,6 +26,7 @@ pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome>
         Command::Check(arguments) => check::run(arguments, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, output),
         Command::Replay(arguments) => replay::run(arguments, output),
+        Command::Report(arguments) => report::run(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),

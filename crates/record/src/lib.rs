@@ -4,6 +4,7 @@
 //! - [`RecordingLink`]: a link that records what passes through it, into any [`FrameSink`].
 //! - [`BackgroundRecorder`]: a sink for the cyclic thread: a lock-free ring, and a thread that writes the file.
 //! - [`Capture`]: the frames of a pcapng or pcap file, of any bytes, as far as they can be read.
+//! - [`report`]: a page of HTML that shows a run.
 //! - [`run`]: every signal of every cycle of a robot's run, as MCAP and as columns of text.
 #![forbid(unsafe_code)]
 
@@ -11,6 +12,7 @@ mod background;
 mod capture;
 mod pcapng;
 mod recording_link;
+pub mod report;
 mod ring;
 pub mod run;
 

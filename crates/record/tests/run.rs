@@ -68,7 +68,15 @@ fn a_row_of_the_wrong_width_and_a_foreign_file_are_refused() {
     let mut run = McapRun::create(Cursor::new(Vec::new()), &schema(), &BTreeMap::new()).unwrap();
     let refused = run.write_row(0, &[1.0], &[]);
     assert!(matches!(refused, Err(RunError::RowWidth { expected: 5, found: 1 })));
-    assert!(RecordedRun::read(b"not an MCAP file at all, but long enough").is_err());
+    for (bytes, why) in [
+        (
+            &b"not an MCAP file at all, but long enough"[..],
+            "not MCAP: the file starts with 6e 6f 74 20 61 6e 20 4d",
+        ),
+        (b"", "not MCAP: the file starts with nothing: it is empty"),
+    ] {
+        assert_eq!(RecordedRun::read(bytes).unwrap_err().to_string(), why);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `omnibase run`: the whole robot, from its file to the error at the end.
 
+mod page;
 mod reference;
 mod report;
 
@@ -60,6 +61,9 @@ pub struct Arguments {
     /// Record every signal of every cycle into this text file of columns, as Kst and numpy read it.
     #[arg(long, value_name = "FILE")]
     columns: Option<PathBuf>,
+    /// Show the run on this page of HTML.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -105,8 +109,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     })?;
     let mut summary: Summary = ran.summary;
     if let Some(recorder) = recorder {
-        let recorded = recorder.finish()?;
+        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, recorded))?;
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+    }
+    if let Some(page) = &arguments.report {
+        page::write(page, arguments.record.as_deref())?;
     }
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &summary)?;
@@ -144,12 +151,13 @@ impl Arguments {
         robot: &LoadedRobot,
         known: Known,
     ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
-        if self.record.is_none() && self.columns.is_none() {
+        let mcap = self.record.clone().or_else(|| self.report.as_deref().map(page::recording_for));
+        if mcap.is_none() && self.columns.is_none() {
             return Ok(None);
         }
         let rows = Rows::new(robot.plan.drives.len(), known);
         let files = RunFiles {
-            mcap: self.record.clone(),
+            mcap,
             columns: self.columns.clone(),
             description: omnibase_run::describe::description(robot),
         };

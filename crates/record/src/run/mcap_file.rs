@@ -27,12 +27,25 @@ pub enum RunError {
         /// Values given.
         found: usize,
     },
+    /// The file is of another format.
+    #[error("not MCAP: the file starts with {}", starts_with(.start))]
+    NotMcap {
+        /// Its first bytes, eight at most.
+        start: Vec<u8>,
+    },
     /// The file holds no recording of a run.
     #[error("no recording of a run: {missing} is missing")]
     NotARun {
         /// What was looked for.
         missing: &'static str,
     },
+}
+
+fn starts_with(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "nothing: it is empty".to_owned();
+    }
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ")
 }
 
 /// Writes a run to an MCAP file.
@@ -149,6 +162,9 @@ pub struct RecordedRun {
 impl RecordedRun {
     /// Reads a whole file; a file that was cut off is read to its last complete cycle.
     pub fn read(bytes: &[u8]) -> Result<Self, RunError> {
+        if !bytes.starts_with(mcap::MAGIC) {
+            return Err(RunError::NotMcap { start: bytes.iter().take(8).copied().collect() });
+        }
         let mut run = RecordedRun::default();
         let options = mcap::read::Options::IgnoreEndMagic.into();
         let mut channels: BTreeMap<u16, usize> = BTreeMap::new();

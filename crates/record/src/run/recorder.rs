@@ -118,7 +118,7 @@ impl RunSink {
 
 /// The thread that writes the files.
 pub struct RunRecorder {
-    thread: JoinHandle<Result<u64, RecorderError>>,
+    thread: JoinHandle<Result<(u64, Writers), RecorderError>>,
     dropped: Arc<AtomicU64>,
     describe: mpsc::Sender<(String, String)>,
 }
@@ -192,21 +192,33 @@ impl RunRecorder {
 
     /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
     pub fn finish(self) -> Result<RunRecorded, RecorderError> {
-        match self.thread.join() {
-            Ok(written) => {
-                Ok(RunRecorded { written: written?, dropped: self.dropped.load(Ordering::Relaxed) })
-            }
+        self.finish_with(|_| BTreeMap::new())
+    }
+
+    /// As [`RunRecorder::finish`], with last descriptions: what is known of a run only after it.
+    pub fn finish_with(
+        self,
+        last_words: impl FnOnce(RunRecorded) -> BTreeMap<String, String>,
+    ) -> Result<RunRecorded, RecorderError> {
+        let (written, mut writers) = match self.thread.join() {
+            Ok(written) => written?,
             Err(panic) => std::panic::resume_unwind(panic),
+        };
+        let recorded = RunRecorded { written, dropped: self.dropped.load(Ordering::Relaxed) };
+        for (key, text) in last_words(recorded) {
+            writers.describe(&key, &text)?;
         }
+        writers.finish()?;
+        Ok(recorded)
     }
 }
 
-/// Writes entries until the sink is gone and the ring is empty; the number of cycles written.
+/// Writes entries until the sink is gone and the ring is empty; the number of cycles written, and the open files.
 fn drain(
     mut ring: Consumer<u64>,
     described: &mpsc::Receiver<(String, String)>,
     mut writers: Writers,
-) -> Result<u64, RecorderError> {
+) -> Result<(u64, Writers), RecorderError> {
     let mut written = 0;
     let mut words = Vec::new();
     let (mut values, mut bytes) = (Vec::new(), Vec::new());
@@ -234,8 +246,7 @@ fn drain(
             }
         }
         if ended {
-            writers.finish()?;
-            return Ok(written);
+            return Ok((written, writers));
         }
         std::thread::sleep(REST);
     }

@@ -1,0 +1,51 @@
+//! `omnibase report`: a recorded run as one page of HTML.
+
+use crate::Outcome;
+use crate::progress::note;
+use anyhow::Context;
+use omnibase_record::report;
+use omnibase_record::run::RecordedRun;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Shows a recorded run on one page of HTML: path, errors, wheels, timing, events.
+///
+/// The page holds everything it needs: it opens without a network, and prints.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase report run.mcap -o run.html
+  omnibase run robots/bmm.toml --path robots/square.dat --report run.html      without a recording that stays
+
+Exit code 1 where the recording ends early; the page shows what is there.")]
+pub struct Arguments {
+    /// A recording, from `omnibase run --record`.
+    recording: PathBuf,
+    /// The page to write.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let run = write(&arguments.recording, &arguments.output)?;
+    let cycles = run.times_ns.len();
+    writeln!(
+        output,
+        "{}: {cycles} cycles of `{}`",
+        arguments.output.display(),
+        arguments.recording.display()
+    )?;
+    Ok(if run.truncated.is_none() { Outcome::Done } else { Outcome::Failed })
+}
+
+/// Writes the page of a recording; says so where the recording ends early.
+pub fn write(recording: &Path, page: &Path) -> anyhow::Result<RecordedRun> {
+    let name = recording.display();
+    let bytes = std::fs::read(recording).with_context(|| format!("reading `{name}`"))?;
+    let run = RecordedRun::read(&bytes).with_context(|| format!("`{name}`"))?;
+    if let Some(reason) = &run.truncated {
+        note(format_args!("warning: `{name}` ends early ({reason}); the page shows what is there"));
+    }
+    std::fs::write(page, report::html(&run)).with_context(|| format!("writing `{}`", page.display()))?;
+    Ok(run)
+}

@@ -1,0 +1,80 @@
+//! A run as one page of HTML with still pictures: for the screen, for the phone, for paper.
+//!
+//! The page holds everything it needs, takes nothing from the network and runs no script. Curves are reduced to the
+//! least and the greatest value in each column of a chart, so its size hardly depends on the length of the run. The
+//! same run gives the same page.
+//!
+//! # Signals
+//! Names are compared without regard to `/`, `.`, case and a unit at the end, so `/state` with `pose_x_m` is the same
+//! as `state` with `pose.x`. A section whose signals are missing says so in a word.
+//!
+//! | shown | signals |
+//! |---|---|
+//! | path, errors | `wished.pose.{x,y,heading}` (else `setpoint.pose.…`), `state.pose.…`, `truth.pose.…` |
+//! | speeds | `wished.twist.{x,y,heading}` (else `setpoint.twist.…`) in odom, `state.twist_in_body.…`, `truth.twist.…` in the body's frame |
+//! | wheels | each topic with `speed` and `torque` |
+//! | phases | `cycle.phase`, `allowed.action`, `command.saturation`, `allowed.saturation`, `exchange.result` |
+//! | timing | `timing.round_trip`, `timing.wake_up`, `timing.compute`, with their unit (`_ns`) |
+//! | estimates | `state.slip_residual`, `estimate.mass`, `estimate.inertia` |
+//!
+//! # Description
+//! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the body's
+//! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform.
+//! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm`,
+//! `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
+//! `records_dropped` and `realtime_factor` stand in the summary. All of them may be missing.
+
+mod bands;
+mod chart;
+mod curve;
+mod histogram;
+mod overhead;
+mod scale;
+mod sections;
+mod signals;
+mod summary;
+mod text;
+mod tracking;
+
+pub use tracking::{BelievedAndTrue, TrackingFigures};
+
+use crate::run::RecordedRun;
+use sections::Page;
+use signals::Signals;
+use text::escape;
+use tracking::Tracking;
+
+/// Colours, sizes and what differs on paper.
+const STYLE: &str = include_str!("report/style.css");
+
+/// The page of a run, as a whole HTML file.
+pub fn html(run: &RecordedRun) -> String {
+    let signals = Signals::new(run);
+    let tracking = Tracking::new(&signals);
+    let page = Page::new(&signals, &tracking);
+    let title = summary::title(&signals);
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <meta name=\"generator\" content=\"omnibase\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n\
+         <body>\n<main>\n",
+        escape(&title)
+    );
+    html.push_str(&summary::html(&signals, &tracking, &title));
+    if signals.times_s.is_empty() {
+        let empty = "<p class=\"absent\">The recording holds no cycle: there is nothing to draw.</p>\n";
+        html.push_str(&sections::section("path", "Path", empty));
+    } else {
+        for section in [Page::path, Page::errors, Page::speeds, Page::wheels] {
+            html.push_str(&section(&page));
+        }
+        for section in [Page::phases, Page::timing, Page::estimates] {
+            html.push_str(&section(&page));
+        }
+    }
+    html.push_str(&page.events());
+    html.push_str(&page.description());
+    html.push_str("</main>\n</body>\n</html>\n");
+    html
+}

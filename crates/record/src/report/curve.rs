@@ -1,0 +1,186 @@
+//! Curves with no more points than can be seen.
+
+/// Columns of a chart in which a curve is drawn by its least and its greatest value.
+pub(super) const COLUMNS: usize = 800;
+
+/// The stretches without gaps of a curve over time, each at most two points per column of `1 / COLUMNS` of the time.
+///
+/// A value that isn't finite is a gap, and so is a time without any value, ten times the usual step and more; but not
+/// one that is narrower than a column, for it can't be seen.
+pub(super) fn envelope(times: &[f64], values: &[f64]) -> Vec<Vec<(f64, f64)>> {
+    let count = times.len().min(values.len());
+    let (Some(&first), Some(&last)) = (times.first(), times.get(count.wrapping_sub(1))) else {
+        return Vec::new();
+    };
+    let step = if count > 1 { (last - first) / (count - 1) as f64 } else { 0.0 };
+    let width = (last - first) / COLUMNS as f64;
+    // Where there are few values, each is a column of its own.
+    let is_dense = count > 2 * COLUMNS && width > 0.0;
+    let mut stretches = vec![Vec::new()];
+    let mut column: Option<Column> = None;
+    let (mut before, mut is_gap) = (first, false);
+    for (row, (&time, &value)) in times.iter().zip(values).take(count).enumerate() {
+        is_gap |= !value.is_finite() || time - before > 10.0 * step;
+        before = time;
+        if !value.is_finite() {
+            continue;
+        }
+        let number = if is_dense { ((time - first) / width) as usize } else { row };
+        if let Some(open) = column.take_if(|open| number != open.number) {
+            open.close(&mut stretches);
+            if is_gap && (number > open.number + 1 || !is_dense) {
+                stretches.push(Vec::new());
+            }
+        }
+        is_gap = false;
+        let point = (time, value);
+        let open = column.get_or_insert(Column { number, least: point, greatest: point });
+        if value < open.least.1 {
+            open.least = point;
+        }
+        if value > open.greatest.1 {
+            open.greatest = point;
+        }
+    }
+    if let Some(open) = column {
+        open.close(&mut stretches);
+    }
+    stretches.retain(|stretch| !stretch.is_empty());
+    stretches
+}
+
+#[derive(Clone, Copy)]
+struct Column {
+    number: usize,
+    least: (f64, f64),
+    greatest: (f64, f64),
+}
+
+impl Column {
+    fn close(self, stretches: &mut [Vec<(f64, f64)>]) {
+        let Some(stretch) = stretches.last_mut() else { return };
+        let (one, other) = (self.least, self.greatest);
+        match one.0.partial_cmp(&other.0) {
+            Some(std::cmp::Ordering::Less) => stretch.extend([one, other]),
+            Some(std::cmp::Ordering::Greater) => stretch.extend([other, one]),
+            _ => stretch.push(one),
+        }
+    }
+}
+
+/// A path in the plane with few enough points that none is off by more than `tolerance`, in stretches without gaps.
+///
+/// A gap between points that are closer to each other than that is none. Douglas and Peucker's method (1973), after points closer than half the tolerance to the last one were left out.
+pub(super) fn simplified(x: &[f64], y: &[f64], tolerance: f64) -> Vec<Vec<(f64, f64)>> {
+    let mut stretches: Vec<Vec<(f64, f64)>> = vec![Vec::new()];
+    let (mut skipped, mut is_gap) = (None, false);
+    for point in x.iter().copied().zip(y.iter().copied()) {
+        if !(point.0.is_finite() && point.1.is_finite()) {
+            is_gap = true;
+            continue;
+        }
+        let Some(stretch) = stretches.last_mut() else { break };
+        let is_near =
+            stretch.last().is_some_and(|last| (point.0 - last.0).hypot(point.1 - last.1) < 0.5 * tolerance);
+        if is_near {
+            skipped = Some(point);
+        } else {
+            stretch.extend(skipped.take());
+            if is_gap {
+                stretches.push(vec![point]);
+            } else {
+                stretch.push(point);
+            }
+        }
+        is_gap = false;
+    }
+    if let Some(stretch) = stretches.last_mut() {
+        stretch.extend(skipped);
+    }
+    stretches.retain(|stretch| !stretch.is_empty());
+    for stretch in &mut stretches {
+        let keep = kept(stretch, 0.5 * tolerance);
+        let mut flags = keep.iter();
+        stretch.retain(|_| *flags.next().unwrap_or(&true));
+    }
+    stretches
+}
+
+/// Which points of a path must stay, that no other is farther than `tolerance` from the lines between them.
+fn kept(path: &[(f64, f64)], tolerance: f64) -> Vec<bool> {
+    let mut keep = vec![false; path.len()];
+    let Some(last) = path.len().checked_sub(1) else { return keep };
+    (keep[0], keep[last]) = (true, true);
+    let mut open = vec![(0, last)];
+    while let Some((from, to)) = open.pop() {
+        let between = (from + 1..to).map(|at| (at, distance(path[at], path[from], path[to])));
+        let farthest = between.max_by(|one, other| one.1.total_cmp(&other.1));
+        if let Some((at, distance)) = farthest
+            && distance > tolerance
+        {
+            keep[at] = true;
+            open.extend([(from, at), (at, to)]);
+        }
+    }
+    keep
+}
+
+/// Distance of a point from the line between two others.
+fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
+    let (along, across) = (to.0 - from.0, to.1 - from.1);
+    let square = along * along + across * across;
+    let (px, py) = (point.0 - from.0, point.1 - from.1);
+    let part = if square > 0.0 { ((px * along + py * across) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (px - part * along).hypot(py - part * across)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_envelope_keeps_the_single_spike_and_the_ends() {
+        let times: Vec<f64> = (0..100_000).map(|n| f64::from(n) * 1e-3).collect();
+        let mut values: Vec<f64> = times.iter().map(|time| time.sin()).collect();
+        values[54_321] = 7.0;
+        let stretches = envelope(&times, &values);
+        assert_eq!(stretches.len(), 1);
+        let points = &stretches[0];
+        assert!(points.len() <= 2 * COLUMNS + 2, "{}", points.len());
+        assert!(points.contains(&(times[54_321], 7.0)));
+        assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        assert!(points[0].0 < 0.2 && points[points.len() - 1].0 > 99.8);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_a_gap_and_so_is_a_time_without_rows() {
+        let times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+        let values = [f64::NAN, 1.0, 2.0, f64::INFINITY, 3.0, f64::NAN];
+        assert_eq!(envelope(&times, &values), [vec![(1.0, 1.0), (2.0, 2.0)], vec![(4.0, 3.0)]]);
+        let mut times: Vec<f64> = (0..1000).map(f64::from).collect();
+        times.extend((0..1000).map(|n| f64::from(n) + 50_000.0));
+        let stretches = envelope(&times, &vec![1.0; times.len()]);
+        assert_eq!(stretches.len(), 2, "{stretches:?}");
+        assert!(envelope(&[], &[]).is_empty());
+        assert_eq!(envelope(&[3.0], &[1.0]), [vec![(3.0, 1.0)]]);
+    }
+
+    #[test]
+    fn a_simplified_path_keeps_corners_and_its_tolerance() {
+        let square: Vec<(f64, f64)> = (0..4000)
+            .map(|n| {
+                let along = f64::from(n % 1000) * 1e-3;
+                [(along, 0.0), (1.0, along), (1.0 - along, 1.0), (0.0, 1.0 - along)][n as usize / 1000]
+            })
+            .collect();
+        let (x, y): (Vec<f64>, Vec<f64>) = square.iter().copied().unzip();
+        let stretches = simplified(&x, &y, 1e-3);
+        assert_eq!(stretches.len(), 1);
+        assert!(stretches[0].len() <= 6, "{:?}", stretches[0]);
+        for corner in [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let near = |point: &(f64, f64)| (point.0 - corner.0).hypot(point.1 - corner.1) <= 1e-3;
+            assert!(stretches[0].iter().any(near), "{corner:?}: {:?}", stretches[0]);
+        }
+        assert_eq!(simplified(&[0.0, f64::NAN, 1.0], &[0.0; 3], 0.1).len(), 2);
+    }
+}

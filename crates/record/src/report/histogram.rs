@@ -1,0 +1,123 @@
+//! How often what was how long.
+
+use super::chart::{self, Axes, Figure, HEIGHT, WIDTH};
+use super::scale::{Span, Tick};
+use super::text::{self, Unit};
+use std::fmt::Write;
+
+/// Bars of a histogram.
+const BARS: usize = 80;
+/// From this ratio of the greatest to the median on, the axis of values is logarithmic.
+const LONG_TAIL: f64 = 20.0;
+
+/// Places of a sorted list by their share.
+pub(super) struct Quantiles {
+    sorted: Vec<f64>,
+}
+
+impl Quantiles {
+    /// Those of all finite `values`.
+    pub(super) fn of(values: &[f64]) -> Self {
+        let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        Quantiles { sorted }
+    }
+
+    /// The least value that at least `share` of all values don't exceed; `None` where there is none.
+    pub(super) fn at(&self, share: f64) -> Option<f64> {
+        let rank = (share * self.sorted.len() as f64).ceil() as usize;
+        self.sorted.get(rank.max(1) - 1).or(self.sorted.last()).copied()
+    }
+}
+
+/// A histogram of times in s, with a logarithmic axis of counts, that the rarest is seen too.
+pub(super) fn html(title: &str, class: &str, quantiles: &Quantiles) -> String {
+    let (Some(least), Some(median), Some(greatest)) =
+        (quantiles.at(0.0), quantiles.at(0.5), quantiles.at(1.0))
+    else {
+        return format!("<p class=\"absent\">{}: no values were recorded.</p>\n", text::escape(title));
+    };
+    let unit = Unit::time(greatest);
+    let is_logarithmic = least > 0.0 && greatest > LONG_TAIL * median;
+    let along = |value: f64| if is_logarithmic { (value * unit.factor).log10() } else { value * unit.factor };
+    let span = Span { low: along(least), high: along(greatest) }.padded(0.02);
+    let mut counts = [0u64; BARS];
+    for value in &quantiles.sorted {
+        let bar = (span.part(along(*value)) * BARS as f64) as usize;
+        counts[bar.min(BARS - 1)] += 1;
+    }
+    let most = counts.iter().copied().max().unwrap_or(1).max(1);
+    // Half a decade below one, that a single cycle is a bar that can be seen.
+    let heights = Span { low: -0.5, high: (most as f64).log10() + 0.15 };
+    let width = WIDTH / BARS as f64;
+    let mut inner = String::new();
+    for (bar, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let top = HEIGHT * (1.0 - heights.part((*count as f64).log10()));
+        let (left, height) = (width * bar as f64, HEIGHT - top);
+        let _ = write!(
+            inner,
+            "<rect class=\"bar {class}\" x=\"{left:.0}\" y=\"{top:.0}\" width=\"{:.0}\" height=\"{height:.0}\"/>",
+            width - 2.0
+        );
+    }
+    let decades = (0..=heights.high.floor().max(0.0) as i32).map(|power| Tick {
+        value: f64::from(power),
+        label: text::count(10u64.saturating_pow(power.unsigned_abs())),
+    });
+    let x = if is_logarithmic { logarithmic_ticks(span) } else { span.ticks(8) };
+    let axis = format!("{} ({})", unit.name, if is_logarithmic { "logarithmic" } else { "linear" });
+    let axes =
+        Axes { x, x_span: span, x_title: &axis, y: decades.collect(), y_span: heights, y_title: "cycles" };
+    let mut legend = String::new();
+    for (name, share) in [("median", 0.5), ("99 %", 0.99), ("99.9 %", 0.999), ("max", 1.0)] {
+        if let Some(value) = quantiles.at(share) {
+            let entry = format!("{name} {} {}", text::significant(value * unit.factor), unit.name);
+            legend.push_str(&chart::key("", "none", &entry));
+        }
+    }
+    chart::figure(&Figure { title, class: "chart low", style: "", legend, axes, inner })
+}
+
+/// Marks at 1, 2 and 5 times each power of ten, of a span of decadic logarithms.
+fn logarithmic_ticks(span: Span) -> Vec<Tick> {
+    let mut ticks = Vec::new();
+    for power in span.low.floor() as i32..=span.high.floor() as i32 {
+        for digit in [1.0, 2.0, 5.0] {
+            let value: f64 = digit * 10f64.powi(power);
+            if (span.low..=span.high).contains(&value.log10()) {
+                let decimals = (-power).max(0).unsigned_abs() as usize;
+                ticks.push(Tick { value: value.log10(), label: text::fixed(value, decimals) });
+            }
+        }
+    }
+    if ticks.len() > 8 {
+        ticks.retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);
+    }
+    ticks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_that_occurred() {
+        let values: Vec<f64> = (1..=1000).rev().map(f64::from).chain([f64::NAN]).collect();
+        let quantiles = Quantiles::of(&values);
+        assert_eq!(
+            [0.0, 0.5, 0.99, 0.999, 1.0].map(|share| quantiles.at(share)),
+            [1.0, 500.0, 990.0, 999.0, 1000.0].map(Some)
+        );
+        assert_eq!(Quantiles::of(&[]).at(0.5), None);
+        assert_eq!(Quantiles::of(&[3.0]).at(1.0), Some(3.0));
+    }
+
+    #[test]
+    fn one_late_cycle_among_many_is_a_bar() {
+        let mut values = vec![50e-6; 100_000];
+        values[77] = 5e-3;
+        let html = html("Round trip", "w1", &Quantiles::of(&values));
+        assert_eq!(html.matches("class=\"bar w1\"").count(), 2);
+        assert!(html.contains("ms (logarithmic)") && html.contains("max 5.00 ms"), "{html}");
+    }
+}

@@ -1,0 +1,320 @@
+//! The sections of the page, each from the signals that it needs.
+
+use super::bands::{self, Band};
+use super::chart::{Limit, Line, Marked, TimeChart};
+use super::histogram::{self, Quantiles};
+use super::overhead::{self, Shape};
+use super::scale::Span;
+use super::signals::Signals;
+use super::text::{self, Unit, escape};
+use super::tracking::{Error, Tracking};
+
+/// Looks of wheels.
+const WHEEL_LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
+/// Events listed at most.
+const MOST_EVENTS: usize = 500;
+
+/// Everything that sections are made from.
+pub(super) struct Page<'a> {
+    pub(super) signals: &'a Signals<'a>,
+    pub(super) tracking: &'a Tracking,
+    /// Saturation, stops and lost frames, to be marked behind curves.
+    pub(super) marked: Vec<Marked>,
+    pub(super) bands: Vec<Band>,
+}
+
+impl<'a> Page<'a> {
+    pub(super) fn new(signals: &'a Signals<'a>, tracking: &'a Tracking) -> Self {
+        let bands = bands(signals, tracking);
+        // Which of the codes are marked behind the curves of the wheels.
+        let interesting = [("Commands", 1), ("Frames", 1), ("Frames", 2)];
+        let marked = interesting.iter().filter_map(|(name, code)| {
+            bands.iter().find(|band| band.name == *name)?.marked(&signals.times_s, *code)
+        });
+        Page { signals, tracking, marked: marked.collect(), bands }
+    }
+
+    fn times(&self) -> &[f64] {
+        &self.signals.times_s
+    }
+
+    fn chart(&self, title: &str, unit: Unit, lines: Vec<Line<'_>>) -> String {
+        let limits = Vec::new();
+        TimeChart { title, unit, times: self.times(), lines, limits, marked: &[] }.html()
+    }
+
+    /// The path from above.
+    pub(super) fn path(&self) -> String {
+        let shape = Shape::of(self.signals);
+        let html = overhead::html(self.tracking, self.times(), &shape);
+        let html = html.unwrap_or_else(|| absent("Path", "the run has no poses"));
+        section("path", "Path", &html)
+    }
+
+    /// Errors over time.
+    pub(super) fn errors(&self) -> String {
+        let named = [
+            ("believed", "believed", &self.tracking.believed_error),
+            ("true", "true", &self.tracking.true_error),
+        ];
+        let known: Vec<(&str, &str, &Error)> = named
+            .into_iter()
+            .filter_map(|(name, class, error)| Some((name, class, error.as_ref()?)))
+            .collect();
+        let Some((whose, _, last)) = known.last() else {
+            let why = "the run lacks the planned pose, or the believed and the true one";
+            return section("errors", "Tracking error", &absent("Errors", why));
+        };
+        let lines = |values: fn(&Error) -> &[f64]| -> Vec<Line<'_>> {
+            let each = known.iter().map(|(name, class, error)| Line {
+                name: (*name).to_owned(),
+                class: (*class).to_owned(),
+                values: values(error),
+            });
+            // What is true lies below: where both agree, both are seen, for the believed curve is thinner.
+            each.rev().collect()
+        };
+        let greatest = |values: fn(&Error) -> &[f64]| {
+            let all = known.iter().flat_map(|(_, _, error)| values(error).iter().map(|value| value.abs()));
+            Span::of(all).map_or(0.0, |span| span.high)
+        };
+        fn distance(error: &Error) -> &[f64] {
+            &error.distance
+        }
+        let length = Unit::length(greatest(distance));
+        let mut html = self.chart("Position error: distance from the plan", length, lines(distance));
+        let sides = vec![
+            Line { name: "along (ahead is positive)".into(), class: "w1".into(), values: &last.along },
+            Line { name: "across (left is positive)".into(), class: "w2".into(), values: &last.across },
+        ];
+        if last.along.iter().any(|value| value.is_finite()) {
+            let title = format!("Position error along and across the planned motion, {whose}");
+            html.push_str(&self.chart(&title, length, sides));
+        }
+        fn heading(error: &Error) -> &[f64] {
+            &error.heading
+        }
+        let angle = Unit::angle(greatest(heading));
+        html.push_str(&self.chart("Heading error: planned less actual", angle, lines(heading)));
+        section("errors", "Tracking error", &html)
+    }
+
+    /// Speeds of the platform, in odom.
+    pub(super) fn speeds(&self) -> String {
+        let planned = self.signals.twists(&["wished_twist", "setpoint_twist"]);
+        let turned = |twist: Option<[Vec<f64>; 3]>, heading: Option<&Vec<f64>>| in_odom(twist?, heading?);
+        let believed = turned(
+            self.signals.twists(&["state_twist_in_body"]),
+            self.tracking.believed.as_ref().map(|poses| &poses.heading),
+        );
+        let truth = turned(
+            self.signals.twists(&["truth_twist"]),
+            self.tracking.truth.as_ref().map(|poses| &poses.heading),
+        );
+        let all = [("true", &truth), ("believed", &believed), ("planned", &planned)];
+        if all.iter().all(|(_, twist)| twist.is_none()) {
+            let why = "the run has neither planned nor believed speeds";
+            return section("speeds", "Speeds of the platform", &absent("Speeds", why));
+        }
+        let mut html = String::new();
+        let axes =
+            [("Speed along x of odom", "m/s"), ("Speed along y of odom", "m/s"), ("Turning speed", "rad/s")];
+        for (axis, (title, unit)) in axes.into_iter().enumerate() {
+            let lines = all.iter().filter_map(|(name, twist)| {
+                let values = &twist.as_ref()?[axis];
+                Some(Line { name: (*name).to_owned(), class: format!("{name} speed"), values })
+            });
+            html.push_str(&self.chart(title, Unit::plain(unit), lines.collect()));
+        }
+        section("speeds", "Speeds of the platform", &html)
+    }
+
+    /// Speeds and torques of the wheels against their limits.
+    pub(super) fn wheels(&self) -> String {
+        let wheels = self.signals.wheels();
+        if wheels.is_empty() {
+            return section("wheels", "Wheels", &absent("Wheels", "the run has no signals of wheels"));
+        }
+        let limit = |key: &str, name: &str, class: &'static str| {
+            let value = self.signals.number(key).filter(|value| *value > 0.0)?;
+            Some(Limit { name: name.to_owned(), class, value })
+        };
+        let speed_limits = [limit("limit.wheel_speed_rad_s", "limit", "limit")];
+        let torque_limits = [
+            limit("limit.wheel_torque_nm", "limit", "limit"),
+            limit("wheel_peak_torque_nm", "peak", "limit peak"),
+            limit("wheel_rated_torque_nm", "rated", "limit rated"),
+        ];
+        let speeds: Vec<_> = wheels.iter().map(|wheel| wheel.speed.as_deref()).collect();
+        let torques: Vec<_> = wheels.iter().map(|wheel| wheel.torque.as_deref()).collect();
+        let chart = |title, unit, values: &[Option<&[f64]>], limits: Vec<Limit>| {
+            let looks = wheels.iter().zip(WHEEL_LOOKS.iter().cycle());
+            let known = looks.zip(values).filter_map(|((wheel, look), values)| {
+                Some(Line { name: wheel.name.clone(), class: (*look).to_owned(), values: (*values)? })
+            });
+            let lines: Vec<Line<'_>> = known.collect();
+            if lines.is_empty() {
+                return absent(title, "not recorded for any wheel");
+            }
+            let unit = Unit::plain(unit);
+            TimeChart { title, unit, times: self.times(), lines, limits, marked: &self.marked }.html()
+        };
+        let speeds = chart("Wheel speed", "rad/s", &speeds, speed_limits.into_iter().flatten().collect());
+        let torques = chart("Wheel torque", "N·m", &torques, torque_limits.into_iter().flatten().collect());
+        section("wheels", "Wheels", &format!("{speeds}{torques}"))
+    }
+
+    /// Phases, safety, saturation, frames.
+    pub(super) fn phases(&self) -> String {
+        if self.bands.is_empty() {
+            let why = "the run has neither phases nor actions of safety";
+            return section("phases", "Phases and safety", &absent("Phases", why));
+        }
+        section("phases", "Phases and safety", &bands::html("What the robot did", self.times(), &self.bands))
+    }
+
+    /// How punctual the cycle was.
+    pub(super) fn timing(&self) -> String {
+        let prefixes = ["timing", "cycle", "exchange", "statistics"];
+        let sorts = [
+            ("Round trip of the frames", "w1", vec!["round_trip", "roundtrip"]),
+            ("Late wake-up", "w2", vec!["wake_up", "wakeup", "wake_up_late", "wakeup_late", "latency"]),
+            ("Computation", "w3", vec!["compute", "computation"]),
+        ];
+        let mut html = String::new();
+        for (title, class, ends) in sorts {
+            let names: Vec<String> = prefixes
+                .iter()
+                .flat_map(|prefix| ends.iter().map(move |end| format!("{prefix}_{end}")))
+                .collect();
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            if let Some(values) = self.signals.column(&names) {
+                html.push_str(&histogram::html(title, class, &Quantiles::of(&values)));
+            }
+        }
+        if html.is_empty() {
+            html = absent("Cycle timing", "not recorded: on virtual time a cycle takes none");
+        }
+        section("timing", "Cycle timing", &html)
+    }
+
+    /// Slip, mass, inertia.
+    pub(super) fn estimates(&self) -> String {
+        let mut html = String::new();
+        if let Some(slip) = self.signals.column(&["state_slip_residual", "slip_residual"]) {
+            let greatest = Span::of(slip.iter().map(|value| value.abs())).map_or(0.0, |span| span.high);
+            let unit = if greatest < 1.0 { Unit { name: "mm/s", factor: 1e3 } } else { Unit::plain("m/s") };
+            let line = Line { name: "slip residual".into(), class: "w1".into(), values: &slip };
+            let title = "Slip residual: wheel speed that no motion of a rigid body explains";
+            html.push_str(&self.chart(title, unit, vec![line]));
+        } else {
+            html.push_str(&absent("Slip residual", "not recorded"));
+        }
+        let estimates = [
+            ("Estimated mass", "kg", "mass", "simulation.mass_kg"),
+            ("Estimated inertia", "kg·m²", "inertia", "simulation.inertia_kg_m2"),
+        ];
+        for (title, unit, name, truth) in estimates {
+            let column = self.signals.column(&[&format!("estimate_{name}"), &format!("estimates_{name}")]);
+            // Controllers that don't estimate leave these at 0.
+            let Some(values) = column.filter(|values| values.iter().any(|v| v.is_finite() && *v != 0.0))
+            else {
+                html.push_str(&absent(title, "this controller doesn't estimate it"));
+                continue;
+            };
+            let constant = self.signals.number(truth).map(|truth| vec![truth; values.len()]);
+            let mut lines = vec![Line { name: "estimate".into(), class: "believed".into(), values: &values }];
+            if let Some(constant) = &constant {
+                let line = Line { name: "simulated body".into(), class: "true".into(), values: constant };
+                lines.insert(0, line);
+            }
+            html.push_str(&self.chart(title, Unit::plain(unit), lines));
+        }
+        section("estimates", "Estimates", &html)
+    }
+
+    /// What happened, in words.
+    pub(super) fn events(&self) -> String {
+        let run = self.signals.run();
+        if run.events.is_empty() {
+            return section("events", "Events", &absent("Events", "none were recorded"));
+        }
+        let first = run.times_ns.first().copied().unwrap_or(0);
+        let mut rows = String::new();
+        for event in run.events.iter().take(MOST_EVENTS) {
+            // Events before the first cycle have negative times.
+            let time_s = (i128::from(event.time_ns) - i128::from(first)) as f64 * 1e-9;
+            let time = text::fixed(time_s, 3);
+            rows.push_str(&format!(
+                "<tr><td class=\"number\">{time}</td><td>{}</td></tr>\n",
+                escape(&event.text)
+            ));
+        }
+        let mut html = format!(
+            "<table class=\"events\"><thead><tr><th class=\"number\">time in s</th><th>event</th></tr></thead>\
+             <tbody>{rows}</tbody></table>"
+        );
+        if let Some(more @ 1..) = run.events.len().checked_sub(MOST_EVENTS) {
+            html.push_str(&format!(
+                "<p class=\"absent\">and {} more in the recording.</p>",
+                text::count(more as u64)
+            ));
+        }
+        section("events", "Events", &html)
+    }
+
+    /// Everything that the recording says about itself.
+    pub(super) fn description(&self) -> String {
+        let run = self.signals.run();
+        if run.description.is_empty() {
+            return section("run", "Recording", &absent("Description", "the recording has none"));
+        }
+        let rows: String = run
+            .description
+            .iter()
+            .map(|(key, value)| format!("<tr><th>{}</th><td>{}</td></tr>\n", escape(key), escape(value)))
+            .collect();
+        section("run", "Recording", &format!("<table class=\"pairs\">{rows}</table>"))
+    }
+}
+
+/// The bands that the run's signals allow.
+fn bands(signals: &Signals<'_>, tracking: &Tracking) -> Vec<Band> {
+    let mut bands = Vec::new();
+    if let Some(codes) = tracking.phase.clone() {
+        bands.push(Band { name: "Phase", choices: &bands::PHASES, codes });
+    }
+    if let Some(codes) = signals.column(&["allowed_action", "safety_action"]) {
+        bands.push(Band { name: "Safety", choices: &bands::ACTIONS, codes });
+    }
+    let factors = [signals.column(&["command_saturation"]), signals.column(&["allowed_saturation"])];
+    if factors.iter().any(Option::is_some) {
+        let is_scaled = |row: usize| factors.iter().flatten().any(|factor| factor[row] < 1.0);
+        let codes = (0..signals.times_s.len()).map(|row| f64::from(u8::from(is_scaled(row)))).collect();
+        bands.push(Band { name: "Commands", choices: &bands::SATURATION, codes });
+    }
+    if let Some(codes) = signals.column(&["exchange_result"]) {
+        bands.push(Band { name: "Frames", choices: &bands::EXCHANGES, codes });
+    }
+    bands
+}
+
+/// A twist in the body's frame as one in odom.
+fn in_odom([vx, vy, w]: [Vec<f64>; 3], heading: &[f64]) -> Option<[Vec<f64>; 3]> {
+    let turned = |row: usize| {
+        let (sin, cos) = heading[row].sin_cos();
+        (cos * vx[row] - sin * vy[row], sin * vx[row] + cos * vy[row])
+    };
+    let (x, y) = (0..vx.len().min(heading.len())).map(turned).unzip();
+    Some([x, y, w])
+}
+
+/// A section of the page.
+pub(super) fn section(id: &str, title: &str, html: &str) -> String {
+    format!("<section id=\"{id}\"><h2>{}</h2>\n{html}</section>\n", escape(title))
+}
+
+/// A word in the place of what can't be shown.
+fn absent(what: &str, why: &str) -> String {
+    format!("<p class=\"absent\">{}: {}.</p>\n", escape(what), escape(why))
+}

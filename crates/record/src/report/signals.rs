@@ -1,0 +1,198 @@
+//! Finds what the report shows among the columns of a run.
+
+use crate::run::RecordedRun;
+
+/// Ends of names that are units, and what their numbers are multiplied by to be in SI units. Longer ones first.
+const UNITS: [(&str, f64); 16] = [
+    ("_kg_m2", 1.0),
+    ("_rad_s2", 1.0),
+    ("_m_s2", 1.0),
+    ("_rad_s", 1.0),
+    ("_m_s", 1.0),
+    ("_mrad", 1e-3),
+    ("_rad", 1.0),
+    ("_mm", 1e-3),
+    ("_n_m", 1.0),
+    ("_nm", 1.0),
+    ("_kg", 1.0),
+    ("_ns", 1e-9),
+    ("_us", 1e-6),
+    ("_ms", 1e-3),
+    ("_s", 1.0),
+    ("_m", 1.0),
+];
+
+/// Nothing that a robot measures; squares of what is larger would not be finite.
+const NONSENSE: f64 = 1e150;
+
+/// A name with letters, digits and single underscores only: `/state` and `pose.x` become `state_pose_x`.
+fn plain(topic: &str, signal: &str) -> String {
+    let mut name = String::new();
+    for character in topic.chars().chain(['_']).chain(signal.chars()) {
+        if character.is_alphanumeric() {
+            name.extend(character.to_lowercase());
+        } else if !name.is_empty() && !name.ends_with('_') {
+            name.push('_');
+        }
+    }
+    name.trim_end_matches('_').to_owned()
+}
+
+/// The factor to SI units where `name` is `wanted`, with or without a unit behind it.
+fn factor(name: &str, wanted: &str) -> Option<f64> {
+    let rest = name.strip_prefix(wanted)?;
+    if rest.is_empty() {
+        return Some(1.0);
+    }
+    UNITS.iter().find(|(unit, _)| *unit == rest).map(|(_, factor)| *factor)
+}
+
+/// A run by the names of its signals.
+pub(super) struct Signals<'a> {
+    run: &'a RecordedRun,
+    names: Vec<String>,
+    /// Time of each row since the first, s; it never runs backwards.
+    pub(super) times_s: Vec<f64>,
+}
+
+/// What is known of one wheel.
+pub(super) struct WheelSignals {
+    /// Its name.
+    pub(super) name: String,
+    /// rad/s.
+    pub(super) speed: Option<Vec<f64>>,
+    /// N·m.
+    pub(super) torque: Option<Vec<f64>>,
+}
+
+/// A pose in each cycle.
+pub(super) struct Poses {
+    /// m.
+    pub(super) x: Vec<f64>,
+    /// m.
+    pub(super) y: Vec<f64>,
+    /// rad.
+    pub(super) heading: Vec<f64>,
+}
+
+impl<'a> Signals<'a> {
+    pub(super) fn new(run: &'a RecordedRun) -> Self {
+        let topics = run.schema.topics.iter();
+        let names = topics
+            .flat_map(|topic| topic.signals.iter().map(|signal| plain(&topic.name, &signal.name)))
+            .collect();
+        // A run of no signals has rows all the same; they count as far as they are there.
+        let width = run.schema.width().max(1);
+        let rows = run.times_ns.len().min(run.values.len() / width);
+        let first = run.times_ns.first().copied().unwrap_or(0);
+        let mut last = 0;
+        let since = |time: &u64| {
+            last = time.saturating_sub(first).max(last);
+            last as f64 * 1e-9
+        };
+        let times_s = run.times_ns[..rows].iter().map(since).collect();
+        Signals { run, names, times_s }
+    }
+
+    /// The run itself.
+    pub(super) fn run(&self) -> &'a RecordedRun {
+        self.run
+    }
+
+    /// The values, in SI units, of the first of `wanted` that the run has.
+    pub(super) fn column(&self, wanted: &[&str]) -> Option<Vec<f64>> {
+        let found = wanted.iter().find_map(|wanted| {
+            let named = self.names.iter().enumerate();
+            named.filter_map(|(at, name)| Some((at, factor(name, wanted)?))).next()
+        });
+        found.map(|(at, factor)| self.values(at, factor))
+    }
+
+    fn values(&self, column: usize, factor: f64) -> Vec<f64> {
+        let rows = self.run.values.chunks_exact(self.run.schema.width());
+        let value = |row: &[f64]| Some(row[column] * factor).filter(|value| value.abs() < NONSENSE);
+        rows.take(self.times_s.len()).map(|row| value(row).unwrap_or(f64::NAN)).collect()
+    }
+
+    /// x, y and heading behind the first of `prefixes` that has all three.
+    fn triple(&self, prefixes: &[&str]) -> Option<[Vec<f64>; 3]> {
+        prefixes.iter().find_map(|prefix| {
+            let axis = |ends: [&str; 2]| {
+                let names = ends.map(|end| format!("{prefix}_{end}"));
+                self.column(&[&names[0], &names[1]])
+            };
+            Some([axis(["x", "vx"])?, axis(["y", "vy"])?, axis(["heading", "w"])?])
+        })
+    }
+
+    /// The poses behind the first of `prefixes` that the run has.
+    pub(super) fn poses(&self, prefixes: &[&str]) -> Option<Poses> {
+        self.triple(prefixes).map(|[x, y, heading]| Poses { x, y, heading })
+    }
+
+    /// The twists behind the first of `prefixes` that the run has: along x and y, m/s, and rad/s.
+    pub(super) fn twists(&self, prefixes: &[&str]) -> Option<[Vec<f64>; 3]> {
+        self.triple(prefixes)
+    }
+
+    /// Topics that are a wheel's: those with a speed and a torque, or named `wheel` with one of them.
+    pub(super) fn wheels(&self) -> Vec<WheelSignals> {
+        let given: Vec<_> = self.text("wheel_names").unwrap_or_default().split_whitespace().collect();
+        let mut wheels = Vec::new();
+        let mut at = 0;
+        for topic in &self.run.schema.topics {
+            let find = |wanted: &str| {
+                let signals = topic.signals.iter().enumerate();
+                let mut matching =
+                    signals.filter_map(|(n, s)| Some((at + n, factor(&plain("", &s.name), wanted)?)));
+                matching.next()
+            };
+            let (speed, torque) = (find("speed"), find("torque"));
+            let name = topic.name.trim_matches('/');
+            let is_named = name.to_lowercase().starts_with("wheel") && (speed.is_some() || torque.is_some());
+            if is_named || (speed.is_some() && torque.is_some()) {
+                let values = |found: Option<(usize, f64)>| found.map(|(at, factor)| self.values(at, factor));
+                let name = given.get(wheels.len()).map_or(name, |given| given).to_owned();
+                wheels.push(WheelSignals { name, speed: values(speed), torque: values(torque) });
+            }
+            at += topic.signals.len();
+        }
+        wheels
+    }
+
+    /// What the description says under `key`; nothing where it says nothing.
+    pub(super) fn text(&self, key: &str) -> Option<&'a str> {
+        self.run.description.get(key).map(|text| text.trim()).filter(|text| !text.is_empty())
+    }
+
+    /// The finite number that the description has under `key`.
+    pub(super) fn number(&self, key: &str) -> Option<f64> {
+        self.text(key)?.parse().ok().filter(|number: &f64| number.is_finite())
+    }
+
+    /// The tuples of numbers that the description has under `key`: `x y; x y`.
+    pub(super) fn tuples<const N: usize>(&self, key: &str) -> Vec<[f64; N]> {
+        let tuples = self.text(key).unwrap_or_default().split(';').map(|tuple| {
+            let numbers =
+                tuple.split_whitespace().map(|word| word.parse().ok().filter(|n: &f64| n.is_finite()));
+            numbers.collect::<Option<Vec<f64>>>().and_then(|numbers| numbers.try_into().ok())
+        });
+        tuples.collect::<Option<Vec<_>>>().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_however_they_are_written() {
+        assert_eq!(plain("/state", "pose.x"), "state_pose_x");
+        assert_eq!(plain("/state/", "pose_x_m"), "state_pose_x_m");
+        assert_eq!(plain("", "/phase"), "phase");
+        assert_eq!(factor("state_pose_x_m", "state_pose_x"), Some(1.0));
+        assert_eq!(factor("timing_round_trip_ns", "timing_round_trip"), Some(1e-9));
+        assert_eq!(factor("state_pose_xx", "state_pose_x"), None);
+        assert_eq!(factor("wheel_1_speed_command", "wheel_1_speed"), None);
+    }
+}

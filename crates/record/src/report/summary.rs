@@ -1,0 +1,100 @@
+//! The head of the page: which run this is, and its figures.
+
+use super::signals::Signals;
+use super::text::{self, Unit, escape};
+use super::tracking::{BelievedAndTrue, Tracking};
+use std::fmt::Write;
+
+/// Which run this is.
+pub(super) fn title(signals: &Signals<'_>) -> String {
+    let robot = signals.text("robot").unwrap_or("robot");
+    match signals.text("reference") {
+        Some(reference) => format!("{robot}: {reference}"),
+        None => format!("Run of {robot}"),
+    }
+}
+
+/// Title, figures, and what the reader must know about the file.
+pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> String {
+    let mut html = format!("<header><h1>{}</h1>\n<p class=\"facts\">", escape(title));
+    let facts = [("mode", "mode"), ("controller", "controller"), ("date", "date"), ("version", "omnibase")];
+    let facts: Vec<String> = facts
+        .iter()
+        .filter_map(|(key, name)| Some(format!("{name} <b>{}</b>", escape(signals.text(key)?))))
+        .collect();
+    html.push_str(&facts.join(" · "));
+    html.push_str("</p>\n");
+    if let Some(reason) = &signals.run().truncated {
+        let reason = escape(reason);
+        let _ = writeln!(
+            html,
+            "<p class=\"warning\">The recording ends early ({reason}): what follows is what could be read.</p>"
+        );
+    }
+    html.push_str("</header>\n<section id=\"summary\"><h2>Summary</h2>\n<div class=\"tables\">");
+    html.push_str(&errors(tracking));
+    html.push_str(&counts(signals));
+    html.push_str("</div></section>\n");
+    html
+}
+
+fn errors(tracking: &Tracking) -> String {
+    let figures = tracking.figures();
+    let length = |value: f64| {
+        let unit = Unit::length(value.abs());
+        format!("{} {}", text::significant(value * unit.factor), unit.name)
+    };
+    let angle = |value: f64| {
+        let unit = Unit::angle(value.abs());
+        let degrees = text::significant(value.to_degrees());
+        format!("{} {} <small>({degrees}°)</small>", text::significant(value * unit.factor), unit.name)
+    };
+    let row = |name: &str, figure: BelievedAndTrue, words: &dyn Fn(f64) -> String| {
+        let [believed, truth] = [figure.believed, figure.truth].map(|value| {
+            // Programs read the exact value, in SI units.
+            let shown = |value: f64| format!("<data value=\"{value:e}\">{}</data>", words(value));
+            value.map_or("\u{2013}".to_owned(), shown)
+        });
+        format!(
+            "<tr><th>{name}</th><td class=\"number\">{believed}</td><td class=\"number\">{truth}</td></tr>\n"
+        )
+    };
+    let mut html = String::from(
+        "<table class=\"figures\"><thead><tr><th></th><th class=\"number\">believed</th>\
+         <th class=\"number\">true</th></tr></thead><tbody>\n",
+    );
+    html.push_str(&row("Final position error", figures.final_error_m, &length));
+    html.push_str(&row("RMS position error", figures.rms_error_m, &length));
+    html.push_str(&row("Greatest position error", figures.max_error_m, &length));
+    html.push_str(&row("Final heading error", figures.final_heading_error_rad, &angle));
+    html.push_str("</tbody></table>\n");
+    html
+}
+
+fn counts(signals: &Signals<'_>) -> String {
+    let rows = signals.times_s.len();
+    let duration = signals.times_s.last().copied();
+    let whole = |key: &str| signals.number(key).map(|number| number.max(0.0) as u64);
+    // The codes of exchanges: 0 is complete.
+    let counted = signals.column(&["exchange_result"]);
+    let lost = counted.map(|codes| codes.iter().filter(|code| **code != 0.0).count() as u64);
+    let number = |value: Option<u64>| value.map(text::count);
+    let entries = [
+        ("Cycles", number(whole("cycles").or(Some(rows as u64)))),
+        ("Duration", duration.map(text::duration)),
+        ("Lost or incomplete frames", number(whole("lost_frames").or(lost))),
+        ("Overruns", number(whole("overruns"))),
+        ("Records dropped", number(whole("records_dropped"))),
+        (
+            "Realtime factor",
+            signals.number("realtime_factor").map(|factor| format!("{} ×", text::significant(factor))),
+        ),
+    ];
+    let mut html = String::from("<table class=\"figures\"><tbody>\n");
+    for (name, value) in entries {
+        let value = value.unwrap_or_else(|| "not recorded".to_owned());
+        let _ = writeln!(html, "<tr><th>{name}</th><td class=\"number\">{value}</td></tr>");
+    }
+    html.push_str("</tbody></table>\n");
+    html
+}

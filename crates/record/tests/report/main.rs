@@ -1,0 +1,200 @@
+//! The page of a run: what it shows, of whole, odd and hostile recordings.
+
+mod made_up;
+
+use made_up::{BELIEVED_OFF_M, HEADING_OFF_RAD, TRUE_OFF_M, square};
+use omnibase_record::report::{TrackingFigures, html};
+use omnibase_record::run::{RecordedRun, RunEvent};
+
+/// One lap of the square with its rests, in cycles.
+const LAP: usize = 18_000;
+
+/// As a browser shows them: the words of a page without its tags.
+fn words(html: &str) -> String {
+    let body = html.split("</style>").nth(1).unwrap();
+    let pieces = body.split('<').map(|piece| piece.split_once('>').map_or(piece, |(_, text)| text));
+    pieces.collect::<Vec<_>>().join(" ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The curves of the class below a heading, as the points of their paths.
+fn curve(html: &str, caption: &str, class: &str) -> Vec<(f64, f64)> {
+    let figure = html.split("<figcaption>").find(|figure| figure.starts_with(caption)).expect("the figure");
+    let data = figure.split("class=\"data\"").nth(1).unwrap();
+    let path = data.split(&format!("<path class=\"{class}\" d=\"")).nth(1).expect("the curve");
+    let path = path.split('"').next().unwrap();
+    let numbers: Vec<f64> = path
+        .split(|c: char| "MLHVh ".contains(c))
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().unwrap())
+        .collect();
+    numbers.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
+#[test]
+fn figures_are_those_of_the_run() {
+    let figures = TrackingFigures::of(&square(3, LAP));
+    let close = |found: Option<f64>, expected: f64| {
+        let found = found.unwrap();
+        assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+    };
+    close(figures.final_error_m.believed, BELIEVED_OFF_M);
+    close(figures.rms_error_m.believed, BELIEVED_OFF_M);
+    close(figures.max_error_m.believed, BELIEVED_OFF_M);
+    close(figures.final_heading_error_rad.believed, -HEADING_OFF_RAD);
+    close(figures.final_error_m.truth, TRUE_OFF_M);
+    close(figures.final_heading_error_rad.truth, 2.0 * HEADING_OFF_RAD);
+    // A true error that grows in step with time, sampled at n instants: 1/n² (0² + 1² + … + (n-1)²) of its end's square.
+    let n = 16_000.0_f64;
+    close(figures.rms_error_m.truth, TRUE_OFF_M * ((n - 1.0) * (2.0 * n - 1.0) / 6.0).sqrt() / n);
+    close(figures.max_error_m.truth, TRUE_OFF_M * (n - 1.0) / n);
+}
+
+#[test]
+fn the_page_tells_figures_limits_events_and_phases() {
+    let run = square(3, LAP);
+    let words = words(&html(&run));
+    let latest = run.column("/timing", "round_trip_ns").unwrap().fold(0.0, f64::max);
+    let latest = format!("max {:.0} µs", latest / 1000.0);
+    for expected in [
+        &latest,
+        "bmm: square of 2 m",
+        "mode closed_loop_speed",
+        "Final position error 300 µm 2.00 mm",
+        "Greatest position error 300 µm 2.00 mm",
+        "Final heading error −1.00 mrad (−0.0573°) 2.00 mrad (0.115°)",
+        "Cycles 18 000",
+        "Realtime factor 412 ×",
+        "limit ±15.0 rad/s",
+        "rated ±7.00 N·m",
+        "tracking square",
+        "1.000 tracking square",
+        "Phase: enabling holding tracking",
+        "Frames: complete lost",
+    ] {
+        assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
+    }
+}
+
+#[test]
+fn curves_are_drawn_where_the_values_are() {
+    let page = html(&square(3, LAP));
+    // The believed error is constant: a straight line from edge to edge.
+    let believed = curve(&page, "Position error: distance", "believed");
+    assert!(believed.windows(2).all(|pair| (pair[0].1 - pair[1].1).abs() <= 1.0), "{believed:?}");
+    // The true one grows from nothing: downward is 1000, upward 0.
+    let truth = curve(&page, "Position error: distance", "true");
+    assert!(truth[0].1 > 990.0 && truth[truth.len() - 1].1 < 60.0, "{truth:?}");
+    assert_eq!((truth[0].0, truth[truth.len() - 1].0), (0.0, 1600.0));
+    // The path is the square: its corners stand at the four corners of the drawing's own square.
+    let planned = curve(&page, "Path from above", "planned");
+    assert_eq!(planned.len(), 5, "{planned:?}");
+    assert_eq!(planned[0], planned[4]);
+    assert!(page.matches("class=\"platform\"").count() > 4 && page.contains("class=\"wheel\""));
+}
+
+#[test]
+fn an_hour_is_as_large_as_a_minute_and_keeps_its_extremes() {
+    let minute = html(&square(3, 60_000));
+    let mut hour = square(3, 60_000);
+    // An hour by its times: one row a minute stands for all between, but for one torque beyond all others.
+    for (row, time) in hour.times_ns.iter_mut().enumerate() {
+        *time = 60_000_000 * row as u64;
+    }
+    let torque = hour.schema.column("/wheel_1", "torque_nm").unwrap();
+    let width = hour.schema.width();
+    hour.values[31_415 * width + torque] = 19.5;
+    let hour = html(&hour);
+    assert!(
+        hour.len() < minute.len() * 11 / 10 && hour.len() < 600_000,
+        "{} and {}",
+        hour.len(),
+        minute.len()
+    );
+    let peak =
+        |page: &str| curve(page, "Wheel torque", "w1").into_iter().map(|point| point.1).fold(1e9, f64::min);
+    // Limits of ±21 and a margin of a twentieth make a drawing from -23.1 to 23.1 N·m.
+    assert_eq!(peak(&hour), (1000.0 * (23.1 - 19.5) / 46.2_f64).round());
+}
+
+#[test]
+fn nothing_is_fetched_and_nothing_runs() {
+    let page = html(&square(4, LAP));
+    for forbidden in ["<script", "http:", "https:", "<link", "<img", "@import", "url(", "href=", "src="] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    assert_eq!(page, html(&square(4, LAP)), "the same run, the same page");
+}
+
+#[test]
+fn hostile_names_are_shown_as_they_are() {
+    let hostile = "</td><script>alert('1')</script>\"&\u{0}";
+    let mut run = square(3, 2000);
+    for key in ["robot", "reference", "mode", "version", "date", "wheel_names"] {
+        run.description.insert(key.to_owned(), hostile.replace(' ', ""));
+    }
+    run.description.insert(hostile.to_owned(), hostile.to_owned());
+    run.events.push(RunEvent { time_ns: 0, text: hostile.to_owned() });
+    run.truncated = Some(hostile.to_owned());
+    run.schema.topics.last_mut().unwrap().name = format!("/wheel_{hostile}");
+    let page = html(&run);
+    assert!(!page.contains("<script") && !page.contains("alert('") && !page.contains('\u{0}'));
+    let shown = "&lt;/td&gt;&lt;script&gt;alert(&#39;1&#39;)&lt;/script&gt;&quot;&amp;\u{FFFD}";
+    assert!(page.matches(shown).count() >= 8, "{}", page.matches(shown).count());
+}
+
+#[test]
+fn what_is_missing_is_told_in_a_word() {
+    let page = html(&RecordedRun::default());
+    assert!(words(&page).contains("The recording holds no cycle"), "{page}");
+
+    // Hardware: no truth.
+    let mut run = square(3, LAP);
+    for topic in &mut run.schema.topics {
+        topic.name = topic.name.replace("/truth", "/elsewhere");
+    }
+    let page = html(&run);
+    assert!(words(&page).contains("Final position error 300 µm –"), "{}", words(&page));
+    assert!(!page.contains("d=\"M0 5H26\"/></svg>true"), "no curve that isn't there stands in a legend");
+    assert_eq!(TrackingFigures::of(&run).final_error_m.truth, None);
+
+    // Nothing but wheels: the other sections say why they are empty.
+    for topic in &mut run.schema.topics {
+        topic.name = topic.name.replace("/state", "/x").replace("/wished", "/y").replace("/cycle", "/z");
+    }
+    let words = words(&html(&run));
+    for expected in ["Path: the run has no poses", "Errors: the run lacks the planned pose", "Wheel speed"] {
+        assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
+    }
+}
+
+#[test]
+fn a_run_cut_off_says_so_and_odd_values_draw_nothing_odd() {
+    let mut run = square(3, LAP);
+    run.truncated = Some("unexpected end of file".to_owned());
+    // Half a row too much, and values of every kind.
+    run.values.truncate(run.values.len() - 5);
+    for (number, odd) in
+        [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, -1e308, 1e-310].into_iter().enumerate()
+    {
+        let width = run.schema.width();
+        for column in 0..width {
+            run.values[(100 * number + column) * width + column] = odd;
+        }
+    }
+    // Times that run backwards.
+    run.times_ns.swap(700, 900);
+    let page = html(&run);
+    assert!(words(&page).contains("The recording ends early (unexpected end of file)"));
+    for odd in ["NaN", "inf"] {
+        let found = page.split_once(odd).map(|(before, _)| &before[before.len() - 200..]);
+        assert_eq!(found, None, "no number that isn't one is drawn");
+    }
+}
+
+#[test]
+fn a_run_that_never_tracked_has_no_error() {
+    let figures = TrackingFigures::of(&square(3, 900));
+    assert_eq!(figures, TrackingFigures::default());
+    let words = words(&html(&square(3, 1)));
+    assert!(words.contains("Cycles 1 "), "{words}");
+}
