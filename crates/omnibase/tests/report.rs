@@ -65,9 +65,9 @@ fn the_page_of_a_run_has_the_figures_of_its_summary() {
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let html = std::fs::read_to_string(&page).unwrap();
     for (row, key) in [
-        ("Final position error", "final_error_m"),
-        ("RMS position error", "rms_error_m"),
-        ("Greatest position error", "max_error_m"),
+        ("Final position", "final_error_m"),
+        ("RMS position", "rms_error_m"),
+        ("Greatest position", "max_error_m"),
     ] {
         let told = ["believed", "true"].map(|whose| summary[key][whose].as_f64().unwrap());
         for (shown, told) in figures(&html, row).into_iter().zip(told) {
@@ -76,7 +76,7 @@ fn the_page_of_a_run_has_the_figures_of_its_summary() {
             assert!(told > 0.0);
         }
     }
-    let heading = figures(&html, "Final heading error");
+    let heading = figures(&html, "Final heading");
     assert_eq!(heading[1], summary["final_heading_error_rad"].as_f64().unwrap());
 
     let again = folder.path("again.html");

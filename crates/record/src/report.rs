@@ -26,6 +26,7 @@
 
 mod bands;
 mod chart;
+mod configuration;
 mod curve;
 mod histogram;
 mod overhead;
@@ -35,6 +36,7 @@ mod signals;
 mod summary;
 mod text;
 mod tracking;
+mod wheels;
 
 pub use tracking::{BelievedAndTrue, TrackingFigures};
 
@@ -74,7 +76,7 @@ pub fn html(run: &RecordedRun) -> String {
         }
     }
     html.push_str(&page.events());
-    html.push_str(&page.description());
+    html.push_str(&configuration::html(&signals));
     html.push_str("</main>\n</body>\n</html>\n");
     html
 }

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use omnibase_robot::config::ReferenceTable;
+
 use crate::robot_text::LoadedRobot;
 use crate::simulated;
 
@@ -16,7 +18,7 @@ pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     let mut all = robot.description.clone();
     let mut tell = |key: &str, value: String| all.insert(key.to_owned(), value);
     tell("robot", plan.name.clone());
-    tell("reference", plan.reference.kind.clone().unwrap_or_default());
+    tell("reference", reference_words(&plan.reference));
     tell("mode", plan.controller.kind.clone().unwrap_or_default());
     tell("version", env!("CARGO_PKG_VERSION").to_owned());
     let wheels = plan.kinematics.wheels();
@@ -39,4 +41,50 @@ pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     let inertia = machine.body.yaw_inertia_kg_m2 + machine.payload.yaw_inertia_kg_m2;
     tell("simulation.inertia_kg_m2", inertia.to_string());
     all
+}
+
+/// A reference in a few words, such as `circle, radius 0.5 m, duration 10 s`: its kind, and its keys that are numbers or
+/// words.
+fn reference_words(table: &ReferenceTable) -> String {
+    let mut words = table.kind.clone().unwrap_or_default();
+    let Ok(toml::Value::Table(keys)) = toml::Value::try_from(table) else { return words };
+    for (key, value) in keys.iter().filter(|(key, _)| *key != "kind") {
+        let word = match value {
+            // Of a file its name says enough.
+            toml::Value::String(text) if key == "points_file" => {
+                text.rsplit('/').next().unwrap_or(text).to_owned()
+            }
+            toml::Value::String(text) => text.replace('_', " "),
+            toml::Value::Float(number) => number.to_string(),
+            _ => continue,
+        };
+        let unit = [("_m", " m"), ("_s", " s")].into_iter().find(|(end, _)| key.ends_with(end));
+        let (end, unit) = unit.unwrap_or_default();
+        let name = key.trim_end_matches(end).replace('_', " ");
+        words.push_str(&if key == "points_file" {
+            format!(" {word}")
+        } else {
+            format!(", {name} {word}{unit}")
+        });
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reference_has_few_words() {
+        let circle =
+            ReferenceTable { kind: Some("circle".into()), radius_m: Some(0.5), ..Default::default() };
+        assert_eq!(reference_words(&circle), "circle, radius 0.5 m");
+        let path = ReferenceTable {
+            kind: Some("path".into()),
+            points_file: Some("/robots/square.dat".into()),
+            points: Some(vec![[0.0; 4]]),
+            ..Default::default()
+        };
+        assert_eq!(reference_words(&path), "path square.dat");
+    }
 }

@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     })?;
     let mut summary: Summary = ran.summary;
     if let Some(recorder) = recorder {
-        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, recorded))?;
+        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded))?;
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
     }
     if let Some(page) = &arguments.report {
@@ -156,11 +156,9 @@ impl Arguments {
             return Ok(None);
         }
         let rows = Rows::new(robot.plan.drives.len(), known);
-        let files = RunFiles {
-            mcap,
-            columns: self.columns.clone(),
-            description: omnibase_run::describe::description(robot),
-        };
+        let mut description = omnibase_run::describe::description(robot);
+        description.extend(page::first_words());
+        let files = RunFiles { mcap, columns: self.columns.clone(), description };
         let on_full = if self.interface.is_some() { OnFull::Drop } else { OnFull::Wait };
         let (recorder, sink) =
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;

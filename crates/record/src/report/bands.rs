@@ -108,8 +108,18 @@ pub(super) fn html(title: &str, times: &[f64], bands: &[Band]) -> String {
             }
         }
         present.sort_by_key(|choice| choice.0);
+        if let [only] = present.as_slice() {
+            // One word in the whole of the band says it all, on a phone too.
+            words = format!(
+                "<text class=\"in-band whole\" x=\"50%\" y=\"50%\" dy=\"0.34em\" text-anchor=\"middle\">{}</text>",
+                escape(only.1)
+            );
+        }
         let entries: String = present.iter().map(|choice| chart::key(choice.2, "area", choice.1)).collect();
-        let _ = write!(legend, "<ul class=\"legend\"><li><b>{}:</b></li>{entries}</ul>", escape(band.name));
+        if present.len() > 1 {
+            let name = escape(band.name);
+            let _ = write!(legend, "<ul class=\"legend\"><li><b>{name}:</b></li>{entries}</ul>");
+        }
         let _ = write!(
             rows,
             "<div class=\"band\"><svg role=\"img\" aria-label=\"{0}\">{pieces}{words}</svg><span>{0}</span></div>",

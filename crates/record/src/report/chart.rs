@@ -76,6 +76,18 @@ pub(super) fn time_span(times: &[f64]) -> Span {
 }
 
 impl TimeChart<'_> {
+    /// The limits, those of one value as one.
+    fn limits(&self) -> Vec<Limit> {
+        let mut limits: Vec<Limit> = Vec::new();
+        for Limit { name, class, value } in &self.limits {
+            match limits.iter_mut().find(|known| known.value == *value) {
+                Some(known) => known.name = format!("{} and {name}", known.name),
+                None => limits.push(Limit { name: name.clone(), class, value: *value }),
+            }
+        }
+        limits
+    }
+
     /// The chart; a word instead where there is nothing to draw.
     pub(super) fn html(&self) -> String {
         let values = self.lines.iter().flat_map(|line| line.values.iter().copied());
@@ -87,7 +99,7 @@ impl TimeChart<'_> {
         let mut legend =
             self.lines.iter().map(|line| key(&line.class, "line", &line.name)).collect::<String>();
         let mut limits = String::new();
-        for limit in &self.limits {
+        for limit in self.limits() {
             let value = text::significant(limit.value * self.unit.factor);
             let mut name = format!("{} ±{value} {}", limit.name, self.unit.name);
             if limit.value > FAR_LIMIT * greatest && greatest > 0.0 {
@@ -105,7 +117,7 @@ impl TimeChart<'_> {
         let span = if data.low >= 0.0 { Span { low: span.low.max(0.0), ..span } } else { span };
         let scaled = Span { low: span.low * self.unit.factor, high: span.high * self.unit.factor };
         let time = time_span(self.times);
-        for limit in &self.limits {
+        for limit in self.limits() {
             for value in [limit.value, -limit.value] {
                 let part = 1.0 - span.part(value);
                 if (0.0..=1.0).contains(&part) {
@@ -141,7 +153,15 @@ impl TimeChart<'_> {
             y_title: self.unit.name,
         };
         let inner = format!("{shades}{limits}{curves}");
-        figure(&Figure { title: self.title, class: "chart", style: "", legend, axes, inner })
+        figure(&Figure {
+            title: self.title,
+            class: "chart",
+            style: "",
+            legend,
+            axes,
+            inner,
+            labels: String::new(),
+        })
     }
 }
 
@@ -181,6 +201,8 @@ pub(super) struct Figure<'a> {
     pub(super) axes: Axes<'a>,
     /// What is drawn, in [`WIDTH`] by [`HEIGHT`].
     pub(super) inner: String,
+    /// Words above it, at parts of the whole.
+    pub(super) labels: String,
 }
 
 /// A chart with title, legend, grid and axes.
@@ -217,12 +239,13 @@ pub(super) fn figure(figure: &Figure<'_>) -> String {
          <text class=\"axis\" x=\"-6\" y=\"0\" dy=\"-0.7em\" text-anchor=\"end\">{}</text>\
          <text class=\"axis\" x=\"100%\" y=\"100%\" dy=\"2.7em\" text-anchor=\"end\">{}</text>\
          <svg class=\"data\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" preserveAspectRatio=\"none\" width=\"100%\" \
-         height=\"100%\">{}</svg></svg></div></figure>\n",
+         height=\"100%\">{}</svg>{}</svg></div></figure>\n",
         figure.class,
         figure.legend,
         escape(y_title),
         escape(x_title),
-        figure.inner
+        figure.inner,
+        figure.labels
     )
 }
 

@@ -105,7 +105,19 @@ impl Floor {
         Some(Floor { x: widened(x), y: widened(y) })
     }
 
-    fn figure(&self, title: &str, legend: String, inner: String) -> String {
+    /// Words on the left of a platform's middle, beside its arrow.
+    fn label(&self, labels: &mut String, shape: &Shape, (x, y, heading): (f64, f64, f64), words: &str) {
+        let (sin, cos) = heading.sin_cos();
+        let (forward, left) = (-0.1 * shape.reach(), 0.33 * shape.reach());
+        let x = 100.0 * self.x.part(x + cos * forward - sin * left);
+        let y = 100.0 - 100.0 * self.y.part(y + sin * forward + cos * left);
+        let _ = write!(
+            labels,
+            "<text class=\"at\" x=\"{x:.1}%\" y=\"{y:.1}%\" dy=\"0.35em\" text-anchor=\"middle\">{words}</text>"
+        );
+    }
+
+    fn figure(&self, title: &str, legend: String, inner: String, labels: String) -> String {
         let ratio = self.x.width() / self.y.width();
         let step = |span: Span, longest: f64| ((7.0 * span.width() / longest).round() as usize).max(2);
         let longest = self.x.width().max(self.y.width());
@@ -118,7 +130,7 @@ impl Floor {
             y_title: "y in m",
         };
         let style = format!("--ratio:{ratio:.4}");
-        chart::figure(&Figure { title, class: "chart plan", style: &style, legend, axes, inner })
+        chart::figure(&Figure { title, class: "chart plan", style: &style, legend, axes, inner, labels })
     }
 
     fn path_data(&self, path: &Path<'_>) -> String {
@@ -141,7 +153,7 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape) -> Option<
     let rows = platforms(shown, shape.reach());
     let poses: Vec<_> = rows.iter().map(|&row| (shown.x[row], shown.y[row], shown.heading[row])).collect();
     let floor = Floor::around(&paths, &poses, shape.reach())?;
-    let mut inner = String::new();
+    let (mut inner, mut labels) = (String::new(), String::new());
     for pose in &poses {
         draw_platform(&mut inner, &floor, shape, *pose);
     }
@@ -160,21 +172,23 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape) -> Option<
     }
     if !shape.footprint.is_empty() {
         let whose = if tracking.truth.is_some() { "as it truly was" } else { "as believed" };
-        let at: Vec<String> =
-            rows.iter().map(|&row| text::fixed(times.get(row).copied().unwrap_or(f64::NAN), 1)).collect();
-        let name = format!("platform, {whose}, at {} s", at.join(", "));
-        legend.push_str(&chart::key("platform", "area", &name));
+        legend.push_str(&chart::key("platform", "area", &format!("platform at times, {whose}")));
+        for (&row, pose) in rows.iter().zip(&poses) {
+            let time = times.get(row).copied().unwrap_or(f64::NAN);
+            floor.label(&mut labels, shape, *pose, &format!("{} s", text::fixed(time, 1)));
+        }
     }
-    let mut html = floor.figure("Path from above", legend, inner);
-    html.push_str(&magnified(tracking, &floor).unwrap_or_default());
-    Some(html)
+    let path = floor.figure("Path from above", legend, inner, labels);
+    let errors = magnified(tracking, &floor).unwrap_or_default();
+    Some(format!("<div class=\"plans\">{path}{errors}</div>"))
 }
 
 fn paths(tracking: &Tracking) -> Vec<Path<'_>> {
     let named = [
         ("planned", "planned", &tracking.planned),
-        ("believed", "believed", &tracking.believed),
+        // What is believed lies above what is true: where both agree, both are seen, for it is thinner.
         ("true", "true", &tracking.truth),
+        ("believed", "believed", &tracking.believed),
     ];
     let paths = named.into_iter().filter_map(|(name, class, poses)| {
         poses.as_ref().map(|poses| Path { name, class, x: &poses.x, y: &poses.y })
@@ -197,7 +211,7 @@ fn platforms(poses: &Poses, reach: f64) -> Vec<usize> {
         }
     }
     let last = (0..poses.x.len()).rev().find(|&row| is_finite(poses, row));
-    let mut apart = (1.5 * reach).max(1e-9);
+    let mut apart = reach.max(1e-9);
     loop {
         let mut rows: Vec<usize> = Vec::new();
         for row in candidates.iter().copied().take(1).chain(last).chain(candidates.iter().copied().skip(1)) {
@@ -266,7 +280,7 @@ fn magnified(tracking: &Tracking, floor: &Floor) -> Option<String> {
     };
     let (believed, truth) = (scaled(&tracking.believed), scaled(&tracking.truth));
     let mut paths = vec![Path { name: "planned", class: "planned", x: &planned.x, y: &planned.y }];
-    for (name, scaled) in [("believed", &believed), ("true", &truth)] {
+    for (name, scaled) in [("true", &truth), ("believed", &believed)] {
         paths.extend(scaled.as_ref().map(|(x, y)| Path { name, class: name, x, y }));
     }
     let floor = Floor::around(&paths, &[], 0.0)?;
@@ -277,12 +291,12 @@ fn magnified(tracking: &Tracking, floor: &Floor) -> Option<String> {
     }
     let unit = Unit::length(greatest);
     let title = format!(
-        "Path with its errors {} times as large (the greatest is {} {})",
+        "Errors {} times as large (the greatest is {} {})",
         text::count(times as u64),
         text::significant(greatest * unit.factor),
         unit.name
     );
-    Some(floor.figure(&title, legend, inner))
+    Some(floor.figure(&title, legend, inner, String::new()))
 }
 
 #[cfg(test)]

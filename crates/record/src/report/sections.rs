@@ -1,18 +1,19 @@
 //! The sections of the page, each from the signals that it needs.
 
 use super::bands::{self, Band};
-use super::chart::{Limit, Line, Marked, TimeChart};
+use super::chart::{Line, Marked, TimeChart};
 use super::histogram::{self, Quantiles};
 use super::overhead::{self, Shape};
 use super::scale::Span;
 use super::signals::Signals;
 use super::text::{self, Unit, escape};
 use super::tracking::{Error, Tracking};
+use super::wheels;
 
-/// Looks of wheels.
-const WHEEL_LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
 /// Events listed at most.
 const MOST_EVENTS: usize = 500;
+/// What rounding leaves of a speed that is 0, m/s.
+const ROUNDING_M_S: f64 = 1e-9;
 
 /// Everything that sections are made from.
 pub(super) struct Page<'a> {
@@ -84,11 +85,11 @@ impl<'a> Page<'a> {
         let length = Unit::length(greatest(distance));
         let mut html = self.chart("Position error: distance from the plan", length, lines(distance));
         let sides = vec![
-            Line { name: "along (ahead is positive)".into(), class: "w1".into(), values: &last.along },
-            Line { name: "across (left is positive)".into(), class: "w2".into(), values: &last.across },
+            Line { name: "along (ahead is positive)".into(), class: "w3".into(), values: &last.along },
+            Line { name: "across (left is positive)".into(), class: "w4".into(), values: &last.across },
         ];
         if last.along.iter().any(|value| value.is_finite()) {
-            let title = format!("Position error along and across the planned motion, {whose}");
+            let title = format!("Position error along and across the planned motion ({whose})");
             html.push_str(&self.chart(&title, length, sides));
         }
         fn heading(error: &Error) -> &[f64] {
@@ -111,7 +112,7 @@ impl<'a> Page<'a> {
             self.signals.twists(&["truth_twist"]),
             self.tracking.truth.as_ref().map(|poses| &poses.heading),
         );
-        let all = [("true", &truth), ("believed", &believed), ("planned", &planned)];
+        let all = [("planned", &planned), ("true", &truth), ("believed", &believed)];
         if all.iter().all(|(_, twist)| twist.is_none()) {
             let why = "the run has neither planned nor believed speeds";
             return section("speeds", "Speeds of the platform", &absent("Speeds", why));
@@ -122,7 +123,7 @@ impl<'a> Page<'a> {
         for (axis, (title, unit)) in axes.into_iter().enumerate() {
             let lines = all.iter().filter_map(|(name, twist)| {
                 let values = &twist.as_ref()?[axis];
-                Some(Line { name: (*name).to_owned(), class: format!("{name} speed"), values })
+                Some(Line { name: (*name).to_owned(), class: (*name).to_owned(), values })
             });
             html.push_str(&self.chart(title, Unit::plain(unit), lines.collect()));
         }
@@ -131,37 +132,7 @@ impl<'a> Page<'a> {
 
     /// Speeds and torques of the wheels against their limits.
     pub(super) fn wheels(&self) -> String {
-        let wheels = self.signals.wheels();
-        if wheels.is_empty() {
-            return section("wheels", "Wheels", &absent("Wheels", "the run has no signals of wheels"));
-        }
-        let limit = |key: &str, name: &str, class: &'static str| {
-            let value = self.signals.number(key).filter(|value| *value > 0.0)?;
-            Some(Limit { name: name.to_owned(), class, value })
-        };
-        let speed_limits = [limit("limit.wheel_speed_rad_s", "limit", "limit")];
-        let torque_limits = [
-            limit("limit.wheel_torque_nm", "limit", "limit"),
-            limit("wheel_peak_torque_nm", "peak", "limit peak"),
-            limit("wheel_rated_torque_nm", "rated", "limit rated"),
-        ];
-        let speeds: Vec<_> = wheels.iter().map(|wheel| wheel.speed.as_deref()).collect();
-        let torques: Vec<_> = wheels.iter().map(|wheel| wheel.torque.as_deref()).collect();
-        let chart = |title, unit, values: &[Option<&[f64]>], limits: Vec<Limit>| {
-            let looks = wheels.iter().zip(WHEEL_LOOKS.iter().cycle());
-            let known = looks.zip(values).filter_map(|((wheel, look), values)| {
-                Some(Line { name: wheel.name.clone(), class: (*look).to_owned(), values: (*values)? })
-            });
-            let lines: Vec<Line<'_>> = known.collect();
-            if lines.is_empty() {
-                return absent(title, "not recorded for any wheel");
-            }
-            let unit = Unit::plain(unit);
-            TimeChart { title, unit, times: self.times(), lines, limits, marked: &self.marked }.html()
-        };
-        let speeds = chart("Wheel speed", "rad/s", &speeds, speed_limits.into_iter().flatten().collect());
-        let torques = chart("Wheel torque", "N·m", &torques, torque_limits.into_iter().flatten().collect());
-        section("wheels", "Wheels", &format!("{speeds}{torques}"))
+        section("wheels", "Wheels", &wheels::html(self.signals, &self.marked))
     }
 
     /// Phases, safety, saturation, frames.
@@ -177,19 +148,19 @@ impl<'a> Page<'a> {
     pub(super) fn timing(&self) -> String {
         let prefixes = ["timing", "cycle", "exchange", "statistics"];
         let sorts = [
-            ("Round trip of the frames", "w1", vec!["round_trip", "roundtrip"]),
-            ("Late wake-up", "w2", vec!["wake_up", "wakeup", "wake_up_late", "wakeup_late", "latency"]),
-            ("Computation", "w3", vec!["compute", "computation"]),
+            ("Round trip of the frames", vec!["round_trip", "roundtrip"]),
+            ("Late wake-up", vec!["wake_up", "wakeup", "wake_up_late", "wakeup_late", "latency"]),
+            ("Computation", vec!["compute", "computation"]),
         ];
         let mut html = String::new();
-        for (title, class, ends) in sorts {
+        for (title, ends) in sorts {
             let names: Vec<String> = prefixes
                 .iter()
                 .flat_map(|prefix| ends.iter().map(move |end| format!("{prefix}_{end}")))
                 .collect();
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
             if let Some(values) = self.signals.column(&names) {
-                html.push_str(&histogram::html(title, class, &Quantiles::of(&values)));
+                html.push_str(&histogram::html(title, &Quantiles::of(&values)));
             }
         }
         if html.is_empty() {
@@ -200,29 +171,22 @@ impl<'a> Page<'a> {
 
     /// Slip, mass, inertia.
     pub(super) fn estimates(&self) -> String {
-        let mut html = String::new();
-        if let Some(slip) = self.signals.column(&["state_slip_residual", "slip_residual"]) {
-            let greatest = Span::of(slip.iter().map(|value| value.abs())).map_or(0.0, |span| span.high);
-            let unit = if greatest < 1.0 { Unit { name: "mm/s", factor: 1e3 } } else { Unit::plain("m/s") };
-            let line = Line { name: "slip residual".into(), class: "w1".into(), values: &slip };
-            let title = "Slip residual: wheel speed that no motion of a rigid body explains";
-            html.push_str(&self.chart(title, unit, vec![line]));
-        } else {
-            html.push_str(&absent("Slip residual", "not recorded"));
-        }
+        let mut html = self.slip();
         let estimates = [
-            ("Estimated mass", "kg", "mass", "simulation.mass_kg"),
-            ("Estimated inertia", "kg·m²", "inertia", "simulation.inertia_kg_m2"),
+            ("Estimated mass", "kg", "estimate_mass", "simulation.mass_kg"),
+            ("Estimated inertia", "kg·m²", "estimate_inertia", "simulation.inertia_kg_m2"),
         ];
+        let mut without = Vec::new();
         for (title, unit, name, truth) in estimates {
-            let column = self.signals.column(&[&format!("estimate_{name}"), &format!("estimates_{name}")]);
             // Controllers that don't estimate leave these at 0.
+            let column = self.signals.column(&[name]);
             let Some(values) = column.filter(|values| values.iter().any(|v| v.is_finite() && *v != 0.0))
             else {
-                html.push_str(&absent(title, "this controller doesn't estimate it"));
+                without.push(title);
                 continue;
             };
-            let constant = self.signals.number(truth).map(|truth| vec![truth; values.len()]);
+            let simulated = self.signals.number(truth).filter(|_| self.tracking.truth.is_some());
+            let constant = simulated.map(|truth| vec![truth; values.len()]);
             let mut lines = vec![Line { name: "estimate".into(), class: "believed".into(), values: &values }];
             if let Some(constant) = &constant {
                 let line = Line { name: "simulated body".into(), class: "true".into(), values: constant };
@@ -230,7 +194,30 @@ impl<'a> Page<'a> {
             }
             html.push_str(&self.chart(title, Unit::plain(unit), lines));
         }
+        if !without.is_empty() {
+            html.push_str(&absent(
+                &without.join(" and ").replace(" and Estimated", " and"),
+                "this controller has none",
+            ));
+        }
         section("estimates", "Estimates", &html)
+    }
+
+    fn slip(&self) -> String {
+        let title = "Slip residual: wheel speed that no motion of a rigid body explains";
+        let Some(slip) = self.signals.column(&["state_slip_residual"]) else {
+            return absent("Slip residual", "not recorded");
+        };
+        let greatest = Span::of(slip.iter().map(|value| value.abs())).map_or(0.0, |span| span.high);
+        if greatest < ROUNDING_M_S {
+            return absent(
+                "Slip residual",
+                "0 in every cycle, as with wheels that suffice just so for the motion",
+            );
+        }
+        let unit = if greatest < 1.0 { Unit { name: "mm/s", factor: 1e3 } } else { Unit::plain("m/s") };
+        let line = Line { name: "slip residual".into(), class: "w1".into(), values: &slip };
+        self.chart(title, unit, vec![line])
     }
 
     /// What happened, in words.
@@ -261,20 +248,6 @@ impl<'a> Page<'a> {
             ));
         }
         section("events", "Events", &html)
-    }
-
-    /// Everything that the recording says about itself.
-    pub(super) fn description(&self) -> String {
-        let run = self.signals.run();
-        if run.description.is_empty() {
-            return section("run", "Recording", &absent("Description", "the recording has none"));
-        }
-        let rows: String = run
-            .description
-            .iter()
-            .map(|(key, value)| format!("<tr><th>{}</th><td>{}</td></tr>\n", escape(key), escape(value)))
-            .collect();
-        section("run", "Recording", &format!("<table class=\"pairs\">{rows}</table>"))
     }
 }
 
@@ -315,6 +288,6 @@ pub(super) fn section(id: &str, title: &str, html: &str) -> String {
 }
 
 /// A word in the place of what can't be shown.
-fn absent(what: &str, why: &str) -> String {
+pub(super) fn absent(what: &str, why: &str) -> String {
     format!("<p class=\"absent\">{}: {}.</p>\n", escape(what), escape(why))
 }

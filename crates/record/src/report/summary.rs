@@ -1,7 +1,7 @@
 //! The head of the page: which run this is, and its figures.
 
 use super::signals::Signals;
-use super::text::{self, Unit, escape};
+use super::text::{self, escape};
 use super::tracking::{BelievedAndTrue, Tracking};
 use std::fmt::Write;
 
@@ -17,7 +17,7 @@ pub(super) fn title(signals: &Signals<'_>) -> String {
 /// Title, figures, and what the reader must know about the file.
 pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> String {
     let mut html = format!("<header><h1>{}</h1>\n<p class=\"facts\">", escape(title));
-    let facts = [("mode", "mode"), ("controller", "controller"), ("date", "date"), ("version", "omnibase")];
+    let facts = [("mode", "controller"), ("date", "recorded"), ("version", "omnibase")];
     let facts: Vec<String> = facts
         .iter()
         .filter_map(|(key, name)| Some(format!("{name} <b>{}</b>", escape(signals.text(key)?))))
@@ -31,6 +31,9 @@ pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> S
             "<p class=\"warning\">The recording ends early ({reason}): what follows is what could be read.</p>"
         );
     }
+    if let Some(end) = signals.text("ended_early") {
+        let _ = writeln!(html, "<p class=\"warning\">The run ended early: {}</p>", escape(end));
+    }
     html.push_str("</header>\n<section id=\"summary\"><h2>Summary</h2>\n<div class=\"tables\">");
     html.push_str(&errors(tracking));
     html.push_str(&counts(signals));
@@ -38,35 +41,41 @@ pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> S
     html
 }
 
+/// Lengths of errors in mm, of mad ones in m; the same for a whole table, that its numbers compare at a glance.
+fn length(value: f64) -> String {
+    if value.abs() < 10.0 {
+        format!("{} mm", text::fixed(value * 1e3, 3))
+    } else {
+        format!("{} m", text::significant(value))
+    }
+}
+
+fn angle(value: f64) -> String {
+    format!("{} mrad <small>({}°)</small>", text::fixed(value * 1e3, 3), text::fixed(value.to_degrees(), 4))
+}
+
 fn errors(tracking: &Tracking) -> String {
     let figures = tracking.figures();
-    let length = |value: f64| {
-        let unit = Unit::length(value.abs());
-        format!("{} {}", text::significant(value * unit.factor), unit.name)
+    let knows_truth = tracking.truth.is_some();
+    let cell = |value: Option<f64>, words: fn(f64) -> String| {
+        // Programs read the exact value, in SI units.
+        let shown = |value: f64| format!("<data value=\"{value:e}\">{}</data>", words(value));
+        let shown = value.map_or("\u{2013}".to_owned(), shown);
+        format!("<td class=\"number\">{shown}</td>")
     };
-    let angle = |value: f64| {
-        let unit = Unit::angle(value.abs());
-        let degrees = text::significant(value.to_degrees());
-        format!("{} {} <small>({degrees}°)</small>", text::significant(value * unit.factor), unit.name)
+    let row = |name: &str, figure: BelievedAndTrue, words: fn(f64) -> String| {
+        let truth = if knows_truth { cell(figure.truth, words) } else { String::new() };
+        format!("<tr><th>{name}</th>{}{truth}</tr>\n", cell(figure.believed, words))
     };
-    let row = |name: &str, figure: BelievedAndTrue, words: &dyn Fn(f64) -> String| {
-        let [believed, truth] = [figure.believed, figure.truth].map(|value| {
-            // Programs read the exact value, in SI units.
-            let shown = |value: f64| format!("<data value=\"{value:e}\">{}</data>", words(value));
-            value.map_or("\u{2013}".to_owned(), shown)
-        });
-        format!(
-            "<tr><th>{name}</th><td class=\"number\">{believed}</td><td class=\"number\">{truth}</td></tr>\n"
-        )
-    };
-    let mut html = String::from(
-        "<table class=\"figures\"><thead><tr><th></th><th class=\"number\">believed</th>\
-         <th class=\"number\">true</th></tr></thead><tbody>\n",
+    let truth = if knows_truth { "<th class=\"number\">true</th>" } else { "" };
+    let mut html = format!(
+        "<table class=\"figures\"><thead><tr><th>Error</th><th class=\"number\">believed</th>{truth}</tr></thead>\
+         <tbody>\n"
     );
-    html.push_str(&row("Final position error", figures.final_error_m, &length));
-    html.push_str(&row("RMS position error", figures.rms_error_m, &length));
-    html.push_str(&row("Greatest position error", figures.max_error_m, &length));
-    html.push_str(&row("Final heading error", figures.final_heading_error_rad, &angle));
+    html.push_str(&row("Final position", figures.final_error_m, length));
+    html.push_str(&row("RMS position", figures.rms_error_m, length));
+    html.push_str(&row("Greatest position", figures.max_error_m, length));
+    html.push_str(&row("Final heading", figures.final_heading_error_rad, angle));
     html.push_str("</tbody></table>\n");
     html
 }
@@ -85,10 +94,7 @@ fn counts(signals: &Signals<'_>) -> String {
         ("Lost or incomplete frames", number(whole("lost_frames").or(lost))),
         ("Overruns", number(whole("overruns"))),
         ("Records dropped", number(whole("records_dropped"))),
-        (
-            "Realtime factor",
-            signals.number("realtime_factor").map(|factor| format!("{} ×", text::significant(factor))),
-        ),
+        ("Times real time", signals.number("realtime_factor").map(text::significant)),
     ];
     let mut html = String::from("<table class=\"figures\"><tbody>\n");
     for (name, value) in entries {

@@ -3,7 +3,7 @@
 use super::signals::{Poses, Signals};
 use crate::run::RecordedRun;
 
-/// The phases in which the platform is at its reference, or at its end: holding, tracking.
+/// The phases in which the platform is kept at its reference, or at the end of it: holding, tracking.
 const LED: [f64; 2] = [2.0, 3.0];
 /// The phase in which it follows its reference.
 const TRACKING: f64 = 3.0;
@@ -41,7 +41,7 @@ impl TrackingFigures {
     }
 }
 
-/// One pose against the planned one, over time.
+/// One pose against the planned one, over time; NaN where nothing keeps the platform at its plan.
 pub(super) struct Error {
     /// Distance, m.
     pub(super) distance: Vec<f64>,
@@ -75,12 +75,14 @@ impl Tracking {
         let believed = signals.poses(&["state_pose"]);
         let truth = signals.poses(&["truth_pose"]);
         let twists = signals.twists(&["wished_twist", "setpoint_twist"]);
+        let phase = signals.column(&["cycle_phase"]);
         let against = |poses: &Option<Poses>| {
             let (planned, poses) = (planned.as_ref()?, poses.as_ref()?);
-            Some(Error::new(planned, poses, twists.as_ref()))
+            let mut error = Error::new(planned, poses, twists.as_ref());
+            error.leave_out(|row| phase.as_ref().is_some_and(|phase| !LED.contains(&phase[row])));
+            Some(error)
         };
         let (believed_error, true_error) = (against(&believed), against(&truth));
-        let phase = signals.column(&["cycle_phase"]);
         Tracking { planned, believed, truth, phase, believed_error, true_error }
     }
 
@@ -119,6 +121,16 @@ impl Tracking {
 }
 
 impl Error {
+    fn leave_out(&mut self, is_out: impl Fn(usize) -> bool) {
+        for values in [&mut self.distance, &mut self.along, &mut self.across, &mut self.heading] {
+            for (row, value) in values.iter_mut().enumerate() {
+                if is_out(row) {
+                    *value = f64::NAN;
+                }
+            }
+        }
+    }
+
     fn new(planned: &Poses, poses: &Poses, twists: Option<&[Vec<f64>; 3]>) -> Self {
         let rows = planned.x.len();
         let mut error = Error {

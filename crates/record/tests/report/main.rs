@@ -58,21 +58,43 @@ fn the_page_tells_figures_limits_events_and_phases() {
     for expected in [
         &latest,
         "bmm: square of 2 m",
-        "mode closed_loop_speed",
-        "Final position error 300 µm 2.00 mm",
-        "Greatest position error 300 µm 2.00 mm",
-        "Final heading error −1.00 mrad (−0.0573°) 2.00 mrad (0.115°)",
+        "controller closed_loop_speed",
+        "Final position 0.300 mm 2.000 mm",
+        "Greatest position 0.300 mm 2.000 mm",
+        "Final heading −1.000 mrad (−0.0573°) 2.000 mrad (0.1146°)",
         "Cycles 18 000",
-        "Realtime factor 412 ×",
+        "Times real time 412",
         "limit ±15.0 rad/s",
         "rated ±7.00 N·m",
-        "tracking square",
         "1.000 tracking square",
         "Phase: enabling holding tracking",
         "Frames: complete lost",
     ] {
         assert!(words.contains(expected), "`{expected}` is missing in\n{words}");
     }
+}
+
+#[test]
+fn wheels_are_measured_against_their_limits() {
+    let run = square(3, LAP);
+    let words = words(&html(&run));
+    let speed =
+        run.column("/wheel_2", "speed_rad_s").unwrap().fold(0.0, |most: f64, next| most.max(next.abs()));
+    let torques: Vec<f64> = run.column("/wheel_2", "torque_nm").unwrap().collect();
+    let torque = torques.iter().fold(0.0, |most: f64, next| most.max(next.abs()));
+    let rms = (torques.iter().map(|torque| torque * torque).sum::<f64>() / LAP as f64).sqrt();
+    // The limits of the made-up robot: 15 rad/s, 21 N·m, and 7 N·m for ever.
+    let share = |value: f64, limit: f64| format!("{value:.2} ({:.0} %)", 100.0 * value / limit);
+    let row = format!("wheel_2 {} {} {}", share(speed, 15.0), share(torque, 21.0), share(rms, 7.0));
+    assert!(words.contains(&row), "`{row}` is missing in\n{words}");
+}
+
+#[test]
+fn a_run_that_ended_early_says_why() {
+    let mut run = square(3, LAP);
+    assert!(!words(&html(&run)).contains("ended early"));
+    run.description.insert("ended_early".to_owned(), "the robot stopped: a drive has a fault".to_owned());
+    assert!(words(&html(&run)).contains("The run ended early: the robot stopped: a drive has a fault"));
 }
 
 #[test]
@@ -84,7 +106,8 @@ fn curves_are_drawn_where_the_values_are() {
     // The true one grows from nothing: downward is 1000, upward 0.
     let truth = curve(&page, "Position error: distance", "true");
     assert!(truth[0].1 > 990.0 && truth[truth.len() - 1].1 < 60.0, "{truth:?}");
-    assert_eq!((truth[0].0, truth[truth.len() - 1].0), (0.0, 1600.0));
+    // Drives are up after 0.4 s of 18 s: before, nothing kept the platform at its plan.
+    assert_eq!((truth[0].0, truth[truth.len() - 1].0), ((1600.0 * 0.4 / 17.999_f64).round(), 1600.0));
     // The path is the square: its corners stand at the four corners of the drawing's own square.
     let planned = curve(&page, "Path from above", "planned");
     assert_eq!(planned.len(), 5, "{planned:?}");
@@ -153,7 +176,7 @@ fn what_is_missing_is_told_in_a_word() {
         topic.name = topic.name.replace("/truth", "/elsewhere");
     }
     let page = html(&run);
-    assert!(words(&page).contains("Final position error 300 µm –"), "{}", words(&page));
+    assert!(words(&page).contains("Final position 0.300 mm RMS"), "{}", words(&page));
     assert!(!page.contains("d=\"M0 5H26\"/></svg>true"), "no curve that isn't there stands in a legend");
     assert_eq!(TrackingFigures::of(&run).final_error_m.truth, None);
 

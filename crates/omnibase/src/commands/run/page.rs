@@ -2,10 +2,11 @@
 
 use crate::commands::report;
 use omnibase_record::run::RunRecorded;
-use omnibase_run::Summary;
+use omnibase_run::{RunError, Summary};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The recording for a page where none was asked for: beside the page, that there is room for it.
 pub fn recording_for(page: &Path) -> PathBuf {
@@ -24,14 +25,64 @@ pub fn write(page: &Path, recording: Option<&Path>) -> anyhow::Result<()> {
     Ok(std::fs::remove_file(recording)?)
 }
 
-/// What a recording is told of its run at the end: what no column has.
-pub fn last_words(summary: &Summary, recorded: RunRecorded) -> BTreeMap<String, String> {
-    let words = [
+/// What a recording is told at the begin of its run: when it was, and what was asked for.
+pub fn first_words() -> BTreeMap<String, String> {
+    let command: Vec<String> = std::env::args().collect();
+    let words = [("date", utc(SystemTime::now())), ("command", command.join(" "))];
+    words.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
+}
+
+/// What a recording is told at the end of its run: what no column has.
+pub fn last_words(
+    summary: &Summary,
+    ended: &Result<(), RunError>,
+    recorded: RunRecorded,
+) -> BTreeMap<String, String> {
+    let mut words = vec![
         ("cycles", summary.cycles.to_string()),
         ("lost_frames", summary.lost_frames.to_string()),
         ("overruns", summary.overruns.to_string()),
         ("records_dropped", recorded.dropped.to_string()),
         ("realtime_factor", summary.realtime_factor.to_string()),
     ];
+    if let Err(error) = ended {
+        words.push(("ended_early", error.to_string()));
+    }
     words.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
+}
+
+/// An instant as `2026-11-21 07:30 UTC`.
+fn utc(instant: SystemTime) -> String {
+    let seconds = instant.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let (hour, minute) = (seconds / 3600 % 24, seconds / 60 % 60);
+    // Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms", civil_from_days, for days from 1970 on.
+    let days = seconds / 86_400 + 719_468;
+    let day_of_era = days % 146_097;
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = year_of_era + 400 * (days / 146_097) + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02} UTC")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        // By `date -u -d @SECONDS`.
+        for (seconds, expected) in [
+            (0, "1970-01-01 00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59 UTC"),
+            (951_782_400, "2000-02-29 00:00 UTC"),
+            (4_107_542_400, "2100-03-01 00:00 UTC"),
+            (1_798_761_599, "2026-12-31 23:59 UTC"),
+        ] {
+            assert_eq!(utc(UNIX_EPOCH + Duration::from_secs(seconds)), expected);
+        }
+    }
 }
