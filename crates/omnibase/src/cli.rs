@@ -1,6 +1,8 @@
 //! The command line as clap reads it.
 
-use crate::commands::{check, decode, exchange, kinematics, replay, report, run, scan, sdo, sii, simulate};
+use crate::commands::{
+    check, decode, exchange, kinematics, live, replay, report, run, scan, sdo, sii, simulate,
+};
 use clap::{Parser, Subcommand};
 
 /// Real-time control of omnidirectional robots over EtherCAT.
@@ -23,6 +25,10 @@ pub enum Command {
     Kinematics(kinematics::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
+    Get(live::Get),
+    Set(live::Set),
+    Call(live::Call),
+    Top(live::Top),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

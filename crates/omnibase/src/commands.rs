@@ -4,6 +4,7 @@ pub mod check;
 pub mod decode;
 pub mod exchange;
 pub mod kinematics;
+pub mod live;
 pub mod replay;
 pub mod report;
 pub mod run;
@@ -27,6 +28,10 @@ pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome>
         Command::Kinematics(arguments) => kinematics::run(arguments, output),
         Command::Replay(arguments) => replay::run(arguments, output),
         Command::Report(arguments) => report::run(arguments, output),
+        Command::Get(arguments) => live::get(arguments, output),
+        Command::Set(arguments) => live::set(arguments, output),
+        Command::Call(arguments) => live::call(arguments, output),
+        Command::Top(arguments) => live::top(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),

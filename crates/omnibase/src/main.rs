@@ -9,6 +9,7 @@ mod hex;
 mod progress;
 mod quantiles;
 mod robot_file;
+mod running;
 mod segment;
 mod sii_json;
 mod target;

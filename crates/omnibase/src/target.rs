@@ -12,6 +12,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::{Duration, Instant};
 
 /// Where the segment is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,6 +62,39 @@ pub enum AnyClock {
     Host(MonotonicClock),
     /// Virtual time.
     Virtual(VirtualClock),
+    /// Virtual time at the pace of the host's.
+    Paced(PacedClock),
+}
+
+/// Virtual time that doesn't run ahead of the host's: a simulated robot at which people look and which they drive.
+#[derive(Clone, Debug)]
+pub struct PacedClock {
+    clock: VirtualClock,
+    /// The same moment on both clocks; from the first sleep on.
+    anchor: Option<(HostTime, Instant)>,
+}
+
+/// So far behind the host it starts afresh in place of running after it.
+const MOST_BEHIND: Duration = Duration::from_millis(100);
+
+impl PacedClock {
+    /// Virtual time, paced from now on.
+    pub fn new(clock: VirtualClock) -> Self {
+        PacedClock { clock, anchor: None }
+    }
+
+    fn sleep_until(&mut self, instant: HostTime) {
+        let (virtual_then, host_then) =
+            *self.anchor.get_or_insert_with(|| (self.clock.now(), Instant::now()));
+        let due = host_then + (instant - virtual_then);
+        let now = Instant::now();
+        if now < due {
+            std::thread::sleep(due - now);
+        } else if now - due > MOST_BEHIND {
+            self.anchor = Some((instant, now));
+        }
+        self.clock.sleep_until(instant);
+    }
 }
 
 impl Clock for AnyClock {
@@ -68,6 +102,7 @@ impl Clock for AnyClock {
         match self {
             AnyClock::Host(clock) => clock.now(),
             AnyClock::Virtual(clock) => clock.now(),
+            AnyClock::Paced(paced) => paced.clock.now(),
         }
     }
 
@@ -75,6 +110,7 @@ impl Clock for AnyClock {
         match self {
             AnyClock::Host(clock) => clock.sleep_until(instant),
             AnyClock::Virtual(clock) => clock.sleep_until(instant),
+            AnyClock::Paced(paced) => paced.sleep_until(instant),
         }
     }
 }
@@ -129,7 +165,7 @@ impl Cable {
             .with_context(|| format!("writing `{}`", path.display()))?;
         let (unix_offset_ns, when_full) = match &self.clock {
             AnyClock::Host(clock) => (clock.unix_offset_ns(), WhenFull::Drop),
-            AnyClock::Virtual(_) => (0, WhenFull::Wait),
+            AnyClock::Virtual(_) | AnyClock::Paced(_) => (0, WhenFull::Wait),
         };
         let (recorder, sink) = BackgroundRecorder::start(writer, when_full)?;
         let clock = Box::new(self.clock.clone());

@@ -1,5 +1,6 @@
 //! `omnibase run`: the whole robot, from its file to the error at the end.
 
+mod operated;
 mod page;
 mod reference;
 mod report;
@@ -7,7 +8,7 @@ mod report;
 use crate::Outcome;
 use crate::progress::{bar, note};
 use crate::robot_file::{Changes, RobotSource};
-use crate::target::{AnyClock, Port, Target};
+use crate::target::{AnyClock, PacedClock, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat_sim::in_process;
 use omnibase_ethercat_wire::Link;
@@ -32,6 +33,7 @@ use std::time::Duration;
   omnibase run robots/bmm.toml --path robots/square.dat                 the 2 m square, simulated
   omnibase run robots/bmm.toml --circle radius=0.5,period=10 --controller adaptive_torque --payload-kg 100
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
+  omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
   omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
 
 Ctrl-C ramps down, disables the drives and closes the files; a second one stops at once.
@@ -43,6 +45,8 @@ pub struct Arguments {
     reference: ReferenceChoice,
     #[command(flatten)]
     changes: Changes,
+    #[command(flatten)]
+    operated: operated::Options,
     /// Network interface with the drives (or `omnibase simulate`), in real time.
     #[arg(long, value_name = "NIC")]
     interface: Option<String>,
@@ -77,9 +81,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         source.text.reference = Some(reference);
     }
     let robot = source.load_or_explain(&registry)?;
+    let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
-        robot.plan.reference.kind.as_deref().is_some_and(|kind| kind != "hold"),
-        "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}",
+        is_operated || robot.plan.reference.kind.as_deref().is_some_and(|kind| kind != "hold"),
+        "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}; or \
+         --dashboard to drive by hand",
         arguments.robot.display()
     );
     let stop = stop_on_signals()?;
@@ -88,12 +94,15 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
     let (recorder, recording) = arguments.recorder(&robot, known)?.unzip();
     let progress = Progress::default();
+    let describer = recorder.as_ref().map(RunRecorder::describer);
+    // Its thread starts before this one asks for a higher priority.
+    let (operated, live) = arguments.operated.start(source.text, &robot, registry, known, describer)?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,
         machine: way.machine,
         recording,
-        live: None,
+        live,
         stop,
         progress: &progress,
     };
@@ -101,7 +110,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let _granted = arguments.real_time();
     let ran = std::thread::scope(|scope| {
         // Drawing may block: not in the thread of the cycle.
-        scope.spawn(|| show(&progress));
+        if !is_operated {
+            scope.spawn(|| show(&progress));
+        }
         let ran =
             omnibase_run::run(way.link, way.clock, setup, &mut |text| note(format_args!("warning: {text}")));
         progress.ended.store(true, Ordering::Relaxed);
@@ -122,8 +133,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         report::print(&summary, output)?;
     }
     output.flush()?;
+    drop(operated);
     ran.ended?;
-    Ok(if ran.finished { Outcome::Done } else { Outcome::Failed })
+    Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
 }
 
 /// The way to the drives.
@@ -139,7 +151,12 @@ impl Arguments {
         let Some(interface) = &self.interface else {
             let (segment, machine) = simulated::segment(&robot.plan)?;
             let (link, clock) = in_process(segment);
-            return Ok(Way { link: Box::new(link), clock: AnyClock::Virtual(clock), machine: Some(machine) });
+            let clock = if self.operated.is_wanted() {
+                AnyClock::Paced(PacedClock::new(clock))
+            } else {
+                AnyClock::Virtual(clock)
+            };
+            return Ok(Way { link: Box::new(link), clock, machine: Some(machine) });
         };
         let port = if self.ring { Port::Ring(Waiting::Sleep) } else { Port::Socket };
         let cable = Target::Interface(interface.clone()).open(port)?;
@@ -159,7 +176,8 @@ impl Arguments {
         let mut description = omnibase_run::describe::description(robot);
         description.extend(page::first_words());
         let files = RunFiles { mcap, columns: self.columns.clone(), description };
-        let on_full = if self.interface.is_some() { OnFull::Drop } else { OnFull::Wait };
+        let on_full =
+            if self.interface.is_some() || self.operated.is_wanted() { OnFull::Drop } else { OnFull::Wait };
         let (recorder, sink) =
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))

@@ -496,10 +496,13 @@ pub struct SafetyTable {
 #[serde(rename_all = "snake_case")]
 pub enum StopName {
     /// Remove torque at once.
+    #[serde(rename = "category_0")]
     Category0,
     /// Ramp down, then remove torque.
+    #[serde(rename = "category_1")]
     Category1,
     /// Ramp down and hold.
+    #[serde(rename = "category_2")]
     Category2,
 }
 

@@ -1,0 +1,126 @@
+//! What doesn't change while a robot runs.
+
+use std::path::PathBuf;
+
+use omnibase_robot::Registry;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::references::reference;
+use omnibase_robot::stages::Reference;
+use omnibase_run::channels::{Known, Rows};
+use omnibase_run::robot_text::NewReference;
+use omnibase_run::{LoadedRobot, RobotText};
+use serde::Serialize;
+
+/// What a dashboard is told of its robot.
+pub struct About {
+    /// The robot's file, by which new references are checked.
+    pub text: RobotText,
+    /// What it resolves to.
+    pub robot: LoadedRobot,
+    /// By which the file was checked.
+    pub registry: Registry,
+    /// Whether the truth is known.
+    pub known: Known,
+    /// Where paths are saved.
+    pub paths: PathBuf,
+}
+
+/// The robot, for the page.
+#[derive(Serialize)]
+pub(crate) struct Facts<'a> {
+    name: &'a str,
+    version: &'static str,
+    simulated: bool,
+    cycle_s: f64,
+    wheels: Vec<WheelFacts<'a>>,
+    limits: LimitFacts,
+    controllers: Vec<&'a str>,
+    columns: Vec<String>,
+    may_command: bool,
+}
+
+#[derive(Serialize)]
+struct WheelFacts<'a> {
+    name: &'a str,
+    device: &'a str,
+    position_m: [f64; 2],
+    rolling: [f64; 2],
+    radius_m: f64,
+}
+
+#[derive(Serialize)]
+struct LimitFacts {
+    speed_m_s: f64,
+    turn_speed_rad_s: f64,
+    wheel_speed_rad_s: f64,
+    wheel_torque_nm: f64,
+    area: Option<[[f64; 2]; 2]>,
+}
+
+impl About {
+    pub(crate) fn facts(&self, may_command: bool) -> Facts<'_> {
+        let plan = &self.robot.plan;
+        let wheels = plan.kinematics.wheels().iter().zip(&plan.drives);
+        Facts {
+            name: &plan.name,
+            version: env!("CARGO_PKG_VERSION"),
+            simulated: self.known == Known::Truth,
+            cycle_s: plan.bus.cycle_ns as f64 * 1e-9,
+            wheels: wheels
+                .map(|(wheel, drive)| WheelFacts {
+                    name: &drive.name,
+                    device: &drive.device,
+                    position_m: wheel.position_m,
+                    rolling: wheel.rolling_direction,
+                    radius_m: wheel.radius_m,
+                })
+                .collect(),
+            limits: LimitFacts {
+                speed_m_s: plan.limits.speed_m_s,
+                turn_speed_rad_s: plan.limits.turn_speed_rad_s,
+                wheel_speed_rad_s: plan.limits.wheel_speed_rad_s,
+                wheel_torque_nm: plan.limits.wheel_torque_nm,
+                area: plan.limits.area.map(|area| [area.min_m, area.max_m]),
+            },
+            controllers: plan.controllers().collect(),
+            columns: self.columns(),
+            may_command,
+        }
+    }
+
+    /// Rows of values, as recordings have them.
+    pub(crate) fn rows(&self) -> Rows {
+        Rows::new(self.robot.plan.drives.len(), self.known)
+    }
+
+    /// Names of the values, as `state/pose_x_m`.
+    pub(crate) fn columns(&self) -> Vec<String> {
+        let rows = self.rows();
+        let topics = rows.schema().topics.iter();
+        topics
+            .flat_map(|topic| {
+                let name = topic.name.trim_start_matches('/').to_owned();
+                topic.signals.iter().map(move |signal| format!("{name}/{}", signal.name))
+            })
+            .collect()
+    }
+
+    /// A reference for this robot, with the whole table of it, or every problem in words.
+    pub(crate) fn check(
+        &self,
+        table: ReferenceTable,
+    ) -> Result<(ReferenceTable, Box<dyn Reference>), String> {
+        if table.points_file.is_some() {
+            return Err("`points_file` names a file of this computer: expected `points`".to_owned());
+        }
+        let text = RobotText { reference: Some(NewReference::Table(Box::new(table))), ..self.text.clone() };
+        let words = |problems: Vec<String>| problems.join("; ");
+        let robot = text
+            .load(&self.registry)
+            .map_err(|problems| words(problems.iter().map(ToString::to_string).collect()))?;
+        let plan = robot.plan;
+        let made = reference(&plan.reference, &plan.limits)
+            .map_err(|refusals| words(refusals.into_iter().map(|refusal| refusal.reason).collect()))?;
+        Ok((plan.reference, made))
+    }
+}

@@ -1,0 +1,23 @@
+//! The page on which a running robot is seen and led, and the API under it.
+//!
+//! - [`Dashboard`]: the server, in a thread of its own; the cycle never waits for it.
+//! - [`access`]: who may do what: with the token everything, without it reading, and that on loopback alone.
+//! - [`call`]: what a client may ask of the robot, in words of JSON.
+//! - [`about`]: what doesn't change while a robot runs; [`seen`]: what does, thirty times a second.
+//!
+//! Principles: everything that comes in is bounded, counted and checked; what a page commands ends with the page.
+#![forbid(unsafe_code)]
+
+pub mod about;
+pub mod access;
+pub mod call;
+mod connections;
+mod desk;
+mod page;
+pub mod seen;
+mod server;
+mod socket;
+
+pub use about::About;
+pub use access::Access;
+pub use server::{Dashboard, DashboardError};

@@ -1,0 +1,16 @@
+//! The page: all its files are part of the program.
+
+/// Files by the end of their address, with their kind.
+pub(crate) const FILES: &[(&str, &str, &str)] = &[
+    ("", "text/html; charset=utf-8", include_str!("page/page.html")),
+    ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
+    ("link.js", "text/javascript; charset=utf-8", include_str!("page/link.js")),
+    ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
+    ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
+    ("stick.js", "text/javascript; charset=utf-8", include_str!("page/stick.js")),
+];
+
+/// What the page may load and connect to: itself.
+pub(crate) const POLICY: &str =
+    "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'";

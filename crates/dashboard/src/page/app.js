@@ -1,0 +1,266 @@
+// The page: what is seen goes to its places, what is pressed goes to the robot.
+
+import { Link, read } from "./link.js";
+import { Plots } from "./plots.js";
+import { Sticks } from "./stick.js";
+import { View } from "./view.js";
+
+const by = (id) => document.getElementById(id);
+const view = new View(by("view"));
+const link = new Link();
+const sticks = new Sticks(link, {
+  stick: by("stick"), turn: by("turn"), share: by("share"), odom: by("odom"), gamepad: by("gamepad"),
+});
+let facts = null, plots = null, columns = new Map(), last = null, me = null, bit = null, planned = null, plannedKey = "";
+
+// What is pressed.
+
+async function ask(call) {
+  const said = await link.call(call);
+  by("said").textContent = said.text;
+  by("said").classList.toggle("no", !said.done);
+  return said;
+}
+
+for (const button of document.querySelectorAll("[data-do]")) button.onclick = () => ask({ do: button.dataset.do });
+for (const button of document.querySelectorAll("[data-stop]")) {
+  button.onclick = () => ask({ do: "stop", category: button.dataset.stop });
+}
+by("stop").addEventListener("pointerdown", () => ask({ do: "emergency_stop" }));
+by("stop").addEventListener("click", () => ask({ do: "emergency_stop" }));
+document.addEventListener("keydown", (event) => {
+  const typing = event.target.matches?.("input:not([type=range]):not([type=checkbox]), select, textarea");
+  if (event.code !== "Space" || typing) return;
+  event.preventDefault();
+  if (!event.repeat) ask({ do: "emergency_stop" });
+});
+by("enable-pad").onclick = () => ask({ do: "enable_pad" });
+by("share").oninput = () => (by("share-is").textContent = `${by("share").value} %`);
+by("controller").onchange = () => ask({ do: "controller", name: by("controller").value });
+by("follow").onclick = () => view.setFollow(!view.follow);
+view.onFollow = (on) => by("follow").setAttribute("aria-pressed", on);
+by("fit").onclick = () => (view.fit(), view.setFollow(false));
+by("clear").onclick = () => ((view.trail = []), view.draw());
+by("add-plot").onclick = () => plots?.add([]);
+by("teach").onclick = async () => {
+  if (last?.teaching_since_s == null) {
+    const chosen = by("teach-by").value;
+    const sampling = chosen === "change" ? { change: { distance_m: 0.02, angle_rad: 0.035 } } : { period_s: Number(chosen) };
+    await ask({ do: "teach", by: sampling });
+  } else {
+    await ask({ do: "teach_end", name: by("path-name").value, tolerance_m: Number(by("tolerance").value) });
+    savedPaths();
+  }
+};
+by("load").onclick = () => by("saved").value && ask({ do: "load_saved", name: by("saved").value });
+by("file").onchange = async () => {
+  const [file] = by("file").files;
+  if (file) await ask({ do: "load_points", text: await file.text() });
+  by("file").value = "";
+};
+
+/** A button that waits for a place in the view. */
+function picking(button, then) {
+  button.onclick = () => {
+    const on = button.getAttribute("aria-pressed") !== "true";
+    for (const other of [by("go"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
+    view.onPick = on ? (place) => (button.click(), then(place)) : null;
+    view.canvas.style.cursor = on ? "crosshair" : "";
+  };
+}
+picking(by("go"), ([x, y]) => ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }));
+
+// What is seen.
+
+function value(name) {
+  return last?.values[columns.get(name)] ?? null;
+}
+
+function pose(topic) {
+  const found = ["x_m", "y_m", "heading_rad"].map((part) => value(`${topic}/pose_${part}`));
+  return found.includes(null) ? null : found;
+}
+
+const fixed = (number, digits) => (number === null ? "–" : number.toFixed(digits));
+
+link.addEventListener("open", () => by("link").classList.remove("lost"));
+link.addEventListener("lost", () => {
+  by("link").textContent = "no connection: what this page commanded has stopped";
+  by("link").classList.add("lost");
+  sticks.mayDrive = false;
+});
+link.addEventListener("welcome", async ({ detail }) => {
+  me = detail.you;
+  bit = detail.stick_bit;
+  try {
+    await begin();
+  } catch (error) {
+    by("link").textContent = error.message;
+  }
+});
+link.addEventListener("seen", ({ detail }) => facts && see(detail));
+
+async function begin() {
+  facts = await read("robot");
+  document.title = `${facts.name} · omnibase`;
+  by("name").textContent = facts.name + (facts.simulated ? " (simulated)" : "");
+  by("truth-key").hidden = !facts.simulated;
+  by("link").textContent = me ? `you are ${me}` : "you may look: open the address with its token to command";
+  columns = new Map(facts.columns.map((name, n) => [name, n]));
+  for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
+    if (!element.closest(".tools, .plots") || element.id === "go") element.disabled = !me;
+  }
+  for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !me);
+  by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
+  view.robot(facts);
+  savedPaths(facts.saved_paths);
+  if (!plots) {
+    plots = new Plots(by("plots"), facts.columns);
+    const wheels = (what) => facts.columns.filter((name) => name.endsWith(`/${what}`) && name.includes("wheel"));
+    plots.add(["setpoint/twist_x_m_s", "setpoint/twist_y_m_s", "setpoint/twist_heading_rad_s"]);
+    plots.add(wheels("speed_rad_s"));
+    plots.add(wheels("torque_nm"));
+    plots.add(["error/believed_m", "error/true_m"]);
+  }
+  const [trace, events] = [await read("trace"), await read("events")];
+  view.trail = trace.map(([, believed, truth]) => [believed, truth]);
+  by("events").replaceChildren();
+  events.forEach(happened);
+  plannedKey = "";
+}
+
+async function savedPaths(names) {
+  names ??= (await read("robot")).saved_paths;
+  by("saved").replaceChildren(...names.map((name) => new Option(name, name)));
+}
+
+function happened({ time_s, text }) {
+  const item = document.createElement("li"), time = document.createElement("time");
+  time.textContent = `${time_s.toFixed(2)} s`;
+  item.append(time, text);
+  by("events").prepend(item);
+  while (by("events").children.length > 300) by("events").lastChild.remove();
+}
+
+async function drawPlanned(seen) {
+  const standing = seen.phase !== "tracking" && !seen.reference_start;
+  const key = JSON.stringify([seen.reference, seen.reference_start, standing && pose("state")?.map((v) => v.toFixed(2))]);
+  if (key === plannedKey) return;
+  plannedKey = key;
+  planned = await read("planned");
+  view.planned = planned.poses;
+}
+
+function see(seen) {
+  last = seen;
+  const badge = by("phase");
+  badge.textContent = seen.phase;
+  badge.className = `badge ${seen.phase.split(" ")[0]}`;
+  const mine = seen.commander === me ? `you (${me})` : seen.commander;
+  const how = seen.by_stick ? "by hand" : seen.course === "way" ? "going somewhere" : "on the path";
+  by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
+  const isBlocked = bit !== null && (BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n;
+  sticks.mayDrive = me !== null && !isBlocked;
+  by("enable-pad").hidden = !isBlocked;
+  by("stop").classList.toggle("set", seen.emergency_stop);
+  by("release").hidden = !seen.emergency_stop;
+  const banner = seen.emergency_stop
+    ? "Emergency stop is set: nothing moves until it is released."
+    : seen.phase === "fault" ? `Fault: ${seen.stop_reason}` : isBlocked ? "The stick was lost: enable it again to drive." : "";
+  by("banner").hidden = !banner;
+  by("banner").textContent = banner;
+  by("teach").textContent = seen.teaching_since_s === null
+    ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
+  if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
+  const [believed, truth] = [pose("state"), facts.simulated ? pose("truth") : null];
+  view.obstacles = view.dragged ? view.obstacles : (seen.obstacles ?? []);
+  if (believed) view.add(believed, truth);
+  showPose(believed);
+  showDrives(seen);
+  showSettings(seen.settings);
+  const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
+  by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
+  if (seen.values.length) plots.take(seen.time_s, seen.values);
+  seen.events.forEach(happened);
+  drawPlanned(seen).catch(() => {});
+}
+
+function showPose(believed) {
+  const error = value("error/believed_m");
+  const pairs = [
+    ["x", believed && `${believed[0].toFixed(4)} m`], ["y", believed && `${believed[1].toFixed(4)} m`],
+    ["heading", believed && `${((believed[2] * 180) / Math.PI).toFixed(2)}°`],
+    ["speed", `${Math.hypot(value("state/twist_in_body_x_m_s") ?? 0, value("state/twist_in_body_y_m_s") ?? 0).toFixed(3)} m/s`],
+    ["error", error === null ? "–" : `${(error * 1000).toFixed(3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
+  ];
+  const list = by("pose");
+  if (list.children.length !== pairs.length) {
+    list.replaceChildren(...pairs.map(() => {
+      const item = document.createElement("div");
+      item.append(document.createElement("dt"), document.createElement("dd"));
+      return item;
+    }));
+  }
+  pairs.forEach(([name, text], n) => {
+    list.children[n].firstChild.textContent = name;
+    list.children[n].lastChild.textContent = text ?? "–";
+  });
+}
+
+function showDrives(seen) {
+  const body = by("drives").tBodies[0];
+  while (body.rows.length < facts.wheels.length) {
+    const row = body.insertRow();
+    for (let n = 0; n < 4; n++) row.insertCell();
+  }
+  facts.wheels.forEach(({ name, device }, n) => {
+    const cells = body.rows[n].cells, drive = seen.drives[n];
+    cells[0].textContent = name;
+    cells[0].title = device;
+    cells[1].textContent = drive ? drive.error || drive.state : "–";
+    cells[1].className = drive && (drive.error || drive.state === "failed") ? "bad" : "";
+    cells[2].textContent = fixed(value(`${name}/speed_rad_s`) ?? value(`wheel_${n + 1}/speed_rad_s`), 2);
+    cells[3].textContent = fixed(value(`${name}/torque_nm`) ?? value(`wheel_${n + 1}/torque_nm`), 2);
+  });
+  const [cycles, lost, overruns] = seen.counts, [crowded, denied, malformed, oversized, flooding] = seen.server;
+  const refused = crowded + denied + malformed + oversized + flooding;
+  by("counts").textContent = `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`;
+}
+
+/** Settings as a form: changed together, all or none. */
+function showSettings(settings) {
+  const form = by("settings");
+  const names = settings.map(({ name }) => name).join();
+  if (form.dataset.names !== names) {
+    form.dataset.names = names;
+    const fields = settings.flatMap(({ name, range }) => {
+      const label = document.createElement("label"), input = document.createElement("input");
+      label.textContent = name;
+      label.htmlFor = input.id = `set-${name}`;
+      input.type = "number";
+      input.step = "any";
+      [input.min, input.max] = range;
+      input.title = `${range[0]} to ${range[1]}`;
+      input.disabled = !me;
+      return [label, input];
+    });
+    const button = document.createElement("button");
+    button.textContent = "Set";
+    button.disabled = !me;
+    form.replaceChildren(...fields, button);
+  }
+  for (const { name, value } of settings) {
+    const input = by(`set-${name}`);
+    input.dataset.is = value;
+    if (!input.dataset.changed && document.activeElement !== input) input.value = Number(value.toPrecision(6));
+  }
+}
+
+by("settings").addEventListener("input", ({ target }) => (target.dataset.changed = "yes"));
+by("settings").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const changed = [...event.target.querySelectorAll("input")].filter((input) => input.dataset.changed);
+  const values = Object.fromEntries(changed.map((input) => [input.id.slice(4), Number(input.value)]));
+  await ask({ do: "set", values });
+  for (const input of changed) delete input.dataset.changed;
+});

@@ -1,0 +1,101 @@
+// The sticks on the page and the browser's gamepads: the same kind of source.
+
+const SEND_MS = 33;
+const DEAD_ZONE = 0.12;
+
+/** A place to drag in; gives x and y from -1 to 1, up is positive, while it is held. */
+class Knob {
+  constructor(element, axes) {
+    this.element = element;
+    this.knob = element.querySelector("i");
+    this.axes = axes;
+    this.x = 0;
+    this.y = 0;
+    this.pointer = null;
+    element.addEventListener("pointerdown", (event) => {
+      if (this.pointer !== null) return;
+      this.pointer = event.pointerId;
+      element.setPointerCapture(event.pointerId);
+      this.move(event);
+    });
+    element.addEventListener("pointermove", (event) => event.pointerId === this.pointer && this.move(event));
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      element.addEventListener(end, (event) => event.pointerId === this.pointer && this.let_go());
+    }
+    element.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  get held() {
+    return this.pointer !== null;
+  }
+
+  move(event) {
+    const box = this.element.getBoundingClientRect();
+    const reach = this.axes === "x" ? box.width / 2 - box.height / 2 : box.width / 2 - 20;
+    let x = (event.clientX - box.left - box.width / 2) / reach;
+    let y = this.axes === "x" ? 0 : -(event.clientY - box.top - box.height / 2) / reach;
+    const far = Math.max(1, Math.hypot(x, y));
+    this.show(x / far, y / far, reach);
+  }
+
+  let_go() {
+    this.pointer = null;
+    this.show(0, 0, 1);
+  }
+
+  show(x, y, reach) {
+    this.x = x;
+    this.y = y;
+    this.element.classList.toggle("held", this.held);
+    this.knob.style.transform = `translate(${x * reach}px, ${-y * reach}px)`;
+  }
+}
+
+export class Sticks {
+  constructor(link, { stick, turn, share, odom, gamepad }) {
+    this.link = link;
+    this.stick = new Knob(stick, "xy");
+    this.turn = new Knob(turn, "x");
+    this.share = share;
+    this.odom = odom;
+    this.gamepad = gamepad;
+    this.was_held = false;
+    this.mayDrive = false;
+    setInterval(() => this.tick(), SEND_MS);
+  }
+
+  /** Left stick: move, right stick: turn; a shoulder button is the dead-man button. */
+  readGamepad() {
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected);
+    this.gamepad.textContent = pad
+      ? `${pad.id.slice(0, 40)}: hold a shoulder button to drive.`
+      : "No gamepad. Hold its shoulder button to drive.";
+    if (!pad || ![4, 5, 6, 7].some((button) => pad.buttons[button]?.pressed)) return null;
+    const axis = (number) => {
+      const value = pad.axes[number] ?? 0;
+      const far = Math.max(0, Math.abs(value) - DEAD_ZONE) / (1 - DEAD_ZONE);
+      return Math.sign(value) * Math.min(1, far);
+    };
+    return { x: -axis(1), y: -axis(0), turn: -axis(2) };
+  }
+
+  wish() {
+    const pad = this.readGamepad();
+    if (pad) return pad;
+    if (!this.stick.held && !this.turn.held) return null;
+    return { x: this.stick.y, y: -this.stick.x, turn: -this.turn.x };
+  }
+
+  tick() {
+    const wish = this.mayDrive && !document.hidden ? this.wish() : null;
+    if (wish) {
+      const share = Number(this.share.value) / 100;
+      const clamp = (value) => Math.max(-1, Math.min(1, value * share));
+      const frame = this.odom.checked ? "odom" : "body";
+      this.link.send({ do: "pad", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
+    } else if (this.was_held) {
+      this.link.send({ do: "release_pad" });
+    }
+    this.was_held = wish !== null;
+  }
+}

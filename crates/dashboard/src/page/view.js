@@ -1,0 +1,275 @@
+// The top view: where the platform shall be, believes to be, and is.
+
+const TRAIL = 6000;
+const COLOURS = ["planned", "believed", "truth", "grid", "line", "ink", "dim", "bad", "card", "warn"];
+
+export class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.centre = [0, 0];
+    this.scale = 120;
+    this.follow = true;
+    this.planned = [];
+    this.trail = [];
+    this.obstacles = [];
+    this.wheels = [];
+    this.footprint = [];
+    this.pose = null;
+    this.truth = null;
+    this.fence = [];
+    this.onPick = null;
+    this.onDrag = null;
+    this.onRemove = null;
+    this.pointers = new Map();
+    this.listen();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (this.colours = null));
+    this.resize();
+  }
+
+  resize() {
+    const { clientWidth, clientHeight } = this.canvas;
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.max(1, clientWidth * ratio);
+    this.canvas.height = Math.max(1, clientHeight * ratio);
+    this.ratio = ratio;
+    this.draw();
+  }
+
+  robot(facts) {
+    this.wheels = facts.wheels;
+    this.fence = facts.fence ?? box(facts.limits.area);
+    this.footprint = facts.footprint ?? hull(facts.wheels.flatMap(corners));
+    const reach = Math.max(0.2, ...this.footprint.map(([x, y]) => Math.hypot(x, y)));
+    this.scale = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / (8 * reach);
+  }
+
+  add(pose, truth) {
+    const last = this.trail.at(-1);
+    this.pose = pose;
+    this.truth = truth;
+    if (!last || Math.hypot(last[0][0] - pose[0], last[0][1] - pose[1]) > 0.004) {
+      this.trail.push([pose, truth]);
+      if (this.trail.length > TRAIL) this.trail.splice(0, TRAIL / 10);
+    }
+    if (this.follow && !this.pointers.size) {
+      const [x, y] = this.toScreen(pose);
+      const { clientWidth: w, clientHeight: h } = this.canvas;
+      if (x < w * 0.2 || x > w * 0.8 || y < h * 0.2 || y > h * 0.8) {
+        this.centre = [lerp(this.centre[0], pose[0], 0.15), lerp(this.centre[1], pose[1], 0.15)];
+      }
+    }
+    this.draw();
+  }
+
+  fit() {
+    const points = [...this.planned, ...this.fence, ...this.trail.map(([pose]) => pose), this.pose ?? [0, 0]];
+    const reach = Math.max(0.5, ...this.footprint.map(([x, y]) => Math.hypot(x, y)));
+    const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    this.centre = [(left + right) / 2, (low + high) / 2];
+    const { clientWidth: w, clientHeight: h } = this.canvas;
+    this.scale = Math.min(w / (right - left + 2.6 * reach), (h - 60) / (high - low + 2.6 * reach));
+    this.follow = false;
+    this.draw();
+  }
+
+  toScreen([x, y]) {
+    const { clientWidth: w, clientHeight: h } = this.canvas;
+    return [w / 2 + (x - this.centre[0]) * this.scale, h / 2 - (y - this.centre[1]) * this.scale];
+  }
+
+  toWorld(px, py) {
+    const { clientWidth: w, clientHeight: h } = this.canvas;
+    return [(px - w / 2) / this.scale + this.centre[0], (h / 2 - py) / this.scale + this.centre[1]];
+  }
+
+  listen() {
+    const at = (event) => {
+      const area = this.canvas.getBoundingClientRect();
+      return [event.clientX - area.left, event.clientY - area.top];
+    };
+    const touched = (event) => {
+      const [x, y] = this.toWorld(...at(event));
+      return this.obstacles.find((o) => Math.hypot(o.x - x, o.y - y) <= Math.max(o.radius, 12 / this.scale));
+    };
+    this.canvas.addEventListener("pointerdown", (event) => {
+      this.canvas.setPointerCapture(event.pointerId);
+      this.pointers.set(event.pointerId, at(event));
+      this.moved = false;
+      this.dragged = this.pointers.size === 1 ? touched(event) : null;
+    });
+    this.canvas.addEventListener("pointermove", (event) => {
+      const before = this.pointers.get(event.pointerId);
+      if (!before) return;
+      const now = at(event);
+      if (Math.hypot(now[0] - before[0], now[1] - before[1]) > 3) this.moved = true;
+      if (!this.moved) return;
+      if (this.dragged) {
+        [this.dragged.x, this.dragged.y] = this.toWorld(...now);
+        this.onDrag?.(this.dragged);
+      } else if (this.pointers.size === 1) {
+        this.centre[0] -= (now[0] - before[0]) / this.scale;
+        this.centre[1] += (now[1] - before[1]) / this.scale;
+        this.setFollow(false);
+      } else {
+        const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
+        const far = (a) => Math.hypot(a[0] - other[0], a[1] - other[1]);
+        this.zoom(far(now) / Math.max(1, far(before)));
+      }
+      this.pointers.set(event.pointerId, now);
+      this.draw();
+    });
+    const end = (event) => {
+      if (!this.pointers.delete(event.pointerId)) return;
+      if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)));
+      this.dragged = null;
+    };
+    this.canvas.addEventListener("pointerup", end);
+    this.canvas.addEventListener("pointercancel", end);
+    this.canvas.addEventListener("dblclick", (event) => {
+      const obstacle = touched(event);
+      if (obstacle) this.onRemove?.(obstacle);
+    });
+    this.canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-event.deltaY * 0.0015));
+    }, { passive: false });
+  }
+
+  zoom(by) {
+    this.scale = Math.max(5, Math.min(4000, this.scale * by));
+    this.draw();
+  }
+
+  setFollow(on) {
+    this.follow = on;
+    this.onFollow?.(on);
+  }
+
+  draw() {
+    const g = this.context;
+    this.colours ??= Object.fromEntries(
+      COLOURS.map((name) => [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`)]),
+    );
+    const c = this.colours;
+    g.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    g.clearRect(0, 0, this.canvas.clientWidth, this.canvas.clientHeight);
+    this.drawGrid(g, c);
+    if (this.fence.length) this.drawLine(g, [...this.fence, this.fence[0]], c.bad, 2);
+    g.setLineDash([7, 5]);
+    this.drawLine(g, this.planned, c.planned, 2);
+    g.setLineDash([]);
+    this.drawLine(g, this.trail.map(([, truth]) => truth).filter(Boolean), c.truth, 4);
+    this.drawLine(g, this.trail.map(([pose]) => pose), c.believed, 2);
+    for (const o of this.obstacles) {
+      const [x, y] = this.toScreen([o.x, o.y]);
+      g.beginPath();
+      g.arc(x, y, Math.max(3, o.radius * this.scale), 0, 2 * Math.PI);
+      g.fillStyle = c.warn;
+      g.globalAlpha = 0.45;
+      g.fill();
+      g.globalAlpha = 1;
+      g.strokeStyle = c.warn;
+      g.stroke();
+    }
+    if (this.truth) this.drawRobot(g, this.truth, c.truth, c);
+    if (this.pose) this.drawRobot(g, this.pose, c.believed, c);
+  }
+
+  drawGrid(g, c) {
+    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find((step) => step * this.scale >= 45) ?? 50;
+    const [left, top] = this.toWorld(0, 0), [right, low] = this.toWorld(w, h);
+    g.lineWidth = 1;
+    g.font = "11px system-ui, sans-serif";
+    g.fillStyle = c.dim;
+    const label = (value) => `${Number(value.toFixed(2))} m`;
+    for (let n = Math.ceil(left / step); n * step <= right; n++) {
+      const x = this.toScreen([n * step, 0])[0];
+      g.strokeStyle = n === 0 ? c.line : c.grid;
+      line(g, x, 0, x, h);
+      g.fillText(label(n * step), x + 3, h - 5);
+    }
+    for (let n = Math.ceil(low / step); n * step <= top; n++) {
+      const y = this.toScreen([0, n * step])[1];
+      g.strokeStyle = n === 0 ? c.line : c.grid;
+      line(g, 0, y, w, y);
+      if (y > 60 && y < h - 20) g.fillText(label(n * step), 4, y - 3);
+    }
+  }
+
+  drawLine(g, points, colour, width) {
+    if (points.length < 2) return;
+    g.beginPath();
+    for (const point of points) g.lineTo(...this.toScreen(point));
+    g.strokeStyle = colour;
+    g.lineWidth = width;
+    g.lineJoin = "round";
+    g.stroke();
+  }
+
+  drawRobot(g, [x, y, heading], colour, c) {
+    const [cos, sin] = [Math.cos(heading), Math.sin(heading)];
+    const place = ([u, v]) => this.toScreen([x + cos * u - sin * v, y + sin * u + cos * v]);
+    const shape = (points, fill, alpha) => {
+      g.beginPath();
+      for (const point of points) g.lineTo(...place(point));
+      g.closePath();
+      g.globalAlpha = alpha;
+      g.fillStyle = fill;
+      g.fill();
+      g.globalAlpha = 1;
+      g.strokeStyle = colour;
+      g.lineWidth = 1.5;
+      g.stroke();
+    };
+    shape(this.footprint, colour, 0.15);
+    for (const wheel of this.wheels) shape(corners(wheel), c.ink, 0.35);
+    const reach = Math.max(...this.footprint.map(([u, v]) => Math.hypot(u, v)), 0.1);
+    g.strokeStyle = colour;
+    g.lineWidth = 2.5;
+    line(g, ...place([0, 0]), ...place([0.7 * reach, 0]));
+    line(g, ...place([0.7 * reach, 0]), ...place([0.55 * reach, 0.09 * reach]));
+    line(g, ...place([0.7 * reach, 0]), ...place([0.55 * reach, -0.09 * reach]));
+  }
+}
+
+function line(g, x0, y0, x1, y1) {
+  g.beginPath();
+  g.moveTo(x0, y0);
+  g.lineTo(x1, y1);
+  g.stroke();
+}
+
+const lerp = (a, b, share) => a + (b - a) * share;
+
+function box(area) {
+  if (!area) return [];
+  const [[left, low], [right, high]] = area;
+  return [[left, low], [right, low], [right, high], [left, high]];
+}
+
+/** The corners of a wheel seen from above. */
+function corners({ position_m: [x, y], rolling: [u, v], radius_m: radius }) {
+  const length = Math.hypot(u, v) || 1;
+  const [a, b] = [(u / length) * radius, (v / length) * radius];
+  const [p, q] = [-b * 0.35, a * 0.35];
+  return [[x + a + p, y + b + q], [x - a + p, y - b + q], [x - a - p, y - b - q], [x + a - p, y + b - q]];
+}
+
+/** The convex hull of points, counter-clockwise. */
+function hull(points) {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const turn = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+  const half = (list) => {
+    const kept = [];
+    for (const point of list) {
+      while (kept.length > 1 && turn(kept.at(-2), kept.at(-1), point) <= 0) kept.pop();
+      kept.push(point);
+    }
+    return kept.slice(0, -1);
+  };
+  return [...half(sorted), ...half(sorted.reverse())];
+}

@@ -1,0 +1,222 @@
+//! `omnibase get`, `set`, `call` and `top`: a running robot from the command line, by its dashboard's API.
+
+mod top;
+
+use crate::Outcome;
+use crate::running::{self, Found};
+use anyhow::Context;
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+/// The longest wait for a robot's answer.
+const LONGEST: Duration = Duration::from_secs(5);
+
+/// Which running robot is meant.
+#[derive(Debug, clap::Args)]
+pub struct Which {
+    /// Where its dashboard listens; default: the robot that was started last on this machine.
+    #[arg(long, value_name = "ADDRESS")]
+    at: Option<SocketAddr>,
+    /// Its token; not needed for one's own robots on this machine.
+    #[arg(long, value_name = "TOKEN")]
+    token: Option<String>,
+}
+
+/// Shows values of a running robot.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase get                       everything
+  omnibase get state error           all values whose names begin so
+  omnibase get settings              what may be set, with its bounds
+  omnibase get phase state/pose_x_m --json")]
+pub struct Get {
+    /// Names, or beginnings of names.
+    names: Vec<String>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Changes settings of a running robot: all of them in one cycle, or none.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  omnibase set speed_factor=0.5 kp_x_1_s=10 kp_y_1_s=10")]
+pub struct Set {
+    /// New values.
+    #[arg(required = true, value_name = "NAME=VALUE", value_parser = parse_setting)]
+    values: Vec<(String, f64)>,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Asks a running robot for something.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "What can be asked:
+  enable, acknowledge, track, pause, resume, go_to_start, emergency_stop, release
+  stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
+  go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
+  controller name=adaptive_torque
+  teach, teach_end name=round              remember where it is driven; save it as a path
+  load_saved name=round
+  load reference={\"kind\":\"circle\",\"radius_m\":0.5}
+
+What a command begins goes on when the command has ended; `omnibase call emergency_stop` ends it.")]
+pub struct Call {
+    /// What is asked.
+    what: String,
+    /// Its arguments; values as JSON, or text.
+    #[arg(value_name = "NAME=VALUE", value_parser = parse_argument)]
+    arguments: Vec<(String, Value)>,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Shows a running robot in the terminal: state, who commands, pose, wheels, timing, events.
+#[derive(Debug, clap::Args)]
+pub struct Top {
+    #[command(flatten)]
+    which: Which,
+    /// Print one view as text and end.
+    #[arg(long)]
+    once: bool,
+}
+
+fn parse_setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE, as speed_factor=0.5")?;
+    let value = value.trim().parse().map_err(|_| format!("expected a number, found `{value}`"))?;
+    Ok((name.trim().to_owned(), value))
+}
+
+fn parse_argument(text: &str) -> Result<(String, Value), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE, as name=adaptive_torque")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+    Ok((name.to_owned(), value))
+}
+
+/// A running robot at the other end of a line.
+struct Line {
+    robot: Found,
+    agent: ureq::Agent,
+}
+
+impl Line {
+    fn new(which: &Which) -> anyhow::Result<Self> {
+        let robot = running::robot(which.at, which.token.as_deref())?;
+        let config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(LONGEST));
+        Ok(Line { robot, agent: config.build().into() })
+    }
+
+    fn read(&self, what: &str) -> anyhow::Result<Value> {
+        let url = format!("http://{}/api/{what}", self.robot.address);
+        let request = self.agent.get(&url).header("Authorization", format!("Bearer {}", self.robot.token));
+        let mut answer = request.call().with_context(|| self.nobody())?;
+        let text = answer.body_mut().read_to_string()?;
+        anyhow::ensure!(answer.status().is_success(), "{text}");
+        Ok(serde_json::from_str(&text)?)
+    }
+
+    fn call(&self, call: &Value) -> anyhow::Result<(bool, String)> {
+        let url = format!("http://{}/api/call", self.robot.address);
+        let request = self.agent.post(&url).header("Authorization", format!("Bearer {}", self.robot.token));
+        let mut answer = request.send(call.to_string()).with_context(|| self.nobody())?;
+        let text = answer.body_mut().read_to_string()?;
+        let Ok(said) = serde_json::from_str::<Value>(&text) else { return Ok((false, text)) };
+        Ok((said["done"] == true, said["text"].as_str().unwrap_or_default().to_owned()))
+    }
+
+    fn nobody(&self) -> String {
+        format!("no robot answers at {}", self.robot.address)
+    }
+}
+
+/// Prints what a call said.
+fn said((done, text): (bool, String), output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    anyhow::ensure!(done, "{text}");
+    writeln!(output, "{text}")?;
+    Ok(Outcome::Done)
+}
+
+/// Runs `omnibase get`.
+pub fn get(arguments: &Get, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let mut all = Line::new(&arguments.which)?.read("now")?;
+    let mut flat: Map<String, Value> = Map::new();
+    let values = all["values"].take();
+    let settings = all["settings"].take();
+    for (name, value) in all.as_object().into_iter().flatten() {
+        if !value.is_null() && name != "events" {
+            flat.insert(name.clone(), value.clone());
+        }
+    }
+    for setting in settings.as_array().into_iter().flatten() {
+        let name = format!("settings/{}", setting["name"].as_str().unwrap_or_default());
+        let value = if arguments.json { setting["value"].clone() } else { setting.clone() };
+        flat.insert(name, value);
+    }
+    flat.extend(values.as_object().cloned().unwrap_or_default());
+    let names = &arguments.names;
+    for name in names {
+        let known = flat.keys().any(|key| key.starts_with(name.as_str()));
+        anyhow::ensure!(known, "no value is called `{name}`: `omnibase get` shows all");
+    }
+    flat.retain(|key, _| names.is_empty() || names.iter().any(|name| key.starts_with(name.as_str())));
+    if arguments.json {
+        writeln!(output, "{}", serde_json::to_string_pretty(&flat)?)?;
+        return Ok(Outcome::Done);
+    }
+    let width = flat.keys().map(String::len).max().unwrap_or(0);
+    for (name, value) in &flat {
+        let text = match value {
+            Value::String(text) => text.clone(),
+            Value::Object(setting) if setting.contains_key("range") => {
+                format!("{}   {} to {}", setting["value"], setting["range"][0], setting["range"][1])
+            }
+            other => other.to_string(),
+        };
+        writeln!(output, "{name:width$}  {text}")?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Runs `omnibase set`.
+pub fn set(arguments: &Set, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let values: Map<String, Value> =
+        arguments.values.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+    said(Line::new(&arguments.which)?.call(&json!({"do": "set", "values": values}))?, output)
+}
+
+/// Runs `omnibase call`.
+pub fn call(arguments: &Call, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let mut call: Map<String, Value> = arguments.arguments.iter().cloned().collect();
+    call.insert("do".to_owned(), json!(arguments.what));
+    said(Line::new(&arguments.which)?.call(&Value::Object(call))?, output)
+}
+
+/// Runs `omnibase top`.
+pub fn top(arguments: &Top, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let line = Line::new(&arguments.which)?;
+    if arguments.once {
+        let view = top::View::read(&line)?;
+        writeln!(output, "{}", top::text(&view))?;
+        return Ok(Outcome::Done);
+    }
+    top::show(&line)?;
+    Ok(Outcome::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_json_or_text() {
+        assert_eq!(parse_argument("pose=[1,2,3]").unwrap(), ("pose".into(), json!([1, 2, 3])));
+        assert_eq!(parse_argument("name=round").unwrap(), ("name".into(), json!("round")));
+        assert_eq!(parse_setting("speed_factor=0.5").unwrap(), ("speed_factor".into(), 0.5));
+        assert!(parse_setting("speed_factor=fast").unwrap_err().contains("found `fast`"));
+        assert!(parse_argument("name").is_err());
+    }
+}

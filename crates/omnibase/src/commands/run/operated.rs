@@ -1,0 +1,95 @@
+//! A run that people and programs lead: its page, and where the command line finds it.
+
+use crate::progress::note;
+use crate::running::RunningRobot;
+use anyhow::Context;
+use omnibase_dashboard::{About, Access, Dashboard};
+use omnibase_record::run::RunDescriber;
+use omnibase_robot::Registry;
+use omnibase_robot::signals::StopCategory;
+use omnibase_run::channels::Known;
+use omnibase_run::live::{Ages, Live, LiveEnd, live};
+use omnibase_run::{LoadedRobot, RobotText};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// The longest silence of a page that is still there, ns.
+const SESSION_AGE_NS: u64 = 1_000_000_000;
+
+/// How people reach a running robot.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Serve the robot's page: watch, drive by hand, teach, start, pause, stop. Elsewhere than on loopback nobody gets
+    /// in without the token.
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "127.0.0.1:8400"
+    )]
+    dashboard: Option<SocketAddr>,
+    /// The secret of those who may command; otherwise a new one is made for each run.
+    #[arg(long, value_name = "TOKEN", requires = "dashboard", value_parser = token)]
+    token: Option<String>,
+    /// Where taught paths are kept.
+    #[arg(long, value_name = "FOLDER", default_value = "paths", requires = "dashboard")]
+    paths: PathBuf,
+}
+
+/// What serves people while a robot runs.
+pub struct Operated {
+    _dashboard: Dashboard,
+    _running: Option<RunningRobot>,
+}
+
+impl Options {
+    /// Whether people lead the robot.
+    pub fn is_wanted(&self) -> bool {
+        self.dashboard.is_some()
+    }
+
+    /// Starts what is wanted.
+    pub fn start(
+        &self,
+        text: RobotText,
+        robot: &LoadedRobot,
+        registry: Registry,
+        known: Known,
+        describer: Option<RunDescriber>,
+    ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {
+        let Some(address) = self.dashboard else { return Ok(None) };
+        let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
+        let (live, end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
+        if let Some(describer) = describer {
+            live.describe_to(describer);
+        }
+        let mut access = Access::new(address).context("making a token")?;
+        if let Some(token) = &self.token {
+            access.token.clone_from(token);
+        }
+        let name = robot.plan.name.clone();
+        let about = About { text, robot: robot.clone(), registry, known, paths: self.paths.clone() };
+        let dashboard = Dashboard::start(access.clone(), live, about)?;
+        let url = access.url(dashboard.address);
+        note(format_args!("dashboard: {url}"));
+        if dashboard.address.ip().is_unspecified() {
+            note(format_args!(
+                "from elsewhere: this machine's own address in place of {}",
+                dashboard.address.ip()
+            ));
+        }
+        let running = RunningRobot::announce(&name, dashboard.address, &access.token)
+            .inspect_err(|error| note(format_args!("warning: `omnibase get` won't find this robot: {error}")))
+            .ok();
+        Ok(Some((Operated { _dashboard: dashboard, _running: running }, end)))
+    }
+}
+
+fn token(text: &str) -> Result<String, String> {
+    let plain = text.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
+    if text.len() >= 8 && plain {
+        return Ok(text.to_owned());
+    }
+    Err("expected at least 8 letters, digits, - and _".to_owned())
+}

@@ -1,0 +1,164 @@
+//! Headless Chromium, driven by its DevTools protocol.
+
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+/// The longest wait for anything in the page; only a failure takes so long.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// A browser with one page.
+pub struct Browser {
+    process: Child,
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    number: u64,
+    profile: tempfile::TempDir,
+}
+
+impl Browser {
+    /// Starts it with a window of so many pixels; `None` where Chromium isn't installed.
+    pub fn start(width: u32, height: u32) -> Option<Browser> {
+        let profile = tempfile::tempdir().unwrap();
+        let mut process = ["chromium", "chromium-browser", "google-chrome"].iter().find_map(|name| {
+            Command::new(name)
+                .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+                .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+                .args(["--hide-scrollbars", "--disable-dev-shm-usage", "--remote-debugging-port=0"])
+                .arg(format!("--window-size={width},{height}"))
+                .arg(format!("--user-data-dir={}", profile.path().display()))
+                .arg("about:blank")
+                .stderr(Stdio::piped())
+                .stdout(Stdio::null())
+                .spawn()
+                .ok()
+        })?;
+        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
+        let address = lines
+            .by_ref()
+            .map_while(Result::ok)
+            .find_map(|line| line.strip_prefix("DevTools listening on ws://").map(str::to_owned))
+            .expect("Chromium says where it listens");
+        // What it says later must not fill the pipe.
+        std::thread::spawn(move || lines.for_each(drop));
+        let host = address.split('/').next().unwrap();
+        let body = ureq::get(&format!("http://{host}/json/list")).call().unwrap().body_mut().read_to_string();
+        let pages: Value = serde_json::from_str(&body.unwrap()).unwrap();
+        let page = pages.as_array().unwrap().iter().find(|page| page["type"] == "page").unwrap();
+        let (socket, _) = tungstenite::connect(page["webSocketDebuggerUrl"].as_str().unwrap()).unwrap();
+        let mut browser = Browser { process, socket, number: 0, profile };
+        browser.ask("Page.enable", json!({}));
+        browser.ask("Runtime.enable", json!({}));
+        let metrics =
+            json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600});
+        browser.ask("Emulation.setDeviceMetricsOverride", metrics);
+        Some(browser)
+    }
+
+    /// One command of the protocol.
+    pub fn ask(&mut self, method: &str, parameters: Value) -> Value {
+        self.number += 1;
+        let number = self.number;
+        let text = json!({"id": number, "method": method, "params": parameters}).to_string();
+        self.socket.send(Message::text(text)).unwrap();
+        loop {
+            let Message::Text(text) = self.socket.read().unwrap() else { continue };
+            let answer: Value = serde_json::from_str(&text).unwrap();
+            if answer["id"] == number {
+                assert!(answer.get("error").is_none(), "{method}: {answer}");
+                return answer["result"].clone();
+            }
+            assert!(answer["method"] != "Runtime.exceptionThrown", "the page failed: {answer}");
+        }
+    }
+
+    /// Opens an address.
+    pub fn open(&mut self, url: &str) {
+        self.ask("Page.navigate", json!({"url": url}));
+    }
+
+    /// The value of an expression in the page.
+    pub fn value(&mut self, expression: &str) -> Value {
+        let parameters = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
+        let answer = self.ask("Runtime.evaluate", parameters);
+        assert!(answer.get("exceptionDetails").is_none(), "{expression}: {answer}");
+        answer["result"]["value"].clone()
+    }
+
+    /// Waits until an expression is true.
+    pub fn wait(&mut self, expression: &str) {
+        let begin = Instant::now();
+        while self.value(&format!("Boolean({expression})")) != json!(true) {
+            let seen = "document.body?.innerText.slice(0, 2000)";
+            assert!(begin.elapsed() < LONGEST, "never came true: {expression}\n{}", self.value(seen));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Where the middle of an element is.
+    pub fn middle(&mut self, selector: &str) -> [f64; 2] {
+        let script = format!(
+            "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{block: 'center'}}); \
+             const r = e.getBoundingClientRect(); return [r.left + r.width / 2, r.top + r.height / 2]; }})()"
+        );
+        let place = self.value(&script);
+        [place[0].as_f64().unwrap(), place[1].as_f64().unwrap()]
+    }
+
+    /// Presses the mouse's button, moves it, or lets it go.
+    pub fn mouse(&mut self, what: &str, [x, y]: [f64; 2]) {
+        let buttons = i32::from(what != "mouseReleased");
+        let parameters =
+            json!({"type": what, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1});
+        self.ask("Input.dispatchMouseEvent", parameters);
+    }
+
+    /// Clicks an element.
+    pub fn click(&mut self, selector: &str) {
+        let place = self.middle(selector);
+        self.mouse("mousePressed", place);
+        self.mouse("mouseReleased", place);
+    }
+
+    /// A picture of the window, kept where `OMNIBASE_SCREENSHOTS` names a folder.
+    pub fn picture(&mut self, name: &str) {
+        let Some(folder) = std::env::var_os("OMNIBASE_SCREENSHOTS") else { return };
+        let answer = self.ask("Page.captureScreenshot", json!({"captureBeyondViewport": false}));
+        let bytes = decoded(answer["data"].as_str().unwrap());
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(std::path::Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = self.profile.path();
+    }
+}
+
+/// Base64.
+fn decoded(text: &str) -> Vec<u8> {
+    let digit = |byte: u8| match byte {
+        b'A'..=b'Z' => Some(byte - b'A'),
+        b'a'..=b'z' => Some(byte - b'a' + 26),
+        b'0'..=b'9' => Some(byte - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    };
+    let (mut bits, mut count, mut bytes) = (0u32, 0, Vec::new());
+    for digit in text.bytes().filter_map(digit) {
+        bits = bits << 6 | u32::from(digit);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    bytes
+}

@@ -1,0 +1,294 @@
+//! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
+
+mod browser;
+
+use browser::Browser;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const TOKEN: &str = "token-of-the-test";
+const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
+const SQUARE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/square.dat");
+
+/// A simulated robot with its page.
+struct Robot {
+    process: Child,
+    /// `http://address:port`.
+    at: String,
+    folder: tempfile::TempDir,
+}
+
+impl Robot {
+    fn start(more: &[&str]) -> Robot {
+        let folder = tempfile::tempdir().unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(["run", ROBOT, "--dashboard=127.0.0.1:0", "--token", TOKEN, "--json", "--paths"])
+            .arg(folder.path())
+            .args(more)
+            .env("XDG_RUNTIME_DIR", folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
+        let found = lines
+            .by_ref()
+            .map_while(Result::ok)
+            .find_map(|line| Some(line.strip_prefix("dashboard: ")?.split_once("/?token=")?.0.to_owned()));
+        std::thread::spawn(move || lines.for_each(drop));
+        Robot { process, at: found.expect("it says where its page is"), folder }
+    }
+
+    fn url(&self) -> String {
+        format!("{}/?token={TOKEN}", self.at)
+    }
+
+    fn read(&self, what: &str) -> Value {
+        let mut answer = ureq::get(&format!("{}/api/{what}", self.at)).call().unwrap();
+        serde_json::from_str(&answer.body_mut().read_to_string().unwrap()).unwrap()
+    }
+
+    fn value(&self, name: &str) -> f64 {
+        self.read("now")["values"][name].as_f64().unwrap_or(f64::NAN)
+    }
+
+    fn speed_m_s(&self) -> f64 {
+        self.value("state/twist_in_body_x_m_s").hypot(self.value("state/twist_in_body_y_m_s"))
+    }
+
+    fn wait(&self, what: &str, holds: impl Fn(&Robot) -> bool) {
+        let begin = Instant::now();
+        while !holds(self) {
+            assert!(
+                begin.elapsed() < Duration::from_secs(60),
+                "never came true: {what}: {}",
+                self.read("now")
+            );
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    fn call(&self, call: &Value) -> (u16, Value) {
+        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+        let request = agent.post(&format!("{}/api/call", self.at));
+        let mut answer =
+            request.header("Authorization", format!("Bearer {TOKEN}")).send(call.to_string()).unwrap();
+        let text = answer.body_mut().read_to_string().unwrap();
+        (answer.status().as_u16(), serde_json::from_str(&text).unwrap_or(json!(text)))
+    }
+
+    /// Ends it as Ctrl-C does; what it says at its end.
+    fn end(mut self) -> Value {
+        let pid = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut self.process.stdout.take().unwrap(), &mut text).unwrap();
+        assert!(self.process.wait().unwrap().success());
+        serde_json::from_str(&text).unwrap()
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = self.folder.path();
+    }
+}
+
+fn browser(width: u32, height: u32) -> Option<Browser> {
+    let browser = Browser::start(width, height);
+    if browser.is_none() {
+        eprintln!("SKIPPED: Chromium isn't installed: the page was not tried");
+    }
+    browser
+}
+
+#[test]
+fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
+    let Some(mut page) = browser(1400, 1000) else { return };
+    let robot = Robot::start(&[]);
+    page.open(&robot.url());
+    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    assert_eq!(page.value("location.search"), json!(""), "the token leaves the address");
+    page.click("[data-do=enable]");
+    page.wait("document.getElementById('phase').textContent === 'holding'");
+
+    // The stick forward: the robot moves, and it is said who drives.
+    let stick = page.middle("#stick");
+    page.mouse("mousePressed", stick);
+    page.mouse("mouseMoved", [stick[0], stick[1] - 60.0]);
+    robot.wait("it moves", |robot| robot.speed_m_s() > 0.2);
+    page.wait("document.getElementById('commander').textContent.includes('you (page 1) commands, by hand')");
+    page.picture("driving");
+
+    // The big stop, by its key, with the stick still held.
+    page.ask("Input.dispatchKeyEvent", json!({"type": "keyDown", "code": "Space", "key": " "}));
+    robot.wait("it stops", |robot| robot.read("now")["phase"] == "disabled" && robot.speed_m_s() < 1e-3);
+    page.wait("!document.getElementById('banner').hidden");
+    page.picture("stopped");
+    page.mouse("mouseReleased", stick);
+    page.click("#release");
+    page.wait("document.getElementById('banner').hidden");
+    page.click("[data-do=enable]");
+    page.wait("document.getElementById('phase').textContent === 'holding'");
+
+    // Driving again, and the page dies.
+    let stick = page.middle("#stick");
+    page.mouse("mousePressed", stick);
+    page.mouse("mouseMoved", [stick[0] - 60.0, stick[1]]);
+    robot.wait("it moves", |robot| robot.speed_m_s() > 0.2);
+    drop(page);
+    robot.wait("it stops", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
+    let summary = robot.end();
+    let events = summary["events"].to_string();
+    assert!(events.contains("ramping down"), "{events}");
+}
+
+#[test]
+fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
+    let Some(mut page) = browser(390, 844) else { return };
+    let robot = Robot::start(&[]);
+    page.open(&robot.url());
+    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    page.click("[data-do=enable]");
+    page.wait("document.getElementById('phase').textContent === 'holding'");
+    page.picture("phone");
+    page.click("#teach");
+    page.wait("document.getElementById('teach').textContent.startsWith('End')");
+    let stick = page.middle("#stick");
+    page.mouse("mousePressed", stick);
+    page.mouse("mouseMoved", [stick[0] - 30.0, stick[1] - 50.0]);
+    robot.wait("it is far enough", |robot| robot.value("state/pose_x_m") > 0.3);
+    page.picture("phone-driving");
+    page.mouse("mouseReleased", stick);
+    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
+    let end_m = robot.value("state/pose_x_m");
+    page.click("#teach");
+    page.wait("document.getElementById('said').textContent.startsWith('taught')");
+    // Away from its start the path is refused, with a word.
+    page.click("[data-do=track]");
+    page.wait("document.getElementById('said').textContent.includes('too far from the path')");
+    page.click("[data-do=go_to_start]");
+    robot.wait("it is back", |robot| {
+        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
+    });
+    page.click("[data-do=track]");
+    robot.wait("it repeats", |robot| {
+        robot.read("now")["phase"] == "holding" && (robot.value("state/pose_x_m") - end_m).abs() < 0.002
+    });
+    page.picture("phone-repeated");
+    assert!(
+        robot.folder.path().join("path-1.toml").is_file() && robot.folder.path().join("path-1.dat").is_file()
+    );
+    robot.end();
+}
+
+#[test]
+fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
+    let robot = Robot::start(&["--path", SQUARE]);
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+    let call = format!("{}/api/call", robot.at);
+    let status = |headers: &[(&str, &str)], body: &str| {
+        let request =
+            headers.iter().fold(agent.post(&call), |request, (name, value)| request.header(*name, *value));
+        // Whoever sends too much may find the line closed before the answer.
+        request.send(body).map_or(413, |answer| answer.status().as_u16())
+    };
+    let bearer = ("Authorization", "Bearer token-of-the-test");
+    let enable = r#"{"do":"enable"}"#;
+    assert_eq!(status(&[], enable), 403);
+    assert_eq!(status(&[("Authorization", "Bearer wrong-token")], enable), 403);
+    assert_eq!(status(&[bearer, ("Origin", "http://evil.example")], enable), 403);
+    assert_eq!(status(&[bearer, ("Host", "evil.example")], enable), 403);
+    // Malformed and oversized bodies are refused and counted; sticks need a session.
+    assert_eq!(status(&[bearer], "{\"do\":\"fly\"}"), 400);
+    assert_eq!(status(&[bearer], &"x".repeat(300 * 1024)), 413);
+    assert_eq!(status(&[bearer], r#"{"do":"pad","x":1,"y":0,"turn":0}"#), 409);
+    assert_eq!(robot.read("now")["phase"], "disabled");
+    assert_eq!(status(&[bearer], enable), 200);
+    let (code, said) = robot.call(&json!({"do": "set", "values": {"speed_m_s": 0.5, "speed": 1.0}}));
+    assert!(code == 409 && said["text"].as_str().unwrap().contains("found `speed`"), "{said}");
+    let (code, said) =
+        robot.call(&json!({"do": "load", "reference": {"kind": "path", "points_file": "/etc/passwd"}}));
+    assert!(code == 409 && said["text"].as_str().unwrap().contains("points_file"), "{said}");
+    let (code, said) = robot.call(&json!({"do": "load_saved", "name": "../../etc/passwd"}));
+    assert!(code == 409 && said["text"].as_str().unwrap().contains("letters"), "{said}");
+    let counts = robot.read("now")["server"].clone();
+    assert!(counts[1].as_u64() >= Some(4) && counts[2].as_u64() >= Some(1), "{counts}");
+    assert_eq!(counts[3], 1, "{counts}");
+    robot.end();
+}
+
+#[test]
+fn a_client_that_floods_is_cut_off_and_the_robot_goes_on() {
+    let robot = Robot::start(&["--path", SQUARE]);
+    assert_eq!(robot.call(&json!({"do": "enable"})).0, 200);
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    assert_eq!(robot.call(&json!({"do": "track"})).0, 200);
+    let address = robot.at.strip_prefix("http://").unwrap();
+    let request = tungstenite::http::Request::builder()
+        .uri(format!("ws://{address}/api/live"))
+        .header("Host", address)
+        .header("Authorization", format!("Bearer {TOKEN}"))
+        .header("Connection", "Upgrade")
+        .header("Upgrade", "websocket")
+        .header("Sec-WebSocket-Version", "13")
+        .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key())
+        .body(())
+        .unwrap();
+    let (mut socket, _) = tungstenite::connect(request).unwrap();
+    let mut sent = 0u32;
+    // Until the server has enough of it.
+    while sent < 2_000_000 {
+        let text = if sent.is_multiple_of(3) { "{" } else { r#"{"do":"pause"}"# };
+        if socket.send(tungstenite::Message::text(text)).is_err() {
+            break;
+        }
+        sent += 1;
+    }
+    assert!(sent < 2_000_000, "the flood was never cut off");
+    robot.wait("the flood was counted", |robot| robot.read("now")["server"][4].as_u64() > Some(1000));
+    let summary = robot.end();
+    assert_eq!(summary["lost_frames"], 0);
+}
+
+#[test]
+fn the_command_line_reads_sets_and_calls_a_running_robot() {
+    let robot = Robot::start(&["--path", SQUARE]);
+    let omnibase = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(arguments)
+            .env("XDG_RUNTIME_DIR", robot.folder.path())
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    assert_eq!(omnibase(&["call", "enable"]).0, Some(0));
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    assert_eq!(omnibase(&["set", "speed_factor=0.5", "kp_x_1_s=10"]).0, Some(0));
+    let settings: Value = serde_json::from_str(&omnibase(&["get", "settings", "--json"]).1).unwrap();
+    assert_eq!(
+        (&settings["settings/speed_factor"], &settings["settings/kp_x_1_s"]),
+        (&json!(0.5), &json!(10.0))
+    );
+    // One that is wrong changes none.
+    let (code, _, error) = omnibase(&["set", "speed_factor=0.9", "kp_x_1_s=-1"]);
+    assert!(code == Some(1) && error.contains("kp_x_1_s: expected 0 to 1000, found -1"), "{error}");
+    let (_, text, _) = omnibase(&["get", "settings/speed_factor"]);
+    assert!(text.contains("0.5   0.01 to 1.0"), "{text}");
+    let (code, _, error) = omnibase(&["call", "fly"]);
+    assert!(code == Some(1) && error.contains("unknown variant `fly`"), "{error}");
+    let view = omnibase(&["top", "--once"]).1;
+    for word in ["HOLDING", "wheel_3", "running", "cycles", "speed"] {
+        assert!(view.contains(word), "{word} in\n{view}");
+    }
+    assert_eq!(omnibase(&["call", "emergency_stop"]).0, Some(0));
+    robot.wait("it is disabled", |robot| robot.read("now")["phase"] == "disabled");
+    let (code, _, error) = omnibase(&["call", "enable"]);
+    assert!(code == Some(1) && error.contains("the emergency stop is set"), "{error}");
+    robot.end();
+}
