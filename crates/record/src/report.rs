@@ -40,7 +40,7 @@ mod wheels;
 
 pub use tracking::{BelievedAndTrue, TrackingFigures};
 
-use crate::run::RecordedRun;
+use crate::run::{Keep, RecordedRun};
 use sections::Page;
 use signals::Signals;
 use text::escape;
@@ -48,6 +48,9 @@ use tracking::Tracking;
 
 /// Colours, sizes and what differs on paper.
 const STYLE: &str = include_str!("report/style.css");
+
+/// The signals that a page shows: what must be kept of a recording, [`Keep::Signals`], to show it.
+pub const SHOWN: Keep = Keep::Signals(signals::is_shown);
 
 /// The page of a run, as a whole HTML file.
 pub fn html(run: &RecordedRun) -> String {

@@ -6,10 +6,12 @@
 mod columns;
 mod mcap_file;
 mod protobuf;
+mod recorded;
 mod recorder;
 
 pub use columns::{ColumnError, ColumnWriter};
-pub use mcap_file::{McapRun, RecordedRun, RunError};
+pub use mcap_file::{McapRun, RunError};
+pub use recorded::{Keep, RecordedRun};
 pub use recorder::{OnFull, RecorderError, RunDescriber, RunFiles, RunRecorded, RunRecorder, RunSink};
 
 /// One column: a number per cycle.

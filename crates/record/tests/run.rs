@@ -1,6 +1,7 @@
 //! A run that was recorded is read back to the same bits.
 
-use omnibase_record::run::{McapRun, OnFull, RecordedRun, RunError, RunFiles, RunRecorder, RunSchema};
+use omnibase_record::run::{Keep, McapRun, OnFull, RecordedRun, RunError, RunFiles, RunRecorder, RunSchema};
+use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
@@ -117,4 +118,42 @@ fn the_recorder_writes_both_files_and_counts() {
     }
     assert_eq!(text.lines().count(), rows.len() + 1);
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn some_signals_are_read_alone() {
+    let rows = odd_rows();
+    let keep = Keep::Signals(|topic, signal| topic == "/wheels" || signal == "y_m");
+    let run = RecordedRun::read_from(recorded(&rows).as_slice(), keep).unwrap();
+    let names: Vec<_> =
+        run.schema.topics.iter().flat_map(|topic| &topic.signals).map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["y_m", "left_rad_s", "right_rad_s"]);
+    let expected: Vec<f64> = rows.iter().flat_map(|row| [row[1], row[3], row[4]]).collect();
+    assert_eq!(bits(&run.values), bits(&expected));
+    assert!(run.raw.is_empty() && run.times_ns.len() == rows.len());
+}
+
+#[test]
+fn a_file_that_ends_between_two_records_is_said_to_lack_its_end() {
+    let bytes = recorded(&odd_rows());
+    // The record DataEnd: its number, its length of 4, its checksum.
+    let end =
+        (0..bytes.len() - 13).rev().find(|&at| bytes[at..at + 9] == [0x0F, 4, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    let run = RecordedRun::read(&bytes[..end]).unwrap();
+    assert_eq!((run.times_ns.len(), run.truncated.as_deref()), (3000, Some("the file lacks its end")));
+}
+
+proptest! {
+    #[test]
+    fn damaged_files_are_read_as_far_as_they_go(at in any::<prop::sample::Index>(), flip in 1..=255u8, cut in any::<prop::sample::Index>()) {
+        let rows = odd_rows();
+        let mut bytes = recorded(&rows[..300]);
+        let place = at.index(bytes.len());
+        bytes[place] ^= flip;
+        bytes.truncate(cut.index(bytes.len()) + 1);
+        if let Ok(run) = RecordedRun::read(&bytes) {
+            prop_assert!(run.times_ns.len() <= 300);
+            prop_assert_eq!(run.values.len(), run.times_ns.len() * run.schema.width());
+        }
+    }
 }

@@ -1,10 +1,11 @@
 //! `omnibase report`: a recorded run as one page of HTML.
 
 use crate::Outcome;
-use crate::progress::note;
+use crate::progress::{bar, note};
 use anyhow::Context;
 use omnibase_record::report;
 use omnibase_record::run::RecordedRun;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -41,8 +42,12 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 /// Writes the page of a recording; says so where the recording ends early.
 pub fn write(recording: &Path, page: &Path) -> anyhow::Result<RecordedRun> {
     let name = recording.display();
-    let bytes = std::fs::read(recording).with_context(|| format!("reading `{name}`"))?;
-    let run = RecordedRun::read(&bytes).with_context(|| format!("`{name}`"))?;
+    let file = File::open(recording).with_context(|| format!("reading `{name}`"))?;
+    let length = file.metadata().map_or(0, |metadata| metadata.len());
+    let bar = bar(length, "bytes");
+    let run = RecordedRun::read_from(bar.wrap_read(file), report::SHOWN);
+    bar.finish_and_clear();
+    let run = run.with_context(|| format!("`{name}`"))?;
     if let Some(reason) = &run.truncated {
         note(format_args!("warning: `{name}` ends early ({reason}); the page shows what is there"));
     }

@@ -68,9 +68,13 @@ impl Column {
     }
 }
 
+/// Points of a path that are thinned at once: what the method costs grows faster than their number.
+const WINDOW: usize = 4096;
+
 /// A path in the plane with few enough points that none is off by more than `tolerance`, in stretches without gaps.
 ///
-/// A gap between points that are closer to each other than that is none. Douglas and Peucker's method (1973), after points closer than half the tolerance to the last one were left out.
+/// A gap between points that are closer to each other than that is none. Points closer than half the tolerance to
+/// the last one are left out first; then [`thinned`].
 pub(super) fn simplified(x: &[f64], y: &[f64], tolerance: f64) -> Vec<Vec<(f64, f64)>> {
     let mut stretches: Vec<Vec<(f64, f64)>> = vec![Vec::new()];
     let (mut skipped, mut is_gap) = (None, false);
@@ -80,8 +84,7 @@ pub(super) fn simplified(x: &[f64], y: &[f64], tolerance: f64) -> Vec<Vec<(f64, 
             continue;
         }
         let Some(stretch) = stretches.last_mut() else { break };
-        let is_near =
-            stretch.last().is_some_and(|last| (point.0 - last.0).hypot(point.1 - last.1) < 0.5 * tolerance);
+        let is_near = stretch.last().is_some_and(|last| squared(point, *last) < 0.25 * tolerance * tolerance);
         if is_near {
             skipped = Some(point);
         } else {
@@ -98,12 +101,25 @@ pub(super) fn simplified(x: &[f64], y: &[f64], tolerance: f64) -> Vec<Vec<(f64, 
         stretch.extend(skipped);
     }
     stretches.retain(|stretch| !stretch.is_empty());
-    for stretch in &mut stretches {
-        let keep = kept(stretch, 0.5 * tolerance);
-        let mut flags = keep.iter();
-        stretch.retain(|_| *flags.next().unwrap_or(&true));
+    // Twice: what stands between two windows needn't stay, seen from both.
+    stretches.iter().map(|path| thinned(&thinned(path, 0.25 * tolerance), 0.25 * tolerance)).collect()
+}
+
+/// The points of a path that must stay, that no other is farther than `tolerance` from the lines between them:
+/// Douglas and Peucker's method (1973), window by window.
+pub(super) fn thinned(path: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
+    let mut thin: Vec<(f64, f64)> = Vec::new();
+    let mut from = 0;
+    while from < path.len() {
+        // The last point of a window is the first of the next.
+        let to = (from + WINDOW).min(path.len());
+        let window = &path[from.saturating_sub(1)..to];
+        let first = usize::from(from > 0);
+        let keep = kept(window, tolerance);
+        thin.extend(window.iter().zip(keep).skip(first).filter(|(_, keep)| *keep).map(|(point, _)| *point));
+        from = to;
     }
-    stretches
+    thin
 }
 
 /// Which points of a path must stay, that no other is farther than `tolerance` from the lines between them.
@@ -113,10 +129,10 @@ fn kept(path: &[(f64, f64)], tolerance: f64) -> Vec<bool> {
     (keep[0], keep[last]) = (true, true);
     let mut open = vec![(0, last)];
     while let Some((from, to)) = open.pop() {
-        let between = (from + 1..to).map(|at| (at, distance(path[at], path[from], path[to])));
+        let between = (from + 1..to).map(|at| (at, squared_distance(path[at], path[from], path[to])));
         let farthest = between.max_by(|one, other| one.1.total_cmp(&other.1));
         if let Some((at, distance)) = farthest
-            && distance > tolerance
+            && distance > tolerance * tolerance
         {
             keep[at] = true;
             open.extend([(from, at), (at, to)]);
@@ -125,13 +141,19 @@ fn kept(path: &[(f64, f64)], tolerance: f64) -> Vec<bool> {
     keep
 }
 
-/// Distance of a point from the line between two others.
-fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
+fn squared(one: (f64, f64), other: (f64, f64)) -> f64 {
+    let (dx, dy) = (one.0 - other.0, one.1 - other.1);
+    dx * dx + dy * dy
+}
+
+/// The square of the distance of a point from the line between two others.
+fn squared_distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
     let (along, across) = (to.0 - from.0, to.1 - from.1);
     let square = along * along + across * across;
     let (px, py) = (point.0 - from.0, point.1 - from.1);
     let part = if square > 0.0 { ((px * along + py * across) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (px - part * along).hypot(py - part * across)
+    let (dx, dy) = (px - part * along, py - part * across);
+    dx * dx + dy * dy
 }
 
 #[cfg(test)]

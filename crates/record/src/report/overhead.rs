@@ -136,13 +136,12 @@ impl Floor {
     fn path_data(&self, path: &Path<'_>) -> String {
         // Finer than a pixel of a large drawing.
         let mut tolerance = self.x.width().max(self.y.width()) / 2500.0;
-        loop {
-            let stretches = curve::simplified(path.x, path.y, tolerance);
-            if stretches.iter().map(Vec::len).sum::<usize>() <= MOST_POINTS {
-                return chart::path(&stretches, self.x, self.y);
-            }
+        let mut stretches = curve::simplified(path.x, path.y, tolerance);
+        while stretches.iter().map(Vec::len).sum::<usize>() > MOST_POINTS && tolerance < self.x.width() {
             tolerance *= 2.0;
+            stretches = stretches.iter().map(|stretch| curve::thinned(stretch, 0.5 * tolerance)).collect();
         }
+        chart::path(&stretches, self.x, self.y)
     }
 }
 

@@ -47,6 +47,34 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
     UNITS.iter().find(|(unit, _)| *unit == rest).map(|(_, factor)| *factor)
 }
 
+/// Beginnings of the names of all signals that are shown, beside those of wheels.
+const SHOWN: [&str; 16] = [
+    "cycle_phase",
+    "exchange_result",
+    "state_pose",
+    "state_twist_in_body",
+    "state_slip_residual",
+    "wished_pose",
+    "wished_twist",
+    "setpoint_pose",
+    "setpoint_twist",
+    "truth",
+    "estimate_mass",
+    "estimate_inertia",
+    "command_saturation",
+    "allowed_saturation",
+    "allowed_action",
+    "timing",
+];
+
+/// Whether a report needs the signal.
+pub(super) fn is_shown(topic: &str, signal: &str) -> bool {
+    let name = plain(topic, signal);
+    let own = plain("", signal);
+    SHOWN.iter().any(|shown| name.starts_with(shown))
+        || ["speed", "torque"].iter().any(|wanted| factor(&own, wanted).is_some())
+}
+
 /// A run by the names of its signals.
 pub(super) struct Signals<'a> {
     run: &'a RecordedRun,

@@ -1,17 +1,17 @@
 //! A run as an MCAP file: a protobuf topic for each group of signals, raw cycles for replay, events as text.
 
-use super::protobuf::{self, Field, Kind};
-use super::{RunEvent, RunSchema, Signal, Topic};
+use super::protobuf::{self, Kind};
+use super::{RunEvent, RunSchema};
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::{self, Seek, Write};
 
 /// Topic of the raw cycles.
-const RAW_TOPIC: &str = "/raw";
+pub(super) const RAW_TOPIC: &str = "/raw";
 /// Topic of the events.
-const EVENT_TOPIC: &str = "/events";
+pub(super) const EVENT_TOPIC: &str = "/events";
 /// Name of the metadata record that describes the run.
-const METADATA: &str = "omnibase";
+pub(super) const METADATA: &str = "omnibase";
 
 /// Why a run can't be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,9 @@ pub enum RunError {
     /// The file isn't MCAP, or writing failed.
     #[error("MCAP: {0}")]
     Mcap(#[from] mcap::McapError),
+    /// The file can't be read on.
+    #[error(transparent)]
+    Io(#[from] io::Error),
     /// A row has another number of values than the schema has signals.
     #[error("a row of {found} values, the schema has {expected} signals")]
     RowWidth {
@@ -138,110 +141,4 @@ impl<W: Write + Seek> McapRun<W> {
 fn message_name(topic: &str) -> String {
     let words = topic.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(|word| word[..1].to_ascii_uppercase() + &word[1..]).collect()
-}
-
-/// A run read back.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RecordedRun {
-    /// The columns.
-    pub schema: RunSchema,
-    /// Time of each row, ns.
-    pub times_ns: Vec<u64>,
-    /// All rows, one behind the other, each [`RunSchema::width`] values.
-    pub values: Vec<f64>,
-    /// The bytes that replay each row.
-    pub raw: Vec<Vec<u8>>,
-    /// What happened.
-    pub events: Vec<RunEvent>,
-    /// Descriptions of the run.
-    pub description: BTreeMap<String, String>,
-    /// The file ends early, in words; everything before is there.
-    pub truncated: Option<String>,
-}
-
-impl RecordedRun {
-    /// Reads a whole file; a file that was cut off is read to its last complete cycle.
-    pub fn read(bytes: &[u8]) -> Result<Self, RunError> {
-        if !bytes.starts_with(mcap::MAGIC) {
-            return Err(RunError::NotMcap { start: bytes.iter().take(8).copied().collect() });
-        }
-        let mut run = RecordedRun::default();
-        let options = mcap::read::Options::IgnoreEndMagic.into();
-        let mut channels: BTreeMap<u16, usize> = BTreeMap::new();
-        let mut columns: Vec<(usize, usize)> = Vec::new();
-        let mut partial: Vec<f64> = Vec::new();
-
-        for record in mcap::read::LinearReader::new_with_options(bytes, options)? {
-            match record {
-                Ok(mcap::records::Record::Metadata(metadata)) if metadata.name == METADATA => {
-                    run.description.extend(metadata.metadata);
-                }
-                Ok(_) => {}
-                Err(_) => break,
-            }
-        }
-        for message in mcap::MessageStream::new_with_options(bytes, options)? {
-            let message = match message {
-                Ok(message) => message,
-                Err(error) => {
-                    run.truncated = Some(error.to_string());
-                    break;
-                }
-            };
-            match message.channel.topic.as_str() {
-                EVENT_TOPIC => {
-                    let text = first_bytes(&message.data).unwrap_or_default();
-                    run.events.push(RunEvent {
-                        time_ns: message.log_time,
-                        text: String::from_utf8_lossy(text).into_owned(),
-                    });
-                }
-                RAW_TOPIC => {
-                    // The raw bytes come last in a cycle: the row is complete, or it doesn't count.
-                    if partial.len() == run.schema.width() {
-                        run.times_ns.push(message.log_time);
-                        run.values.append(&mut partial);
-                        run.raw.push(first_bytes(&message.data).unwrap_or_default().to_vec());
-                    }
-                    partial.clear();
-                }
-                topic => {
-                    let number = *channels.entry(message.channel.id).or_insert_with(|| {
-                        let descriptor = message.channel.schema.as_ref().map(|schema| schema.data.as_ref());
-                        let names = descriptor.and_then(protobuf::field_names).unwrap_or_default();
-                        columns.push((run.schema.width(), names.len()));
-                        let signals = names.into_iter().map(|name| Signal { name }).collect();
-                        run.schema.topics.push(Topic { name: topic.to_owned(), signals });
-                        columns.len() - 1
-                    });
-                    let (at, width) = columns[number];
-                    partial.resize(at + width, f64::NAN);
-                    for field in protobuf::fields(&message.data) {
-                        if let Field::Double(number, value) = field
-                            && (1..=width).contains(&(number as usize))
-                        {
-                            partial[at + number as usize - 1] = value;
-                        }
-                    }
-                }
-            }
-        }
-        if run.schema.topics.is_empty() {
-            return Err(RunError::NotARun { missing: "a topic with signals" });
-        }
-        Ok(run)
-    }
-
-    /// The values of one signal over the run; `None` where there is no such signal.
-    pub fn column(&self, topic: &str, signal: &str) -> Option<impl Iterator<Item = f64> + '_> {
-        let column = self.schema.column(topic, signal)?;
-        Some(self.values.chunks_exact(self.schema.width()).map(move |row| row[column]))
-    }
-}
-
-fn first_bytes(message: &[u8]) -> Option<&[u8]> {
-    protobuf::fields(message).find_map(|field| match field {
-        Field::Bytes(1, data) => Some(data),
-        _ => None,
-    })
 }

@@ -3,8 +3,9 @@
 mod made_up;
 
 use made_up::{BELIEVED_OFF_M, HEADING_OFF_RAD, TRUE_OFF_M, square};
-use omnibase_record::report::{TrackingFigures, html};
-use omnibase_record::run::{RecordedRun, RunEvent};
+use omnibase_record::report::{self, TrackingFigures, html};
+use omnibase_record::run::{McapRun, RecordedRun, RunEvent};
+use std::io::Cursor;
 
 /// One lap of the square with its rests, in cycles.
 const LAP: usize = 18_000;
@@ -137,6 +138,21 @@ fn an_hour_is_as_large_as_a_minute_and_keeps_its_extremes() {
         |page: &str| curve(page, "Wheel torque", "w1").into_iter().map(|point| point.1).fold(1e9, f64::min);
     // Limits of ±21 and a margin of a twentieth make a drawing from -23.1 to 23.1 N·m.
     assert_eq!(peak(&hour), (1000.0 * (23.1 - 19.5) / 46.2_f64).round());
+}
+
+#[test]
+fn a_page_needs_no_more_of_a_recording_than_what_it_shows() {
+    let run = square(4, 3000);
+    let mut file = Cursor::new(Vec::new());
+    let mut recording = McapRun::create(&mut file, &run.schema, &run.description).unwrap();
+    for (row, time_ns) in run.values.chunks_exact(run.schema.width()).zip(&run.times_ns) {
+        recording.write_row(*time_ns, row, b"raw").unwrap();
+    }
+    run.events.iter().for_each(|event| recording.write_event(event).unwrap());
+    recording.finish().unwrap();
+    let kept = RecordedRun::read_from(file.get_ref().as_slice(), report::SHOWN).unwrap();
+    assert!(kept.schema.width() < run.schema.width() && kept.raw.is_empty(), "{:#?}", kept.schema);
+    assert_eq!(html(&kept), html(&run));
 }
 
 #[test]

@@ -1,0 +1,240 @@
+//! A run read back from its MCAP file, record by record: a long file needs no more room than what is kept of it.
+
+use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC};
+use super::protobuf::{self, Field};
+use super::{RunError, RunEvent, RunSchema, Signal, Topic};
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::BTreeMap;
+use std::io::Read;
+
+/// Bytes read at once.
+const PIECE: usize = 1 << 20;
+/// The longest record that is believed in: a chunk is some MiB.
+const LONGEST_RECORD: usize = 1 << 30;
+
+/// A run read back.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RecordedRun {
+    /// The columns.
+    pub schema: RunSchema,
+    /// Time of each row, ns.
+    pub times_ns: Vec<u64>,
+    /// All rows, one behind the other, each [`RunSchema::width`] values.
+    pub values: Vec<f64>,
+    /// The bytes that replay each row; nothing where only some signals were kept.
+    pub raw: Vec<Vec<u8>>,
+    /// What happened.
+    pub events: Vec<RunEvent>,
+    /// Descriptions of the run.
+    pub description: BTreeMap<String, String>,
+    /// The file ends early, in words; everything before is there.
+    pub truncated: Option<String>,
+}
+
+/// What is kept of a recording.
+#[derive(Clone, Copy, Debug)]
+pub enum Keep {
+    /// Everything.
+    All,
+    /// Signals for which this is so, by their topic and name; and nothing for replay.
+    Signals(fn(&str, &str) -> bool),
+}
+
+impl RecordedRun {
+    /// Reads a whole file; a file that was cut off is read to its last complete cycle.
+    pub fn read(bytes: &[u8]) -> Result<Self, RunError> {
+        Self::read_from(bytes, Keep::All)
+    }
+
+    /// As [`RecordedRun::read`], piece by piece; `input` needs no buffer.
+    pub fn read_from(mut input: impl Read, keep: Keep) -> Result<Self, RunError> {
+        let mut start = Vec::new();
+        (&mut input).take(mcap::MAGIC.len() as u64).read_to_end(&mut start)?;
+        if start != mcap::MAGIC {
+            return Err(RunError::NotMcap { start });
+        }
+        // A run that was killed lacks its end; chunks are checked before anything in them counts.
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(LONGEST_RECORD);
+        let mut reader = LinearReader::new_with_options(options);
+        let mut reading = Reading::new(keep);
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(_)) => {
+                    let read = input.read(reader.insert(PIECE))?;
+                    reader.notify_read(read);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => {
+                    if let Err(error) =
+                        mcap::parse_record(opcode, data).and_then(|record| reading.take(record))
+                    {
+                        reading.run.truncated = Some(error.to_string());
+                        break;
+                    }
+                    if opcode == mcap::records::op::DATA_END {
+                        reading.is_whole = true;
+                        break;
+                    }
+                }
+                Err(error) => {
+                    reading.run.truncated = Some(words(&error));
+                    break;
+                }
+            }
+        }
+        reading.finish()
+    }
+
+    /// The values of one signal over the run; `None` where there is no such signal.
+    pub fn column(&self, topic: &str, signal: &str) -> Option<impl Iterator<Item = f64> + '_> {
+        let column = self.schema.column(topic, signal)?;
+        Some(self.values.chunks_exact(self.schema.width()).map(move |row| row[column]))
+    }
+}
+
+/// What broke off, as a person reads it.
+fn words(error: &McapError) -> String {
+    match error {
+        McapError::UnexpectedEof => "the file ends inside a record".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// A run on its way out of its file.
+struct Reading {
+    run: RecordedRun,
+    keep: Keep,
+    /// Schemas by their numbers.
+    schemas: BTreeMap<u16, Vec<u8>>,
+    /// What each channel holds, by its number.
+    channels: BTreeMap<u16, Content>,
+    /// The row that isn't complete yet.
+    partial: Vec<f64>,
+    /// The file was closed in order.
+    is_whole: bool,
+}
+
+/// What a channel holds.
+enum Content {
+    /// Signals: where their first value stands in a row, and for each field of the message, which of them it is.
+    Signals { at: usize, width: usize, fields: Vec<Option<usize>> },
+    /// The bytes that replay a cycle.
+    Raw,
+    /// Words.
+    Events,
+}
+
+impl Reading {
+    fn new(keep: Keep) -> Self {
+        Reading {
+            run: RecordedRun::default(),
+            keep,
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            partial: Vec::new(),
+            is_whole: false,
+        }
+    }
+
+    fn take(&mut self, record: Record<'_>) -> Result<(), McapError> {
+        match record {
+            Record::Metadata(metadata) if metadata.name == METADATA => {
+                self.run.description.extend(metadata.metadata);
+            }
+            Record::Schema { header, data } => {
+                self.schemas.insert(header.id, data.into_owned());
+            }
+            Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
+                let content = match channel.topic.as_str() {
+                    RAW_TOPIC => Content::Raw,
+                    EVENT_TOPIC => Content::Events,
+                    _ => self.signals(channel.topic, channel.schema_id),
+                };
+                self.channels.insert(channel.id, content);
+            }
+            Record::Message { header, data } => {
+                let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
+                let content = self.channels.get(&header.channel_id).ok_or(unknown)?;
+                match content {
+                    Content::Signals { at, width, fields } => {
+                        self.partial.resize((at + width).max(self.partial.len()), f64::NAN);
+                        // proto3 leaves zeros out where others write it.
+                        self.partial[*at..at + width].fill(0.0);
+                        for field in protobuf::fields(&data) {
+                            if let Field::Double(number, value) = field
+                                && let Some(Some(place)) = fields.get((number as usize).wrapping_sub(1))
+                            {
+                                self.partial[at + place] = value;
+                            }
+                        }
+                    }
+                    Content::Raw => self.cycle(header.log_time, &data),
+                    Content::Events => {
+                        let text =
+                            String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
+                        self.run.events.push(RunEvent { time_ns: header.log_time, text });
+                    }
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes a topic with its kept signals into the schema.
+    fn signals(&mut self, topic: String, schema: u16) -> Content {
+        let names =
+            self.schemas.get(&schema).and_then(|data| protobuf::field_names(data)).unwrap_or_default();
+        let at = self.run.schema.width();
+        let (mut signals, mut fields) = (Vec::new(), Vec::new());
+        for name in names {
+            let is_kept = match self.keep {
+                Keep::All => true,
+                Keep::Signals(is_kept) => is_kept(&topic, &name),
+            };
+            fields.push(is_kept.then_some(signals.len()));
+            if is_kept {
+                signals.push(Signal { name });
+            }
+        }
+        let width = signals.len();
+        if width > 0 || matches!(self.keep, Keep::All) {
+            self.run.schema.topics.push(Topic { name: topic, signals });
+        }
+        Content::Signals { at, width, fields }
+    }
+
+    /// The raw bytes come last in a cycle: the row is complete, or it doesn't count.
+    fn cycle(&mut self, time_ns: u64, message: &[u8]) {
+        if self.partial.len() == self.run.schema.width() {
+            self.run.times_ns.push(time_ns);
+            self.run.values.append(&mut self.partial);
+            if matches!(self.keep, Keep::All) {
+                self.run.raw.push(first_bytes(message).unwrap_or_default().to_vec());
+            }
+        }
+        self.partial.clear();
+    }
+
+    fn finish(mut self) -> Result<RecordedRun, RunError> {
+        if !self.is_whole && self.run.truncated.is_none() {
+            self.run.truncated = Some("the file lacks its end".to_owned());
+        }
+        if self.run.schema.topics.is_empty() {
+            return Err(RunError::NotARun { missing: "a topic with signals" });
+        }
+        Ok(self.run)
+    }
+}
+
+fn first_bytes(message: &[u8]) -> Option<&[u8]> {
+    protobuf::fields(message).find_map(|field| match field {
+        Field::Bytes(1, data) => Some(data),
+        _ => None,
+    })
+}
