@@ -3,7 +3,9 @@
 mod cia402;
 mod sgdv;
 
-use crate::config::{MapEntry, PdoPlan};
+use omnibase_ethercat::start_up::ReadBack;
+
+use crate::config::{MapEntry, ParameterPlan, PdoPlan};
 use crate::registry::{DeviceDefaults, Registry};
 
 pub use cia402::Cia402Device;
@@ -22,4 +24,10 @@ pub fn register(registry: &mut Registry) {
 fn pdo(index: u16, entries: &[(u16, u8, u8)]) -> PdoPlan {
     let entry = |&(index, subindex, bits): &(u16, u8, u8)| MapEntry { index, subindex, bits };
     PdoPlan { index, entries: entries.iter().map(entry).collect() }
+}
+
+/// A parameter of 16 bits, written and read back.
+fn written(index: u16, value: i16, origin: &str) -> ParameterPlan {
+    let data = value.to_le_bytes().to_vec();
+    ParameterPlan { index, subindex: 0, data, read_back: ReadBack::Compare, origin: origin.to_owned() }
 }

@@ -151,7 +151,13 @@ mod tests {
             (Some(0.1), Some(70.0))
         );
         let again = from_description(&robot.description, &registry).unwrap();
-        assert_eq!(format!("{again:?}"), format!("{:?}", robot.plan));
+        // All but the lines in which parameters stand.
+        let text = |mut plan: RobotPlan| {
+            let parameters = plan.drives.iter_mut().flat_map(|drive| &mut drive.parameters);
+            parameters.for_each(|parameter| parameter.origin.clear());
+            format!("{plan:?}")
+        };
+        assert_eq!(text(again), text(robot.plan));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
 //! - [`plant`]: the machine and drives that belong to a robot's plan.
+//! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -12,6 +13,7 @@ pub mod plant;
 pub mod robots;
 mod run;
 mod servo_box;
+pub mod stops;
 mod trial;
 
 pub use run::Run;

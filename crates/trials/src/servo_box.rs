@@ -96,6 +96,9 @@ impl ServoBox {
         let outputs = layout(&dictionary, 0x1C12, Direction::Outputs);
         let inputs = layout(&dictionary, 0x1C13, Direction::Inputs);
         servo.power_on(&mut dictionary, HostTime(1));
+        for parameter in &drive.parameters {
+            dictionary.store(ObjectAddress::new(parameter.index, parameter.subindex), &parameter.data);
+        }
         servo.state_changed(&mut dictionary, AlState::Op, AlStatusCode(0));
         ServoBox { servo, dictionary, outputs, inputs }
     }
@@ -114,6 +117,17 @@ impl ServoBox {
     pub(crate) fn beat(&mut self, now_ns: u64, cycle_ns: u64, outputs: Outputs) {
         let cycle_ns = u32::try_from(cycle_ns).ok();
         self.servo.run(&mut self.dictionary, Moment { now: HostTime(now_ns), outputs, cycle_ns });
+    }
+
+    /// Its process-data watchdog ran out: it falls back to SAFE-OP and does what 0x6007 says.
+    pub(crate) fn watchdog_expires(&mut self) {
+        let code = AlStatusCode(0x001B);
+        self.servo.state_changed(&mut self.dictionary, AlState::SafeOp, code);
+    }
+
+    /// It is in OP again, as after a recovery.
+    pub(crate) fn back_in_op(&mut self) {
+        self.servo.state_changed(&mut self.dictionary, AlState::Op, AlStatusCode(0));
     }
 
     /// When its inner loops run next between two beats.

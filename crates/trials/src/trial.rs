@@ -113,8 +113,28 @@ impl Trial {
 
     /// Computes the cycle that belongs to the exchange.
     pub fn compute(&mut self, kind: Option<RequestKind>) -> &CycleRecord {
-        let time = CycleTime::on_grid(self.index, self.plan.bus.cycle_ns);
-        self.robot.compute(time, self.next_exchange, kind.map(Request::lasting), &mut self.image)
+        self.compute_asked(kind.map(Request::lasting))
+    }
+
+    /// As [`Trial::compute`], with a request that counts for some time only.
+    pub fn compute_asked(&mut self, request: Option<Request>) -> &CycleRecord {
+        let time = self.time();
+        self.robot.compute(time, self.next_exchange, request, &mut self.image)
+    }
+
+    /// The moment of the present cycle.
+    pub fn time(&self) -> CycleTime {
+        CycleTime::on_grid(self.index, self.plan.bus.cycle_ns)
+    }
+
+    /// The drives' process-data watchdogs run out: they fall back to SAFE-OP.
+    pub fn watchdogs_expire(&mut self) {
+        self.servos.iter_mut().for_each(ServoBox::watchdog_expires);
+    }
+
+    /// The drives are in OP again, as after a recovery.
+    pub fn back_in_op(&mut self) {
+        self.servos.iter_mut().for_each(ServoBox::back_in_op);
     }
 
     /// One cycle: exchange and computation.

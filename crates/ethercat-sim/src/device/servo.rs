@@ -390,7 +390,7 @@ impl Device for Servo {
                     0 => {}
                     1 => self.raise_fault(dictionary, self.config.faults.lost),
                     2 => self.enter(PowerState::SwitchOnDisabled),
-                    _ => self.quick_stop(dictionary, 2),
+                    _ => self.quick_stop(dictionary, dictionary.get(self.fields.quick_stop_option)),
                 }
             }
             _ => {}

@@ -181,13 +181,18 @@ fn a_controller_needs_its_target_in_the_map() {
 
 #[test]
 fn parameters_come_from_a_file_too() {
-    let text = BMM.replace("device = \"sgdv\"", "device = \"sgdv\"\nparameters_file = \"servo.toml\"\nparameters = [{ object = \"60C2.1\", type = \"u8\", value = 1 }]");
+    let own = "parameters = [{ object = \"6085\", type = \"u32\", value = 2_500_000 }]";
+    let text = BMM.replace(
+        own,
+        "parameters_file = \"servo.toml\"\nparameters = [{ object = \"60C2.1\", type = \"u8\", value = 1 }]",
+    );
     let files = |name: &str| match name {
         "servo.toml" => Ok("[[parameter]]\nobject = \"0x6065\"\ntype = \"u32\"\nvalue = 5000\n".to_string()),
         other => no_files(other),
     };
     let plan = RobotPlan::from_toml(&text, &Registry::with_built_in(), &files).unwrap();
-    let parameters = &plan.drives[1].parameters;
+    // Behind the device's own.
+    let parameters = &plan.drives[1].parameters[2..];
     assert_eq!((parameters[0].index, parameters[0].data.as_slice()), (0x6065, &[0x88, 0x13, 0, 0][..]));
     assert_eq!(parameters[0].origin, "servo.toml line 2");
     assert_eq!((parameters[1].index, parameters[1].subindex), (0x60C2, 1));

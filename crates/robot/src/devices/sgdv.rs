@@ -6,7 +6,7 @@
 
 use omnibase_cia402::EncoderScale;
 
-use super::{DeviceDefaults, pdo};
+use super::{DeviceDefaults, pdo, written};
 use crate::config::Identity;
 
 pub(super) fn defaults() -> DeviceDefaults {
@@ -38,6 +38,11 @@ pub(super) fn defaults() -> DeviceDefaults {
             ],
         )],
         counts_per_revolution: Some(EncoderScale::COUNTS_PER_REVOLUTION_20_BIT),
-        parameters: Vec::new(),
+        parameters: vec![
+            // As delivered (1, with 0x605E = 0), a drive that the bus leaves lets its motor roll out for seconds; and a
+            // wheel that lets go when it has stopped is dragged on by those that still brake.
+            written(0x6007, 3, "sgdv: bus lost: quick stop"),
+            written(0x605A, 6, "sgdv: quick stop: ramp of 0x6085, then hold"),
+        ],
     }
 }

@@ -1,0 +1,53 @@
+//! Stop always stops: seeded cases of what is lost in which state, and the worst of each.
+//!
+//! `cargo run --release -p omnibase-trials --example stops [cases] [first seed]`
+
+use omnibase_trials::robots::{BMM, CIRCLE};
+use omnibase_trials::stops::{Case, LOSSES, Loss, STATES, Stops};
+use omnibase_trials::{Trial, plan_of};
+use std::collections::BTreeMap;
+
+/// Cases that one robot lives through before the next one is taken.
+const ROW: u64 = 5000;
+
+fn main() {
+    let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
+    let (cases, first) = (arguments.next().unwrap_or(10_000), arguments.next().unwrap_or(1));
+    let mut worst: BTreeMap<Loss, (u64, Case)> = BTreeMap::new();
+    let mut states: BTreeMap<_, u64> = BTreeMap::new();
+    let mut late = 0;
+    for row in 0..cases.div_ceil(ROW) {
+        let mut stops = Stops::new(Trial::new(plan_of(&format!("{BMM}{CIRCLE}"))), first + row * ROW);
+        for _ in 0..ROW.min(cases - row * ROW) {
+            let case = stops.case();
+            if !case.is_in_time() {
+                late += 1;
+                println!("LATE: {case:?}");
+            }
+            *states.entry(case.state).or_default() += 1;
+            let entry = worst.entry(case.loss).or_insert((0, case));
+            entry.0 += 1;
+            if case.stopped_s > entry.1.stopped_s {
+                entry.1 = case;
+            }
+        }
+    }
+    println!("{:12} {:>9} {:>10} {:>11}   the worst case", "lost", "cases", "longest s", "allowed s");
+    for loss in LOSSES {
+        let Some((count, case)) = worst.get(&loss) else { continue };
+        println!(
+            "{:12} {count:9} {:10.3} {:11.3}   {:?}, wheels at {:.2} rad/s, seed {}",
+            format!("{loss:?}"),
+            case.stopped_s,
+            case.allowed_s,
+            case.state,
+            case.from_rad_s,
+            case.seed,
+        );
+    }
+    for state in STATES {
+        print!("{state:?} {}  ", states.get(&state).unwrap_or(&0));
+    }
+    println!("\n{cases} cases, {late} not in time");
+    assert_eq!(late, 0);
+}
