@@ -7,6 +7,7 @@
 mod check;
 mod drives;
 mod file;
+mod joystick;
 mod mapping;
 mod plan;
 mod platform;
@@ -17,6 +18,7 @@ mod tests;
 mod units;
 
 pub use file::*;
+pub use joystick::*;
 pub(crate) use mapping::find as find_object;
 pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
 pub use plan::*;

@@ -110,6 +110,7 @@ impl Check {
         let estimator_kind = estimator.kind.as_deref().unwrap_or("wheel_odometry");
         let estimator_known = self.known_name("estimator.kind", estimator_kind, &registry.estimators());
         let reference = self.reference(file.reference, registry, read_file);
+        self.joystick(&file.joystick);
         self.simulation(&file.simulation);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
             self.reachable(reference, limits);
@@ -130,6 +131,7 @@ impl Check {
             controller: controller?,
             reference: reference?,
             safety,
+            joystick: file.joystick,
             simulation: file.simulation,
         })
     }

@@ -6,6 +6,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::joystick::JoystickTable;
+
 /// Parameters of a stage that a user registered, handed to it as they stand.
 pub type Parameters = serde_json::Map<String, serde_json::Value>;
 
@@ -33,6 +35,8 @@ pub struct RobotFile {
     pub reference: ReferenceTable,
     /// Watchdogs and stops.
     pub safety: SafetyTable,
+    /// The stick that drives by hand.
+    pub joystick: JoystickTable,
     /// The simulated body in place of the real one.
     pub simulation: SimulationTable,
 }

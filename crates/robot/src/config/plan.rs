@@ -10,6 +10,7 @@ use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable, SpeedUnit,
     Synchronisation, TurnDirection,
 };
+use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use crate::signals::StopCategory;
 
@@ -34,6 +35,8 @@ pub struct RobotPlan {
     pub reference: ReferenceTable,
     /// Watchdogs and stops.
     pub safety: SafetyPlan,
+    /// The stick that drives by hand.
+    pub joystick: JoystickTable,
     /// The simulated body.
     pub simulation: SimulationTable,
 }

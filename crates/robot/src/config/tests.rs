@@ -241,3 +241,44 @@ fn the_shipped_schema_is_the_present_one() {
     let shipped = std::fs::read_to_string(path).unwrap_or_default();
     assert!(shipped == present, "run `UPDATE_SCHEMA=1 cargo test -p omnibase-robot shipped_schema`");
 }
+
+#[test]
+fn a_stick_is_read_by_the_names_of_evdev() {
+    let text = format!(
+        "{BMM}\n[joystick]\nmap = \"xbox\"\nforward = {{ axis = \"ABS_RY\", gain = 0.5 }}\n\
+         buttons = {{ dead_man = \"BTN_A\", stop = \"BTN_EAST\" }}\n"
+    );
+    let plan = check(&text).unwrap_or_else(|problems| panic!("{}", show(&problems)));
+    let stick = &plan.joystick;
+    assert_eq!(stick.forward.axis, Some(AxisCode(4)));
+    assert_eq!((stick.forward.gain, stick.left.axis), (Some(0.5), None));
+    // BTN_A is another name of BTN_SOUTH.
+    assert_eq!(stick.buttons.dead_man.map(|button| button.name()), Some("BTN_SOUTH".into()));
+    assert_eq!(stick.buttons.stop, Some(ButtonCode(0x131)));
+    assert_eq!(check(BMM).unwrap().joystick, JoystickTable::default());
+}
+
+#[test]
+fn wrong_settings_of_a_stick_come_with_their_places() {
+    let stick = "[joystick]\nmap = \"none\"\nage_ms = 5\n[joystick.forward]\naxis = \"ABS_W\"\ngain = 1.5\n\
+                 [joystick.left]\naxis = \"ABS_X\"\ndead_zone = 0.95\n[joystick.turn]\naxis = \"ABS_X\"\n\
+                 expo = -0.1\n[joystick.buttons]\nstop = \"BTN_THUMB\"\nenable = \"BTN_THUMB\"\n";
+    let first = BMM.lines().count() + 1;
+    let problems = problems(&format!("{BMM}{stick}"));
+    let expected = [
+        ("joystick.age_ms", ProblemKind::OutOfRange, 2),
+        ("joystick.forward.axis", ProblemKind::UnknownName, 4),
+        ("joystick.forward.gain", ProblemKind::OutOfRange, 5),
+        ("joystick.left.dead_zone", ProblemKind::OutOfRange, 8),
+        ("joystick.turn.axis", ProblemKind::Duplicate, 10),
+        ("joystick.turn.expo", ProblemKind::OutOfRange, 11),
+        ("joystick.buttons.enable", ProblemKind::Duplicate, 14),
+        ("joystick.buttons.dead_man", ProblemKind::Missing, 12),
+    ];
+    for (setting, kind, line) in expected {
+        let (_, found, at, _) = found(&problems, setting);
+        assert_eq!((found, at), (kind, first + line), "{setting}");
+    }
+    assert_eq!(problems.len(), expected.len(), "{}", show(&problems));
+    assert!(show(&problems).contains("ABS_THROTTLE"), "{}", show(&problems));
+}

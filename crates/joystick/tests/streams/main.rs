@@ -1,0 +1,6 @@
+//! Recorded streams of known devices, made of bytes, through map and stick; and streams of anything.
+
+mod anything;
+mod devices;
+mod driving;
+mod loss;
