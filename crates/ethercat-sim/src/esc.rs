@@ -31,6 +31,7 @@ use omnibase_ethercat_wire::{DcTime, HostTime};
 use sii::{SiiTiming, SiiUnit};
 use sync_manager::SyncManager;
 use watchdog::Watchdog;
+pub use watchdog::WatchdogExpiry;
 
 /// Size of the register space; process-data memory follows.
 pub(crate) const REGISTERS: usize = 0x1000;
@@ -287,6 +288,11 @@ impl Esc {
     pub(crate) fn count_malformed(&mut self) {
         let counter = &mut self.memory[usize::from(reg::PROCESSING_ERROR_COUNTER)];
         *counter = counter.saturating_add(1);
+    }
+
+    /// The last time since power-on that the process-data watchdog expired.
+    pub fn watchdog_expiry(&self) -> Option<WatchdogExpiry> {
+        self.watchdog.expiry()
     }
 
     /// When something happens in the chip by itself next, host ns.

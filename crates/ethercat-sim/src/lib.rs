@@ -38,5 +38,5 @@ pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection,
 pub use pdi_socket::{Pace, SocketApplication};
 pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
 pub use segment_file::{SegmentFile, SegmentFileError};
-pub use serve::{Served, serve};
+pub use serve::{Served, serve, until_set};
 pub use sim_link::{SimLink, VirtualClock, in_process};

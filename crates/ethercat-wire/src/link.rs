@@ -38,6 +38,13 @@ pub trait Link {
     /// Waits until `deadline`, then gives `None`; a deadline in the past looks once and doesn't wait. Frames
     /// come in the order of their arrival, foreign ones included: matching is the caller's work.
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError>;
+
+    /// When the frame that was received last came in, by the host's clock; `None` where the link doesn't know.
+    ///
+    /// Earlier than the end of [`Link::receive`] where the frame had to wait for its reader.
+    fn arrival(&self) -> Option<HostTime> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for &mut L {
@@ -47,6 +54,9 @@ impl<L: Link + ?Sized> Link for &mut L {
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         (**self).receive(buffer, deadline)
     }
+    fn arrival(&self) -> Option<HostTime> {
+        (**self).arrival()
+    }
 }
 
 impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
@@ -55,5 +65,8 @@ impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
     }
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         (**self).receive(buffer, deadline)
+    }
+    fn arrival(&self) -> Option<HostTime> {
+        (**self).arrival()
     }
 }

@@ -5,6 +5,11 @@ use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
+/// How often two clocks are read before a pause between the readings is accepted.
+const READINGS: usize = 4;
+/// The longest undisturbed reading of two clocks, ns.
+const READING_NS: u128 = 5_000;
+
 /// `CLOCK_MONOTONIC`: never set back, not stepped by time synchronisation.
 ///
 /// Reading it needs no system call (vDSO). Sleeping is to an absolute instant, so that lateness doesn't add up.
@@ -15,6 +20,24 @@ impl MonotonicClock {
     /// What has to be added to [`HostTime`] to get nanoseconds since 1970-01-01 UTC, for time stamps in recordings.
     pub fn unix_offset_ns(&self) -> u64 {
         nanoseconds(clock_gettime(ClockId::Realtime)).saturating_sub(self.now().0)
+    }
+
+    /// The monotonic instant of a kernel's time stamp from a moment ago, given in ns since 1970-01-01 UTC.
+    ///
+    /// Both clocks are read anew: an offset that is kept would be wrong once the calendar clock is set. A pause
+    /// between the readings would pass for age, so the reading is repeated where there was one.
+    pub(crate) fn instant_of_unix(&self, unix_ns: u64) -> HostTime {
+        let mut now = self.now();
+        let mut age_ns = 0;
+        for _ in 0..READINGS {
+            let before = self.now();
+            age_ns = nanoseconds(clock_gettime(ClockId::Realtime)).saturating_sub(unix_ns);
+            now = self.now();
+            if (now - before).as_nanos() <= READING_NS {
+                break;
+            }
+        }
+        HostTime(now.0.saturating_sub(age_ns))
     }
 }
 
@@ -65,6 +88,19 @@ mod tests {
         for value in [0, 1, 999_999_999, 1_000_000_000, 1_773_540_979_389_182_856] {
             assert_eq!(nanoseconds(timespec(value)), value);
         }
+    }
+
+    #[test]
+    fn a_time_stamp_is_the_instant_at_which_it_was_taken() {
+        let before = MonotonicClock.now();
+        let stamp_ns = nanoseconds(clock_gettime(ClockId::Realtime));
+        let after = MonotonicClock.now();
+        let instant = MonotonicClock.instant_of_unix(stamp_ns);
+        // The readings aren't simultaneous: some microseconds, but for pauses, which the bounds contain.
+        let slack = 20_000;
+        assert!(instant.0 + slack >= before.0, "{instant:?} before {before:?}");
+        assert!(instant <= MonotonicClock.now(), "{instant:?}, {after:?}");
+        assert_eq!(MonotonicClock.instant_of_unix(0).0, 0, "a stamp that no frame of this boot can have");
     }
 
     #[test]

@@ -55,6 +55,8 @@ pub struct PacketRing {
     receive_slot: usize,
     send_slot: usize,
     waiting: Waiting,
+    /// The kernel's stamp of the frame that was taken last, ns since 1970-01-01 UTC.
+    stamp_unix_ns: Option<u64>,
 }
 
 impl PacketRing {
@@ -75,7 +77,7 @@ impl PacketRing {
         socket.require_option(libc::PACKET_TX_RING, &ring(SEND_SLOTS), "making the send ring")?;
         let map = Mapping::new(&socket, (RECEIVE_SLOTS + SEND_SLOTS) * SLOT)?;
         socket.bind()?;
-        Ok(PacketRing { socket, map, receive_slot: 0, send_slot: 0, waiting })
+        Ok(PacketRing { socket, map, receive_slot: 0, send_slot: 0, waiting, stamp_unix_ns: None })
     }
 
     /// The interface's name.
@@ -103,6 +105,7 @@ impl PacketRing {
         let frame = slot.received();
         let fits = frame.len() <= buffer.len().min(MAX_FRAME);
         let length = frame.len();
+        self.stamp_unix_ns = Some(slot.stamp_unix_ns());
         if fits {
             buffer[..length].copy_from_slice(frame);
         }
@@ -204,6 +207,10 @@ impl Link for PacketRing {
         }
         Ok(received)
     }
+
+    fn arrival(&self) -> Option<HostTime> {
+        self.stamp_unix_ns.map(|stamp| MonotonicClock.instant_of_unix(stamp))
+    }
 }
 
 /// The memory of both rings.
@@ -295,6 +302,17 @@ impl<'a> Slot<'a> {
             let length = (header.tp_snaplen as usize).min(SLOT - offset);
             std::slice::from_raw_parts(self.start.as_ptr().add(offset), length)
         }
+    }
+
+    /// When the kernel took in the frame of a receive slot that it has handed over, ns since 1970-01-01 UTC.
+    #[inline]
+    fn stamp_unix_ns(&self) -> u64 {
+        // SAFETY: as in `received`: the header of a slot that is ours.
+        let (seconds, nanoseconds) = unsafe {
+            let header = &*self.start.as_ptr().cast::<libc::tpacket2_hdr>();
+            (header.tp_sec, header.tp_nsec)
+        };
+        u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)
     }
 
     /// Puts a frame of at most `MAX_FRAME` bytes into a send slot that is ours (the caller looked at the status).

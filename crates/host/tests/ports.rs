@@ -231,6 +231,31 @@ fn a_wrong_interface_is_refused_with_those_that_exist() {
     });
 }
 
+#[test]
+fn a_ring_knows_when_a_frame_came_in_however_late_it_is_fetched() {
+    let Some(namespace) = Namespace::for_test("a_ring_knows_when_a_frame_came_in") else { return };
+    namespace.run(|| {
+        let mut near = PacketRing::open(Namespace::NEAR, Waiting::Sleep).unwrap();
+        let mut far = PacketRing::open(Namespace::FAR, Waiting::Sleep).unwrap();
+        assert_eq!(far.arrival(), None, "nothing came yet");
+        let mut buffer = [0; 2048];
+        let before = MonotonicClock.now();
+        near.send(frame(1, 60).bytes()).unwrap();
+        far.receive(&mut buffer, soon()).unwrap().expect("the first frame");
+        let (first, between) = (far.arrival().unwrap(), MonotonicClock.now());
+        near.send(frame(2, 60).bytes()).unwrap();
+        let waited = HostTime(MonotonicClock.now().0 + 20_000_000);
+        MonotonicClock.sleep_until(waited);
+        far.receive(&mut buffer, soon()).unwrap().expect("the second frame");
+        let second = far.arrival().unwrap();
+        // 0.1 ms: two clocks can't be read at once.
+        let slack = 100_000;
+        assert!(before.0 < first.0 + slack && first <= between, "{before:?} {first:?} {between:?}");
+        assert!(between.0 < second.0 + slack, "{between:?} {second:?}");
+        assert!(second < waited, "the frame came before it was fetched: {second:?} {waited:?}");
+    });
+}
+
 /// Not a test by itself: what [`system_calls_per_cycle`] runs under `strace`.
 #[test]
 fn cycles_for_strace() {

@@ -8,6 +8,7 @@ mod dictionary;
 mod hex;
 mod progress;
 mod quantiles;
+mod real_time;
 mod robot_file;
 mod running;
 mod segment;

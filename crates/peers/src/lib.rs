@@ -7,7 +7,7 @@
 pub mod ethercrab;
 pub mod soem;
 
-use omnibase_ethercat_sim::{Segment, SegmentFile, serve};
+use omnibase_ethercat_sim::{Segment, SegmentFile, serve, until_set};
 use omnibase_host::{MonotonicClock, Namespace, PacketSocket};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,7 +41,8 @@ pub fn behind_a_cable<R: Send>(
         let mut far_end = PacketSocket::open(Namespace::FAR).expect("the far end can be opened");
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                serve(&mut segment, &mut far_end, &MonotonicClock, &stop).expect("the cable is in")
+                serve(&mut segment, &mut far_end, &MonotonicClock, &mut until_set(&stop))
+                    .expect("the cable is in")
             });
             let _stop = StopAtEnd(&stop);
             work()

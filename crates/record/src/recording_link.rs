@@ -57,6 +57,10 @@ impl<L: Link> Link for RecordingLink<L> {
         }
         Ok(received)
     }
+
+    fn arrival(&self) -> Option<HostTime> {
+        self.link.arrival()
+    }
 }
 
 #[cfg(test)]

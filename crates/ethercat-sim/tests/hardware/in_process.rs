@@ -1,13 +1,13 @@
 //! The segment as a link in virtual time, and served behind another link.
 
 use crate::bench::{firmware, idle};
+use core::ops::ControlFlow;
 use core::time::Duration;
 use omnibase_ethercat_sim::{EscConfig, Fault, Segment, SimLink, SubDevice, VirtualClock, in_process, serve};
 use omnibase_ethercat_wire::frame::{FrameBuilder, MAX_FRAME};
 use omnibase_ethercat_wire::register as reg;
 use omnibase_ethercat_wire::{Address, Clock, Command, HostTime, Link, LinkError};
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 fn segment(count: usize) -> Segment {
@@ -119,36 +119,62 @@ fn the_same_run_gives_the_same_bits() {
     assert!(first == run());
 }
 
-/// The far end of a link under the test's control: frames to hand out, frames that were sent.
+/// The far end of a link under the test's control: frames to hand out and when they came, frames that were sent.
 struct Wire {
-    incoming: VecDeque<Vec<u8>>,
+    incoming: VecDeque<(Option<HostTime>, Vec<u8>)>,
+    arrival: Option<HostTime>,
     sent: Arc<Mutex<Vec<Vec<u8>>>>,
     clock: VirtualClock,
-    stop: Arc<AtomicBool>,
     waits: Arc<Mutex<Vec<u64>>>,
+}
+
+impl Wire {
+    fn new(clock: &VirtualClock, incoming: impl IntoIterator<Item = (Option<HostTime>, Vec<u8>)>) -> Self {
+        Wire {
+            incoming: incoming.into_iter().collect(),
+            arrival: None,
+            sent: Arc::default(),
+            clock: clock.clone(),
+            waits: Arc::default(),
+        }
+    }
 }
 
 impl Link for Wire {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         self.sent.lock().unwrap().push(frame.to_vec());
         // An interface without a filter shows us what we send.
-        self.incoming.push_front(frame.to_vec());
+        self.incoming.push_front((None, frame.to_vec()));
         Ok(())
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
-        self.waits.lock().unwrap().push(deadline.0);
-        match self.incoming.pop_front() {
-            Some(frame) => {
-                buffer[..frame.len()].copy_from_slice(&frame);
-                Ok(Some(frame.len()))
-            }
-            None => {
-                self.clock.advance_to(deadline);
-                self.stop.store(self.waits.lock().unwrap().len() > 12, Ordering::Relaxed);
-                Ok(None)
-            }
+        let now = self.clock.now();
+        let came = |frame: &(Option<HostTime>, Vec<u8>)| frame.0.is_none_or(|arrival| arrival <= now);
+        if self.incoming.front().is_some_and(came)
+            && let Some((arrival, frame)) = self.incoming.pop_front()
+        {
+            buffer[..frame.len()].copy_from_slice(&frame);
+            self.arrival = arrival;
+            return Ok(Some(frame.len()));
         }
+        if deadline > self.clock.now() {
+            self.waits.lock().unwrap().push(deadline.0);
+            self.clock.advance_to(deadline);
+        }
+        Ok(None)
+    }
+
+    fn arrival(&self) -> Option<HostTime> {
+        self.arrival
+    }
+}
+
+/// Breaks off when the segment's time has come this far.
+fn until(instant: HostTime) -> impl FnMut(&mut Segment) -> ControlFlow<()> {
+    move |segment| match segment.now() >= instant {
+        true => ControlFlow::Break(()),
+        false => ControlFlow::Continue(()),
     }
 }
 
@@ -163,22 +189,15 @@ fn a_served_segment_answers_ignores_its_own_and_foreign_frames_and_lives_between
     let mut segment = Segment::line(vec![SubDevice::new(EscConfig::default(), app)]).unwrap();
     let clock = VirtualClock::new();
     clock.advance_to(HostTime(7_000_000_000_000));
-    let stop = Arc::new(AtomicBool::new(false));
     // A MainDevice whose own address is locally administered, an ARP frame, a runt.
     let mut local = brd(9);
     local[6] |= 0x02;
     let mut arp = brd(1);
     (arp[12], arp[13]) = (0x08, 0x06);
-    let incoming = VecDeque::from([arp, vec![1; 5], brd(1), local.clone(), brd(2)]);
-    let (sent, waits) = (Arc::default(), Arc::default());
-    let mut wire = Wire {
-        incoming,
-        sent: Arc::clone(&sent),
-        clock: clock.clone(),
-        stop: stop.clone(),
-        waits: Arc::clone(&waits),
-    };
-    let served = serve(&mut segment, &mut wire, &clock, &stop).unwrap();
+    let incoming = [arp, vec![1; 5], brd(1), local.clone(), brd(2)];
+    let mut wire = Wire::new(&clock, incoming.map(|frame| (None, frame)));
+    let (sent, waits) = (Arc::clone(&wire.sent), Arc::clone(&wire.waits));
+    let served = serve(&mut segment, &mut wire, &clock, &mut until(HostTime(1_000_000))).unwrap();
     assert_eq!((served.frames, served.answered, served.ignored), (3, 3, 5));
     let indices: Vec<u8> = sent.lock().unwrap().iter().map(|frame| frame[17]).collect();
     assert_eq!(indices, [1, 9, 2]);
@@ -186,4 +205,49 @@ fn a_served_segment_answers_ignores_its_own_and_foreign_frames_and_lives_between
     // The segment's time began where the host's stood, and each wait ends where the firmware wants to run.
     assert_eq!(runs.lock().unwrap()[..4], [0, 100_000, 200_000, 300_000]);
     assert_eq!(waits.lock().unwrap()[0], 7_000_000_100_000);
+}
+
+#[test]
+fn frames_that_waited_for_the_program_pass_at_the_instants_of_their_arrival() {
+    let app = firmware(|_, _, now| Some(now + Duration::from_micros(100)));
+    let mut segment = Segment::line(vec![SubDevice::new(EscConfig::default(), app)]).unwrap();
+    let (clock, origin) = (VirtualClock::new(), 5_000_000);
+    clock.advance_to(HostTime(origin));
+    let at = |us: u64| Some(HostTime(origin + 1000 * us));
+    let incoming = [(at(250), brd(1)), (at(450), brd(2)), (at(460), brd(3))];
+    let mut wire = Wire::new(&clock, incoming);
+    let slept = clock.clone();
+    let mut seen = Vec::new();
+    let mut watch = |segment: &mut Segment| {
+        // The program falls asleep as soon as it serves.
+        slept.advance_to(HostTime(origin + 1_000_000));
+        if seen.last() != Some(&segment.now().0) {
+            seen.push(segment.now().0);
+        }
+        until(HostTime(1_200_000))(segment)
+    };
+    let served = serve(&mut segment, &mut wire, &clock, &mut watch).unwrap();
+    assert_eq!((served.frames, served.answered), (3, 3));
+    assert_eq!(served.longest_wait_ns, 750_000, "the first frame: from 250 us to 1000 us");
+    let us: Vec<u64> = seen.iter().map(|ns| ns / 1000).collect();
+    assert_eq!(us, [0, 100, 200, 250, 300, 400, 450, 460, 500, 600, 700, 800, 900, 1000, 1100, 1200]);
+}
+
+#[test]
+fn whoever_watches_injects_faults_at_their_instant() {
+    let mut segment = segment(2);
+    let clock = VirtualClock::new();
+    let mut wire = Wire::new(&clock, []);
+    let mut injected = None;
+    let mut watch = |segment: &mut Segment| {
+        if injected.is_none() && segment.now() >= HostTime(12_000_000) {
+            segment.inject(1, Fault::PowerOff).unwrap();
+            injected = Some(segment.now());
+        }
+        until(HostTime(20_000_000))(segment)
+    };
+    serve(&mut segment, &mut wire, &clock, &mut watch).unwrap();
+    // Nothing happens in this segment by itself: the watcher is asked every 5 ms.
+    assert_eq!(injected, Some(HostTime(15_000_000)));
+    assert!(!segment.sub_devices()[1].powered());
 }

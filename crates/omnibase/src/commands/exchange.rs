@@ -3,7 +3,7 @@
 mod report;
 mod runner;
 
-use crate::progress::note;
+use crate::real_time::RealTime;
 use crate::target::{Port, Target, finish_recording};
 use crate::{Outcome, commands};
 use omnibase_ethercat::cyclic::ClockDirection;
@@ -12,7 +12,6 @@ use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MIN_FRAME};
 use omnibase_ethercat::wire::sii::{self, Identity};
 use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
-use omnibase_host::real_time::{self, Wishes};
 use omnibase_host::{Waiting, stop_on_signals};
 use runner::{Pace, Plan, Runner};
 use std::io::Write;
@@ -61,12 +60,8 @@ pub struct Arguments {
     /// Look at the ring until the frame is back instead of sleeping; uses up a CPU.
     #[arg(long, requires = "ring")]
     busy_poll: bool,
-    /// SCHED_FIFO, locked memory, shallow idle for the cycle, as far as granted.
-    #[arg(long)]
-    realtime: bool,
-    /// The CPU on which the cycle shall run.
-    #[arg(long, value_name = "CPU")]
-    cpu: Option<usize>,
+    #[command(flatten)]
+    real_time: RealTime,
     /// Record all frames into this pcapng file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -111,7 +106,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     check_wire_time(&handover.bus.plan().frames, arguments.cycle_us)?;
 
     // Until the end of the cycle.
-    let _granted = arguments.real_time();
+    let _granted = arguments.real_time.apply();
     let plan = Plan {
         cycle: arguments.cycle_us,
         cycles: arguments.cycles,
@@ -154,25 +149,6 @@ impl Arguments {
             DcConfig::Off
         };
         SubDeviceConfig { place: Some(Match::Position(one.position)), dc, ..SubDeviceConfig::default() }
-    }
-
-    /// Asks for what the cycle wants of the machine; keeps it while the result lives.
-    fn real_time(&self) -> Option<real_time::Granted> {
-        let wishes = match (self.realtime, self.cpu) {
-            (false, None) => return None,
-            (true, cpu) => Wishes { cpu, ..Wishes::default() },
-            (false, cpu) => Wishes {
-                fifo_priority: None,
-                memory: real_time::Memory::AsIs,
-                cpu,
-                idle: real_time::Idle::AsIs,
-            },
-        };
-        let granted = real_time::apply(&wishes);
-        for outcome in &granted.outcomes {
-            note(format_args!("real time: {outcome}"));
-        }
-        Some(granted)
     }
 }
 

@@ -7,12 +7,12 @@ mod report;
 
 use crate::Outcome;
 use crate::progress::{bar, note};
+use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{AnyClock, PacedClock, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat_sim::in_process;
 use omnibase_ethercat_wire::Link;
-use omnibase_host::real_time::{self, Wishes};
 use omnibase_host::{Waiting, stop_on_signals};
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::{Registry, Robot};
@@ -50,12 +50,8 @@ pub struct Arguments {
     /// Network interface with the drives (or `omnibase simulate`), in real time.
     #[arg(long, value_name = "NIC")]
     interface: Option<String>,
-    /// SCHED_FIFO, locked memory, shallow idle for the cycle, as far as granted.
-    #[arg(long, requires = "interface")]
-    realtime: bool,
-    /// The CPU on which the cycle shall run.
-    #[arg(long, value_name = "CPU", requires = "realtime")]
-    cpu: Option<usize>,
+    #[command(flatten)]
+    real_time: RealTime,
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
     #[arg(long, requires = "interface")]
     ring: bool,
@@ -88,6 +84,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
          --dashboard to drive by hand",
         arguments.robot.display()
     );
+    anyhow::ensure!(
+        arguments.interface.is_some() || !arguments.real_time.is_wished(),
+        "--realtime and --cpu are for --interface: without it time is virtual"
+    );
     let stop = stop_on_signals()?;
     let way = arguments.open(&robot)?;
     let stages = Robot::build(&robot.plan, &registry)?;
@@ -107,7 +107,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         progress: &progress,
     };
     // Until the end of the cycle.
-    let _granted = arguments.real_time();
+    let _granted = arguments.real_time.apply();
     let ran = std::thread::scope(|scope| {
         // Drawing may block: not in the thread of the cycle.
         if !is_operated {
@@ -181,18 +181,6 @@ impl Arguments {
         let (recorder, sink) =
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
-    }
-
-    /// Asks for what the cycle wants of the machine; keeps it while the result lives.
-    fn real_time(&self) -> Option<real_time::Granted> {
-        if !self.realtime {
-            return None;
-        }
-        let granted = real_time::apply(&Wishes { cpu: self.cpu, ..Wishes::default() });
-        for outcome in &granted.outcomes {
-            note(format_args!("real time: {outcome}"));
-        }
-        Some(granted)
     }
 }
 

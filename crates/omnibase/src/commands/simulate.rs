@@ -1,19 +1,24 @@
 //! `omnibase simulate`: a segment behind a network interface.
 
 mod fault;
+mod logbook;
 
 use crate::progress::note;
+use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
-use crate::target::{Port, Target, finish_recording};
+use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
 use fault::TimedFault;
+use logbook::{Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Segment, Served, serve};
 use omnibase_ethercat_wire::sii::Image;
-use omnibase_ethercat_wire::{Clock, HostTime, LinkError};
+use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
 use omnibase_robot::Registry;
 use omnibase_run::simulated;
+use serde::Serialize;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -25,6 +30,9 @@ use std::time::Duration;
   omnibase simulate robots/bmm.toml --interface veth1                the robot of a robot file: drives, wheels, floor
   omnibase simulate --sii ek1100.bin,el2828.bin --interface veth1    devices from SII images, in a line
   omnibase simulate segments/three-sgdv.toml --interface veth1 --fault power-cycle@1:5 --record run.pcapng
+
+Frames count from their arrival: pauses of this program are not the bus's. States, watchdogs and standstills are
+noted by the segment's own time; the end says where the robot really is.
 
 A virtual cable: sudo ip link add veth0 type veth peer name veth1; sudo ip link set veth0 up; the same for veth1.
 
@@ -51,6 +59,32 @@ pub struct Arguments {
     /// Record all frames into this pcapng file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    #[command(flatten)]
+    real_time: RealTime,
+    /// Print one JSON object at the end: {"frames", "true_pose", "events", "watchdogs", "standstills", ...}.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a simulation was, as `--json` prints it.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Frames of a MainDevice.
+    frames: u64,
+    /// Of them, those that were answered.
+    answered: u64,
+    /// Foreign frames, and own ones that came back.
+    ignored: u64,
+    /// The longest time that a frame waited for this program, ms.
+    longest_wait_ms: f64,
+    /// Where the robot really is; null for a segment without one.
+    true_pose: Option<TruePose>,
+    /// What happened.
+    events: Vec<Entry>,
+    /// Process-data watchdogs that expired.
+    watchdogs: Vec<WatchdogStop>,
+    /// Stops that no MainDevice led.
+    standstills: Vec<Standstill>,
 }
 
 /// Runs the command.
@@ -82,33 +116,39 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         let (recorded, running) = cable.record(path)?;
         (cable, recorder) = (recorded, Some((running, path)));
     }
-    describe(output, &segment, &arguments.interface)?;
+    let lines = describe(&segment, &arguments.interface);
+    if arguments.json {
+        lines.iter().for_each(note);
+    } else {
+        lines.iter().try_for_each(|line| writeln!(output, "{line}"))?;
+        // A script that waits for these lines must not wait for the buffer to fill.
+        output.flush()?;
+    }
     let mut faults = arguments.fault.clone();
     faults.sort_by_key(|fault| fault.after);
-    let start = cable.clock.now();
-    let mut server = Server { segment: &mut segment, cable: &mut cable, stop, served: Served::default() };
-    for fault in &faults {
-        server.serve_until(Some(start + fault.after), &arguments.interface)?;
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-        match server.segment.inject(fault.position, fault.fault.clone()) {
-            Ok(()) => note(format_args!("fault: {fault}")),
-            Err(error) => note(format_args!("fault {fault} is not possible: {error}")),
-        }
-    }
-    if !stop.load(Ordering::Relaxed) {
-        server.serve_until(None, &arguments.interface)?;
-    }
-    let served = server.served;
-    writeln!(output, "{} frames, {} answered, {} ignored", served.frames, served.answered, served.ignored)?;
-    if let Some(machine) = machine {
-        let pose = machine.truth().pose;
-        writeln!(
-            output,
-            "true pose: x {:.6} m, y {:.6} m, heading {:.6} rad",
-            pose.x_m, pose.y_m, pose.heading_rad
-        )?;
+    faults.reverse();
+    let logbook = Logbook::new(&segment, machine);
+    let mut watch = Watch { logbook, faults, start: segment.now(), stop };
+    // Until the end of the service.
+    let granted = arguments.real_time.apply();
+    let served = watch.serve(&mut segment, &mut cable, &arguments.interface)?;
+    drop(granted);
+    let Logbook { entries, watchdogs, standstills, .. } = &watch.logbook;
+    let report = Report {
+        frames: served.frames,
+        answered: served.answered,
+        ignored: served.ignored,
+        longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
+        true_pose: watch.logbook.true_pose(),
+        events: entries.clone(),
+        watchdogs: watchdogs.clone(),
+        standstills: standstills.clone(),
+    };
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut *output, &report)?;
+        writeln!(output)?;
+    } else {
+        print(&report, output)?;
     }
     drop(cable);
     if let Some((recorder, path)) = recorder {
@@ -117,69 +157,85 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     Ok(Outcome::Done)
 }
 
-fn describe(output: &mut dyn Write, segment: &Segment, interface: &str) -> anyhow::Result<()> {
+fn print(report: &Report, output: &mut dyn Write) -> std::io::Result<()> {
+    let Report { frames, answered, ignored, longest_wait_ms, .. } = report;
+    writeln!(output, "{frames} frames, {answered} answered, {ignored} ignored")?;
+    writeln!(output, "a frame waited {longest_wait_ms:.3} ms for this program at most")?;
+    if let Some(pose) = report.true_pose {
+        let TruePose { x_m, y_m, heading_rad } = pose;
+        writeln!(output, "true pose: x {x_m:.6} m, y {y_m:.6} m, heading {heading_rad:.6} rad")?;
+    }
+    Ok(())
+}
+
+/// What is simulated, and where: a line for the segment, and one for each SubDevice.
+fn describe(segment: &Segment, interface: &str) -> Vec<String> {
     let count = segment.sub_devices().len();
-    writeln!(output, "simulating {count} SubDevices on {interface}; Ctrl-C ends")?;
-    for (position, one) in segment.sub_devices().iter().enumerate() {
+    let mut lines = vec![format!("simulating {count} SubDevices on {interface}; Ctrl-C ends")];
+    lines.extend(segment.sub_devices().iter().enumerate().map(|(position, one)| {
         match Image::parse(one.esc().sii_image()) {
             Ok((image, _)) => {
                 let (name, identity) = (image.name().unwrap_or_default(), image.header.identity);
                 let (vendor, product) = (identity.vendor_id, identity.product_code);
-                writeln!(output, "{position:>4} {name:<40} vendor 0x{vendor:08x} product 0x{product:08x}")?;
+                format!("{position:>4} {name:<40} vendor 0x{vendor:08x} product 0x{product:08x}")
             }
-            Err(error) => writeln!(output, "{position:>4} {error}")?,
+            Err(error) => format!("{position:>4} {error}"),
+        }
+    }));
+    lines
+}
+
+/// Looks on while a segment is served, and does to it what the command line asks for.
+struct Watch {
+    logbook: Logbook,
+    /// Faults that are still to come, the next one last.
+    faults: Vec<TimedFault>,
+    start: HostTime,
+    stop: &'static AtomicBool,
+}
+
+impl Watch {
+    /// Answers frames until a signal; waits while the link is down.
+    fn serve(&mut self, segment: &mut Segment, cable: &mut Cable, interface: &str) -> anyhow::Result<Served> {
+        let mut all = Served::default();
+        let stop = self.stop;
+        let ended = || stop.load(Ordering::Relaxed);
+        loop {
+            match serve(segment, &mut *cable.link, &cable.clock, &mut |segment| self.look(segment)) {
+                Ok(served) => {
+                    all.frames += served.frames;
+                    all.answered += served.answered;
+                    all.ignored += served.ignored;
+                    all.longest_wait_ns = all.longest_wait_ns.max(served.longest_wait_ns);
+                    return Ok(all);
+                }
+                Err(LinkError::Down) => {
+                    note(format_args!("{interface}: the link is down, waiting for it"));
+                    while interface::link_state(interface) != LinkState::Up && !ended() {
+                        std::thread::sleep(Duration::from_millis(20));
+                    }
+                    if ended() {
+                        return Ok(all);
+                    }
+                    note(format_args!("{interface}: the link is up"));
+                }
+                Err(error) => return Err(error.into()),
+            }
         }
     }
-    // A script that waits for this line must not wait for the buffer to fill.
-    output.flush()?;
-    Ok(())
-}
 
-/// A segment that is being served.
-struct Server<'a> {
-    segment: &'a mut Segment,
-    cable: &'a mut crate::target::Cable,
-    stop: &'static AtomicBool,
-    served: Served,
-}
-
-impl Server<'_> {
-    /// Answers frames until the instant or until a signal; waits while the link is down.
-    fn serve_until(&mut self, until: Option<HostTime>, interface: &str) -> anyhow::Result<()> {
-        let pause = AtomicBool::new(false);
-        let done = AtomicBool::new(false);
-        let (clock, stop) = (self.cable.clock.clone(), self.stop);
-        let ended = || stop.load(Ordering::Relaxed) || until.is_some_and(|until| clock.now() >= until);
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                while !done.load(Ordering::Relaxed) && !ended() {
-                    std::thread::sleep(Duration::from_millis(5));
-                }
-                pause.store(true, Ordering::Relaxed);
-            });
-            let result = loop {
-                match serve(self.segment, &mut *self.cable.link, &self.cable.clock, &pause) {
-                    Ok(served) => {
-                        self.served.frames += served.frames;
-                        self.served.answered += served.answered;
-                        self.served.ignored += served.ignored;
-                        break Ok(());
-                    }
-                    Err(LinkError::Down) => {
-                        note(format_args!("{interface}: the link is down, waiting for it"));
-                        while interface::link_state(interface) != LinkState::Up && !ended() {
-                            std::thread::sleep(Duration::from_millis(20));
-                        }
-                        if ended() {
-                            break Ok(());
-                        }
-                        note(format_args!("{interface}: the link is up"));
-                    }
-                    Err(error) => break Err(error.into()),
-                }
-            };
-            done.store(true, Ordering::Relaxed);
-            result
-        })
+    fn look(&mut self, segment: &mut Segment) -> ControlFlow<()> {
+        self.logbook.look(segment);
+        let now = segment.now();
+        while let Some(fault) = self.faults.pop_if(|fault| self.start + fault.after <= now) {
+            match segment.inject(fault.position, fault.fault.clone()) {
+                Ok(()) => self.logbook.note(now, format!("fault: {fault}")),
+                Err(error) => self.logbook.note(now, format!("fault {fault} is not possible: {error}")),
+            }
+        }
+        match self.stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
     }
 }

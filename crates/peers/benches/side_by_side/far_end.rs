@@ -1,6 +1,7 @@
 //! The segment, in a process of its own.
 
 use crate::DRIVES;
+use omnibase_ethercat_sim::until_set;
 use omnibase_host::{MonotonicClock, Namespace, PacketRing, Waiting, stop_on_signals};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -12,7 +13,8 @@ pub fn serve(kind: &str) {
     // A segment of hardware doesn't sleep before it answers.
     let mut link = PacketRing::open(Namespace::FAR, Waiting::BusyPoll).expect("the far end can be opened");
     println!("ready");
-    omnibase_ethercat_sim::serve(&mut segment, &mut link, &MonotonicClock, stop).expect("the cable is in");
+    omnibase_ethercat_sim::serve(&mut segment, &mut link, &MonotonicClock, &mut until_set(stop))
+        .expect("the cable is in");
 }
 
 /// The segment's process; it ends with the value.

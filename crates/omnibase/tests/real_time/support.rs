@@ -1,0 +1,137 @@
+//! Both processes, and what they say.
+
+use omnibase_host::Namespace;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// The longest wait for a line; only a test that fails waits so long.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What a host without real-time rights, whose pauses are longer than a cycle, needs in order to get through: a cycle
+/// of 4 ms, 15 for the drives' sync error counter (the greatest that an SGDV takes: five cycles without outputs), and
+/// as much patience with answers that are late.
+pub const PATIENT: [&str; 6] = [
+    "--set",
+    "bus.cycle_us=4000",
+    "--set",
+    "drive_defaults.parameters=[{object = \"0x10F1.2\", type = \"u16\", value = 15}]",
+    "--set",
+    "safety.lost_exchanges_tolerated=5",
+];
+
+/// A file of the repository.
+pub fn repository(path: &str) -> String {
+    format!("{}/../../{path}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A program whose lines are read as they come. It is killed with the value.
+pub struct Program {
+    child: Child,
+    lines: Receiver<String>,
+    /// Lines that were read already.
+    pub said: Vec<String>,
+    output: Option<JoinHandle<String>>,
+}
+
+impl Program {
+    /// Starts `omnibase`. To be called inside the namespace.
+    pub fn omnibase(arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
+        command.args(arguments);
+        Self::start(command)
+    }
+
+    /// Starts a command whose standard error is read line by line, and whose standard output at the end.
+    pub fn start(mut command: Command) -> Self {
+        let mut child =
+            command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let (sender, lines) = mpsc::channel();
+        let errors = BufReader::new(child.stderr.take().unwrap());
+        std::thread::spawn(move || {
+            errors.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        let mut output = child.stdout.take().unwrap();
+        let output = std::thread::spawn(move || {
+            let mut text = String::new();
+            output.read_to_string(&mut text).map(|_| text).unwrap_or_default()
+        });
+        Program { child, lines, said: Vec::new(), output: Some(output) }
+    }
+
+    /// The simulated robot behind the far end, ready to answer.
+    pub fn simulate(arguments: &[&str]) -> Self {
+        let fixed = ["--interface", Namespace::FAR, "--realtime", "--json"];
+        let mut program = Self::omnibase(&[&["simulate"], arguments, &fixed].concat());
+        program.wait_for("SCHED_FIFO");
+        program
+    }
+
+    /// A run at the near end.
+    pub fn run(arguments: &[&str]) -> Self {
+        let fixed = ["--interface", Namespace::NEAR, "--realtime", "--json"];
+        Self::omnibase(&[&["run"], arguments, &fixed].concat())
+    }
+
+    /// Waits for a line with these words.
+    pub fn wait_for(&mut self, words: &str) {
+        loop {
+            match self.lines.recv_timeout(PATIENCE) {
+                Ok(line) => {
+                    let found = line.contains(words);
+                    self.said.push(line);
+                    if found {
+                        return;
+                    }
+                }
+                Err(error) => panic!("`{words}`: {error}\n{}", self.said.join("\n")),
+            }
+        }
+    }
+
+    /// Sends a signal, as `INT`.
+    pub fn signal(&self, name: &str) {
+        let status = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
+        assert!(status.unwrap().success());
+    }
+
+    /// Waits for the end; how it ended, and what went to the standard output.
+    pub fn end(mut self) -> Ended {
+        let status = self.child.wait().unwrap();
+        self.said.extend(self.lines.iter());
+        let output = self.output.take().map(|output| output.join().unwrap()).unwrap_or_default();
+        Ended { status, output, said: self.said.join("\n") }
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A program that has ended.
+#[derive(Debug)]
+pub struct Ended {
+    pub status: ExitStatus,
+    pub output: String,
+    /// Lines of the standard error.
+    pub said: String,
+}
+
+impl Ended {
+    /// Its JSON.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.output)
+            .unwrap_or_else(|error| panic!("{error}: {:?}\n{}\n{}", self.status, self.output, self.said))
+    }
+}
+
+/// A number of a report.
+pub fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
