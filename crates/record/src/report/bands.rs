@@ -63,9 +63,9 @@ impl Band {
         stretches
     }
 
-    /// The stretches of `code`, to be marked behind curves.
-    pub(super) fn marked(&self, times: &[f64], code: u64) -> Option<Marked> {
-        let (_, name, class) = *self.choices.iter().find(|choice| choice.0 == code)?;
+    /// The stretches of `code`, to be marked behind curves by `name`.
+    pub(super) fn marked(&self, times: &[f64], code: u64, name: &'static str) -> Option<Marked> {
+        let (_, _, class) = *self.choices.iter().find(|choice| choice.0 == code)?;
         let stretches = self.stretches(times, code);
         (!stretches.is_empty()).then_some(Marked { name, class, stretches })
     }

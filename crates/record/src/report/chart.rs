@@ -170,6 +170,7 @@ pub(super) fn key(class: &str, sort: &str, name: &str) -> String {
     let swatch = match sort {
         "line" => format!("<path class=\"{class}\" d=\"M0 5H26\"/>"),
         "area" => format!("<rect class=\"{class}\" width=\"26\" height=\"10\"/>"),
+        "square" => format!("<rect class=\"{class}\" x=\"8.5\" y=\"0.5\" width=\"9\" height=\"9\"/>"),
         "mark" => format!("<circle class=\"{class}\" cx=\"13\" cy=\"5\" r=\"4.5\"/>"),
         _ => String::new(),
     };

@@ -30,8 +30,9 @@ impl Quantiles {
     }
 }
 
-/// A histogram of times in s, with a logarithmic axis of counts, that the rarest is seen too.
-pub(super) fn html(title: &str, quantiles: &Quantiles) -> String {
+/// A histogram of times in s, with a logarithmic axis of counts, that the rarest is seen too; and the period of the
+/// cycle, in s, where it is known.
+pub(super) fn html(title: &str, quantiles: &Quantiles, period_s: Option<f64>) -> String {
     let (Some(least), Some(median), Some(greatest)) =
         (quantiles.at(0.0), quantiles.at(0.5), quantiles.at(1.0))
     else {
@@ -79,6 +80,15 @@ pub(super) fn html(title: &str, quantiles: &Quantiles) -> String {
         if let Some(value) = quantiles.at(share) {
             let entry = format!("{name} {} {}", text::significant(value * unit.factor), unit.name);
             legend.push_str(&chart::key("", "none", &entry));
+        }
+    }
+    if let Some(period) = period_s.filter(|period| *period > 0.0) {
+        let name = format!("period {} {}", text::significant(period * unit.factor), unit.name);
+        let at = (WIDTH * span.part(along(period))).round();
+        let sort = if (0.0..=WIDTH).contains(&at) { "line" } else { "none" };
+        legend.push_str(&chart::key("limit", sort, &name));
+        if sort == "line" {
+            let _ = write!(inner, "<path class=\"limit\" d=\"M{at} 0V{HEIGHT}\"/>");
         }
     }
     chart::figure(&Figure {
@@ -130,8 +140,13 @@ mod tests {
     fn one_late_cycle_among_many_is_a_bar() {
         let mut values = vec![50e-6; 100_000];
         values[77] = 5e-3;
-        let html = html("Round trip", &Quantiles::of(&values));
+        let html = html("Round trip", &Quantiles::of(&values), Some(1e-3));
         assert_eq!(html.matches("class=\"bar\"").count(), 2);
         assert!(html.contains("time in ms, logarithmic") && html.contains("max 5.00 ms"), "{html}");
+        // The period of 1 ms lies between 50 µs and 5 ms, as log 20 lies between 0 and log 100, but for the margins.
+        let at = html.split("<path class=\"limit\" d=\"M").nth(2).unwrap().split(' ').next().unwrap();
+        let expected = WIDTH * (0.02 + 20f64.log10() / 2.0) / 1.04;
+        assert!((at.parse::<f64>().unwrap() - expected).abs() < 1.0, "{at}");
+        assert!(html.contains("period 1.00 ms"), "{html}");
     }
 }

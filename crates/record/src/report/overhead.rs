@@ -162,12 +162,12 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape) -> Option<
         legend.push_str(&chart::key(path.class, "line", path.name));
     }
     let finite: Vec<usize> = (0..shown.x.len()).filter(|&row| is_finite(shown, row)).collect();
-    for (row, class, name) in [(finite.first(), "start", "start"), (finite.last(), "end", "end")] {
+    for (row, class, sort) in [(finite.first(), "start", "mark"), (finite.last(), "end", "square")] {
         let Some(&row) = row else { continue };
         let (x, y) = floor.place(shown.x[row], shown.y[row]);
         // A line of no length with round ends is a dot that isn't stretched with the drawing.
         let _ = write!(inner, "<path class=\"dot {class}\" d=\"M{x:.0} {y:.0}h0\"/>");
-        legend.push_str(&chart::key(&format!("mark-{class}"), "mark", name));
+        legend.push_str(&chart::key(&format!("mark-{class}"), sort, class));
     }
     if !shape.footprint.is_empty() {
         let whose = if tracking.truth.is_some() { "as it truly was" } else { "as believed" };
@@ -214,6 +214,8 @@ fn platforms(poses: &Poses, reach: f64) -> Vec<usize> {
     loop {
         let mut rows: Vec<usize> = Vec::new();
         for row in candidates.iter().copied().take(1).chain(last).chain(candidates.iter().copied().skip(1)) {
+            // The end is shown even on a short way: it says what became of the platform.
+            let apart = if Some(row) == last { 0.3 * apart } else { apart };
             if rows.iter().all(|&other| way(row, other) >= apart) {
                 rows.push(row);
             }

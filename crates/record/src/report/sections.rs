@@ -28,9 +28,13 @@ impl<'a> Page<'a> {
     pub(super) fn new(signals: &'a Signals<'a>, tracking: &'a Tracking) -> Self {
         let bands = bands(signals, tracking);
         // Which of the codes are marked behind the curves of the wheels.
-        let interesting = [("Commands", 1), ("Frames", 1), ("Frames", 2)];
-        let marked = interesting.iter().filter_map(|(name, code)| {
-            bands.iter().find(|band| band.name == *name)?.marked(&signals.times_s, *code)
+        let interesting = [
+            ("Commands", 1, "commands scaled down"),
+            ("Frames", 1, "frames lost"),
+            ("Frames", 2, "working counter short"),
+        ];
+        let marked = interesting.iter().filter_map(|(band, code, name)| {
+            bands.iter().find(|known| known.name == *band)?.marked(&signals.times_s, *code, name)
         });
         Page { signals, tracking, marked: marked.collect(), bands }
     }
@@ -152,6 +156,7 @@ impl<'a> Page<'a> {
             ("Late wake-up", vec!["wake_up", "wakeup", "wake_up_late", "wakeup_late", "latency"]),
             ("Computation", vec!["compute", "computation"]),
         ];
+        let period_s = self.signals.column(&["cycle_period"]).and_then(|periods| periods.last().copied());
         let mut html = String::new();
         for (title, ends) in sorts {
             let names: Vec<String> = prefixes
@@ -160,7 +165,7 @@ impl<'a> Page<'a> {
                 .collect();
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
             if let Some(values) = self.signals.column(&names) {
-                html.push_str(&histogram::html(title, &Quantiles::of(&values)));
+                html.push_str(&histogram::html(title, &Quantiles::of(&values), period_s));
             }
         }
         if html.is_empty() {

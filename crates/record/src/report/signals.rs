@@ -48,8 +48,9 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
 }
 
 /// Beginnings of the names of all signals that are shown, beside those of wheels.
-const SHOWN: [&str; 16] = [
+const SHOWN: [&str; 17] = [
     "cycle_phase",
+    "cycle_period",
     "exchange_result",
     "state_pose",
     "state_twist_in_body",

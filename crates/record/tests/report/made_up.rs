@@ -24,8 +24,8 @@ pub fn schema(wheels: usize) -> RunSchema {
         ends.iter().map(|end| format!("{group}.{end}")).collect()
     };
     let axes = ["x", "y", "heading"];
+    schema.push("/cycle", ["period_ns", "phase"]);
     schema.push("/exchange", ["result"]);
-    schema.push("/cycle", ["phase"]);
     let both = |one: &str, other: &str| [names(one, &axes), names(other, &axes)].concat();
     schema.push("/state", [both("pose", "twist_in_body"), vec!["slip_residual_m_s".into()]].concat());
     schema.push("/wished", both("pose", "twist"));
@@ -79,7 +79,7 @@ pub fn square(wheels: usize, cycles: usize) -> RecordedRun {
         let heading = 0.0;
         run.times_ns.push(1_700_000_000_000_000_000 + cycle as u64 * 1_000_000);
         let values = &mut run.values;
-        values.extend([if cycle % 4000 == 3999 { 1.0 } else { 0.0 }, phase]);
+        values.extend([1e6, phase, if cycle % 4000 == 3999 { 1.0 } else { 0.0 }]);
         let believed = [place[0] + BELIEVED_OFF_M, place[1], heading + HEADING_OFF_RAD];
         values.extend(believed);
         values.extend([speed[0] + 0.002 * noise(cycle), speed[1] + 0.002 * noise(cycle + 7), 0.0]);
