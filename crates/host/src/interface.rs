@@ -89,7 +89,7 @@ pub(crate) fn index(socket: i32, name: &str) -> Option<i32> {
 }
 
 /// An interface request with this name; `None` for a name that no interface can have.
-fn request(name: &str) -> Option<libc::ifreq> {
+pub(crate) fn request(name: &str) -> Option<libc::ifreq> {
     let bytes = name.as_bytes();
     if bytes.is_empty() || bytes.len() >= libc::IFNAMSIZ || bytes.contains(&0) {
         return None;

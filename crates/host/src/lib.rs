@@ -5,6 +5,7 @@
 //!   no system call at all.
 //! - [`MonotonicClock`]: the clock that runners own.
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
+//! - [`doctor`]: whether the machine is fit for that, and what mends it.
 //! - [`stop_on_signals`]: a clean end on Ctrl-C.
 //! - [`interface`]: which network interfaces there are, and whether their cables are in.
 //! - [`CountingAllocator`] and [`Namespace`]: for tests and benches that count allocations or need a cable.
@@ -14,6 +15,8 @@
 
 mod allocator;
 mod clock;
+pub mod doctor;
+mod ethtool;
 pub mod interface;
 mod namespace;
 mod packet_ring;
@@ -24,9 +27,15 @@ mod stop;
 
 pub use allocator::CountingAllocator;
 pub use clock::MonotonicClock;
+pub use ethtool::EthtoolError;
 pub use interface::LinkState;
 pub use namespace::{Namespace, NamespaceError};
 pub use packet_ring::{PacketRing, Waiting};
 pub use packet_socket::PacketSocket;
 pub use raw::{DropCounts, OpenError};
 pub use stop::stop_on_signals;
+
+/// Whether this program runs as root.
+pub fn is_root() -> bool {
+    rustix::process::geteuid().is_root()
+}

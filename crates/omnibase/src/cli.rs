@@ -1,7 +1,7 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, exchange, kinematics, live, replay, report, run, scan, sdo, sii, simulate,
+    check, decode, doctor, exchange, kinematics, live, replay, report, run, scan, sdo, sii, simulate,
 };
 use clap::{Parser, Subcommand};
 
@@ -29,6 +29,7 @@ pub enum Command {
     Set(live::Set),
     Call(live::Call),
     Top(live::Top),
+    Doctor(doctor::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

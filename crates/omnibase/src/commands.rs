@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod decode;
+pub mod doctor;
 pub mod exchange;
 pub mod kinematics;
 pub mod live;
@@ -32,6 +33,7 @@ pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome>
         Command::Set(arguments) => live::set(arguments, output),
         Command::Call(arguments) => live::call(arguments, output),
         Command::Top(arguments) => live::top(arguments, output),
+        Command::Doctor(arguments) => doctor::run(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
