@@ -1,0 +1,333 @@
+//! `omnibase run`, `check`, `kinematics` and `replay` as a user runs them, on virtual time.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+const SQUARE: [&str; 4] = ["run", "robots/bmm.toml", "--path", "robots/square.dat"];
+const CIRCLE: [&str; 4] = ["run", "robots/bmm.toml", "--circle", "radius=0.2,period=5"];
+
+/// A folder of the test's own that vanishes with it.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path =
+            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("robot-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).to_str().unwrap().to_owned()
+    }
+
+    /// A file with a text, by its path.
+    fn file(&self, name: &str, text: &str) -> String {
+        std::fs::write(self.0.join(name), text).unwrap();
+        self.path(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn bmm() -> String {
+    std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap()
+}
+
+fn omnibase(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
+    command.args(arguments).current_dir(root()).stdin(Stdio::null()).output().unwrap()
+}
+
+fn words(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command prints, where it succeeds.
+fn prints(arguments: &[&str]) -> String {
+    let output = omnibase(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", words(&output.stderr));
+    words(&output.stdout)
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_str(&prints(arguments)).unwrap()
+}
+
+/// Exit code, and what is said on either output.
+fn refused(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = omnibase(arguments);
+    (output.status.code(), words(&output.stdout) + &words(&output.stderr))
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().expect("an object").keys().map(String::as_str).collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn the_square_of_the_thesis_is_told_in_one_json_object() {
+    let summary = json(&[&SQUARE[..], &["--json"]].concat());
+    let mut wanted = [
+        "final_error_m",
+        "rms_error_m",
+        "max_error_m",
+        "final_heading_error_rad",
+        "cycles",
+        "lost_frames",
+        "overruns",
+        "records_written",
+        "records_dropped",
+        "realtime_factor",
+        "events",
+    ];
+    let mut found = keys(&summary);
+    wanted.sort_unstable();
+    found.sort_unstable();
+    assert_eq!(found, wanted);
+    for key in ["final_error_m", "rms_error_m", "max_error_m"] {
+        assert_eq!(keys(&summary[key]), ["believed", "true"], "{key}");
+    }
+    let figure = |key: &str, whose: &str| number(&summary[key][whose]);
+    // What is asked: 0.5 mm believed, 3 mm true at the end, with default friction and slip.
+    assert!(figure("rms_error_m", "believed") <= 5e-4 && figure("rms_error_m", "believed") > 0.0);
+    assert!(figure("final_error_m", "true") <= 3e-3 && figure("final_error_m", "true") > 0.0);
+    assert!(figure("max_error_m", "true") >= figure("rms_error_m", "true"));
+    assert!(number(&summary["final_heading_error_rad"]).abs() < 2e-3);
+    // 20 s of path and the second of the hold at 1 kHz.
+    assert!((21_000..21_200).contains(&summary["cycles"].as_u64().unwrap()), "{}", summary["cycles"]);
+    assert_eq!([&summary["lost_frames"], &summary["overruns"]], [0, 0]);
+    assert_eq!([&summary["records_written"], &summary["records_dropped"]], [0, 0]);
+    assert!(number(&summary["realtime_factor"]) > 0.0);
+    let events = summary["events"].as_array().unwrap();
+    let texts: Vec<&str> = events.iter().map(|event| event["text"].as_str().unwrap()).collect();
+    let order = ["enabling the drives", "holding", "tracking the reference", "holding", "drives disabled"];
+    let mut rest = texts.iter();
+    assert!(order.iter().all(|text| rest.any(|found| found == text)), "{texts:?}");
+    let times: Vec<f64> = events.iter().map(|event| number(&event["time_s"])).collect();
+    assert!(times.is_sorted(), "{times:?}");
+}
+
+#[test]
+fn the_square_as_text_has_its_figures_with_units() {
+    let text = prints(&SQUARE);
+    let row = |name: &str| -> Vec<String> {
+        let line = text.lines().find(|line| line.trim_start().starts_with(name));
+        let line = line.unwrap_or_else(|| panic!("{name} in {text}"));
+        line.trim_start()[name.len()..].split_whitespace().map(str::to_owned).collect()
+    };
+    for name in ["final ", "RMS", "greatest"] {
+        let row = row(name);
+        assert_eq!((row.len(), row[1].as_str(), row[3].as_str()), (4, "mm", "mm"), "{row:?}");
+        assert!(row[0].parse::<f64>().unwrap() < row[2].parse::<f64>().unwrap(), "slip is not seen: {row:?}");
+    }
+    assert_eq!(row("final heading error")[1], "mrad");
+    assert_eq!(row("lost frames"), ["0"]);
+    assert!(row("cycles")[0].parse::<u64>().unwrap() >= 21_000);
+    assert!(text.contains(" s  tracking the reference"), "{text}");
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
+    let folder = Folder::new("same");
+    let further = ["--controller", "adaptive_torque", "--payload-kg", "100", "--json"];
+    let record = |name: &str| {
+        let (mcap, columns) = (folder.path(&format!("{name}.mcap")), folder.path(&format!("{name}.txt")));
+        let files = ["--record", mcap.as_str(), "--columns", columns.as_str()];
+        let summary = json(&[&CIRCLE[..], &further[..], &files[..]].concat());
+        assert_eq!(summary["records_written"], summary["cycles"], "{summary}");
+        assert_eq!(summary["records_dropped"], 0, "{summary}");
+        (mcap, std::fs::read(columns).unwrap(), summary["cycles"].as_u64().unwrap())
+    };
+    let (first, first_columns, cycles) = record("first");
+    let (second, second_columns, _) = record("second");
+    // Not `assert_eq`: nobody reads megabytes.
+    assert!(first_columns == second_columns, "the column files differ");
+    // The MCAP's last words tell how fast the host was, which is the one thing that differs.
+    let raw = |path: &str| {
+        let run = omnibase_record::run::RecordedRun::read(&std::fs::read(path).unwrap()).unwrap();
+        assert!(run.truncated.is_none());
+        (run.times_ns, run.raw)
+    };
+    assert!(raw(&first) == raw(&second), "the recordings differ");
+
+    assert_eq!(
+        prints(&["replay", &first]).trim(),
+        format!("{cycles} cycles computed again, the same to the bit")
+    );
+    let told = json(&["replay", &first, "--json"]);
+    assert_eq!((&told["cycles"], &told["same"]), (&Value::from(cycles), &Value::from(true)));
+    assert!(told["difference"].is_null(), "{told}");
+}
+
+#[test]
+fn a_replay_of_what_is_no_recording_is_refused() {
+    let (code, says) = refused(&["replay", "robots/bmm.toml"]);
+    assert_eq!(code, Some(1), "{says}");
+    assert!(says.contains("robots/bmm.toml") && says.contains("not MCAP"), "{says}");
+    let (code, says) = refused(&["replay", "no-such.mcap"]);
+    assert!(code == Some(1) && says.contains("no-such.mcap"), "{says}");
+}
+
+#[test]
+fn a_sound_file_is_checked_to_a_plan_with_units() {
+    let text = prints(&["check", "robots/bmm.toml"]);
+    for words in ["wheel_1", "position 2", "process image", "6041:00@0:16", "1 m/s", "N·m", "cycle 1000 us"]
+    {
+        assert!(text.contains(words), "{words} in {text}");
+    }
+    let plan = json(&["check", "robots/mecanum.toml", "--json"]);
+    assert_eq!(plan["problems"], Value::Array(Vec::new()));
+    assert_eq!(plan["wheels"].as_array().unwrap().len(), 4);
+    assert_eq!(plan["limits"]["speed"]["unit"], "m/s");
+    let schema = json(&["check", "--schema"]);
+    let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
+    assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");
+}
+
+/// The file of the BMM with four mistakes, and what is to be said of each: line, column, expected, found.
+fn four_mistakes() -> (String, [(String, &'static str); 4]) {
+    let sound = bmm();
+    let text = sound
+        .replace("position = 2", "position = 1")
+        .replace("\nspeed_m_s = 1.0", "\nspeed_mm_s = 1.0")
+        .replace("rated_torque_nm", "rated_torqe_nm")
+        .replace("wheel_radius_m = 0.10", "wheel_radius_m = \"big\"");
+    let place = |start: &str, column: usize| {
+        let found = text.lines().enumerate().filter(|(_, line)| line.starts_with(start)).last();
+        format!("{}:{column}", found.expect("the line").0 + 1)
+    };
+    let mistakes = [
+        (place("position = 1", 1), "drive[2].position = 1: drive[1] has the same position"),
+        (place("speed_mm_s", 1), "the unit of this setting is m_s, not mm_s: write `speed_m_s`"),
+        (place("rated_torqe_nm", 1), "did you mean `rated_torque_nm`?"),
+        (
+            place("wheel_radius_m", 1),
+            "wheel_radius_m = \"big\": the value has another type than number (allowed: number)",
+        ),
+    ];
+    (text, mistakes)
+}
+
+#[test]
+fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
+    let folder = Folder::new("mistakes");
+    let (text, mistakes) = four_mistakes();
+    let file = folder.file("robot.toml", &text);
+    for command in [
+        &["check", &file][..],
+        &["run", &file, "--circle", "radius=0.5"],
+        &["kinematics", &file, "--twist", "1 0 0"],
+    ] {
+        let (code, says) = refused(command);
+        assert_eq!(code, Some(1), "{says}");
+        for (place, what) in &mistakes {
+            let line = says.lines().find(|line| line.starts_with(&format!("{file}:{place}:")));
+            let line = line.unwrap_or_else(|| panic!("{command:?}: {place} in {says}"));
+            assert!(line.contains(what), "{what} in {line}");
+        }
+    }
+    let output = omnibase(&["check", &file, "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let places: Vec<String> = told["problems"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|problem| format!("{}:{}", problem["line"], problem["column"]))
+        .collect();
+    for (place, _) in &mistakes {
+        assert!(places.contains(place), "{place} in {places:?}");
+    }
+}
+
+#[test]
+fn missing_limits_are_refused_before_anything_moves() {
+    let folder = Folder::new("limits");
+    let text: String = bmm()
+        .lines()
+        .filter(|line| !line.starts_with("wheel_speed_rad_s"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let file = folder.file("robot.toml", &text);
+    let (code, says) = refused(&["run", &file, "--circle", "radius=0.5"]);
+    assert_eq!(code, Some(1), "{says}");
+    assert!(says.contains("wheel_speed_rad_s") && says.contains("must be given"), "{says}");
+}
+
+#[test]
+fn wrong_words_on_the_command_line_are_refused_in_words() {
+    let folder = Folder::new("words");
+    let letters = folder.file("letters.dat", "(0, 0, 0, 0)\n(1, 2, x, 0)\n");
+    let fast = folder.file("fast.dat", "(0, 0, 0, 0)\n(1, 2, 0, 0)\n");
+    let robot = "robots/bmm.toml";
+    for (arguments, code, what) in [
+        (vec!["run", robot], 1, "nothing to follow"),
+        (vec!["run", robot, "--path", &letters], 1, "line 2, column 8: expected a number (y), found \"x\""),
+        (vec!["run", robot, "--path", &fast], 1, "the limit is 1 m/s; it needs 3.000 s"),
+        (vec!["run", robot, "--path", "no-such.dat"], 1, "no-such.dat"),
+        (vec!["run", robot, "--circle", "step=1"], 1, "--circle takes radius, period, turns, heading"),
+        (
+            vec!["run", robot, "--circle", "radius=0.5", "--controller", "open_lop"],
+            1,
+            "did you mean `open_loop`?",
+        ),
+        (vec!["run", robot, "--circle", "radius=0.5", "--set", "limits.speed_m_s"], 2, "expected key=value"),
+        (vec!["run", robot, "--circle", "radius=0.5", "--path", &fast], 2, "cannot be used with"),
+        (vec!["run", "--circle", "radius=0.5"], 2, "<ROBOT>"),
+        (vec!["run", "no-such.toml", "--circle", "radius=0.5"], 1, "no-such.toml"),
+        (vec!["check"], 2, "<ROBOT>"),
+        (vec!["kinematics", robot], 2, "--twist"),
+        (vec!["kinematics", robot, "--twist", "1 0"], 1, "expected 3 finite numbers, found 2 words"),
+        (vec!["kinematics", robot, "--twist", "1 0 nan"], 1, "expected 3 finite numbers"),
+        (vec!["kinematics", robot, "--wheels", "1 1 1 1"], 1, "expected 3 finite numbers, found 4 words"),
+    ] {
+        let (found, says) = refused(&arguments);
+        assert_eq!(found, Some(code), "{arguments:?}: {says}");
+        assert!(says.contains(what), "{arguments:?}: {what} in {says}");
+    }
+}
+
+#[test]
+fn kinematics_go_both_ways_as_text_and_json() {
+    let robot = "robots/bmm.toml";
+    let there = json(&["kinematics", robot, "--twist", "0.5 -0.1 0.2", "--json"]);
+    assert_eq!(keys(&there), ["wheel_speeds_rad_s"]);
+    let speeds = &there["wheel_speeds_rad_s"];
+    assert_eq!(keys(speeds), ["wheel_1", "wheel_2", "wheel_3"]);
+    // R·omega = B·xi with the B of the BMM: [0, 1, -p1], [-√3/2, -1/2, -p], [√3/2, -1/2, -p]; R 0.10, p1 0.38, p 0.40.
+    let half_root = 3_f64.sqrt() / 2.0;
+    let wanted = [-0.1 - 0.076, -half_root * 0.5 + 0.05 - 0.08, half_root * 0.5 + 0.05 - 0.08];
+    for (name, wanted) in ["wheel_1", "wheel_2", "wheel_3"].iter().zip(wanted) {
+        // Rounding alone.
+        assert!((number(&speeds[name]) - wanted / 0.10).abs() < 1e-12, "{name}: {speeds}");
+    }
+    let list = ["wheel_1", "wheel_2", "wheel_3"].map(|name| speeds[name].to_string()).join(" ");
+    let back = json(&["kinematics", robot, "--wheels", &list, "--json"]);
+    assert_eq!(keys(&back), ["residual_m_s", "twist"]);
+    for (key, wanted) in [("vx_m_s", 0.5), ("vy_m_s", -0.1), ("w_rad_s", 0.2)] {
+        assert!((number(&back["twist"][key]) - wanted).abs() < 1e-12, "{back}");
+    }
+    assert!(number(&back["residual_m_s"]).abs() < 1e-12);
+    // Four wheels that disagree: the residual says so.
+    let slip = json(&["kinematics", "robots/mecanum.toml", "--wheels", "1 1 1 2", "--json"]);
+    assert!(number(&slip["residual_m_s"]) > 0.01, "{slip}");
+    let text = prints(&["kinematics", robot, "--wheels", "1 1 1"]);
+    // Three equal speeds turn the BMM clockwise: -R·3/(p1 + 2p).
+    let turn = text.lines().find(|line| line.starts_with("w ")).expect("a line");
+    assert_eq!(turn.split_whitespace().collect::<Vec<_>>(), ["w", "-0.254237", "rad/s"]);
+    let text = prints(&["kinematics", robot, "--twist", "0 0 1"]);
+    assert!(text.contains("wheel_1") && text.contains("-3.800000 rad/s"), "{text}");
+}
