@@ -37,3 +37,6 @@ pub enum Command {
     Decode(decode::Arguments),
     Sii(sii::Arguments),
 }
+
+#[cfg(test)]
+mod tests;

@@ -63,7 +63,7 @@ fn every_command_that_a_document_marks_as_tested_works() {
         let blocks = text.split("```sh tested\n").skip(1).filter_map(|rest| rest.split("```").next());
         for line in blocks.flat_map(str::lines) {
             let arguments = line.strip_prefix("cargo run --release -- ").expect("a command of omnibase");
-            let arguments = arguments.split('#').next().unwrap_or_default().split_whitespace();
+            let arguments = words(arguments.split(" # ").next().unwrap_or_default());
             let command =
                 Command::new(env!("CARGO_BIN_EXE_omnibase")).args(arguments).current_dir(root()).output();
             let output = command.unwrap();
@@ -79,6 +79,16 @@ fn every_command_that_a_document_marks_as_tested_works() {
         }
     }
     assert!(checked > 0, "no command was found in the documents: is the search broken?");
+}
+
+/// A line's words as a shell takes them, without anything but double quotes.
+fn words(line: &str) -> Vec<String> {
+    let quoted = line.split('"').enumerate();
+    let words = quoted.flat_map(|(part, text)| match part % 2 {
+        0 => text.split_whitespace().map(str::to_owned).collect(),
+        _ => vec![text.to_owned()],
+    });
+    words.collect()
 }
 
 #[test]

@@ -1,0 +1,69 @@
+use super::Cli;
+use clap::{CommandFactory, Parser};
+use std::path::{Path, PathBuf};
+
+fn documents() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut found = vec![root.join("README.md"), root.join("CONTRIBUTING.md")];
+    let mut folders = vec![root.join("docs")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.extension() {
+                Some(extension) if extension == "md" => found.push(path),
+                _ if path.is_dir() => folders.push(path),
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+/// The command lines of omnibase in a document: in blocks of shell, and in the first column of tables.
+fn command_lines(text: &str) -> Vec<String> {
+    let blocks = text.split("```sh").skip(1).filter_map(|rest| rest.split("```").next());
+    let lines = blocks.flat_map(|block| block.lines().skip(1)).map(str::to_owned);
+    let table = text.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
+    // A word that stands for a word doesn't redirect.
+    let table = table.map(|line| line.replace(['<', '>'], "_").replace("[", "").replace("]", ""));
+    let starts = ["cargo run --release -- ", "target/release/omnibase ", "omnibase "];
+    let of = |line: String| {
+        let line = line.split(" # ").next()?.trim_end_matches(" &").trim().to_owned();
+        starts.iter().find_map(|start| line.strip_prefix(start)).map(str::to_owned)
+    };
+    lines.chain(table).filter_map(of).collect()
+}
+
+/// A line's words as a shell takes them, without anything but double quotes.
+fn words(line: &str) -> Vec<String> {
+    let quoted = line.split('"').enumerate();
+    let words = quoted.flat_map(|(part, text)| match part % 2 {
+        0 => text.split_whitespace().map(str::to_owned).collect(),
+        _ => vec![text.to_owned()],
+    });
+    words.collect()
+}
+
+#[test]
+fn every_command_line_in_the_documents_is_one_that_the_program_takes() {
+    let mut checked = 0;
+    for document in documents() {
+        let text = std::fs::read_to_string(&document).unwrap();
+        for line in command_lines(&text) {
+            if line.starts_with("_command_ ") || line.starts_with("<command> ") {
+                continue;
+            }
+            let arguments = std::iter::once("omnibase".to_owned()).chain(words(&line));
+            if let Err(error) = Cli::try_parse_from(arguments) {
+                panic!("{}: omnibase {line}\n{error}", document.display());
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 40, "only {checked} command lines were found: is the search broken?");
+}
+
+#[test]
+fn the_command_line_is_sound() {
+    Cli::command().debug_assert();
+}
