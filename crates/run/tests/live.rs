@@ -1,6 +1,7 @@
 //! A running robot under people's hands, in virtual time, frames and all.
 
 mod hands;
+mod stick;
 
 use std::sync::atomic::Ordering;
 

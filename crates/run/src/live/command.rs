@@ -33,6 +33,8 @@ pub enum Pad {
     Released,
     /// It is gone.
     Lost,
+    /// Who holds it stopped and gave the command back: it is blocked until it is enabled.
+    Withdrawn,
 }
 
 /// What is asked.

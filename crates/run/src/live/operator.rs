@@ -3,7 +3,8 @@
 //! The operator turns what many clients ask into the one request that a cycle takes. It is a plain struct without
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
-use omnibase_robot::signals::{CycleRecord, Phase, RequestAnswer, StopCategory};
+use omnibase_platform::Twist2;
+use omnibase_robot::signals::{CycleRecord, Frame, Phase, RequestAnswer, StopCategory};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
@@ -337,6 +338,11 @@ impl Operator {
                 }
             }
             Pad::Lost => self.pad_lost(client, "the stick is gone: stopped, and blocked until it is enabled"),
+            Pad::Withdrawn => {
+                // Blocked in any case: whoever presses a stop button is to be believed.
+                stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
+                self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
+            }
         }
     }
 

@@ -1,0 +1,244 @@
+//! Recorded events of a stick drive the simulated robot in virtual time, frames and all.
+
+use std::collections::BTreeMap;
+
+use crate::hands::{Hands, plan, played};
+use omnibase_joystick::{
+    AxisRange, Description, Device, Finder, Map, Port, RawEvent, Recorded, Recorder, State, Stick,
+};
+use omnibase_robot::RequestKind;
+use omnibase_robot::config::JoystickTable;
+use omnibase_robot::signals::{Frame, Phase};
+use omnibase_run::live::{Client, Commander, JoystickDriver, Snapshot};
+
+const MS: u64 = 1_000_000;
+const ABS_Y: u16 = 1;
+const ABS_RZ: u16 = 5;
+const ABS_THROTTLE: u16 = 6;
+const TRIGGER: u16 = 0x120;
+const STOP: u16 = 0x121;
+const FIXED: u16 = 0x123;
+const RESET: u16 = 0x124;
+const ENABLE: u16 = 0x12B;
+
+/// The stick of the thesis.
+fn t_flight() -> Description {
+    let range = AxisRange { minimum: 0, maximum: 255, flat: 15, fuzz: 0 };
+    Description {
+        name: "Thrustmaster T.Flight Stick X".into(),
+        vendor_id: 0x044F,
+        product_id: 0xB106,
+        axes: [0, ABS_Y, ABS_RZ, ABS_THROTTLE].map(|axis| (axis, range)).into(),
+        buttons: (0x120..=0x12B).collect(),
+    }
+}
+
+/// One change of the stick: when, ms after it was plugged in; axis or button; value.
+type Change = (u64, u16, i32);
+
+/// The recording of these changes, each with its report; the stick is there until `until_ms`.
+fn recording(changes: &[Change], until_ms: u64) -> Recorded {
+    let device = t_flight();
+    let mut axes: BTreeMap<u16, i32> = device.axes.keys().map(|axis| (*axis, 128)).collect();
+    // The throttle at its fast end.
+    axes.insert(ABS_THROTTLE, 0);
+    let path = std::env::temp_dir().join(format!("omnibase-stick-{:?}", std::thread::current().id()));
+    let file = std::fs::File::create(&path).expect("a file");
+    let state = State { axes, pressed: [].into() };
+    let mut recorder = Recorder::start(Box::new(file), &device, &state).expect("a recording");
+    recorder.write(&[RawEvent::report(0)]).expect("written");
+    for &(ms, code, value) in changes {
+        let time_us = ms * 1000;
+        let event = if code < 0x100 {
+            RawEvent::axis(time_us, code, value)
+        } else {
+            RawEvent::button(time_us, code, value)
+        };
+        recorder.write(&[event, RawEvent::report(time_us)]).expect("written");
+    }
+    recorder.write(&[RawEvent::report(until_ms * 1000)]).expect("written");
+    let bytes = std::fs::read(&path).expect("the file");
+    let _ = std::fs::remove_file(&path);
+    Recorded::from_bytes(&bytes).expect("a recording")
+}
+
+struct Plugs(Vec<Recorded>);
+
+impl Finder for Plugs {
+    fn find(&mut self) -> Option<(Box<dyn Device>, Map)> {
+        let device = (!self.0.is_empty()).then(|| self.0.remove(0))?;
+        let map = Map::of(&JoystickTable::default(), device.description()).expect("the map fits");
+        Some((Box::new(device), map))
+    }
+}
+
+/// Gives the stick's port a turn every 10 ms from `from_s` on.
+fn drive(hands: &mut Hands, from_s: f64, recordings: Vec<Recorded>) {
+    let mut port = Port::new(Plugs(recordings), Stick::new(200 * MS));
+    let mut driver = JoystickDriver::new(&plan().limits);
+    hands.between(from_s, f64::INFINITY, move |live, seen| {
+        let now_ns = seen.record.time.now_ns;
+        if !now_ns.is_multiple_of(10 * MS) {
+            return;
+        }
+        driver.agree(port.stick_mut(), seen);
+        let (command, _) = port.turn(now_ns);
+        for ask in driver.asks(&command, seen) {
+            live.send(Client::Joystick, ask).expect("there is room");
+        }
+    });
+}
+
+fn stands(seen: &Snapshot) {
+    let twist = seen.record.state.twist_in_body;
+    assert!(twist.speed_m_s() < 0.005 && twist.w_rad_s.abs() < 0.01, "{twist:?}");
+    assert_eq!(seen.beside.say.commander, Commander::Nobody);
+}
+
+#[test]
+fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
+    let changes = [
+        // Drives on, by a person at the stick.
+        (100, ENABLE, 1),
+        (200, ENABLE, 0),
+        // Without the dead-man button nothing moves.
+        (1500, ABS_Y, 0),
+        (2500, TRIGGER, 1),
+        (4500, TRIGGER, 0),
+    ];
+    let recorded = recording(&changes, 60_000);
+    let run = played(6.5, |hands| {
+        drive(hands, 0.1, vec![recorded]);
+        hands.at(2.4, |_, seen| {
+            assert_eq!(seen.phase, Phase::Holding);
+            stands(seen);
+        });
+        hands.at(4.5, |_, seen| {
+            assert_eq!(seen.beside.say.commander, Commander::Pad(Client::Joystick));
+            // The whole stick is the whole speed of the robot's file.
+            assert!((seen.record.state.twist_in_body.vx_m_s - 1.0).abs() < 0.02);
+        });
+        hands.at(6.0, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            stands(seen);
+        });
+    });
+    let x_m = run.last.record.state.odom_from_body.x_m;
+    assert!((1.8..2.4).contains(&x_m), "{x_m} m");
+    assert!(run.ran.ended.is_ok(), "{:?}", run.ran.ended);
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
+#[test]
+fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it() {
+    let first = recording(&[(100, ENABLE, 1), (1500, ABS_Y, 0), (1500, TRIGGER, 1)], 2500);
+    // Plugged in again, with the trigger held and let go; enabled at 3 s of its own time.
+    let second = recording(
+        &[
+            (100, ABS_Y, 0),
+            (200, TRIGGER, 1),
+            (1000, TRIGGER, 0),
+            (1100, TRIGGER, 1),
+            (2500, ENABLE, 1),
+            (3000, TRIGGER, 0),
+            (3100, TRIGGER, 1),
+        ],
+        60_000,
+    );
+    let run = played(9.5, |hands| {
+        drive(hands, 0.1, vec![first, second]);
+        hands.at(2.5, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
+        // There again at once, but blocked, whatever is held.
+        hands.at(4.9, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            stands(seen);
+        });
+        hands.at(9.0, |_, seen| {
+            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
+        });
+    });
+    let texts: Vec<&str> = run.live.events_after(0).iter().map(|event| event.text).collect();
+    assert!(texts.iter().any(|text| text.starts_with("the stick is gone")), "{texts:?}");
+}
+
+#[test]
+fn a_stick_that_was_lost_may_be_enabled_elsewhere() {
+    let first = recording(&[(100, ENABLE, 1), (1500, ABS_Y, 0), (1500, TRIGGER, 1)], 2500);
+    let second = recording(&[(2500, ABS_Y, 0), (2500, TRIGGER, 1)], 60_000);
+    played(8.0, |hands| {
+        drive(hands, 0.1, vec![first, second]);
+        hands.at(4.5, |live, seen| {
+            assert_eq!(seen.beside.say.blocked_sticks, 1);
+            live.send(Client::Joystick, omnibase_run::live::Ask::EnablePad).expect("there is room");
+        });
+        hands.at(7.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
+    });
+}
+
+#[test]
+fn the_stop_button_stops_and_gives_the_command_back() {
+    let changes = [
+        (100, ENABLE, 1),
+        (200, ENABLE, 0),
+        (1500, ABS_Y, 0),
+        (1500, TRIGGER, 1),
+        (3000, STOP, 1),
+        (3100, STOP, 0),
+        (3200, TRIGGER, 0),
+        (3300, TRIGGER, 1),
+        (5500, ENABLE, 1),
+        (5600, TRIGGER, 0),
+        (5700, TRIGGER, 1),
+    ];
+    let recorded = recording(&changes, 60_000);
+    let run = played(8.0, |hands| {
+        drive(hands, 0.1, vec![recorded]);
+        hands.at(5.0, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            stands(seen);
+        });
+        hands.at(7.9, |_, seen| {
+            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
+        });
+    });
+    let texts: Vec<&str> = run.live.events_after(0).iter().map(|event| event.text).collect();
+    assert!(texts.iter().any(|text| text.starts_with("stopped at the stick")), "{texts:?}");
+}
+
+#[test]
+fn the_fixed_frame_keeps_its_forward_while_the_platform_turns() {
+    let changes = [
+        (100, ENABLE, 1),
+        // Turned to the left for a while.
+        (1500, TRIGGER, 1),
+        (1500, ABS_RZ, 64),
+        (3000, ABS_RZ, 128),
+        // Forward is what it was at the start.
+        (4500, FIXED, 1),
+        (4500, ABS_Y, 64),
+        (5500, ABS_Y, 128),
+        // Forward is what it is now.
+        (7000, RESET, 1),
+        (7000, ABS_Y, 64),
+    ];
+    let recorded = recording(&changes, 60_000);
+    played(8.5, |hands| {
+        drive(hands, 0.1, vec![recorded]);
+        hands.at(5.4, |_, seen| {
+            let heading_rad = seen.record.state.odom_from_body.heading_rad;
+            assert!(heading_rad > 0.3, "{heading_rad}");
+            let RequestKind::Velocity { twist, frame } = seen.record.request.expect("asked").kind else {
+                panic!("no velocity")
+            };
+            assert_eq!((frame, twist.vy_m_s.abs() < 1e-12, twist.vx_m_s > 0.2), (Frame::Odom, true, true));
+            let in_odom = seen.record.state.twist_in_body.rotated(heading_rad);
+            assert!(in_odom.vx_m_s > 0.2 && in_odom.vy_m_s.abs() < 0.02, "{in_odom:?}");
+        });
+        hands.at(8.4, |_, seen| {
+            let in_body = seen.record.state.twist_in_body;
+            assert!(in_body.vx_m_s > 0.2 && in_body.vy_m_s.abs() < 0.02, "{in_body:?}");
+        });
+    });
+}
