@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The versions that the test was written with.
+/// The versions that the test was written with; of numpy any does, as the Python at hand takes it.
 const PACKAGES: [&str; 4] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "protobuf==7.36.2", "numpy"];
 
 /// A Python with the packages, in an environment made once; `Err` says why there is none.
@@ -71,6 +71,6 @@ fn every_message_and_every_column_is_read() {
     assert_eq!(read["events"].as_array().unwrap().iter().collect::<Vec<_>>(), events);
     // Every column of the text file has a name, as many rows as cycles, and the same bits as the MCAP file.
     assert_eq!(read["rows"].as_u64(), Some(cycles));
-    assert_eq!(read["names"].as_array().map(Vec::len), read["named_columns"].as_u64().map(|n| n as usize));
+    assert_eq!(read["column_names"], read["names"]);
     assert_eq!(read["differing"], serde_json::json!([]));
 }

@@ -47,7 +47,7 @@ print(
             "events": events,
             "rows": table.shape[0],
             "names": names,
-            "named_columns": len(columns.dtype.names),
+            "column_names": columns.dtype.names,
             "differing": differing,
         }
     )

@@ -100,7 +100,7 @@ impl RecordedRun {
 /// What broke off, as a person reads it.
 fn words(error: &McapError) -> String {
     match error {
-        McapError::UnexpectedEof => "the file ends inside a record".to_owned(),
+        McapError::UnexpectedEof | McapError::UnexpectedEoc => "it breaks off inside a record".to_owned(),
         other => other.to_string(),
     }
 }

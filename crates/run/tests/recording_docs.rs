@@ -1,0 +1,40 @@
+//! The manual's page on recordings names every signal, and no other.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use omnibase_robot::signals::SafetyReason;
+use omnibase_run::channels::{Known, Rows};
+
+fn page() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/recording.md")).unwrap()
+}
+
+/// The names in backticks in the first column of the tables below the heading of a topic.
+fn told(page: &str, topic: &str) -> BTreeSet<String> {
+    let section = page.split("\n### ").find(|section| section.starts_with(&format!("`{topic}`")));
+    let section = section.unwrap_or_else(|| panic!("docs/recording.md has no heading for {topic}"));
+    let rows =
+        section.split("\n## ").next().unwrap_or_default().lines().filter_map(|line| line.strip_prefix("| `"));
+    let first_columns = rows.filter_map(|row| row.split(" | ").next());
+    first_columns.flat_map(|names| names.split(", ").map(|name| name.trim_matches('`').to_owned())).collect()
+}
+
+#[test]
+fn every_signal_stands_in_the_manual_and_no_other() {
+    let page = page();
+    let rows = Rows::new(1, Known::Truth);
+    for topic in &rows.schema().topics {
+        let recorded: BTreeSet<String> = topic.signals.iter().map(|signal| signal.name.clone()).collect();
+        assert_eq!(told(&page, &topic.name), recorded, "docs/recording.md on {}", topic.name);
+    }
+}
+
+#[test]
+fn every_reason_to_stop_stands_in_the_manual() {
+    let page = page();
+    for reason in (1..).map_while(SafetyReason::from_code) {
+        let row = format!("| {} | {} |", reason.code(), reason.text());
+        assert!(page.contains(&row), "docs/recording.md lacks `{row}`");
+    }
+}
