@@ -1,11 +1,8 @@
-//! A running robot under people's hands, in virtual time, frames and all.
-
-mod hands;
-mod stick;
+//! Sticks, pages, stops, settings and floods.
 
 use std::sync::atomic::Ordering;
 
-use hands::{Hands, played};
+use crate::hands::{Hands, played};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
@@ -115,7 +112,7 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
         hands.alive(0.4, 12.0, Client::Page(1));
         let table = line.clone();
         hands.at(1.2, move |live, _| {
-            let loaded = reference(&table, &hands::plan().limits).unwrap();
+            let loaded = reference(&table, &crate::hands::plan().limits).unwrap();
             assert_eq!(live.load(Client::Page(1), table.clone(), loaded).unwrap().0, 1);
         });
         hands.ask(1.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));

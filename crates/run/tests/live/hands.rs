@@ -13,7 +13,7 @@ use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Pad, Snapshot, live};
 use omnibase_run::{Progress, Ran, Replayed, RobotText, Setup, replay, run, simulated};
 
-const BMM: &str = include_str!("../../../../robots/bmm.toml");
+pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
 const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
 
 /// The robot that all of them drive.
@@ -125,13 +125,21 @@ pub struct Played {
     pub last: Snapshot,
     pub live: Live,
     pub replayed: Replayed,
+    /// The exact words of every cycle.
+    pub words: Vec<Vec<u8>>,
     pub stop: &'static AtomicBool,
 }
 
 /// Runs the simulated robot for so many seconds under these hands, and computes its recording again.
 pub fn played(until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
+    let robot = RobotText { text: BMM.into(), ..RobotText::default() };
+    played_by(robot, until_s, prepare)
+}
+
+/// As [`played`], with another robot.
+pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
     let registry = Registry::with_built_in();
-    let robot = RobotText { text: BMM.into(), ..RobotText::default() }.load(&registry).unwrap();
+    let robot = robot.load(&registry).unwrap();
     let mut hands = Hands::default();
     prepare(&mut hands);
     let (live, end) = live(AGES, StopCategory::RampThenRemove);
@@ -164,5 +172,6 @@ pub fn played(until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
     let recorded = RecordedRun::read(&bytes).unwrap();
-    Played { ran, last: live.snapshot(), live, replayed: replay(&recorded, &registry).unwrap(), stop }
+    let replayed = replay(&recorded, &registry).unwrap();
+    Played { ran, last: live.snapshot(), live, replayed, words: recorded.raw, stop }
 }

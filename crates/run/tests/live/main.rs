@@ -1,0 +1,6 @@
+//! A running robot under people's hands, in virtual time, frames and all.
+
+mod driving;
+mod hands;
+mod stick;
+mod teaching;

@@ -1,0 +1,80 @@
+//! Driven by hand, taught, repeated: in virtual time, frames and all.
+
+use crate::hands::{BMM, Hands, Played, played, played_by};
+use omnibase_platform::Twist2;
+use omnibase_robot::RequestKind;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::signals::{Frame, Phase};
+use omnibase_run::RobotText;
+use omnibase_run::live::{Ask, Client, Pad, TracePoint};
+use omnibase_run::robot_text::NewReference;
+use omnibase_run::teach::{Sampling, taught};
+
+/// Somebody drives: ahead, in a bow with a turn, sideways.
+fn driven() -> Played {
+    played(10.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
+        let held = |vx, vy, w, frame| Pad::Held { twist: Twist2::new(vx, vy, w), frame };
+        hands.pad(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0, Frame::Body));
+        hands.pad(2.5, 5.0, Client::Joystick, held(0.35, 0.1, 0.5, Frame::Body));
+        hands.pad(5.0, 7.0, Client::Joystick, held(0.0, 0.3, -0.2, Frame::Odom));
+        hands.send(7.0, Client::Joystick, Ask::Pad(Pad::Released));
+    })
+}
+
+/// The robot follows a path from its start to its end.
+fn repeated(reference: &ReferenceTable) -> Played {
+    let reference = Some(NewReference::Table(Box::new(reference.clone())));
+    let robot = RobotText { text: BMM.into(), reference, ..RobotText::default() };
+    played_by(robot, 14.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Command, Ask::Robot(RequestKind::Enable));
+        hands.send(1.0, Client::Command, Ask::Robot(RequestKind::Track));
+        hands.at(13.9, |_, seen| assert_eq!(seen.phase, Phase::Holding));
+    })
+}
+
+/// Root mean square of the distances of one trace's points from the other trace, m.
+fn rms_m(trace: &[TracePoint], from: &[TracePoint]) -> f64 {
+    let near_m = |point: &TracePoint| {
+        let [x, y, _] = point.believed;
+        let gap = |pair: &[TracePoint]| {
+            let ([ax, ay, _], [bx, by, _]) = (pair[0].believed, pair[1].believed);
+            let (dx, dy) = (bx - ax, by - ay);
+            let along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy).max(1e-18);
+            let along = along.clamp(0.0, 1.0);
+            (x - ax - along * dx).hypot(y - ay - along * dy)
+        };
+        from.windows(2).map(gap).fold(f64::INFINITY, f64::min)
+    };
+    (trace.iter().map(|point| near_m(point).powi(2)).sum::<f64>() / trace.len() as f64).sqrt()
+}
+
+#[test]
+fn a_path_driven_by_hand_repeats_within_two_millimetres_and_its_repeats_are_the_same_bits() {
+    let driven = driven();
+    let trace = driven.live.trace_since(0.0);
+    let limits = crate::hands::plan().limits;
+    for sampling in
+        [Sampling::Period { period_s: 0.05 }, Sampling::Change { distance_m: 0.02, angle_rad: 0.035 }]
+    {
+        let path = taught(&trace, sampling, 0.001, &limits).unwrap();
+        let first = repeated(&path.reference);
+        let repeat = first.live.trace_since(0.0);
+        let off_m = rms_m(&repeat, &trace).max(rms_m(&trace, &repeat));
+        println!(
+            "{sampling:?}: {} points of {}, repeats within {:.3} mm RMS",
+            path.reference.points.as_ref().unwrap().len(),
+            path.remembered,
+            1e3 * off_m,
+        );
+        assert!(off_m < 0.002, "{sampling:?}: {off_m} m");
+        let (x, y) = (trace.last().unwrap().believed, repeat.last().unwrap().believed);
+        assert!((x[0] - y[0]).hypot(x[1] - y[1]) < 0.002 && (x[2] - y[2]).abs() < 0.004, "{x:?} {y:?}");
+        let second = repeated(&path.reference);
+        assert!(first.words.len() > 10_000 && first.words == second.words, "{sampling:?}");
+        // Taught from its own repeat, the path stays the path.
+        let again = taught(&repeat, sampling, 0.001, &limits).unwrap();
+        let third = repeated(&again.reference);
+        assert!(rms_m(&third.live.trace_since(0.0), &trace) < 0.002, "{sampling:?}");
+    }
+}
