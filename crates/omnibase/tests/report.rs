@@ -76,8 +76,9 @@ fn the_page_of_a_run_has_the_figures_of_its_summary() {
             assert!(told > 0.0);
         }
     }
-    let heading = figures(&html, "Final heading");
-    assert_eq!(heading[1], summary["final_heading_error_rad"].as_f64().unwrap());
+    let heading = figures(&html, "Final heading")[1];
+    // The JSON reader is off by a last bit at times.
+    assert!((heading - summary["final_heading_error_rad"].as_f64().unwrap()).abs() <= 1e-15, "{heading}");
 
     let again = folder.path("again.html");
     let output = omnibase(&["report", &recording, "-o", &again]);
