@@ -95,6 +95,33 @@ fn a_page_without_a_recording_leaves_none_behind() {
 }
 
 #[test]
+fn a_run_that_never_began_leaves_nothing_behind_and_a_page_without_a_folder_is_refused_first() {
+    let folder = Folder::new("never");
+    let page = folder.path("run.html");
+    let output = circle(&["--report", &page, "--interface", "no-such-nic"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(folder.names(), [""; 0]);
+    let page = folder.path("missing/run.html");
+    let output = circle(&["--report", &page]);
+    let says = words(&output.stderr);
+    assert!(output.status.code() == Some(1) && says.contains("there is no folder"), "{says}");
+    assert!(output.stdout.is_empty(), "nothing ran");
+}
+
+#[test]
+fn a_page_that_cannot_be_written_costs_neither_summary_nor_recording() {
+    let folder = Folder::new("folder");
+    let page = folder.path("page");
+    // In the page's place stands a folder.
+    std::fs::create_dir(&page).unwrap();
+    let output = circle(&["--report", &page]);
+    let says = words(&output.stderr);
+    assert!(output.status.code() == Some(1) && says.contains("the recording stays in"), "{says}");
+    assert!(words(&output.stdout).contains("tracking error"));
+    assert_eq!(folder.names(), ["page", "page.mcap"]);
+}
+
+#[test]
 fn a_recording_that_was_cut_off_is_shown_as_far_as_it_goes() {
     let folder = Folder::new("cut");
     let (recording, page) = (folder.path("run.mcap"), folder.path("run.html"));

@@ -19,6 +19,7 @@ use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::{LoadedRobot, Progress, Setup, Summary, simulated};
+use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
 use std::path::PathBuf;
@@ -92,7 +93,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let way = arguments.open(&robot)?;
     let stages = Robot::build(&robot.plan, &registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
-    let (recorder, recording) = arguments.recorder(&robot, known)?.unzip();
+    let mut page = arguments.page()?;
+    let (recorder, recording) = arguments.recorder(&robot, known, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
@@ -118,13 +120,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         progress.ended.store(true, Ordering::Relaxed);
         ran
     })?;
+    page.iter_mut().for_each(Page::keep);
     let mut summary: Summary = ran.summary;
     if let Some(recorder) = recorder {
         let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded))?;
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
-    }
-    if let Some(page) = &arguments.report {
-        page::write(page, arguments.record.as_deref())?;
     }
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &summary)?;
@@ -134,6 +134,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     output.flush()?;
     drop(operated);
+    if let Some(page) = page {
+        page.write()?;
+    }
     ran.ended?;
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
 }
@@ -163,12 +166,17 @@ impl Arguments {
         Ok(Way { link: cable.link, clock: cable.clock, machine: None })
     }
 
+    fn page(&self) -> anyhow::Result<Option<Page>> {
+        self.report.as_deref().map(|path| Page::begin(path, self.record.as_deref())).transpose()
+    }
+
     fn recorder(
         &self,
         robot: &LoadedRobot,
         known: Known,
+        page: Option<&Page>,
     ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
-        let mcap = self.record.clone().or_else(|| self.report.as_deref().map(page::recording_for));
+        let mcap = self.record.clone().or_else(|| page.map(|page| page.recording().to_owned()));
         if mcap.is_none() && self.columns.is_none() {
             return Ok(None);
         }

@@ -1,6 +1,7 @@
 //! The page of HTML that shows a run, and the recording from which it is made.
 
 use crate::commands::report;
+use anyhow::Context;
 use omnibase_record::run::RunRecorded;
 use omnibase_run::{RunError, Summary};
 use std::collections::BTreeMap;
@@ -8,21 +9,66 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// The recording for a page where none was asked for: beside the page, that there is room for it.
-pub fn recording_for(page: &Path) -> PathBuf {
-    let mut name = OsString::from(page);
-    name.push(".mcap");
-    PathBuf::from(name)
+/// The page that a run shall have.
+///
+/// Where nobody asked for a recording there is one all the same, beside the page, that there is room for it. It goes
+/// when the page is written, and when the run fails before its first cycle; else it stays.
+pub struct Page {
+    path: PathBuf,
+    recording: PathBuf,
+    /// Nobody asked for the recording.
+    is_spare: bool,
+    /// The recording holds nothing worth keeping.
+    is_empty: bool,
 }
 
-/// Writes the page of a run that is over. A recording that nobody asked for goes; it stays where the page fails.
-pub fn write(page: &Path, recording: Option<&Path>) -> anyhow::Result<()> {
-    if let Some(recording) = recording {
-        return report::write(recording, page).map(|_| ());
+impl Page {
+    /// Looks whether the page can be written where it shall be, before anything moves.
+    pub fn begin(path: &Path, recording: Option<&Path>) -> anyhow::Result<Self> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        anyhow::ensure!(
+            folder.is_dir(),
+            "--report {}: there is no folder `{}`",
+            path.display(),
+            folder.display()
+        );
+        let mut beside = OsString::from(path);
+        beside.push(".mcap");
+        Ok(Page {
+            path: path.to_owned(),
+            recording: recording.map_or_else(|| PathBuf::from(beside), Path::to_owned),
+            is_spare: recording.is_none(),
+            is_empty: true,
+        })
     }
-    let recording = recording_for(page);
-    report::write(&recording, page)?;
-    Ok(std::fs::remove_file(recording)?)
+
+    /// Where the run is recorded.
+    pub fn recording(&self) -> &Path {
+        &self.recording
+    }
+
+    /// From now on the recording is worth keeping.
+    pub fn keep(&mut self) {
+        self.is_empty = false;
+    }
+
+    /// Writes the page of a run that is over.
+    pub fn write(mut self) -> anyhow::Result<()> {
+        self.keep();
+        let stays = || format!("the recording stays in `{}`", self.recording.display());
+        report::write(&self.recording, &self.path).with_context(stays)?;
+        self.is_empty = true;
+        Ok(())
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        if self.is_spare && self.is_empty && !std::thread::panicking() {
+            // It may not have been made yet.
+            let _ = std::fs::remove_file(&self.recording);
+        }
+    }
 }
 
 /// What a recording is told at the begin of its run: when it was, and what was asked for.
@@ -71,6 +117,25 @@ fn utc(instant: SystemTime) -> String {
 mod tests {
     use super::*;
     use std::time::Duration;
+
+    #[test]
+    fn a_recording_goes_with_the_run_that_had_no_cycle_unless_somebody_asked_for_it() {
+        let folder = std::env::temp_dir().join(format!("omnibase-page-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let (path, asked_for) = (folder.join("run.html"), folder.join("run.mcap"));
+        let left = |recording: Option<&Path>, had_cycles: &[()]| {
+            let mut page = Page::begin(&path, recording).unwrap();
+            let recording = page.recording().to_owned();
+            std::fs::write(&recording, "a recording").unwrap();
+            had_cycles.iter().for_each(|()| page.keep());
+            drop(page);
+            recording.exists()
+        };
+        assert!(!left(None, &[]));
+        assert!(left(None, &[()]));
+        assert!(left(Some(&asked_for), &[]));
+        std::fs::remove_dir_all(folder).unwrap();
+    }
 
     #[test]
     fn days_are_those_of_the_calendar() {
