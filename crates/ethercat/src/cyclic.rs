@@ -22,6 +22,7 @@ mod error;
 mod frame;
 mod handover;
 mod recovery;
+mod reference;
 mod report;
 #[cfg(test)]
 mod tests;
@@ -46,11 +47,11 @@ use wire::Exchanger;
 
 pub use acyclic::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, CAPACITY, RegisterWay};
 pub use clock::{DcFollower, FollowerGains, HostToDc};
-pub use counters::{CommandSet, CycleCounters};
+pub use counters::{CommandSet, CycleCounters, DatagramCount};
 pub use diagnosis::Health;
 pub use error::{Programmed, TransitionError};
 pub use handover::{ClockDirection, Handover};
-pub use recovery::RecoveryError;
+pub use recovery::{Comeback, RecoveryError};
 pub use transition::{Goal, Step, TransitionOptions};
 
 /// What became of one cycle's frames.
@@ -183,6 +184,10 @@ pub struct CyclicBus<L> {
     clock_slot: Option<usize>,
     steer_slot: Option<usize>,
     status_slot: Option<usize>,
+    /// Who is being set to the reference's time to become the reference.
+    heir: Option<u16>,
+    /// Who became the reference that way, before its own way was over.
+    crowned: Option<u16>,
     status: Option<SegmentStatus>,
     last: Exchange,
 }
@@ -259,6 +264,8 @@ impl<L: Link> CyclicBus<L> {
             clock_slot: slot_of(Role::Clock),
             steer_slot: slot_of(Role::SteerClock),
             status_slot: slot_of(Role::Status),
+            heir: None,
+            crowned: None,
             status: None,
             last: Exchange::Lost { lost: 0, sent: 0 },
             members,
@@ -273,7 +280,7 @@ impl<L: Link> CyclicBus<L> {
     pub fn exchange(&mut self, image: &mut ProcessImage, deadline: HostTime) -> Result<Exchange, LinkError> {
         self.load(image, deadline);
         let sent = self.exchanger.exchange(deadline);
-        self.last = self.judge(image);
+        self.last = self.judge(image, deadline);
         self.finish(deadline);
         sent.map(|_| self.last)
     }
@@ -282,6 +289,7 @@ impl<L: Link> CyclicBus<L> {
         for frame in &mut self.exchanger.frames[..self.planned] {
             frame.flight = Flight::Sent;
         }
+        self.load_clock(now);
         for carry in &self.outputs {
             let frame = &mut self.exchanger.frames[usize::from(carry.frame)];
             if let Some(outputs) = image.outputs.get(carry.in_image()) {
@@ -302,7 +310,22 @@ impl<L: Link> CyclicBus<L> {
         }
     }
 
-    fn judge(&mut self, image: &mut ProcessImage) -> Exchange {
+    /// The clock datagram leaves with the time that the reference is expected to show: where the reference doesn't
+    /// fill it in (lost, or on the other side of a broken ring), nobody behind it is told nonsense.
+    #[inline]
+    fn load_clock(&mut self, now: HostTime) {
+        let (Some(number), Some(frame)) = (self.clock_slot, self.exchanger.frames.first_mut()) else {
+            return;
+        };
+        let Some(expected) = self.clock.expected(now) else { return };
+        let range = frame.slots()[number].data();
+        let bytes = expected.0.to_le_bytes();
+        let data = frame.data_mut(range);
+        let length = data.len().min(bytes.len());
+        data[..length].copy_from_slice(&bytes[..length]);
+    }
+
+    fn judge(&mut self, image: &mut ProcessImage, now: HostTime) -> Exchange {
         let frames = &mut self.exchanger.frames[..self.planned];
         let (mut back, mut right) = (0, true);
         for frame in frames.iter_mut() {
@@ -311,7 +334,7 @@ impl<L: Link> CyclicBus<L> {
                 right &= frame.read_counters();
             }
         }
-        self.read_segment();
+        self.read_segment(now);
         let sent = self.planned;
         if back != sent {
             return Exchange::Lost { lost: (sent - back) as u16, sent: sent as u16 };
@@ -324,7 +347,7 @@ impl<L: Link> CyclicBus<L> {
     }
 
     /// Reference time and AL status, from the first frame.
-    fn read_segment(&mut self) {
+    fn read_segment(&mut self, now: HostTime) {
         self.status = None;
         self.clock_is_new = false;
         let Some(frame) = self.exchanger.frames[..self.planned].first() else { return };
@@ -334,7 +357,7 @@ impl<L: Link> CyclicBus<L> {
         if let Some(slot) = self.clock_slot.map(|number| &frame.slots()[number])
             && slot.received > 0
         {
-            self.clock.take(&frame.back[slot.data()]);
+            self.clock.take_at(&frame.back[slot.data()], now);
             self.clock_is_new = true;
         }
         if let Some(slot) = self.status_slot.map(|number| &frame.slots()[number]) {
@@ -356,6 +379,11 @@ impl<L: Link> CyclicBus<L> {
     #[cold]
     fn judge_counters(&mut self, image: &mut ProcessImage) -> Exchange {
         let mut partial = false;
+        for slot in self.exchanger.frames[..self.planned].iter_mut().flat_map(|frame| frame.slots_mut()) {
+            if is_process_data(slot.purpose) && slot.received != slot.expected {
+                slot.short_counts += 1;
+            }
+        }
         // Someone who is coming back answers again already; that must not hide that someone else went.
         let all_answer = self.status.is_some_and(|status| usize::from(status.answered) == self.members.len());
         for (number, frame) in self.exchanger.frames[..self.planned].iter().enumerate() {
@@ -409,6 +437,7 @@ impl<L: Link> CyclicBus<L> {
                 frame.flight = Flight::Idle;
             }
         }
+        self.keep_reference();
         if self.transition.is_some() {
             self.advance_transition(now);
         } else if self.phase == Phase::Reached(Goal::Op) {

@@ -163,6 +163,13 @@ impl Robot {
 
     /// Devices: from process data to measurements.
     fn read(&mut self, exchange: Exchange, image: &dyn ProcessImage) {
+        if let Exchange::Restarted { wheels } = exchange {
+            for (wheel, device) in self.devices.iter_mut().enumerate() {
+                if u32::from(wheels) >> wheel & 1 != 0 {
+                    device.restarted();
+                }
+            }
+        }
         let record = &mut self.record;
         if exchange != Exchange::Complete {
             // Old inputs are no measurement: nothing moved that is known of.

@@ -31,8 +31,21 @@ impl SafetyChain {
     }
 
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {
-        let lost = self.lost_in_a_row > self.plan.lost_exchanges_tolerated && is_powered(view.phase);
-        lost.then_some((SafetyAction::QuickStop, SafetyReason::ExchangeLost, 0))
+        if !is_powered(view.phase) {
+            return None;
+        }
+        if let Exchange::Restarted { wheels } = view.exchange {
+            // However many lost exchanges are tolerated: nothing is enabled again without a word.
+            let wheel = wheels.trailing_zeros().min(u16::BITS - 1);
+            return Some((SafetyAction::QuickStop, SafetyReason::DeviceLost, wheel.into()));
+        }
+        let (action, reason) = match view.exchange {
+            Exchange::ShortCount { .. } => (self.plan.lost_device_stop, SafetyReason::DeviceLost),
+            _ => (SafetyAction::QuickStop, SafetyReason::ExchangeLost),
+        };
+        // There is nothing to ramp down while drives are still on their way.
+        let action = if view.phase == Phase::Enabling { SafetyAction::QuickStop } else { action };
+        (self.lost_in_a_row > self.plan.lost_exchanges_tolerated).then_some((action, reason, 0))
     }
 
     fn finite(&self, view: &SafetyView<'_>) -> Objection {
@@ -114,7 +127,9 @@ impl Safety for SafetyChain {
     fn apply(&mut self, view: &SafetyView<'_>) -> Allowed {
         self.lost_in_a_row = match view.exchange {
             Exchange::Complete => 0,
-            Exchange::Lost | Exchange::ShortCount { .. } => self.lost_in_a_row.saturating_add(1),
+            Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => {
+                self.lost_in_a_row.saturating_add(1)
+            }
         };
         let is_tracking = view.phase == Phase::Tracking;
         let objection = self

@@ -30,6 +30,9 @@ pub trait Device: Send {
     /// Writes the drive's process data for the next exchange, and says how far the drive is.
     fn write(&mut self, time: &CycleTime, command: &DriveCommand, outputs: &mut [u8]) -> DriveProgress;
 
+    /// The drive lost its supply and is back: what it counts has a new origin, which the next reading gives.
+    fn restarted(&mut self) {}
+
     /// Somebody saw what was wrong: faults may be reset.
     fn acknowledge(&mut self);
 

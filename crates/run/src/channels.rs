@@ -5,6 +5,7 @@ use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
 
 use crate::live::Commander;
 use crate::session::Times;
+use crate::supervision::BusFigures;
 use crate::tracking::Errors;
 use crate::truth::TruePlatform;
 
@@ -29,6 +30,8 @@ pub enum Known {
 pub struct Beside {
     /// The cycle's times.
     pub times: Times,
+    /// What the bus counted.
+    pub bus: BusFigures,
     /// Time for computing, ns.
     pub compute_ns: u64,
     /// Its errors.
@@ -91,6 +94,7 @@ impl Rows {
         schema.push("/timing", TIMING);
         schema.push("/error", ERROR);
         schema.push("/operator", OPERATOR);
+        schema.push("/bus", BusFigures::CHANNELS);
         if known == Known::Truth {
             schema.push("/truth", TRUTH);
         }
@@ -115,6 +119,7 @@ impl Rows {
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
         let Say { commander, is_emergency, blocked_sticks } = beside.say;
         self.row.extend([commander.code(), is_emergency.into(), blocked_sticks].map(|code| code as f64));
+        self.row.extend(beside.bus.values());
         if self.known == Known::Truth {
             let truth = beside.truth.unwrap_or_default();
             let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);

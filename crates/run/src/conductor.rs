@@ -1,7 +1,7 @@
 //! What is asked of the robot when: enable, track to the end, hold, stop, and see the drives disabled.
 
 use omnibase_robot::signals::{
-    CycleRecord, DriveProgress, Exchange, Phase, RequestKind, SafetyReason, StopCategory,
+    CycleRecord, DriveProgress, Exchange, Phase, RequestAnswer, RequestKind, SafetyReason, StopCategory,
 };
 
 /// How long the end of the reference is held before the drives are disabled, ns.
@@ -13,11 +13,22 @@ const LET_GO_NS: u64 = 1_000_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Start,
+    /// A lost SubDevice is awaited.
+    Awaiting {
+        until_ns: u64,
+        complete: u32,
+    },
+    /// It is back: what was wrong is acknowledged.
+    Acknowledged,
     Enabling,
     Tracking,
-    Settling { until_ns: u64 },
+    Settling {
+        until_ns: u64,
+    },
     Ending,
-    LettingGo { until_ns: u64 },
+    LettingGo {
+        until_ns: u64,
+    },
     Over,
 }
 
@@ -26,11 +37,15 @@ enum Part {
 pub struct Conductor {
     part: Part,
     finished: bool,
+    /// How long a lost SubDevice is awaited, to go on when it is back.
+    resume_within_ns: Option<u64>,
+    /// The path was begun.
+    begun: bool,
 }
 
 impl Default for Conductor {
     fn default() -> Self {
-        Conductor { part: Part::Start, finished: false }
+        Conductor::new(None)
     }
 }
 
@@ -43,32 +58,66 @@ pub enum Wish {
     Stop,
 }
 
+/// Complete exchanges in a row before a robot whose SubDevice is back goes on.
+const STEADY_CYCLES: u32 = 100;
+
 impl Conductor {
+    /// Leads a robot that goes on by itself when a lost SubDevice is back within so many ns; `None`: it ends.
+    pub fn new(resume_within_ns: Option<u64>) -> Self {
+        Conductor { part: Part::Start, finished: false, resume_within_ns, begun: false }
+    }
+
     /// What to ask in the coming cycle, from the last one and the phase after it.
     pub fn next(&mut self, last: &CycleRecord, phase: Phase, wish: Wish) -> Option<RequestKind> {
         let now_ns = last.time.now_ns;
         if wish == Wish::Stop
-            && matches!(self.part, Part::Start | Part::Enabling | Part::Tracking | Part::Settling { .. })
+            && matches!(
+                self.part,
+                Part::Start | Part::Acknowledged | Part::Enabling | Part::Tracking | Part::Settling { .. }
+            )
         {
             self.part = Part::Ending;
             return Some(RequestKind::Stop(StopCategory::RampThenRemove));
         }
         match self.part {
+            Part::Awaiting { .. } if wish == Wish::Stop => self.part = Part::Over,
+            Part::Awaiting { until_ns, .. } if now_ns >= until_ns => self.part = Part::Over,
+            Part::Awaiting { until_ns, complete } => {
+                let complete = if last.exchange == Exchange::Complete { complete + 1 } else { 0 };
+                self.part = Part::Awaiting { until_ns, complete };
+                if complete >= STEADY_CYCLES {
+                    self.part = Part::Acknowledged;
+                    return Some(RequestKind::Acknowledge);
+                }
+            }
+            Part::Acknowledged if phase == Phase::Disabled => {
+                self.part = Part::Enabling;
+                return Some(RequestKind::Enable);
+            }
             Part::Start if last.exchange == Exchange::Complete => {
                 self.part = Part::Enabling;
                 return Some(RequestKind::Enable);
             }
             Part::Enabling if phase == Phase::Holding => {
                 self.part = Part::Tracking;
-                return Some(RequestKind::Track);
+                // What was begun goes on where it was left.
+                let again = std::mem::replace(&mut self.begun, true);
+                return Some(if again { RequestKind::Resume } else { RequestKind::Track });
             }
             Part::Tracking if phase == Phase::Holding => {
-                self.finished = last.stop_reason == SafetyReason::None;
+                let refused = last.request.is_some() && last.answer != RequestAnswer::Taken;
+                self.finished = last.stop_reason == SafetyReason::None && !refused;
                 self.part = Part::Settling { until_ns: now_ns + SETTLE_NS };
             }
             Part::Settling { until_ns } if now_ns >= until_ns => {
                 self.part = Part::Ending;
                 return Some(RequestKind::Stop(StopCategory::RampThenRemove));
+            }
+            Part::Enabling | Part::Tracking
+                if phase == Phase::Fault && is_lost(last) && self.resume_within_ns.is_some() =>
+            {
+                let until_ns = now_ns.saturating_add(self.resume_within_ns.unwrap_or_default());
+                self.part = Part::Awaiting { until_ns, complete: 0 };
             }
             Part::Enabling | Part::Tracking | Part::Settling { .. } | Part::Ending
                 if matches!(phase, Phase::Disabled | Phase::Fault) =>
@@ -91,6 +140,11 @@ impl Conductor {
     pub fn has_finished(&self) -> bool {
         self.finished
     }
+}
+
+/// Whether the robot stopped because it lost SubDevices, all or some.
+fn is_lost(last: &CycleRecord) -> bool {
+    matches!(last.stop_reason, SafetyReason::DeviceLost | SafetyReason::ExchangeLost)
 }
 
 /// Whether no drive carries torque any more, by fresh inputs.

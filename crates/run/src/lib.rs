@@ -5,6 +5,7 @@
 //! - [`robot_text`]: the robot's file with what the command line changes in it, as a plan; kept whole for replay.
 //! - [`simulated`]: the simulated robot of a plan.
 //! - [`session`]: the bus from PRE-OP to OP and back, one exchange a cycle, at the pace of clocks.
+//! - [`supervision`]: who is missing, who comes back, and what the bus counts, in the spare time of cycles.
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
@@ -24,6 +25,7 @@ pub mod run;
 pub mod session;
 pub mod simulated;
 pub mod summary;
+pub mod supervision;
 pub mod teach;
 pub mod tracking;
 pub mod truth;

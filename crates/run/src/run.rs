@@ -11,12 +11,13 @@ use omnibase_robot_sim::SharedMachine;
 
 use crate::channels::{Beside, Rows};
 use crate::conductor::{Conductor, Wish};
-use crate::events::{Event, Watch};
+use crate::events::{Event, Watch, Words};
 use crate::live::operator::Turn;
 use crate::live::snapshot::MAX_SETTINGS;
 use crate::live::{LiveEnd, Snapshot};
 use crate::session::{Session, SessionError, input_age_ns};
 use crate::summary::Summary;
+use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 use crate::tracking::Tracking;
 use crate::truth::Witness;
 
@@ -117,7 +118,10 @@ struct Cycle<'a> {
     live: Option<LiveEnd>,
     watch: Watch,
     tracking: Tracking,
-    events: Vec<(u64, &'static str)>,
+    bus: BusFigures,
+    subdevices: Vec<SubDeviceFigures>,
+    datagrams: Vec<DatagramFigures>,
+    events: Vec<(u64, Words)>,
     time: CycleTime,
     last: CycleRecord,
     overruns: u64,
@@ -139,10 +143,13 @@ impl<'a> Cycle<'a> {
             recording,
             stop,
             progress,
-            conductor: Conductor::default(),
+            conductor: Conductor::new(plan.safety.resume_within_ns),
             live,
             watch: Watch::default(),
             tracking: Tracking::default(),
+            bus: BusFigures::default(),
+            subdevices: Vec::new(),
+            datagrams: Vec::new(),
             events: Vec::with_capacity(MOST_EVENTS),
             time: CycleTime::on_grid(0, plan.bus.cycle_ns),
             last: CycleRecord::default(),
@@ -166,6 +173,7 @@ impl<'a> Cycle<'a> {
                 break;
             }
         }
+        (self.subdevices, self.datagrams) = (session.subdevice_figures(), session.datagram_figures());
         let robot_s = (session.clock().now() - began).as_secs_f64();
         self.realtime_factor = robot_s / began_host.elapsed().as_secs_f64().max(1e-9);
         result
@@ -182,7 +190,7 @@ impl<'a> Cycle<'a> {
         let wish = if self.stop.load(Ordering::Relaxed) { Wish::Stop } else { Wish::GoOn };
         if wish == Wish::Stop && !self.stop_seen {
             self.stop_seen = true;
-            self.happened(self.time.now_ns, "a stop was asked for");
+            self.happened(self.time.now_ns, "a stop was asked for".into());
         }
         let request = self.request(wish);
         let from = session.clock().now();
@@ -192,7 +200,13 @@ impl<'a> Cycle<'a> {
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
         let errors = self.tracking.take(&self.last, truth.as_ref());
         let say = self.live.as_ref().map(LiveEnd::say).unwrap_or_default();
-        let beside = Beside { times, compute_ns, errors, say, truth };
+        self.bus = session.figures();
+        let beside = Beside { times, bus: self.bus, compute_ns, errors, say, truth };
+        // Who is at fault comes before what it led to.
+        session.look_at_drives(self.last.measurements.present());
+        while let Some(words) = session.take_event() {
+            self.happened(self.time.now_ns, words);
+        }
         self.record(&beside);
         self.lost_frames = session.counters().frames_lost - self.lost_before;
         self.show(beside);
@@ -241,11 +255,11 @@ impl<'a> Cycle<'a> {
             sink.push_row(now_ns, values, raw);
         }
         for text in self.watch.look(&self.last, phase).into_iter().flatten() {
-            self.happened(now_ns, text);
+            self.happened(now_ns, text.into());
         }
     }
 
-    fn happened(&mut self, time_ns: u64, text: &'static str) {
+    fn happened(&mut self, time_ns: u64, text: Words) {
         if self.events.len() < MOST_EVENTS {
             self.events.push((time_ns, text));
         }
@@ -253,14 +267,14 @@ impl<'a> Cycle<'a> {
             live.tell(time_ns, text);
         }
         if let Some((_, sink)) = &mut self.recording {
-            sink.push_event(time_ns, text);
+            sink.push_event(time_ns, &text);
         }
     }
 
     fn finish(self, ran: Result<(), RunError>) -> Ran {
         self.progress.ended.store(true, Ordering::Relaxed);
         let event =
-            |(time_ns, text): (u64, &str)| Event { time_s: time_ns as f64 * 1e-9, text: text.to_owned() };
+            |(time_ns, text): (u64, Words)| Event { time_s: time_ns as f64 * 1e-9, text: text.to_string() };
         let finished = self.conductor.has_finished() && ran.is_ok();
         let wanted = self.stop.load(Ordering::Relaxed);
         let ended = ran.and_then(|()| {
@@ -285,6 +299,9 @@ impl<'a> Cycle<'a> {
             records_written: 0,
             records_dropped: 0,
             realtime_factor: self.realtime_factor,
+            bus: self.bus,
+            subdevices: self.subdevices,
+            datagrams: self.datagrams,
             events: self.events.into_iter().map(event).collect(),
         };
         Ran { summary, finished, ended }

@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::events::Words;
+use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures, Supervisor};
 use omnibase_ethercat::cyclic::{
     ClockDirection, CycleCounters, CyclicBus, DcFollower, Exchange as BusExchange, FollowerGains, Goal,
     Handover, HostToDc, Phase, TransitionError, TransitionOptions,
@@ -16,6 +18,7 @@ use omnibase_ethercat::wire::{
 };
 use omnibase_ethercat::{Bus, BusOptions, Match, ProcessImage as BusImage, SetUpError};
 use omnibase_robot::config::{BusPlan, ClockSource, DrivePlace, Synchronisation};
+use omnibase_robot::signals::DriveMeasurement;
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
 /// Frames that ask for INIT where the orderly way there failed.
@@ -87,6 +90,9 @@ pub struct Session<L, C> {
     clock: C,
     image: BusImage,
     wiring: Vec<Wires>,
+    supervisor: Supervisor,
+    /// Counts when OP was reached: what was lost on the way there is no fault of the run.
+    counted_before: CycleCounters,
     pace: Pace,
     cycle: Duration,
     timeout: Duration,
@@ -99,6 +105,8 @@ pub struct Session<L, C> {
 /// Where one wheel's process data stand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Wires {
+    /// Position of the SubDevice.
+    position: u16,
     inputs: Range<usize>,
     outputs: Range<usize>,
 }
@@ -146,7 +154,11 @@ impl<L: Link, C: Clock> Session<L, C> {
         let wiring = wire(plan, &bus, &subdevices)?;
         let cycle = Duration::from_nanos(plan.bus.cycle_ns);
         let pace = if bus.clock_use().reference().is_some() { pace(&plan.bus) } else { Pace::Free };
+        let wheel_of =
+            |one: &SubDevice| wiring.iter().position(|wires: &Wires| wires.position == one.position);
         Ok(Session {
+            supervisor: Supervisor::new(subdevices, wheel_of),
+            counted_before: CycleCounters::default(),
             image: bus.plan().image(),
             wake: clock.now() + cycle,
             bus,
@@ -162,7 +174,9 @@ impl<L: Link, C: Clock> Session<L, C> {
 
     /// Cycles until everyone is in OP; `false` where `stop` came first. Outputs are zero until somebody writes them.
     pub fn reach_op(&mut self, stop: &AtomicBool) -> Result<bool, SessionError> {
-        self.reach(Goal::Op, "OP", TransitionOptions::default(), stop)
+        let reached = self.reach(Goal::Op, "OP", TransitionOptions::default(), stop);
+        self.counted_before = self.bus.counters();
+        reached
     }
 
     /// Brings everyone back to INIT; who doesn't go there in order is asked by broadcast.
@@ -206,7 +220,12 @@ impl<L: Link, C: Clock> Session<L, C> {
         if let Pace::LeadDc(_, leader) = &self.pace {
             self.bus.steer_clock(leader.time_at(woke));
         }
+        // Whoever is away mustn't find an old command when it comes back: all zero disables a drive.
+        for wires in self.wiring.iter().filter(|wires| self.supervisor.is_away(wires.position)) {
+            self.image.outputs[wires.outputs.clone()].fill(0);
+        }
         let exchange = self.bus.exchange(&mut self.image, deadline)?;
+        self.supervisor.after(&mut self.bus, deadline);
         let back = self.clock.now();
         let times = Times {
             periods: self.periods,
@@ -216,7 +235,72 @@ impl<L: Link, C: Clock> Session<L, C> {
         };
         self.wake = self.next_wake(woke);
         self.periods = 1;
-        Ok((robot_exchange(exchange, self.wiring.len()), times))
+        Ok((self.robot_exchange(exchange), times))
+    }
+
+    /// What became of an exchange, as the robot needs to know it.
+    fn robot_exchange(&mut self, exchange: BusExchange) -> Exchange {
+        let expected = self.wiring.len() as u16;
+        match exchange {
+            // Whoever is on its way back already answers, but its way isn't over.
+            BusExchange::Complete if self.supervisor.misses_a_wheel() => {
+                Exchange::ShortCount { expected, received: expected.saturating_sub(1) }
+            }
+            BusExchange::Complete => match self.supervisor.take_restarted() {
+                0 => Exchange::Complete,
+                wheels => Exchange::Restarted { wheels },
+            },
+            BusExchange::Lost { .. } => Exchange::Lost,
+            BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
+            BusExchange::Without { unwell } => {
+                Exchange::ShortCount { expected, received: expected.saturating_sub(unwell) }
+            }
+        }
+    }
+
+    /// Has the supervisor look at what the drives said.
+    pub fn look_at_drives(&mut self, drives: &[DriveMeasurement]) {
+        self.supervisor.look_at_drives(drives);
+    }
+
+    /// The next thing that happened on the bus.
+    pub fn take_event(&mut self) -> Option<Words> {
+        self.supervisor.take_event()
+    }
+
+    /// What was counted since OP was reached.
+    pub fn figures(&self) -> BusFigures {
+        let (now, before) = (self.bus.counters(), self.counted_before);
+        BusFigures {
+            frames_lost: now.frames_lost - before.frames_lost,
+            frames_late: now.late - before.late,
+            frames_short: now.short - before.short,
+            frames_duplicate: now.duplicate - before.duplicate,
+            frames_foreign: now.foreign - before.foreign,
+            working_counter_errors: now.working_counter_errors - before.working_counter_errors,
+            al_status: self.bus.status().map_or(0, |status| status.bits.into()),
+            dc_phase_ns: match &self.pace {
+                Pace::Free => 0,
+                Pace::FollowDc(follower) => follower.last_error_ns().unwrap_or(0),
+                Pace::LeadDc(_, leader) => leader.last_error_ns().unwrap_or(0),
+            },
+            ..*self.supervisor.totals()
+        }
+    }
+
+    /// What was counted of each SubDevice.
+    pub fn subdevice_figures(&self) -> Vec<SubDeviceFigures> {
+        self.supervisor.figures().cloned().collect()
+    }
+
+    /// Working counters, by datagram.
+    pub fn datagram_figures(&self) -> Vec<DatagramFigures> {
+        let counts = self.bus.datagram_counts().map(|count| DatagramFigures {
+            name: format!("frame {} datagram {} {}", count.frame, count.datagram, count.command),
+            expected: count.expected,
+            short_counts: count.short_counts,
+        });
+        counts.collect()
     }
 
     /// Leaves out what was missed while the cycle computed: no burst catches up, and the phase stays. Cycles left out.
@@ -325,22 +409,10 @@ where
             Err(SessionError::Length { drive, direction: name, expected, found: range.len() })
         };
         Ok(Wires {
+            position: found.map_or(u16::MAX, |one| one.position),
             inputs: bytes(Direction::Inputs, "inputs", drive.input_bytes())?,
             outputs: bytes(Direction::Outputs, "outputs", drive.output_bytes())?,
         })
     });
     wires.collect()
-}
-
-/// What became of an exchange, as the robot needs to know it.
-fn robot_exchange(exchange: BusExchange, drives: usize) -> Exchange {
-    match exchange {
-        BusExchange::Complete => Exchange::Complete,
-        BusExchange::Lost { .. } => Exchange::Lost,
-        BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
-        BusExchange::Without { unwell } => {
-            let expected = drives as u16;
-            Exchange::ShortCount { expected, received: expected.saturating_sub(unwell) }
-        }
-    }
 }

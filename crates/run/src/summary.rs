@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::events::Event;
+use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 use crate::tracking::BelievedAndTrue;
 
 /// How a run went: `omnibase run --json` prints this, key by key.
@@ -28,6 +29,12 @@ pub struct Summary {
     pub records_dropped: u64,
     /// Time of the robot over time of the host.
     pub realtime_factor: f64,
+    /// What was counted of the bus.
+    pub bus: BusFigures,
+    /// What was counted of each SubDevice.
+    pub subdevices: Vec<SubDeviceFigures>,
+    /// Working counters, by datagram.
+    pub datagrams: Vec<DatagramFigures>,
     /// What happened.
     pub events: Vec<Event>,
 }

@@ -10,7 +10,7 @@ use crate::procedure::{Answer, Next, Procedure, Request};
 use crate::subdevice::SubDevice;
 use crate::wire::{DcTime, HostTime};
 
-use super::recovery::{Recovery, RecoveryError};
+use super::recovery::{Comeback, Recovery, RecoveryError};
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
 pub const CAPACITY: usize = 64;
@@ -144,7 +144,7 @@ pub(super) struct Acyclic {
     lanes: Vec<Lane>,
     queue: VecDeque<AcyclicRequest>,
     finished: VecDeque<AcyclicCompletion>,
-    recovered: VecDeque<(u16, Result<(), RecoveryError>)>,
+    recovered: VecDeque<(u16, Result<Comeback, RecoveryError>)>,
     /// Positions with work in hand, served in turn.
     active: VecDeque<u16>,
     /// Position whose datagram is in this cycle's frame.
@@ -227,7 +227,15 @@ impl Acyclic {
         self.lanes.get(usize::from(position)).is_some_and(|lane| lane.recovery.is_some())
     }
 
-    pub fn poll_recovered(&mut self) -> Option<(u16, Result<(), RecoveryError>)> {
+    /// Who is just being set to the reference's time.
+    pub fn setting_clock(&self) -> Option<u16> {
+        let mut lanes = self.active.iter().map(|position| &self.lanes[usize::from(*position)]);
+        lanes
+            .find(|lane| lane.recovery.as_ref().is_some_and(|recovery| recovery.is_setting_clock()))
+            .map(|lane| lane.position)
+    }
+
+    pub fn poll_recovered(&mut self) -> Option<(u16, Result<Comeback, RecoveryError>)> {
         self.recovered.pop_front()
     }
 

@@ -8,6 +8,8 @@ use crate::wire::{DcTime, HostTime};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ClockReading {
     last: Option<DcTime>,
+    /// Time of the cycle that read it.
+    read_at: HostTime,
 }
 
 impl ClockReading {
@@ -22,6 +24,20 @@ impl ClockReading {
             let passed = low.wrapping_sub(last as u32);
             self.last = Some(DcTime(last.wrapping_add(u64::from(passed))));
         }
+    }
+
+    /// Takes the data of an answered clock datagram of the cycle at `now`.
+    #[inline]
+    pub fn take_at(&mut self, data: &[u8], now: HostTime) {
+        self.take(data);
+        self.read_at = now;
+    }
+
+    /// What the reference clock will show to the cycle at `now`, as far as the host's clock can tell. `None` before
+    /// the first reading.
+    #[inline]
+    pub fn expected(&self, now: HostTime) -> Option<DcTime> {
+        self.last.map(|last| DcTime(last.0.wrapping_add(now.0.wrapping_sub(self.read_at.0))))
     }
 
     pub fn last(self) -> Option<DcTime> {

@@ -28,6 +28,21 @@ impl CommandSet {
     }
 }
 
+/// One datagram of process data, and how often its working counter was wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DatagramCount {
+    /// Frame of the cycle, from 0.
+    pub frame: u16,
+    /// Datagram in that frame, from 0.
+    pub datagram: u16,
+    /// Its command.
+    pub command: Command,
+    /// Working counter that it should have.
+    pub expected: u16,
+    /// Exchanges in which it came back with another.
+    pub short_counts: u64,
+}
+
 /// Figures of all cycles so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CycleCounters {
@@ -39,6 +54,8 @@ pub struct CycleCounters {
     pub frames_lost: u64,
     /// Frames of an earlier cycle that came after their deadline; dropped.
     pub late: u64,
+    /// Frames that came back shorter than they were sent; dropped.
+    pub short: u64,
     /// Frames that came twice; dropped.
     pub duplicate: u64,
     /// Frames that this bus never sent, or that no SubDevice processed; dropped.

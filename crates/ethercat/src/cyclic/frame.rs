@@ -55,6 +55,8 @@ pub(super) struct Slot {
     pub leeway: u16,
     /// What came back last.
     pub received: u16,
+    /// Cycles in which that wasn't the expected one.
+    pub short_counts: u64,
     /// Which bits of the header's first eight bytes (command, index, address, length and flags) come back as sent.
     unchanged: u64,
 }
@@ -172,6 +174,7 @@ impl CyclicFrame {
             accepted: 0,
             leeway: 0,
             received: 0,
+            short_counts: 0,
             unchanged: unchanged_bits(command),
         });
         self.commands.add(command);
@@ -201,6 +204,12 @@ impl CyclicFrame {
         self.out[self.slots[slot].header_at()] = command.code();
     }
 
+    /// Turns one datagram to another address, from the next cycle on.
+    pub fn set_address(&mut self, slot: usize, address: Address) {
+        let at = self.slots[slot].header_at();
+        put_u32(&mut self.out[..], at + 2, address.raw());
+    }
+
     /// Writes the sequence number into the indices, lowest byte first. Three datagrams carry 24 bits of it.
     #[inline]
     pub fn stamp(&mut self, sequence: u32) {
@@ -226,6 +235,16 @@ impl CyclicFrame {
             && self.slots.iter().all(|slot| {
                 let at = slot.header_at();
                 (word_at(frame, at) ^ word_at(&self.out, at)) & slot.unchanged == 0
+            })
+    }
+
+    /// Whether `frame` is this one of this very cycle, but has lost its end.
+    pub fn is_cut_short(&self, frame: &[u8; MAX_FRAME], length: usize) -> bool {
+        length < self.length
+            && self.resembles(frame, length)
+            && self.slots.first().is_some_and(|slot| {
+                let index = slot.header_at() + 1;
+                frame[index] == self.out[index]
             })
     }
 

@@ -24,6 +24,10 @@ const LOCK_LIMIT_NS: u32 = 1000;
 const LOCK_ROUNDS: u32 = 10;
 /// The longest wait for that.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(10);
+/// SYNC0 has come so many times before OP is asked.
+const SYNC_CYCLES: u32 = 10;
+/// The longest wait for that.
+const SYNC_TIMEOUT: Duration = Duration::from_secs(2);
 /// How far ahead of the present the first SYNC0 is put.
 const SYNC_MARGIN: Duration = Duration::from_millis(100);
 
@@ -61,6 +65,16 @@ pub enum RecoveryError {
         /// Vendor and product now.
         found: (u32, u32),
     },
+    /// It is the same product, but another piece: swapped with another, or replaced.
+    #[error("at position {position} is the piece with serial number {found}, {expected} was there")]
+    OtherPiece {
+        /// Position.
+        position: u16,
+        /// Serial number that was there at first.
+        expected: u32,
+        /// Serial number now.
+        found: u32,
+    },
     /// Its EEPROM can't be read.
     #[error(transparent)]
     Eeprom(#[from] EepromError),
@@ -79,6 +93,15 @@ pub enum RecoveryError {
     },
 }
 
+/// How a SubDevice was found that is in OP again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comeback {
+    /// It still had its station address: it had power all the time, and what it counted goes on.
+    KeptPower,
+    /// It had to be given its address: it started anew, and so did what it counts.
+    Restarted,
+}
+
 /// The stages, in their order.
 #[derive(Debug)]
 enum Stage {
@@ -92,14 +115,18 @@ enum Stage {
     Clear(StartUpRunner),
     /// Is it the same product?
     Identify(SiiReader),
-    /// The start-up list up to where process data must flow.
+    /// The start-up list up to where process data must flow, but for the clock.
     SetUp(StartUpRunner),
+    /// Its clock's control loop begins anew at the reference's time.
+    Clock(StartUpRunner),
     /// Until its clock agrees.
     Lock { good: u32, since: HostTime },
     /// SYNC0.
     Arm(StartUpRunner),
-    /// SAFE-OP and OP.
+    /// The next of SAFE-OP and OP.
     Enter(StartUpRunner),
+    /// Between the two: until SYNC0 comes, for a drive in OP without it is in error at once.
+    AwaitSync { since: HostTime },
 }
 
 /// One SubDevice on its way back.
@@ -112,12 +139,16 @@ pub(super) struct Recovery {
     cyclic_control: CyclicControl,
     clock: Option<DcWidth>,
     set_up: Vec<StartUpStep>,
+    set_clock: Vec<StartUpStep>,
     enter: Vec<StartUpStep>,
     mailbox: Option<Mailbox>,
     stage: Stage,
     since: Option<HostTime>,
     time: Option<DcTime>,
-    outcome: Option<Result<(), RecoveryError>>,
+    /// When SYNC0 has come a few times.
+    synced_at: Option<DcTime>,
+    comeback: Comeback,
+    outcome: Option<Result<Comeback, RecoveryError>>,
 }
 
 fn registers(what: &'static str, register: u16, data: &[u8], refusal: Refusal) -> StartUpStep {
@@ -128,7 +159,22 @@ impl Recovery {
     /// The way back of `subdevice` as set-up left it; `mailbox` is given back by [`Recovery::into_mailbox`].
     pub fn new(subdevice: &SubDevice, mailbox: Option<Mailbox>) -> Self {
         let steps = &subdevice.start_up.steps;
-        let set_up = steps.iter().take_while(|step| !step.needs_cycle()).cloned().collect();
+        let before = || steps.iter().take_while(|step| !step.needs_cycle()).cloned();
+        let is_clock = |step: &StartUpStep| matches!(step, StartUpStep::ClockOffset { .. });
+        let set_up = before().filter(|step| !is_clock(step)).collect();
+        // Writing the speed counter's start makes the control loop forget what it was told before.
+        let loop_anew = registers(
+            "the clock's control loop",
+            register::DC_SPEED_COUNTER_START,
+            &crate::clock_setup::SPEED_COUNTER_START.to_le_bytes(),
+            Refusal::IsTolerated,
+        );
+        let mut set_clock: Vec<_> = before().filter(is_clock).collect();
+        if !set_clock.is_empty() {
+            set_clock.insert(0, loop_anew.clone());
+            // Once more behind the offset: what came between was told to a clock with another time.
+            set_clock.push(loop_anew);
+        }
         let states = steps.iter().filter(|step| step.needs_cycle() && !matches!(step, StartUpStep::ArmSync));
         Recovery {
             target: subdevice.target(),
@@ -138,11 +184,14 @@ impl Recovery {
             cyclic_control: subdevice.config.cyclic_control,
             clock: subdevice.dc.map(|dc| dc.width),
             set_up,
+            set_clock,
             enter: states.cloned().collect(),
             mailbox,
             stage: Stage::Find,
             since: None,
             time: None,
+            synced_at: None,
+            comeback: Comeback::KeptPower,
             outcome: None,
         }
     }
@@ -151,12 +200,21 @@ impl Recovery {
     pub fn set_reference_time(&mut self, time: Option<DcTime>) {
         self.time = time;
         let runner = match &mut self.stage {
-            Stage::Clear(runner) | Stage::SetUp(runner) | Stage::Arm(runner) | Stage::Enter(runner) => runner,
+            Stage::Clear(runner)
+            | Stage::SetUp(runner)
+            | Stage::Clock(runner)
+            | Stage::Arm(runner)
+            | Stage::Enter(runner) => runner,
             _ => return,
         };
         if let Some(time) = time {
             runner.set_reference_time(time);
         }
+    }
+
+    /// Whether its clock is just being set.
+    pub fn is_setting_clock(&self) -> bool {
+        matches!(self.stage, Stage::Clock(_))
     }
 
     /// Gives the mailbox back.
@@ -202,6 +260,7 @@ impl Recovery {
     fn arm(&mut self) -> Option<Stage> {
         let (cycle_ns, shift_ns) = sync0(self.sync)?;
         let start = start_time(self.time? + SYNC_MARGIN, cycle_ns, shift_ns);
+        self.synced_at = Some(start + Duration::from_nanos(u64::from(cycle_ns)) * SYNC_CYCLES);
         let must = |what, register, data: &[u8]| registers(what, register, data, Refusal::IsError);
         let mut steps = Vec::from([must("SYNC off", register::DC_ACTIVATION, &[0])]);
         if self.cyclic_control == CyclicControl::Write {
@@ -221,8 +280,9 @@ impl Recovery {
     }
 
     fn enter(&mut self) -> Stage {
-        let steps = core::mem::take(&mut self.enter);
-        Stage::Enter(self.runner(steps, None))
+        let steps = self.enter.split_off(self.enter.len().min(1));
+        let step = core::mem::replace(&mut self.enter, steps);
+        Stage::Enter(self.runner(step, None))
     }
 
     fn fail(&mut self, error: RecoveryError) {
@@ -239,16 +299,27 @@ impl Recovery {
             Stage::Clear(_) => Stage::Identify(SiiReader::new(self.target, SiiExtent::Needed)),
             Stage::Identify(_) => {
                 let expected = (self.identity.vendor_id, self.identity.product_code);
-                let found = image.filter(|image| image.len() >= 24);
-                let found = found.map_or((0, 0), |image| (u32_at(&image, 16), u32_at(&image, 20)));
-                if found != expected {
-                    let position = self.target.position;
+                let found = image.filter(|image| image.len() >= 32);
+                let [vendor, product, serial] = found
+                    .map_or([0; 3], |image| [u32_at(&image, 16), u32_at(&image, 20), u32_at(&image, 28)]);
+                let position = self.target.position;
+                if (vendor, product) != expected {
+                    let found = (vendor, product);
                     return self.fail(RecoveryError::OtherProduct { position, expected, found });
+                }
+                // Where neither has a number they can't be told apart.
+                if serial != self.identity.serial {
+                    let (expected, found) = (self.identity.serial, serial);
+                    return self.fail(RecoveryError::OtherPiece { position, expected, found });
                 }
                 self.set_up()
             }
             Stage::SetUp(runner) => {
                 self.mailbox = runner.into_mailbox();
+                let steps = core::mem::take(&mut self.set_clock);
+                Stage::Clock(self.runner(steps, None))
+            }
+            Stage::Clock(_) => {
                 if self.clock.is_some() && sync0(self.sync).is_some() {
                     Stage::Lock { good: 0, since: now }
                 } else {
@@ -256,8 +327,9 @@ impl Recovery {
                 }
             }
             Stage::Arm(_) => self.enter(),
+            Stage::Enter(_) if !self.enter.is_empty() => Stage::AwaitSync { since: now },
             Stage::Enter(runner) => {
-                self.outcome = Some(Ok(()));
+                self.outcome = Some(Ok(self.comeback));
                 Stage::Enter(runner)
             }
             other => other,
@@ -266,7 +338,7 @@ impl Recovery {
 }
 
 impl Procedure for Recovery {
-    type Output = Result<(), RecoveryError>;
+    type Output = Result<Comeback, RecoveryError>;
 
     fn next(&mut self, now: HostTime) -> Next<Self::Output> {
         let Target { position, station } = self.target;
@@ -279,6 +351,18 @@ impl Procedure for Recovery {
                 Stage::Find | Stage::Look if now - since >= SEARCH => {
                     let after = now - since;
                     return Next::Done(Err(RecoveryError::NotThere { position, after }));
+                }
+                Stage::AwaitSync { since } => {
+                    let has_come = match (self.synced_at, self.time) {
+                        (Some(synced_at), Some(time)) => time >= synced_at,
+                        (synced_at, _) => synced_at.is_none(),
+                    };
+                    // Without a clock to tell the drive itself is to say what is missing.
+                    if has_come || now - *since >= SYNC_TIMEOUT {
+                        self.stage = self.enter();
+                        continue;
+                    }
+                    return Next::Send(Request::read(station, register::AL_STATUS, 2));
                 }
                 Stage::Find => return Next::Send(Request::read(station, register::STATION_ADDRESS, 2)),
                 Stage::Look | Stage::Address => {
@@ -295,13 +379,15 @@ impl Procedure for Recovery {
                     Next::WaitUntil(instant) => return Next::WaitUntil(instant),
                     Next::Done(result) => result.map(Some).map_err(RecoveryError::Eeprom),
                 },
-                Stage::Clear(runner) | Stage::SetUp(runner) | Stage::Arm(runner) | Stage::Enter(runner) => {
-                    match runner.next(now) {
-                        Next::Send(request) => return Next::Send(request),
-                        Next::WaitUntil(instant) => return Next::WaitUntil(instant),
-                        Next::Done(result) => result.map(|()| None).map_err(RecoveryError::StartUp),
-                    }
-                }
+                Stage::Clear(runner)
+                | Stage::SetUp(runner)
+                | Stage::Clock(runner)
+                | Stage::Arm(runner)
+                | Stage::Enter(runner) => match runner.next(now) {
+                    Next::Send(request) => return Next::Send(request),
+                    Next::WaitUntil(instant) => return Next::WaitUntil(instant),
+                    Next::Done(result) => result.map(|()| None).map_err(RecoveryError::StartUp),
+                },
             };
             self.ended(ended, now);
         }
@@ -311,10 +397,14 @@ impl Procedure for Recovery {
         match &self.stage {
             Stage::Address => data.copy_from_slice(&self.target.station.to_le_bytes()),
             Stage::Identify(reader) => reader.fill(data),
-            Stage::Clear(runner) | Stage::SetUp(runner) | Stage::Arm(runner) | Stage::Enter(runner) => {
+            Stage::Clear(runner)
+            | Stage::SetUp(runner)
+            | Stage::Clock(runner)
+            | Stage::Arm(runner)
+            | Stage::Enter(runner) => {
                 runner.fill(data);
             }
-            Stage::Find | Stage::Look | Stage::Lock { .. } => {}
+            Stage::Find | Stage::Look | Stage::Lock { .. } | Stage::AwaitSync { .. } => {}
         }
     }
 
@@ -322,7 +412,11 @@ impl Procedure for Recovery {
         let Target { position, station } = self.target;
         match &mut self.stage {
             Stage::Identify(reader) => return reader.answer(answer, now),
-            Stage::Clear(runner) | Stage::SetUp(runner) | Stage::Arm(runner) | Stage::Enter(runner) => {
+            Stage::Clear(runner)
+            | Stage::SetUp(runner)
+            | Stage::Clock(runner)
+            | Stage::Arm(runner)
+            | Stage::Enter(runner) => {
                 return runner.answer(answer, now);
             }
             _ => {}
@@ -333,6 +427,7 @@ impl Procedure for Recovery {
             Stage::Look if working_counter == 1 && data.len() >= 2 => {
                 let found = u16_at(data, 0);
                 if found == 0 || found == station {
+                    self.comeback = Comeback::Restarted;
                     self.stage = Stage::Address;
                 } else {
                     self.fail(RecoveryError::OtherStation { position, expected: station, found });

@@ -1,8 +1,9 @@
 //! What a [`CyclicBus`] tells, and what is handed in and taken out beside the cycle.
 
+use super::diagnosis::is_process_data;
 use super::{
-    AcyclicCompletion, AcyclicRequest, CommandSet, CycleCounters, CyclicBus, CyclicParts, Exchange, Flight,
-    Freshness, Health, Phase, RecoveryError, SegmentStatus,
+    AcyclicCompletion, AcyclicRequest, Comeback, CommandSet, CycleCounters, CyclicBus, CyclicParts,
+    DatagramCount, Exchange, Flight, Freshness, Health, Phase, RecoveryError, SegmentStatus,
 };
 use crate::image::{ClockUse, ImagePlan, Member, Role};
 use crate::mailbox::{Mailbox, ReceivedEmergency};
@@ -82,6 +83,23 @@ impl<L> CyclicBus<L> {
         self.exchanger.counters
     }
 
+    /// The datagrams of process data, each with its own count of wrong working counters.
+    pub fn datagram_counts(&self) -> impl Iterator<Item = DatagramCount> + '_ {
+        let frames = self.exchanger.frames.iter().zip(&self.plan.frames).enumerate();
+        frames.flat_map(|(number, (frame, plan))| {
+            let slots = frame.slots().iter().zip(&plan.datagrams).enumerate();
+            slots.filter(|(_, (slot, _))| is_process_data(slot.purpose)).map(
+                move |(datagram, (slot, plan))| DatagramCount {
+                    frame: number as u16,
+                    datagram: datagram as u16,
+                    command: plan.command,
+                    expected: slot.expected,
+                    short_counts: slot.short_counts,
+                },
+            )
+        })
+    }
+
     /// Frames with process data in each cycle.
     pub fn frames_per_cycle(&self) -> usize {
         self.planned
@@ -122,8 +140,8 @@ impl<L> CyclicBus<L> {
         begun
     }
 
-    /// Takes the end of a way back: the SubDevice's position, and whether it is in OP again.
-    pub fn poll_recovered(&mut self) -> Option<(u16, Result<(), RecoveryError>)> {
+    /// Takes the end of a way back: the SubDevice's position, and how it was found or why it isn't in OP again.
+    pub fn poll_recovered(&mut self) -> Option<(u16, Result<Comeback, RecoveryError>)> {
         let recovered = self.acyclic.poll_recovered();
         if recovered.is_some() {
             self.set_leeway();

@@ -83,8 +83,11 @@ impl<L: Link> Exchanger<L> {
             .frames
             .get(number)
             .is_some_and(|frame| frame.flight == Flight::Back && frame.is_answered_by(&self.inbox, length));
+        let short = self.frames.get(number).is_some_and(|frame| frame.is_cut_short(&self.inbox, length));
         if duplicate {
             self.counters.duplicate += 1;
+        } else if short {
+            self.counters.short += 1;
         } else if self.frames.iter().any(|frame| frame.resembles(&self.inbox, length)) {
             self.counters.late += 1;
         } else {

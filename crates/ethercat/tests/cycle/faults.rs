@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Freshness, Goal, Health, Phase, RecoveryError,
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Freshness, Goal, Health, Phase, RecoveryError,
 };
 use omnibase_ethercat::mailbox::{MailboxRequest, ObjectList, Operation, list_indices};
 use omnibase_ethercat::start_up::SdoAccess;
@@ -206,7 +206,7 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
             break;
         }
     }
-    assert_eq!(recovered, Some((1, Ok(()))));
+    assert_eq!(recovered, Some((1, Ok(Comeback::Restarted))));
     assert!((0..1000).all(|_| runner.cycle() == Exchange::Complete));
     assert!(runner.worst_clock_ns() < 1000, "{} ns", runner.worst_clock_ns());
     // Its mailbox works again.
@@ -237,7 +237,7 @@ fn one_of_two_lost_drives_comes_back_while_the_third_misses_no_cycle() {
         assert_eq!(runner.bus.freshness(0), Freshness::Fresh);
         runner.bus.poll_recovered()
     });
-    assert_eq!(ended, Some((1, Ok(()))));
+    assert_eq!(ended, Some((1, Ok(Comeback::Restarted))));
 }
 
 #[test]

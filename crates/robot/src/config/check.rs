@@ -9,7 +9,7 @@ use super::platform;
 use super::problem::{Problem, ProblemKind};
 use super::source::{Locations, Source, nearest};
 use crate::registry::Registry;
-use crate::signals::StopCategory;
+use crate::signals::{SafetyAction, StopCategory};
 
 /// Reads files that the robot's file names; the answer is the text, or why there is none.
 pub type ReadFile<'a> = &'a dyn Fn(&str) -> Result<String, String>;
@@ -214,6 +214,13 @@ impl Check {
         };
         SafetyPlan {
             lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(3),
+            lost_device_stop: match table.on_lost_device.unwrap_or(LostDeviceName::QuickStop) {
+                LostDeviceName::QuickStop => SafetyAction::QuickStop,
+                LostDeviceName::Ramp => SafetyAction::Stop(StopCategory::RampThenRemove),
+                LostDeviceName::RemoveTorque => SafetyAction::Stop(StopCategory::RemoveTorque),
+            },
+            resume_within_ns: (table.after_lost_device == Some(ComebackName::Resume))
+                .then_some(ns(table.lost_device_wait_ms, 30_000)),
             command_age_ns: ns(table.command_age_ms, 200),
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),
             stop_timeout_ns: ns(table.stop_timeout_ms, 5000),

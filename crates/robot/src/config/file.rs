@@ -467,6 +467,13 @@ pub struct SafetyTable {
     /// Lost exchanges in a row that are tolerated before the drives' quick stop; default: 3.
     #[schemars(range(min = 0, max = 1000))]
     pub lost_exchanges_tolerated: Option<u32>,
+    /// What follows where a SubDevice takes no part in more exchanges in a row than that; default: `quick_stop`.
+    pub on_lost_device: Option<LostDeviceName>,
+    /// Who lets the robot move again when the SubDevice is back; default: `stay`.
+    pub after_lost_device: Option<ComebackName>,
+    /// How long `resume` waits for it, ms; default: 30 000.
+    #[schemars(range(min = 1, max = 86_400_000))]
+    pub lost_device_wait_ms: Option<u32>,
     /// Age at which a velocity command no longer counts, ms; default: 200.
     #[schemars(range(min = 1, max = 10_000))]
     pub command_age_ms: Option<u32>,
@@ -493,6 +500,28 @@ pub struct SafetyTable {
     pub area_stop: Option<StopName>,
     /// What a lasting loss of the tracked path leads to; default: `category_1`.
     pub tracking_error_stop: Option<StopName>,
+}
+
+/// What the loss of a SubDevice leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LostDeviceName {
+    /// The drives that are left brake by their own quick stop.
+    QuickStop,
+    /// The wheels that are left ramp down, then torque is removed.
+    Ramp,
+    /// Torque is removed at once.
+    RemoveTorque,
+}
+
+/// Who lets a robot move again whose SubDevice was lost and is back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ComebackName {
+    /// A person: the robot stays disabled until somebody acknowledges and enables it.
+    Stay,
+    /// The run: it acknowledges, enables, and goes on with the path where it was left.
+    Resume,
 }
 
 /// Stop categories of IEC 60204-1.

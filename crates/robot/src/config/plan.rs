@@ -12,7 +12,7 @@ use super::file::{
 };
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
-use crate::signals::StopCategory;
+use crate::signals::{SafetyAction, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -175,6 +175,10 @@ pub struct Area {
 pub struct SafetyPlan {
     /// Lost exchanges in a row that are tolerated.
     pub lost_exchanges_tolerated: u32,
+    /// What follows where a SubDevice takes no part in more than that.
+    pub lost_device_stop: SafetyAction,
+    /// How long a run waits for a lost SubDevice to go on, ns; `None` where it doesn't go on by itself.
+    pub resume_within_ns: Option<u64>,
     /// Age at which a velocity command no longer counts, ns.
     pub command_age_ns: u64,
     /// Longest time for enabling all drives, ns.

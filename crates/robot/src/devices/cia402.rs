@@ -235,6 +235,10 @@ impl Device for Cia402Device {
         self.progress
     }
 
+    fn restarted(&mut self) {
+        self.last_counts = None;
+    }
+
     fn acknowledge(&mut self) {
         self.enabling.acknowledge();
     }

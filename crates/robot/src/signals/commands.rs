@@ -119,6 +119,8 @@ pub enum SafetyReason {
     EnablingTimeout,
     /// The ramp to a stop took too long.
     StopTimeout,
+    /// A SubDevice took no part in more exchanges in a row than are tolerated, or started anew.
+    DeviceLost,
 }
 
 coded!(SafetyReason {
@@ -135,6 +137,7 @@ coded!(SafetyReason {
     Drive = 10,
     EnablingTimeout = 11,
     StopTimeout = 12,
+    DeviceLost = 13,
 });
 
 impl SafetyReason {
@@ -154,6 +157,7 @@ impl SafetyReason {
             SafetyReason::Drive => "a drive failed",
             SafetyReason::EnablingTimeout => "enabling the drives took too long",
             SafetyReason::StopTimeout => "the ramp to a stop took too long",
+            SafetyReason::DeviceLost => "a SubDevice was lost",
         }
     }
 }

@@ -43,6 +43,12 @@ pub enum Exchange {
         /// Working counter that came back.
         received: u16,
     },
+    /// Every SubDevice took part, but some drives started anew since they last did: what they count has another
+    /// origin. Whatever the robot does, it stops; only then do they count again.
+    Restarted {
+        /// Bit n for wheel n.
+        wheels: u16,
+    },
 }
 
 impl Exchange {
@@ -52,6 +58,7 @@ impl Exchange {
             Exchange::Complete => [0, 0, 0],
             Exchange::Lost => [1, 0, 0],
             Exchange::ShortCount { expected, received } => [2, expected.into(), received.into()],
+            Exchange::Restarted { wheels } => [3, wheels.into(), 0],
         }
     }
 
@@ -64,6 +71,7 @@ impl Exchange {
                 expected: expected.try_into().ok()?,
                 received: received.try_into().ok()?,
             },
+            [3, wheels, 0] => Exchange::Restarted { wheels: wheels.try_into().ok()? },
             _ => return None,
         })
     }

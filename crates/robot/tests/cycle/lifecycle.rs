@@ -91,7 +91,8 @@ fn a_drives_fault_stops_all_drives_and_waits_for_a_person() {
 
 #[test]
 fn lost_exchanges_are_tolerated_then_stop() {
-    for lost in [Exchange::Lost, Exchange::ShortCount { expected: 9, received: 6 }] {
+    let short = Exchange::ShortCount { expected: 9, received: 6 };
+    for (lost, reason) in [(Exchange::Lost, SafetyReason::ExchangeLost), (short, SafetyReason::DeviceLost)] {
         let mut bench = Bench::new(plan(BMM));
         bench.enable();
         drive(&mut bench, 0.3, 500);
@@ -107,9 +108,55 @@ fn lost_exchanges_are_tolerated_then_stop() {
         assert_eq!(bench.robot.phase(), Phase::QuickStopping);
         assert_eq!(bench.control_word(0), 0x02);
         let record = bench.run(6000);
-        assert_eq!((record.phase, record.stop_reason), (Phase::Fault, SafetyReason::ExchangeLost));
+        assert_eq!((record.phase, record.stop_reason), (Phase::Fault, reason));
         assert_eq!(bench.control_word(0), 0x00);
     }
+}
+
+#[test]
+fn the_loss_of_a_subdevice_leads_where_the_file_says() {
+    let short = Exchange::ShortCount { expected: 9, received: 6 };
+    let file = |name: &str| format!("{BMM}\n[safety]\non_lost_device = \"{name}\"\nstop_timeout_ms = 1000\n");
+    for (name, phase, control) in [
+        ("quick_stop", Phase::QuickStopping, 0x02),
+        ("ramp", Phase::Stopping, 0x0F),
+        ("remove_torque", Phase::Fault, 0x00),
+    ] {
+        let mut bench = Bench::new(plan(&file(name)));
+        bench.enable();
+        drive(&mut bench, 0.3, 500);
+        bench.exchange = short;
+        drive(&mut bench, 0.3, 4);
+        assert_eq!((bench.robot.phase(), bench.control_word(0)), (phase, control), "{name}");
+        // Whatever the way: in the end no torque, and nothing moves without a person.
+        let record = bench.run(3000);
+        assert_eq!((record.phase, bench.control_word(0)), (Phase::Fault, 0x00), "{name}");
+        bench.exchange = Exchange::Complete;
+        bench.run(1000);
+        assert_eq!((bench.robot.phase(), bench.control_word(0)), (Phase::Fault, 0x00), "{name}");
+        bench.step(Some(RequestKind::Acknowledge));
+        bench.run(10);
+        bench.enable();
+        assert_eq!(bench.robot.phase(), Phase::Holding, "{name}");
+    }
+}
+
+#[test]
+fn a_drive_that_started_anew_stops_whatever_is_tolerated_and_counts_from_a_new_origin() {
+    let text = format!("{BMM}\n[safety]\nlost_exchanges_tolerated = 1000\n");
+    let mut bench = Bench::new(plan(&text));
+    bench.enable();
+    drive(&mut bench, 0.3, 500);
+    bench.exchange = Exchange::ShortCount { expected: 9, received: 6 };
+    drive(&mut bench, 0.3, 10);
+    assert_eq!(bench.robot.phase(), Phase::Tracking);
+    let before = bench.robot.record().state.odom_from_body;
+    bench.exchange = Exchange::Restarted { wheels: 0b111 };
+    bench.step(None);
+    assert_eq!(bench.robot.phase(), Phase::QuickStopping);
+    bench.exchange = Exchange::Complete;
+    let after = bench.step(None).state.odom_from_body;
+    assert!(after.distance_m(before) < 1e-9, "{after:?} after {before:?}");
 }
 
 #[test]

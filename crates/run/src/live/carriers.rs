@@ -16,6 +16,7 @@ use super::operator::{Ages, Note, Operator, Turn};
 use super::snapshot::Snapshot;
 use crate::channels::Say;
 use crate::describe::reference_key;
+use crate::events::Words;
 
 /// Commands on their way.
 const COMMANDS: usize = 256;
@@ -49,7 +50,7 @@ pub struct LiveEvent {
     /// Time of the run, s.
     pub time_s: f64,
     /// In words.
-    pub text: &'static str,
+    pub text: Words,
     /// Whom it is about; `None` for the robot itself.
     pub client: Option<Client>,
 }
@@ -59,7 +60,7 @@ enum Back {
     Answer(u64, Answer),
     Event {
         time_ns: u64,
-        text: &'static str,
+        text: Words,
         client: Option<Client>,
     },
     Trace(TracePoint),
@@ -258,7 +259,7 @@ impl LiveEnd {
             let _ = self.back.push(Back::Answer(ticket, answer));
         }
         for Note { text, client } in self.operator.notes() {
-            let _ = self.back.push(Back::Event { time_ns: now_ns, text, client: Some(client) });
+            let _ = self.back.push(Back::Event { time_ns: now_ns, text: text.into(), client: Some(client) });
         }
         for reference in self.operator.discarded() {
             give_back(&mut self.back, &mut self.unsent, reference);
@@ -281,7 +282,7 @@ impl LiveEnd {
     }
 
     /// Tells everybody what happened.
-    pub fn tell(&mut self, time_ns: u64, text: &'static str) {
+    pub fn tell(&mut self, time_ns: u64, text: Words) {
         let _ = self.back.push(Back::Event { time_ns, text, client: None });
     }
 

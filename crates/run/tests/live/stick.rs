@@ -158,7 +158,8 @@ fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it()
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });
-    let texts: Vec<&str> = run.live.events_after(0).iter().map(|event| event.text).collect();
+    let events = run.live.events_after(0);
+    let texts: Vec<&str> = events.iter().map(|event| &*event.text).collect();
     assert!(texts.iter().any(|text| text.starts_with("the stick is gone")), "{texts:?}");
 }
 
@@ -203,7 +204,8 @@ fn the_stop_button_stops_and_gives_the_command_back() {
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });
-    let texts: Vec<&str> = run.live.events_after(0).iter().map(|event| event.text).collect();
+    let events = run.live.events_after(0);
+    let texts: Vec<&str> = events.iter().map(|event| &*event.text).collect();
     assert!(texts.iter().any(|text| text.starts_with("stopped at the stick")), "{texts:?}");
 }
 

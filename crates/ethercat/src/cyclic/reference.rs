@@ -1,0 +1,77 @@
+//! Which clock is the reference while SubDevices go and come.
+//!
+//! Frames carry the reference's time to everybody behind it, in the order of positions; who stands before it would be
+//! told nonsense. So the first well SubDevice with a clock is the reference: another is elected when it is lost, and
+//! one that comes back before the present reference is set by that one's time first and takes over then. Its time
+//! goes on where the other's was: nothing is stepped, and what differs by the way of the frame (delays measured from
+//! the first reference, some hundred ns) the clocks' own control loops slew.
+
+use super::diagnosis::Health;
+use super::{CyclicBus, Goal, Phase};
+use crate::image::ClockUse;
+use crate::wire::{Address, Command, Link, register};
+
+impl<L: Link> CyclicBus<L> {
+    /// Elects another reference where the present one is lost, and gives it back to the first in the line.
+    pub(super) fn keep_reference(&mut self) {
+        let Some(reference) = self.plan.clock.reference().filter(|_| self.phase == Phase::Reached(Goal::Op))
+        else {
+            return;
+        };
+        // One that answers keeps the time whatever its state. One that is on its way back serves from the moment at which it has its time.
+        let is_lost = self.health_of(reference) == Health::Silent
+            && !(self.crowned == Some(reference) && self.acyclic.is_recovering(reference));
+        if is_lost {
+            let well = self.members.iter().find(|member| {
+                member.clock.is_some()
+                    && self.health_of(member.position) == Health::Well
+                    && !self.acyclic.is_recovering(member.position)
+            });
+            self.crowned = None;
+            if let Some(position) = well.map(|member| member.position) {
+                self.set_reference(position);
+            }
+            return;
+        }
+        let setting = self.acyclic.setting_clock().filter(|position| *position < reference);
+        match (self.heir, setting) {
+            (None, Some(position)) => {
+                self.heir = Some(position);
+                // Until it has its time nobody is told any: clocks drift less than 1 µs meanwhile.
+                self.command_clock(Command::Fprd);
+            }
+            (Some(position), None) => {
+                self.heir = None;
+                self.command_clock(Command::Frmw);
+                if self.acyclic.is_recovering(position) {
+                    self.set_reference(position);
+                    self.crowned = Some(position);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn health_of(&self, position: u16) -> Health {
+        self.diagnosis.health().get(usize::from(position)).copied().unwrap_or(Health::Silent)
+    }
+
+    fn command_clock(&mut self, command: Command) {
+        if let (Some(slot), Some(frame)) = (self.clock_slot, self.exchanger.frames.first_mut()) {
+            frame.set_command(slot, command);
+        }
+    }
+
+    fn set_reference(&mut self, position: u16) {
+        let Some(member) = self.members.get(usize::from(position)) else { return };
+        let address = Address::station(member.station, register::DC_SYSTEM_TIME);
+        match &mut self.plan.clock {
+            ClockUse::None => return,
+            ClockUse::Distribute { reference } | ClockUse::Steer { reference } => *reference = position,
+        }
+        let Some(frame) = self.exchanger.frames.first_mut() else { return };
+        for slot in [self.clock_slot, self.steer_slot].into_iter().flatten() {
+            frame.set_address(slot, address);
+        }
+    }
+}

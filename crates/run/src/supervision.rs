@@ -1,0 +1,420 @@
+//! Who is missing, who comes back, and what the bus counts: done in the spare time of cycles, one step each.
+//!
+//! The supervisor looks at what the cyclic bus knows after each exchange. It names SubDevices that were lost, starts
+//! their way back to OP, reads their error counters in turn, and takes their emergencies. It never waits.
+
+mod figures;
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::time::Duration;
+
+use omnibase_cia402::{DriveState, ErrorCode};
+use omnibase_ethercat::cyclic::{
+    AcyclicRequest, AcyclicWork, Comeback, CyclicBus, Goal, Health, Phase, RecoveryError, RegisterWay,
+};
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::wire::bytes::u32_at;
+use omnibase_ethercat::wire::{AlState, HostTime, Link, register};
+use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
+
+use crate::events::Words;
+
+pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
+
+/// Events that wait to be taken.
+const MOST_WAITING: usize = 64;
+/// Between two looks at registers of some SubDevice.
+const LOOK_INTERVAL: Duration = Duration::from_millis(20);
+/// Error counters from 0x0300 to 0x0313.
+const COUNTERS: usize = 20;
+/// From here on a counter of 8 bits is cleared, before it stands still at 255.
+const FULL: u8 = 128;
+/// After its way back a SubDevice gets so long until the cycle sees it in OP.
+const SETTLE: Duration = Duration::from_millis(500);
+/// Pause before another attempt.
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Where one SubDevice is on its way back.
+#[derive(Clone, Debug, PartialEq)]
+enum Way {
+    /// In OP.
+    None,
+    /// On its way.
+    Coming,
+    /// Its way ended; the cycle has to see it in OP.
+    Settling { until: HostTime },
+    /// It failed; the next attempt.
+    Waiting { until: HostTime },
+}
+
+/// One SubDevice.
+#[derive(Debug)]
+struct Supervised {
+    subdevice: SubDevice,
+    /// Its wheel, where it has one.
+    wheel: Option<usize>,
+    health: Health,
+    way: Way,
+    since: HostTime,
+    /// Why the last attempt failed; told once.
+    failure: Option<RecoveryError>,
+    counters: [u8; COUNTERS],
+    faulty: bool,
+    figures: SubDeviceFigures,
+}
+
+/// What the supervisor reads of a SubDevice, in turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Look {
+    Counters,
+    Clear,
+    Clock,
+}
+
+/// Looks after all SubDevices of a cyclic bus.
+#[derive(Debug)]
+pub struct Supervisor {
+    all: Vec<Supervised>,
+    totals: BusFigures,
+    events: VecDeque<Words>,
+    events_dropped: u64,
+    next_look: HostTime,
+    looking_at: usize,
+    look: Option<Look>,
+    next: Look,
+    buffer: Vec<u8>,
+    restarted: u16,
+    reference: Option<u16>,
+}
+
+impl Supervisor {
+    /// A supervisor of what set-up found; `wheel_of` tells which wheel a SubDevice drives.
+    pub fn new(subdevices: Vec<SubDevice>, wheel_of: impl Fn(&SubDevice) -> Option<usize>) -> Self {
+        let supervised = |subdevice: SubDevice| {
+            let position = subdevice.position;
+            let name = match (&subdevice.config.name, subdevice.name.as_str()) {
+                (Some(name), _) => format!("`{name}` (SubDevice {position})"),
+                (None, "") => format!("SubDevice {position}"),
+                (None, name) => format!("SubDevice {position} ({name})"),
+            };
+            Supervised {
+                wheel: wheel_of(&subdevice).filter(|wheel| *wheel < MAX_WHEELS),
+                subdevice,
+                health: Health::Well,
+                way: Way::None,
+                since: HostTime(0),
+                failure: None,
+                counters: [0; COUNTERS],
+                faulty: false,
+                figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
+            }
+        };
+        Supervisor {
+            all: subdevices.into_iter().map(supervised).collect(),
+            totals: BusFigures::default(),
+            events: VecDeque::with_capacity(MOST_WAITING),
+            events_dropped: 0,
+            next_look: HostTime(0),
+            looking_at: 0,
+            look: None,
+            next: Look::Counters,
+            buffer: Vec::with_capacity(COUNTERS),
+            restarted: 0,
+            reference: None,
+        }
+    }
+
+    /// One step after an exchange at `now`.
+    pub fn after<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
+        if bus.phase() != Phase::Reached(Goal::Op) {
+            return;
+        }
+        self.compare(bus, now);
+        while let Some((position, ended)) = bus.poll_recovered() {
+            self.came_back(position, ended, now);
+        }
+        self.send_for(bus, now);
+        while let Some((position, received)) = bus.take_emergency() {
+            self.emergency(position, received.emergency);
+        }
+        self.look_at_registers(bus, now);
+        self.watch_reference(bus);
+    }
+
+    /// What was lost or came back since the last exchange.
+    fn compare<L: Link>(&mut self, bus: &CyclicBus<L>, now: HostTime) {
+        for number in 0..self.all.len() {
+            let Some(&health) = bus.health().get(number) else { continue };
+            let one = &mut self.all[number];
+            // The cycle may see it in OP a moment before its way is over.
+            if one.health == health || (one.way == Way::Coming && health == Health::Well) {
+                continue;
+            }
+            let before = std::mem::replace(&mut one.health, health);
+            match (before, health) {
+                (Health::Well, _) => {
+                    one.since = now;
+                    one.figures.losses += 1;
+                    self.totals.losses += 1;
+                    self.tell(number, format_args!("lost: {}", Ill(health)));
+                }
+                (_, Health::Well) => {
+                    // By itself, or at the end of its way.
+                    let settled = matches!(one.way, Way::Settling { .. });
+                    one.way = Way::None;
+                    one.failure = None;
+                    let after = now - one.since;
+                    one.figures.recoveries += 1;
+                    self.totals.recoveries += 1;
+                    let how = if settled { "back in OP" } else { "in OP again by itself" };
+                    self.tell(number, format_args!("{how} after {:.3} s", after.as_secs_f64()));
+                }
+                _ => {}
+            }
+        }
+        self.totals.unwell = self.all.iter().filter(|one| one.is_away()).count() as u64;
+    }
+
+    /// Starts the way back of whoever needs it.
+    fn send_for<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
+        for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
+            let due = match one.way {
+                Way::None => true,
+                Way::Coming => false,
+                Way::Settling { until } | Way::Waiting { until } => now >= until,
+            };
+            if due && bus.recover(&one.subdevice) {
+                one.way = Way::Coming;
+            }
+        }
+    }
+
+    fn came_back(&mut self, position: u16, ended: Result<Comeback, RecoveryError>, now: HostTime) {
+        let number = usize::from(position);
+        let Some(one) = self.all.get_mut(number) else { return };
+        let error = match ended {
+            Ok(comeback) => {
+                one.way = Way::Settling { until: now + SETTLE };
+                one.counters = [0; COUNTERS];
+                if let (Comeback::Restarted, Some(wheel)) = (comeback, one.wheel) {
+                    self.restarted |= 1 << wheel;
+                }
+                return;
+            }
+            Err(error) => error,
+        };
+        let nobody = matches!(error, RecoveryError::NotThere { .. });
+        one.way = Way::Waiting { until: if nobody { now } else { now + PAUSE } };
+        if !nobody && one.failure.as_ref() != Some(&error) {
+            let words = Words::new(format_args!("not taken back: {error}"));
+            one.failure = Some(error);
+            self.tell(number, format_args!("{words}"));
+        }
+    }
+
+    fn emergency(&mut self, position: u16, emergency: omnibase_ethercat::wire::coe::Emergency) {
+        let number = usize::from(position);
+        let Some(one) = self.all.get_mut(number) else { return };
+        one.figures.emergencies += 1;
+        self.totals.emergencies += 1;
+        let omnibase_ethercat::wire::coe::Emergency { code, register, data } = emergency;
+        self.tell(
+            number,
+            format_args!("emergency 0x{code:04x}, error register 0x{register:02x}, data {data:02x?}"),
+        );
+    }
+
+    /// Drives that show a fault in their status word.
+    pub fn look_at_drives(&mut self, drives: &[DriveMeasurement]) {
+        for number in 0..self.all.len() {
+            let one = &mut self.all[number];
+            let Some(drive) = one.wheel.and_then(|wheel| drives.get(wheel)) else { continue };
+            let faulty =
+                matches!(drive.status.state(), Some(DriveState::Fault | DriveState::FaultReactionActive));
+            if faulty && !std::mem::replace(&mut one.faulty, faulty) {
+                one.figures.faults += 1;
+                self.totals.drive_faults += 1;
+                match drive.error {
+                    ErrorCode::NONE => self.tell(number, format_args!("drive fault")),
+                    error => self.tell(number, format_args!("drive fault, error code {error}")),
+                }
+            }
+            self.all[number].faulty = faulty;
+        }
+    }
+
+    /// One register access to one SubDevice at a time.
+    fn look_at_registers<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
+        while let Some(done) = bus.poll_completion() {
+            if let AcyclicWork::Registers { data, .. } = done.work {
+                if done.result.is_ok() {
+                    self.looked(&data);
+                }
+                self.buffer = data;
+            }
+            self.look = None;
+        }
+        if self.look.is_some() || now < self.next_look || self.all.is_empty() {
+            return;
+        }
+        self.next_look = now + LOOK_INTERVAL;
+        let wanted = self.next;
+        if wanted == Look::Counters {
+            self.looking_at = (self.looking_at + 1) % self.all.len();
+        }
+        let one = &self.all[self.looking_at];
+        self.next = match wanted {
+            Look::Counters if one.subdevice.dc.is_some() => Look::Clock,
+            _ => Look::Counters,
+        };
+        if one.is_away() {
+            self.next = Look::Counters;
+            return;
+        }
+        let (way, register, length) = match wanted {
+            Look::Counters => (RegisterWay::Read, register::RX_ERROR_COUNTERS, COUNTERS),
+            Look::Clear => (RegisterWay::Write, register::RX_ERROR_COUNTERS, COUNTERS),
+            Look::Clock => (RegisterWay::Read, register::DC_SYSTEM_TIME_DIFFERENCE, 4),
+        };
+        let mut data = std::mem::take(&mut self.buffer);
+        data.clear();
+        data.resize(length, 0);
+        let work = AcyclicWork::Registers { way, register, data };
+        let request = AcyclicRequest { tag: 0, position: one.subdevice.position, work };
+        match bus.submit(request) {
+            Ok(()) => self.look = Some(wanted),
+            Err(AcyclicRequest { work: AcyclicWork::Registers { data, .. }, .. }) => self.buffer = data,
+            Err(_) => {}
+        }
+    }
+
+    fn looked(&mut self, data: &[u8]) {
+        let number = self.looking_at;
+        let one = &mut self.all[number];
+        match self.look {
+            Some(Look::Clear) => one.counters = [0; COUNTERS],
+            Some(Look::Clock) if data.len() >= 4 => {
+                let value = u32_at(data, 0);
+                let magnitude = i64::from(value & 0x7FFF_FFFF);
+                one.figures.clock_ns = if value >> 31 != 0 { -magnitude } else { magnitude };
+                one.figures.worst_clock_ns = one.figures.worst_clock_ns.max(magnitude as u64);
+            }
+            Some(Look::Counters) if data.len() >= COUNTERS => self.count(number, data),
+            _ => {}
+        }
+    }
+
+    /// What the counters grew by.
+    fn count(&mut self, number: usize, data: &[u8]) {
+        let one = &mut self.all[number];
+        // One that is smaller than before was cleared by a restart.
+        let grown: [u8; COUNTERS] = std::array::from_fn(|at| {
+            let (now, before) = (data[at], one.counters[at]);
+            if now >= before { now - before } else { now }
+        });
+        one.counters.copy_from_slice(&data[..COUNTERS]);
+        if one.counters.iter().any(|counter| *counter >= FULL) {
+            self.next = Look::Clear;
+        }
+        let (mut damaged, mut lost) = ([0u8; 4], [0u8; 4]);
+        for port in 0..4 {
+            damaged[port] = grown[2 * port];
+            lost[port] = grown[16 + port];
+            one.figures.crc_errors[port] += u64::from(grown[2 * port]);
+            one.figures.receive_errors[port] += u64::from(grown[2 * port + 1]);
+            one.figures.forwarded_errors[port] += u64::from(grown[8 + port]);
+            one.figures.link_losses[port] += u64::from(grown[16 + port]);
+        }
+        for port in 0..4 {
+            self.totals.crc_errors += u64::from(damaged[port]);
+            self.totals.link_losses += u64::from(lost[port]);
+            if damaged[port] > 0 {
+                self.tell(number, format_args!("{} damaged frames arrived at port {port}", damaged[port]));
+            }
+            if lost[port] > 0 {
+                self.tell(number, format_args!("the link at port {port} was lost {} times", lost[port]));
+            }
+        }
+    }
+
+    fn watch_reference<L: Link>(&mut self, bus: &CyclicBus<L>) {
+        let reference = bus.clock_use().reference();
+        let before = std::mem::replace(&mut self.reference, reference);
+        if let (Some(position), true) = (reference, before.is_some() && before != reference) {
+            self.totals.reference_changes += 1;
+            self.tell(usize::from(position), format_args!("is the reference clock from now on"));
+        }
+    }
+
+    fn tell(&mut self, number: usize, what: fmt::Arguments<'_>) {
+        let name = self.all.get(number).map_or("?", |one| one.figures.name.as_str());
+        self.say(Words::new(format_args!("{name}: {what}")));
+    }
+
+    fn say(&mut self, words: Words) {
+        if self.events.len() < MOST_WAITING {
+            self.events.push_back(words);
+        } else {
+            self.events_dropped += 1;
+        }
+    }
+
+    /// The next thing that happened.
+    pub fn take_event(&mut self) -> Option<Words> {
+        if let Some(words) = self.events.pop_front() {
+            return Some(words);
+        }
+        let dropped = std::mem::take(&mut self.events_dropped);
+        (dropped > 0).then(|| Words::new(format_args!("{dropped} more events of the bus found no room")))
+    }
+
+    /// Whether the SubDevice at `position` is lost or still on its way back: its outputs have to be safe.
+    pub fn is_away(&self, position: u16) -> bool {
+        self.all.get(usize::from(position)).is_some_and(Supervised::is_away)
+    }
+
+    /// Whether anybody with a wheel is away.
+    pub fn misses_a_wheel(&self) -> bool {
+        self.all.iter().any(|one| one.wheel.is_some() && one.is_away())
+    }
+
+    /// Wheels whose drives started anew since this was last asked; bit n for wheel n.
+    pub fn take_restarted(&mut self) -> u16 {
+        std::mem::take(&mut self.restarted)
+    }
+
+    /// What was counted of all together; what the bus itself counts isn't in it.
+    pub fn totals(&self) -> &BusFigures {
+        &self.totals
+    }
+
+    /// What was counted of each SubDevice.
+    pub fn figures(&self) -> impl Iterator<Item = &SubDeviceFigures> {
+        self.all.iter().map(|one| &one.figures)
+    }
+}
+
+impl Supervised {
+    fn is_away(&self) -> bool {
+        self.health != Health::Well || self.way != Way::None
+    }
+}
+
+/// An illness in words.
+struct Ill(Health);
+
+impl fmt::Display for Ill {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (status, code) = match self.0 {
+            Health::Well => return f.write_str("in OP"),
+            Health::Silent => return f.write_str("it does not answer (no power, cable out, or restarted)"),
+            Health::NotOperational { status, code } => (status, code),
+        };
+        match AlState::from_bits(status) {
+            Some(state) => write!(f, "it is in {state}")?,
+            None => write!(f, "its AL status is 0x{status:04x}")?,
+        }
+        if status & AlState::ERROR != 0 { write!(f, " with error {code}") } else { Ok(()) }
+    }
+}

@@ -1,0 +1,120 @@
+//! A robot on its simulated bus, cycle by cycle, with a hand on the segment.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::atomic::AtomicBool;
+
+use omnibase_ethercat::wire::{HostTime, Link, LinkError};
+use omnibase_ethercat_sim::{Fault, Segment, SimLink, VirtualClock, in_process};
+use omnibase_robot::signals::{CycleTime, Phase};
+use omnibase_robot::{CycleRecord, Exchange, Registry, Request, RequestKind, Robot, RobotPlan};
+use omnibase_run::session::Session;
+use omnibase_run::{RobotText, simulated};
+
+pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
+
+/// The plan of the BMM with more text in its file.
+pub fn plan(more: &str) -> RobotPlan {
+    let text = RobotText { text: format!("{BMM}\n{more}"), ..RobotText::default() };
+    text.load(&Registry::with_built_in()).unwrap().plan
+}
+
+/// A link that a test can reach while somebody else owns it.
+#[derive(Clone)]
+pub struct Shared(pub Rc<RefCell<SimLink>>);
+
+impl Link for Shared {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.0.borrow_mut().send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.0.borrow_mut().receive(buffer, deadline)
+    }
+}
+
+/// A robot in OP.
+pub struct Bench {
+    pub session: Session<Shared, VirtualClock>,
+    pub robot: Robot,
+    pub link: Shared,
+    pub cycles: u64,
+    pub events: Vec<(u64, String)>,
+    period_ns: u64,
+}
+
+impl Bench {
+    pub fn new(plan: &RobotPlan) -> Self {
+        let (segment, _machine) = simulated::segment(plan).unwrap();
+        Bench::on(plan, segment)
+    }
+
+    pub fn on(plan: &RobotPlan, segment: Segment) -> Self {
+        let (link, clock) = in_process(segment);
+        let link = Shared(Rc::new(RefCell::new(link)));
+        let mut session =
+            Session::prepare(link.clone(), clock, plan, &mut |warning| panic!("{warning}")).unwrap();
+        assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
+        let robot = Robot::build(plan, &Registry::with_built_in()).unwrap();
+        Bench { session, robot, link, cycles: 0, events: Vec::new(), period_ns: plan.bus.cycle_ns }
+    }
+
+    /// One cycle of the robot.
+    pub fn cycle(&mut self, request: Option<RequestKind>) -> Exchange {
+        let (exchange, _) = self.session.exchange().unwrap();
+        self.cycles += 1;
+        let time = CycleTime::on_grid(self.cycles, self.period_ns);
+        let record: CycleRecord =
+            *self.robot.compute(time, exchange, request.map(Request::lasting), &mut self.session.image());
+        self.session.look_at_drives(record.measurements.present());
+        while let Some(words) = self.session.take_event() {
+            self.events.push((self.cycles, words.to_string()));
+        }
+        self.session.skip_missed();
+        exchange
+    }
+
+    pub fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.cycle(None);
+        }
+    }
+
+    /// Drives enabled, robot holding.
+    pub fn enable(&mut self) {
+        self.cycle(None);
+        self.cycle(Some(RequestKind::Enable));
+        for _ in 0..2000 {
+            if self.robot.phase() == Phase::Holding {
+                return;
+            }
+            self.cycle(None);
+        }
+        panic!("not holding: {:?}, {:?}", self.robot.phase(), self.events);
+    }
+
+    pub fn inject(&mut self, position: usize, fault: Fault) {
+        self.link.0.borrow_mut().segment_mut().inject(position, fault).unwrap();
+    }
+
+    /// Registers of a simulated SubDevice.
+    pub fn peek(&self, position: usize, register: u16, length: usize) -> Vec<u8> {
+        let link = self.link.0.borrow();
+        link.segment().sub_devices()[position].esc().peek(register, length).unwrap().to_vec()
+    }
+
+    pub fn al_status(&self, position: usize) -> u8 {
+        self.peek(position, 0x0130, 1)[0]
+    }
+
+    /// Register 0x092C without its sign, ns.
+    pub fn clock_ns(&self, position: usize) -> u32 {
+        let bytes = self.peek(position, 0x092C, 4);
+        u32::from_le_bytes(bytes.try_into().unwrap()) & 0x7FFF_FFFF
+    }
+
+    /// Events with these words, by cycle.
+    pub fn told(&self, words: &str) -> Vec<(u64, String)> {
+        self.events.iter().filter(|(_, text)| text.contains(words)).cloned().collect()
+    }
+}

@@ -1,0 +1,5 @@
+//! A running robot whose bus suffers: devices lose power, cables are pulled, frames are damaged; in virtual time.
+
+mod bench;
+mod recovery;
+mod storm;
