@@ -1,6 +1,9 @@
 //! A run that was recorded is read back to the same bits.
 
-use omnibase_record::run::{Keep, McapRun, OnFull, RecordedRun, RunError, RunFiles, RunRecorder, RunSchema};
+use omnibase_record::report;
+use omnibase_record::run::{
+    Keep, McapRun, OnFull, RecordedRun, RunError, RunEvent, RunFiles, RunRecorder, RunSchema,
+};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -143,7 +146,71 @@ fn a_file_that_ends_between_two_records_is_said_to_lack_its_end() {
     assert_eq!((run.times_ns.len(), run.truncated.as_deref()), (3000, Some("the file lacks its end")));
 }
 
+/// The same messages without compression and checksums: what is damaged in it isn't noticed by its wrapping.
+fn unprotected(recording: &[u8]) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    let options = mcap::WriteOptions::new()
+        .compression(None)
+        .calculate_chunk_crcs(false)
+        .calculate_data_section_crc(false)
+        .calculate_summary_section_crc(false);
+    let mut writer = mcap::Writer::with_options(&mut file, options).unwrap();
+    let metadata = BTreeMap::from([("wheels_m".to_owned(), "0.3 0 1.57 0.1; 0.1 0.2 0 0.1".to_owned())]);
+    writer.write_metadata(&mcap::records::Metadata { name: "omnibase".into(), metadata }).unwrap();
+    for message in mcap::MessageStream::new(recording).unwrap() {
+        writer.write(&message.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    file.into_inner()
+}
+
+/// A recording of what a report shows.
+fn shown() -> Vec<u8> {
+    let mut schema = RunSchema::default();
+    schema.push("/cycle", ["period_ns", "phase"]);
+    for topic in ["/state", "/wished", "/truth"] {
+        schema.push(topic, ["pose_x_m", "pose_y_m", "pose_heading_rad"]);
+    }
+    schema.push("/timing", ["round_trip_ns"]);
+    schema.push("/wheel_1", ["speed_rad_s", "torque_nm"]);
+    let mut file = Cursor::new(Vec::new());
+    let mut run = McapRun::create(&mut file, &schema, &BTreeMap::new()).unwrap();
+    for cycle in 0..40u32 {
+        let row: Vec<f64> = (0..schema.width() as u32).map(|n| f64::from(cycle * n % 7)).collect();
+        run.write_row(u64::from(cycle) * 1_000_000, &row, b"").unwrap();
+    }
+    run.write_event(&RunEvent { time_ns: 0, text: "begin".to_owned() }).unwrap();
+    run.finish().unwrap();
+    unprotected(file.get_ref())
+}
+
+#[test]
+fn recordings_without_compression_and_checksums_are_read_too() {
+    let rows = odd_rows();
+    let run = RecordedRun::read(&unprotected(&recorded(&rows))).unwrap();
+    assert_eq!((bits(&run.values), run.truncated), (bits(&rows.concat()), None));
+    let run = RecordedRun::read(&shown()).unwrap();
+    assert_eq!((run.times_ns.len(), run.events.len(), run.schema.width()), (40, 1, 14));
+}
+
 proptest! {
+    #[test]
+    fn whatever_a_damaged_recording_says_has_a_page(
+        damages in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)
+    ) {
+        let mut bytes = shown();
+        for (at, byte) in damages {
+            // Not in the first bytes, by which the format is known.
+            let place = 8 + at.index(bytes.len() - 8);
+            bytes[place] = byte;
+        }
+        if let Ok(run) = RecordedRun::read(&bytes) {
+            let page = report::html(&run);
+            prop_assert!(page.ends_with("</html>\n") && page.len() < 1_000_000);
+        }
+    }
+
     #[test]
     fn damaged_files_are_read_as_far_as_they_go(at in any::<prop::sample::Index>(), flip in 1..=255u8, cut in any::<prop::sample::Index>()) {
         let rows = odd_rows();

@@ -4,7 +4,7 @@ use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC};
 use super::protobuf::{self, Field};
 use super::{RunError, RunEvent, RunSchema, Signal, Topic};
 use mcap::McapError;
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -12,7 +12,9 @@ use std::io::Read;
 /// Bytes read at once.
 const PIECE: usize = 1 << 20;
 /// The longest record that is believed in: a chunk is some MiB.
-const LONGEST_RECORD: usize = 1 << 30;
+const LONGEST_RECORD: usize = 1 << 28;
+/// Bytes ahead of each record.
+const OPCODE_AND_LENGTH: usize = 1 + 8;
 
 /// A run read back.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,36 +57,26 @@ impl RecordedRun {
         if start != mcap::MAGIC {
             return Err(RunError::NotMcap { start });
         }
-        // A run that was killed lacks its end; chunks are checked before anything in them counts.
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST_RECORD);
-        let mut reader = LinearReader::new_with_options(options);
+        let mut reader = LinearReader::new_with_options(options().with_emit_chunks(true));
         let mut reading = Reading::new(keep);
         while let Some(event) = reader.next_event() {
-            match event {
+            let taken = match event {
                 Ok(LinearReadEvent::ReadRequest(_)) => {
                     let read = input.read(reader.insert(PIECE))?;
                     reader.notify_read(read);
+                    continue;
                 }
-                Ok(LinearReadEvent::Record { data, opcode }) => {
-                    if let Err(error) =
-                        mcap::parse_record(opcode, data).and_then(|record| reading.take(record))
-                    {
-                        reading.run.truncated = Some(error.to_string());
-                        break;
-                    }
-                    if opcode == mcap::records::op::DATA_END {
-                        reading.is_whole = true;
-                        break;
-                    }
-                }
-                Err(error) => {
-                    reading.run.truncated = Some(words(&error));
+                Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. }) => {
+                    reading.is_whole = true;
                     break;
                 }
+                Ok(LinearReadEvent::Record { data, opcode: op::CHUNK }) => reading.chunk(data),
+                Ok(LinearReadEvent::Record { data, opcode }) => reading.record(opcode, data),
+                Err(error) => Err(error),
+            };
+            if let Err(error) = taken {
+                reading.run.truncated = Some(words(&error));
+                break;
             }
         }
         reading.finish()
@@ -95,6 +87,31 @@ impl RecordedRun {
         let column = self.schema.column(topic, signal)?;
         Some(self.values.chunks_exact(self.schema.width()).map(move |row| row[column]))
     }
+}
+
+/// How files are read, and chunks as if they were files: without a magic number at either end, for a run that was
+/// killed lacks its end; and nothing of a chunk counts before its checksum was seen to be right.
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(LONGEST_RECORD)
+}
+
+/// Whether uncompressed records fill their chunk: the reader counts below zero where the last one is longer.
+fn fill_their_chunk(mut records: &[u8]) -> bool {
+    while !records.is_empty() {
+        let rest = records.split_at_checked(OPCODE_AND_LENGTH).and_then(|(head, rest)| {
+            let length = u64::from_le_bytes(head.get(1..)?.try_into().ok()?);
+            rest.get(usize::try_from(length).ok()?..)
+        });
+        match rest {
+            Some(rest) => records = rest,
+            None => return false,
+        }
+    }
+    true
 }
 
 /// What broke off, as a person reads it.
@@ -141,8 +158,33 @@ impl Reading {
         }
     }
 
-    fn take(&mut self, record: Record<'_>) -> Result<(), McapError> {
-        match record {
+    /// Takes all records of a chunk.
+    fn chunk(&mut self, bytes: &[u8]) -> Result<(), McapError> {
+        let Record::Chunk { header, data } = mcap::parse_record(op::CHUNK, bytes)? else { return Ok(()) };
+        if header.compression.is_empty() && !fill_their_chunk(&data) {
+            return Err(McapError::UnexpectedEoc);
+        }
+        let mut reader = LinearReader::new_with_options(options());
+        let file = reader.insert(OPCODE_AND_LENGTH + bytes.len());
+        file[0] = op::CHUNK;
+        file[1..OPCODE_AND_LENGTH].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        file[OPCODE_AND_LENGTH..].copy_from_slice(bytes);
+        reader.notify_read(OPCODE_AND_LENGTH + bytes.len());
+        while let Some(event) = reader.next_event() {
+            match event? {
+                LinearReadEvent::ReadRequest(_) => reader.notify_read(0),
+                LinearReadEvent::Record { data, opcode } => self.record(opcode, data)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a record, where it is of those that a run is made of; others aren't looked into.
+    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), McapError> {
+        if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            return Ok(());
+        }
+        match mcap::parse_record(opcode, data)? {
             Record::Metadata(metadata) if metadata.name == METADATA => {
                 self.run.description.extend(metadata.metadata);
             }
