@@ -1,5 +1,7 @@
 //! Estimators: from what the drives say to what is known about the platform.
 
+mod creep;
+
 use omnibase_platform::{
     Kinematics, Odometry, OdometryError, OdometrySettings, OdometryState, PerWheel, Pose2, Twist2,
 };
@@ -8,16 +10,18 @@ use crate::config::RobotPlan;
 use crate::registry::{Registry, StageError};
 use crate::signals::{Exchange, PlatformState, ReferenceStatus};
 use crate::stages::{Estimator, Observation};
+use creep::Creep;
 
 /// Registers the built-in estimator, `wheel_odometry`.
 pub fn register(registry: &mut Registry) {
     registry.estimator("wheel_odometry", |plan| Ok(Box::new(WheelOdometry::new(plan)?)));
 }
 
-/// Odometry of the wheels: increments as exact arcs, holonomic regimes, covariance.
+/// Odometry of the wheels: increments as exact arcs, holonomic regimes, covariance; creep made up for where asked.
 #[derive(Clone, Debug)]
 pub struct WheelOdometry {
     odometry: Odometry,
+    creep: Option<Creep>,
     /// Periods since the last complete exchange: its increments span them all.
     periods: u32,
     speed_filter_rad_s: f64,
@@ -37,12 +41,13 @@ impl WheelOdometry {
             // The devices give angles already; raw counts aren't read here.
             ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
         };
+        let creep = Creep::new(&plan.estimator, &kinematics);
         let odometry = Odometry::new(kinematics, settings).map_err(|error| StageError::Refused {
             setting: "estimator".into(),
             reason: error.to_string(),
         })?;
         let state = platform_state(odometry.state(), 0.0);
-        Ok(WheelOdometry { odometry, periods: 0, speed_filter_rad_s, state })
+        Ok(WheelOdometry { odometry, creep, periods: 0, speed_filter_rad_s, state })
     }
 }
 
@@ -50,6 +55,7 @@ impl Estimator for WheelOdometry {
     fn reset(&mut self, from: &PlatformState) {
         let Pose2 { x_m, y_m, heading_rad } = from.odom_from_body;
         self.odometry.resync();
+        self.creep.iter_mut().for_each(Creep::reset);
         self.odometry.set_pose(Pose2::new(x_m, y_m, heading_rad));
         self.periods = 0;
         self.state = platform_state(self.odometry.state(), 0.0);
@@ -61,8 +67,12 @@ impl Estimator for WheelOdometry {
             return self.state;
         }
         let drives = observation.measurements.present();
-        let increments_rad = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].increment_rad);
         let period_s = f64::from(self.periods) * observation.time.period_s();
+        let counted_rad = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].increment_rad);
+        let increments_rad = match &mut self.creep {
+            Some(creep) => creep.corrected(&counted_rad, &self.state, period_s),
+            None => counted_rad,
+        };
         let wished = observation.wished;
         let reference_in_body = match wished.status {
             ReferenceStatus::Moving => wished.twist_in_odom.rotated(-wished.odom_from_body.heading_rad),
@@ -74,6 +84,7 @@ impl Estimator for WheelOdometry {
             // Too long a silence: what moved meanwhile isn't known, but from here on all is well.
             Err(OdometryError::Period { .. }) => {
                 self.odometry.resync();
+                self.creep.iter_mut().for_each(Creep::reset);
                 platform_state(self.odometry.state(), 0.0)
             }
             // What can't be used must not look like knowledge: safety stops on a state that isn't finite.

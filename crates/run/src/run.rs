@@ -78,6 +78,8 @@ pub struct Setup<'a> {
 pub struct Ran {
     /// The figures; those of the recording are not in it yet.
     pub summary: Summary,
+    /// The last cycle.
+    pub last: CycleRecord,
     /// Whether the reference was followed to its end.
     pub finished: bool,
     /// Why it ended early.
@@ -304,6 +306,6 @@ impl<'a> Cycle<'a> {
             datagrams: self.datagrams,
             events: self.events.into_iter().map(event).collect(),
         };
-        Ran { summary, finished, ended }
+        Ran { summary, last: self.last, finished, ended }
     }
 }

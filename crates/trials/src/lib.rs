@@ -4,11 +4,13 @@
 //! - [`plant`]: the machine and drives that belong to a robot's plan.
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
+//! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
 //! it computes reaches them one period later.
 #![forbid(unsafe_code)]
 
+pub mod framed;
 pub mod plant;
 pub mod robots;
 mod run;

@@ -1,11 +1,11 @@
 //! The stages of this crate by their names, on the simulated robot; no randomness in it.
 
-use omnibase_robot::signals::{CycleTime, RequestKind};
+use omnibase_robot::signals::CycleTime;
 use omnibase_robot::stages::{Device, Reference};
-use omnibase_robot::{Phase, Registry, Robot, RobotPlan};
+use omnibase_robot::{Registry, Robot, RobotPlan};
 use own_stages::device::SpeedFromCounts;
 use own_stages::reference::Sway;
-use own_stages::simulated::SimulatedRobot;
+use own_stages::simulate;
 
 const ROBOT: &str = include_str!("../robot.toml");
 
@@ -28,20 +28,18 @@ fn refusal(from: &str, to: &str) -> String {
 
 #[test]
 fn the_robot_sways_and_comes_back_to_where_it_started() {
-    let mut simulated = SimulatedRobot::bring_up(&plan(ROBOT), &registry()).expect("OP");
-    simulated.until(RequestKind::Enable, 5000, |_, robot| robot.phase() == Phase::Holding).expect("enabled");
-    // Three seconds in, at the end of the way to the left: 0.8 m, within a centimetre of creep and lag.
-    let top = simulated.until(RequestKind::Track, 3000, |record, _| record.state.odom_from_body.y_m > 0.799);
-    let top = top.expect("0.8 m to the left");
-    assert!((simulated.truth().pose.y_m - 0.8).abs() < 0.01, "{:?}", simulated.truth());
-    assert!(top.state.odom_from_body.x_m.abs() < 0.002, "{top:?}");
-    for _ in 0..16_000 {
-        simulated.cycle(None).expect("the link holds");
-    }
-    assert_eq!(simulated.robot.phase(), Phase::Holding, "{}", simulated.robot.record().stop_reason.text());
-    let truth = simulated.truth().pose;
+    let ran = simulate(&plan(ROBOT), &registry()).expect("a run");
+    assert!(ran.finished, "{:?}", ran.ended);
+    let summary = &ran.summary;
+    // Three times six seconds and the second of the hold.
+    assert!((19_000..19_100).contains(&summary.cycles), "{}", summary.cycles);
+    // 0.8 m to the left and back: it did move, and its wheels crept while it accelerated.
+    let [rms_m, greatest_m] = [summary.rms_error_m.truth, summary.max_error_m.truth].map(Option::unwrap);
+    assert!(rms_m > 1e-5 && greatest_m < 0.01, "{summary:?}");
+    assert!(summary.max_error_m.believed.unwrap() < 5e-3, "{summary:?}");
     // The thesis's bound is 3 mm.
-    assert!(truth.x_m.hypot(truth.y_m) < 1e-3, "{truth:?}");
+    assert!(summary.final_error_m.truth.unwrap() < 1e-3, "{summary:?}");
+    assert_eq!(ran.last.measurements.present().len(), 3);
 }
 
 #[test]
@@ -94,12 +92,8 @@ fn settings_that_make_no_sense_are_refused_with_value_limit_and_reason() {
 fn the_robot_file_of_the_guide_runs() {
     let guide = include_str!("../../../docs/guides/add-a-drive-by-configuration.md");
     let text = guide.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a file");
-    let mut simulated = SimulatedRobot::bring_up(&plan(text), &registry()).expect("OP");
-    simulated.until(RequestKind::Enable, 5000, |_, robot| robot.phase() == Phase::Holding).expect("enabled");
+    let ran = simulate(&plan(text), &registry()).expect("a run");
     // A circle of 20 s, and a second more.
-    let ended = simulated.until(RequestKind::Track, 21_100, |_, robot| robot.phase() != Phase::Tracking);
-    ended.expect("the circle ends");
-    assert_eq!(simulated.robot.phase(), Phase::Holding, "{}", simulated.robot.record().stop_reason.text());
-    let truth = simulated.truth().pose;
-    assert!(truth.x_m.hypot(truth.y_m) < 1e-3, "{truth:?}");
+    assert!(ran.finished && ran.summary.cycles > 21_000, "{:?}", ran.ended);
+    assert!(ran.summary.final_error_m.truth.unwrap() < 1e-3, "{:?}", ran.summary);
 }

@@ -326,6 +326,10 @@ pub struct EstimatorTable {
     /// α of the filtered derivative c = exp(−αT), 1/s; default: 400.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub speed_filter_1_s: Option<f64>,
+    /// Creep of the treads that odometry makes up for: slip ratio over the ratio of force to load, 0.01 to 0.05 for
+    /// polyurethane; default: none.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub creep: Option<f64>,
     /// Parameters of a registered estimator.
     pub custom: Parameters,
 }

@@ -1,0 +1,116 @@
+//! The same robots through all of it: bring-up, frames, chips, firmware, and the run of the command line.
+
+use std::sync::atomic::AtomicBool;
+
+use omnibase_ethercat_sim::in_process;
+use omnibase_robot::{Registry, Robot};
+use omnibase_run::{Progress, Ran, RobotText, Setup, run, simulated};
+
+use crate::robots;
+
+/// A robot, a path, a control law and what it is told of the mass: a row of `docs/accuracy.md`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Case {
+    /// The robot: `bmm` or `mecanum`.
+    pub robot: &'static str,
+    /// The path: `circle` or `square`.
+    pub path: &'static str,
+    /// The control law.
+    pub law: &'static str,
+    /// First estimate of mass and inertia over the truth.
+    pub estimate: f64,
+    /// Whether odometry makes up for creep.
+    pub creep: Creep,
+}
+
+/// Whether odometry makes up for creep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Creep {
+    /// As shipped.
+    Ignored,
+    /// With the creep that the simulated treads have.
+    MadeUpFor,
+}
+
+/// All rows, in the table's order.
+pub fn cases() -> Vec<Case> {
+    let mut cases = Vec::new();
+    for robot in ["bmm", "mecanum"] {
+        for path in ["circle", "square"] {
+            for (law, estimate, creep) in [
+                ("open_loop", 1.0, Creep::Ignored),
+                ("closed_loop_speed", 1.0, Creep::Ignored),
+                ("adaptive_torque", 0.5, Creep::Ignored),
+                ("adaptive_torque", 1.5, Creep::Ignored),
+                ("closed_loop_speed", 1.0, Creep::MadeUpFor),
+                ("adaptive_torque", 0.5, Creep::MadeUpFor),
+                ("adaptive_torque", 1.5, Creep::MadeUpFor),
+            ] {
+                cases.push(Case { robot, path, law, estimate, creep });
+            }
+        }
+    }
+    cases
+}
+
+impl Case {
+    /// Runs it.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or brought up; an end before the reference's is in what comes back.
+    pub fn run(&self) -> Ran {
+        let text = if self.robot == "bmm" { robots::BMM } else { robots::MECANUM };
+        let reference = if self.path == "circle" { robots::CIRCLE } else { robots::SQUARE };
+        let mut text = robots::loaded(text, self.law, self.estimate, reference);
+        if self.creep == Creep::MadeUpFor {
+            let creep = omnibase_robot_sim::Contact::default().creep;
+            text.push_str(&format!("\n[estimator]\ncreep = {creep:?}\n"));
+        }
+        track(&text)
+    }
+
+    /// A row of the table.
+    pub fn row(&self, ran: &Ran) -> String {
+        let millimetres = |metres: Option<f64>| metres.map_or(f64::NAN, |metres| 1e3 * metres);
+        let summary = &ran.summary;
+        let [believed, truly] = [summary.rms_error_m.believed, summary.rms_error_m.truth].map(millimetres);
+        let end = millimetres(summary.final_error_m.truth);
+        let mass = match self.law {
+            "adaptive_torque" => format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates[0]),
+            _ => "- | -".to_owned(),
+        };
+        let creep = if self.creep == Creep::MadeUpFor { "made up for" } else { "-" };
+        let kept = match () {
+            () if !ran.finished => "not finished",
+            () if end <= 1.0 => "bound and aim",
+            () if end <= 3.0 => "bound",
+            () => "neither",
+        };
+        format!(
+            "| {} | {} | {} | {creep} | {mass} | {believed:.3} | {truly:.3} | {end:.3} | {kept} |",
+            self.robot, self.path, self.law
+        )
+    }
+}
+
+/// Runs a robot's file once, as `omnibase run` does.
+///
+/// # Panics
+/// Where the robot can't be made or brought up.
+pub fn track(text: &str) -> Ran {
+    let registry = Registry::with_built_in();
+    let robot = RobotText { text: text.to_owned(), ..RobotText::default() }.load(&registry);
+    let robot = robot.unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let (segment, machine) = simulated::segment(&robot.plan).unwrap_or_else(|error| panic!("{error}"));
+    let (link, clock) = in_process(segment);
+    let setup = Setup {
+        plan: &robot.plan,
+        robot: Robot::build(&robot.plan, &registry).unwrap_or_else(|error| panic!("{error}")),
+        machine: Some(machine),
+        recording: None,
+        live: None,
+        stop: &AtomicBool::new(false),
+        progress: &Progress::default(),
+    };
+    run(link, clock, setup, &mut |_| {}).unwrap_or_else(|error| panic!("{error}"))
+}
