@@ -1,7 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, doctor, exchange, kinematics, live, replay, report, run, scan, sdo, sii, simulate,
+    check, decode, doctor, exchange, joystick, kinematics, live, replay, report, run, scan, sdo, sii,
+    simulate,
 };
 use clap::{Parser, Subcommand};
 
@@ -29,6 +30,7 @@ pub enum Command {
     Set(live::Set),
     Call(live::Call),
     Top(live::Top),
+    Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),

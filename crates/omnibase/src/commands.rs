@@ -4,6 +4,7 @@ pub mod check;
 pub mod decode;
 pub mod doctor;
 pub mod exchange;
+pub mod joystick;
 pub mod kinematics;
 pub mod live;
 pub mod replay;
@@ -34,6 +35,7 @@ pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome>
         Command::Call(arguments) => live::call(arguments, output),
         Command::Top(arguments) => live::top(arguments, output),
         Command::Doctor(arguments) => doctor::run(arguments, output),
+        Command::Joystick(arguments) => joystick::run(arguments, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),

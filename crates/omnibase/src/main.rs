@@ -13,6 +13,7 @@ mod robot_file;
 mod running;
 mod segment;
 mod sii_json;
+mod stick;
 mod target;
 mod value;
 

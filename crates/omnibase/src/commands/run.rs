@@ -4,6 +4,7 @@ mod operated;
 mod page;
 mod reference;
 mod report;
+mod stick_thread;
 
 use crate::Outcome;
 use crate::progress::{bar, note};
@@ -35,6 +36,7 @@ use std::time::Duration;
   omnibase run robots/bmm.toml --circle radius=0.5,period=10 --controller adaptive_torque --payload-kg 100
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
   omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
+  omnibase run robots/bmm.toml --joystick                               driven by the stick at this computer
   omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
 
 Ctrl-C ramps down, disables the drives and closes the files; a second one stops at once.
@@ -82,7 +84,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     anyhow::ensure!(
         is_operated || robot.plan.reference.kind.as_deref().is_some_and(|kind| kind != "hold"),
         "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}; or \
-         --dashboard to drive by hand",
+         --dashboard or --joystick to drive by hand",
         arguments.robot.display()
     );
     anyhow::ensure!(

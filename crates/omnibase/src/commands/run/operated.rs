@@ -1,5 +1,6 @@
 //! A run that people and programs lead: its page, and where the command line finds it.
 
+use super::stick_thread::StickThread;
 use crate::progress::note;
 use crate::running::RunningRobot;
 use anyhow::Context;
@@ -35,18 +36,23 @@ pub struct Options {
     /// Where taught paths are kept.
     #[arg(long, value_name = "FOLDER", default_value = "paths", requires = "dashboard")]
     paths: PathBuf,
+    /// Drive by the stick or pad at this computer, as the robot file's [joystick] says: the first one that fits, a
+    /// device (/dev/input/event5), or a recording of `omnibase joystick --record`.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
+    #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
+    joystick: Option<Option<PathBuf>>,
 }
 
 /// What serves people while a robot runs.
 pub struct Operated {
-    _dashboard: Dashboard,
-    _running: Option<RunningRobot>,
+    _page: Option<(Dashboard, Option<RunningRobot>)>,
+    _stick: Option<StickThread>,
 }
 
 impl Options {
     /// Whether people lead the robot.
     pub fn is_wanted(&self) -> bool {
-        self.dashboard.is_some()
+        self.dashboard.is_some() || self.joystick.is_some()
     }
 
     /// Starts what is wanted.
@@ -58,18 +64,39 @@ impl Options {
         known: Known,
         describer: Option<RunDescriber>,
     ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {
-        let Some(address) = self.dashboard else { return Ok(None) };
+        if !self.is_wanted() {
+            return Ok(None);
+        }
         let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
         let (live, end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
         if let Some(describer) = describer {
             live.describe_to(describer);
         }
+        let stick = match &self.joystick {
+            Some(path) => Some(StickThread::start(path.as_deref(), &robot.plan, live.clone())?),
+            None => None,
+        };
+        let page = match self.dashboard {
+            Some(address) => {
+                let about = About { text, robot: robot.clone(), registry, known, paths: self.paths.clone() };
+                Some(self.serve(address, live, about)?)
+            }
+            None => None,
+        };
+        Ok(Some((Operated { _page: page, _stick: stick }, end)))
+    }
+
+    fn serve(
+        &self,
+        address: SocketAddr,
+        live: Live,
+        about: About,
+    ) -> anyhow::Result<(Dashboard, Option<RunningRobot>)> {
         let mut access = Access::new(address).context("making a token")?;
         if let Some(token) = &self.token {
             access.token.clone_from(token);
         }
-        let name = robot.plan.name.clone();
-        let about = About { text, robot: robot.clone(), registry, known, paths: self.paths.clone() };
+        let name = about.robot.plan.name.clone();
         let dashboard = Dashboard::start(access.clone(), live, about)?;
         let url = access.url(dashboard.address);
         note(format_args!("dashboard: {url}"));
@@ -82,7 +109,7 @@ impl Options {
         let running = RunningRobot::announce(&name, dashboard.address, &access.token)
             .inspect_err(|error| note(format_args!("warning: `omnibase get` won't find this robot: {error}")))
             .ok();
-        Ok(Some((Operated { _dashboard: dashboard, _running: running }, end)))
+        Ok((dashboard, running))
     }
 }
 
