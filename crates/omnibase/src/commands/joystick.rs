@@ -167,6 +167,9 @@ fn watch(
         }
         if !is_picture {
             view.line(now_ns, &command, port.stick(), happened.as_ref(), output)?;
+            if is_paced {
+                output.flush()?;
+            }
         } else if shown.elapsed() >= PICTURE {
             view.picture(&command, port.stick(), output)?;
             shown = Instant::now();
