@@ -237,7 +237,7 @@ pub(super) fn figure(figure: &Figure<'_>) -> String {
         "<figure class=\"{}\"><figcaption>{title}</figcaption><ul class=\"legend\">{}</ul>\
          <div class=\"plot\"{style}><svg class=\"frame\" role=\"img\" aria-label=\"{title}\">\
          <rect class=\"paper\" width=\"100%\" height=\"100%\"/><g class=\"grid\">{grid}</g>\
-         <text class=\"axis\" x=\"-6\" y=\"0\" dy=\"-0.7em\" text-anchor=\"end\">{}</text>\
+         <text class=\"axis\" x=\"-6\" y=\"0\" dy=\"-0.9em\" text-anchor=\"end\">{}</text>\
          <text class=\"axis\" x=\"100%\" y=\"100%\" dy=\"2.7em\" text-anchor=\"end\">{}</text>\
          <svg class=\"data\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" preserveAspectRatio=\"none\" width=\"100%\" \
          height=\"100%\">{}</svg>{}</svg></div></figure>\n",

@@ -165,8 +165,8 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape) -> Option<
     for (row, class, sort) in [(finite.first(), "start", "mark"), (finite.last(), "end", "square")] {
         let Some(&row) = row else { continue };
         let (x, y) = floor.place(shown.x[row], shown.y[row]);
-        // A line of no length with round ends is a dot that isn't stretched with the drawing.
-        let _ = write!(inner, "<path class=\"dot {class}\" d=\"M{x:.0} {y:.0}h0\"/>");
+        // A line of hardly any length with wide ends is a mark that isn't stretched with the drawing.
+        let _ = write!(inner, "<path class=\"dot {class}\" d=\"M{x:.0} {y:.0}h.1\"/>");
         legend.push_str(&chart::key(&format!("mark-{class}"), sort, class));
     }
     if !shape.footprint.is_empty() {
