@@ -266,11 +266,11 @@ impl Stick {
         }
         self.requests.reset_frame |= went_down(map.reset_frame);
         let (stop, enable) = (went_down(map.stop), went_down(Some(map.enable)));
-        // Who presses both wants to stop.
-        if enable && !stop {
+        if enable {
             self.requests.enable = true;
             self.enable();
         }
+        // Who presses both wants to stop.
         if stop {
             self.requests = Requests { stop: true, enable: false, ..self.requests };
             self.block(Block::Stopped);

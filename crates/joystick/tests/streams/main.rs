@@ -3,4 +3,5 @@
 mod anything;
 mod devices;
 mod driving;
+mod finding;
 mod loss;
