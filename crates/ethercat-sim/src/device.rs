@@ -54,6 +54,9 @@ pub trait Device: Send {
     /// The device got power; the dictionary holds its defaults.
     fn power_on(&mut self, dictionary: &mut Dictionary, now: HostTime);
 
+    /// The device lost power: a motor has no torque any more.
+    fn power_off(&mut self) {}
+
     /// Moves on to `moment`: takes outputs from the dictionary, leaves inputs there. Doesn't allocate.
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment);
 

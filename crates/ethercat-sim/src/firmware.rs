@@ -194,6 +194,10 @@ impl Application for Firmware {
         self.write_event_mask(pdi);
     }
 
+    fn power_off(&mut self) {
+        self.device.power_off();
+    }
+
     fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime> {
         if self.frozen {
             return None;

@@ -29,6 +29,9 @@ pub trait Application: Send {
     /// The device got power: forget everything.
     fn power_on(&mut self, pdi: &mut dyn Pdi, now: HostTime);
 
+    /// The device lost power: what it drives gets none any more.
+    fn power_off(&mut self) {}
+
     /// Does what is due at `now`; returns when it wants to run again even if nothing happens (`None`: never).
     fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime>;
 

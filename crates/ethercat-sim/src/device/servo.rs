@@ -338,6 +338,10 @@ impl Device for Servo {
         self.show(dictionary);
     }
 
+    fn power_off(&mut self) {
+        self.axis.apply(0.0);
+    }
+
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
         let drive = self.drive();
         self.motion.advance(self.axis.as_mut(), moment.now, drive);

@@ -61,6 +61,7 @@ impl SubDevice {
 
     pub(crate) fn power_off(&mut self) {
         self.powered = false;
+        self.application.power_off();
         self.wake = None;
         self.power_on_at = None;
         self.damage = [0; 4];

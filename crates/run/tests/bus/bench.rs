@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
-use omnibase_ethercat_sim::{Fault, Segment, SimLink, VirtualClock, in_process};
+use omnibase_ethercat_sim::{Fault, FaultLink, Segment, SimLink, VirtualClock, in_process};
 use omnibase_robot::signals::{CycleTime, Phase};
 use omnibase_robot::{CycleRecord, Exchange, Registry, Request, RequestKind, Robot, RobotPlan};
 use omnibase_run::session::Session;
@@ -21,7 +21,7 @@ pub fn plan(more: &str) -> RobotPlan {
 
 /// A link that a test can reach while somebody else owns it.
 #[derive(Clone)]
-pub struct Shared(pub Rc<RefCell<SimLink>>);
+pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>);
 
 impl Link for Shared {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
@@ -51,7 +51,11 @@ impl Bench {
 
     pub fn on(plan: &RobotPlan, segment: Segment) -> Self {
         let (link, clock) = in_process(segment);
-        let link = Shared(Rc::new(RefCell::new(link)));
+        Bench::with(plan, link, clock)
+    }
+
+    pub fn with(plan: &RobotPlan, link: SimLink, clock: VirtualClock) -> Self {
+        let link = Shared(Rc::new(RefCell::new(FaultLink::new(link, 1))));
         let mut session =
             Session::prepare(link.clone(), clock, plan, &mut |warning| panic!("{warning}")).unwrap();
         assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
@@ -61,11 +65,20 @@ impl Bench {
 
     /// One cycle of the robot.
     pub fn cycle(&mut self, request: Option<RequestKind>) -> Exchange {
+        self.step(request.map(Request::lasting))
+    }
+
+    /// As [`Bench::cycle`], with a request that counts for so long, ns.
+    pub fn cycle_for(&mut self, kind: RequestKind, for_ns: u64) -> Exchange {
+        let valid_until_ns = (self.cycles + 1) * self.period_ns + for_ns;
+        self.step(Some(Request { kind, valid_until_ns }))
+    }
+
+    fn step(&mut self, request: Option<Request>) -> Exchange {
         let (exchange, _) = self.session.exchange().unwrap();
         self.cycles += 1;
         let time = CycleTime::on_grid(self.cycles, self.period_ns);
-        let record: CycleRecord =
-            *self.robot.compute(time, exchange, request.map(Request::lasting), &mut self.session.image());
+        let record: CycleRecord = *self.robot.compute(time, exchange, request, &mut self.session.image());
         self.session.look_at_drives(record.measurements.present());
         while let Some(words) = self.session.take_event() {
             self.events.push((self.cycles, words.to_string()));
@@ -94,13 +107,13 @@ impl Bench {
     }
 
     pub fn inject(&mut self, position: usize, fault: Fault) {
-        self.link.0.borrow_mut().segment_mut().inject(position, fault).unwrap();
+        self.link.0.borrow_mut().inner_mut().segment_mut().inject(position, fault).unwrap();
     }
 
     /// Registers of a simulated SubDevice.
     pub fn peek(&self, position: usize, register: u16, length: usize) -> Vec<u8> {
         let link = self.link.0.borrow();
-        link.segment().sub_devices()[position].esc().peek(register, length).unwrap().to_vec()
+        link.inner().segment().sub_devices()[position].esc().peek(register, length).unwrap().to_vec()
     }
 
     pub fn al_status(&self, position: usize) -> u8 {
