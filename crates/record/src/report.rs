@@ -14,7 +14,7 @@
 //! | speeds | `wished.twist.{x,y,heading}` (else `setpoint.twist.…`) in odom, `state.twist_in_body.…`, `truth.twist.…` in the body's frame |
 //! | wheels | each topic with `speed` and `torque` |
 //! | phases | `cycle.phase`, `allowed.action`, `command.saturation`, `allowed.saturation`, `exchange.result` |
-//! | timing | `timing.round_trip`, `timing.wake_up`, `timing.compute`, with their unit (`_ns`) |
+//! | timing | `timing.round_trip`, `timing.wake_up`, `timing.compute`, `cycle.period`, `bus.dc_phase`, with their unit (`_ns`) |
 //! | estimates | `state.slip_residual`, `estimate.mass`, `estimate.inertia` |
 //!
 //! # Description

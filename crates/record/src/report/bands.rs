@@ -29,8 +29,12 @@ pub(super) const ACTIONS: [Choice; 5] = [
 ];
 
 /// What became of the frames, by the codes that the recording holds.
-pub(super) const EXCHANGES: [Choice; 3] =
-    [(0, "complete", "band-off"), (1, "lost", "band-fault"), (2, "working counter short", "band-stop")];
+pub(super) const EXCHANGES: [Choice; 4] = [
+    (0, "complete", "band-off"),
+    (1, "lost", "band-fault"),
+    (2, "working counter short", "band-stop"),
+    (3, "drives started anew", "band-wait"),
+];
 
 /// Whether commands had to be scaled down.
 pub(super) const SATURATION: [Choice; 2] = [(0, "as wished", "band-off"), (1, "scaled down", "band-sat")];

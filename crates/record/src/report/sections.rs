@@ -168,6 +168,14 @@ impl<'a> Page<'a> {
                 html.push_str(&histogram::html(title, &Quantiles::of(&values), period_s));
             }
         }
+        let phase = self.signals.column(&["bus_dc_phase"]);
+        // Without distributed clocks there is none.
+        if let Some(phase) = phase.filter(|phase| phase.iter().any(|value| *value != 0.0)) {
+            let greatest = Span::of(phase.iter().map(|value| value.abs())).map_or(0.0, |span| span.high);
+            let line = Line { name: "phase error".into(), class: "w1".into(), values: &phase };
+            let title = "Phase error of the frames by the distributed clock";
+            html.push_str(&self.chart(title, Unit::time(greatest), vec![line]));
+        }
         if html.is_empty() {
             html = absent("Cycle timing", "not recorded: on virtual time a cycle takes none");
         }

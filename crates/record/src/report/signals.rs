@@ -48,7 +48,8 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
 }
 
 /// Beginnings of the names of all signals that are shown, beside those of wheels.
-const SHOWN: [&str; 17] = [
+const SHOWN: [&str; 18] = [
+    "bus_dc_phase",
     "cycle_phase",
     "cycle_period",
     "exchange_result",

@@ -84,9 +84,9 @@ fn counts(signals: &Signals<'_>) -> String {
     let rows = signals.times_s.len();
     let duration = signals.times_s.last().copied();
     let whole = |key: &str| signals.number(key).map(|number| number.max(0.0) as u64);
-    // The codes of exchanges: 0 is complete.
+    // Of the codes of exchanges, 1 is lost and 2 a working counter too small.
     let counted = signals.column(&["exchange_result"]);
-    let lost = counted.map(|codes| codes.iter().filter(|code| **code != 0.0).count() as u64);
+    let lost = counted.map(|codes| codes.iter().filter(|code| [1.0, 2.0].contains(code)).count() as u64);
     let number = |value: Option<u64>| value.map(text::count);
     let entries = [
         ("Cycles", number(whole("cycles").or(Some(rows as u64)))),

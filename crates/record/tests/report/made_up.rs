@@ -26,6 +26,7 @@ pub fn schema(wheels: usize) -> RunSchema {
     let axes = ["x", "y", "heading"];
     schema.push("/cycle", ["period_ns", "phase"]);
     schema.push("/exchange", ["result"]);
+    schema.push("/bus", ["frames_lost", "dc_phase_ns"]);
     let both = |one: &str, other: &str| [names(one, &axes), names(other, &axes)].concat();
     schema.push("/state", [both("pose", "twist_in_body"), vec!["slip_residual_m_s".into()]].concat());
     schema.push("/wished", both("pose", "twist"));
@@ -80,6 +81,7 @@ pub fn square(wheels: usize, cycles: usize) -> RecordedRun {
         run.times_ns.push(1_700_000_000_000_000_000 + cycle as u64 * 1_000_000);
         let values = &mut run.values;
         values.extend([1e6, phase, if cycle % 4000 == 3999 { 1.0 } else { 0.0 }]);
+        values.extend([(cycle / 4000) as f64, 300.0 * noise(11 * cycle)]);
         let believed = [place[0] + BELIEVED_OFF_M, place[1], heading + HEADING_OFF_RAD];
         values.extend(believed);
         values.extend([speed[0] + 0.002 * noise(cycle), speed[1] + 0.002 * noise(cycle + 7), 0.0]);

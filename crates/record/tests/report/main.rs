@@ -68,6 +68,7 @@ fn the_page_tells_figures_limits_events_and_phases() {
         "limit ±15.0 rad/s",
         "rated ±7.00 N·m",
         "1.000 tracking square",
+        "Phase error of the frames by the distributed clock phase",
         "Phase: enabling holding tracking",
         "Frames: complete lost",
     ] {
