@@ -142,11 +142,11 @@ mod tests {
         values[77] = 5e-3;
         let html = html("Round trip", &Quantiles::of(&values), Some(1e-3));
         assert_eq!(html.matches("class=\"bar\"").count(), 2);
-        assert!(html.contains("time in ms, logarithmic") && html.contains("max 5.00 ms"), "{html}");
+        assert!(html.contains("time in µs, logarithmic") && html.contains("max 5000 µs"), "{html}");
         // The period of 1 ms lies between 50 µs and 5 ms, as log 20 lies between 0 and log 100, but for the margins.
         let at = html.split("<path class=\"limit\" d=\"M").nth(2).unwrap().split(' ').next().unwrap();
         let expected = WIDTH * (0.02 + 20f64.log10() / 2.0) / 1.04;
         assert!((at.parse::<f64>().unwrap() - expected).abs() < 1.0, "{at}");
-        assert!(html.contains("period 1.00 ms"), "{html}");
+        assert!(html.contains("period 1000 µs"), "{html}");
     }
 }

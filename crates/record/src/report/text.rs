@@ -103,7 +103,8 @@ impl Unit {
     /// For times in s up to `greatest`.
     pub(super) fn time(greatest: f64) -> Self {
         match greatest {
-            size if size < 2e-3 => Unit { name: "µs", factor: 1e6 },
+            // Most times of a cycle are some µs, even where one of them is some ms.
+            size if size < 20e-3 => Unit { name: "µs", factor: 1e6 },
             size if size < 2.0 => Unit { name: "ms", factor: 1e3 },
             _ => Unit::plain("s"),
         }
