@@ -11,6 +11,8 @@ use omnibase_run::robot_text::NewReference;
 use omnibase_run::{LoadedRobot, RobotText};
 use serde::Serialize;
 
+use crate::streams::Streams;
+
 /// What a dashboard is told of its robot.
 pub struct About {
     /// The robot's file, by which new references are checked.
@@ -23,6 +25,8 @@ pub struct About {
     pub known: Known,
     /// Where paths are saved.
     pub paths: PathBuf,
+    /// Where values go beside the page.
+    pub streams: Streams,
 }
 
 /// The robot, for the page.

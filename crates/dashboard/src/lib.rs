@@ -4,6 +4,7 @@
 //! - [`access`]: who may do what: with the token everything, without it reading, and that on loopback alone.
 //! - [`call`]: what a client may ask of the robot, in words of JSON.
 //! - [`about`]: what doesn't change while a robot runs; [`seen`]: what does, thirty times a second.
+//! - [`Streams`]: the same values for PlotJuggler and Foxglove.
 //!
 //! Principles: everything that comes in is bounded, counted and checked; what a page commands ends with the page.
 #![forbid(unsafe_code)]
@@ -17,7 +18,9 @@ mod page;
 pub mod seen;
 mod server;
 mod socket;
+mod streams;
 
 pub use about::About;
 pub use access::Access;
 pub use server::{Dashboard, DashboardError};
+pub use streams::Streams;

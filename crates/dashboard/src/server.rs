@@ -27,6 +27,7 @@ use crate::desk::{Desk, Reply};
 use crate::page;
 use crate::seen::{Counters, EventSeen, Seen};
 use crate::socket;
+use crate::streams::{self, Streams};
 
 /// Between two messages to the pages.
 const TICK: Duration = Duration::from_nanos(33_333_333);
@@ -181,6 +182,13 @@ async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::
     let Ok(listener) = TcpListener::from_std(listener) else { return };
     let listener = Bounded::new(listener, shared.counters.clone());
     tokio::spawn(tick(shared.clone()));
+    let (rows, streams) = {
+        let desk = shared.desk();
+        (desk.about.rows(), desk.about.streams)
+    };
+    if streams != Streams::default() {
+        tokio::spawn(streams::send(shared.live.clone(), rows, streams));
+    }
     let routes = Router::new()
         .route("/api/robot", get(robot))
         .route("/api/now", get(now))

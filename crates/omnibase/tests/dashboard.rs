@@ -38,7 +38,9 @@ impl Robot {
             .map_while(Result::ok)
             .find_map(|line| Some(line.strip_prefix("dashboard: ")?.split_once("/?token=")?.0.to_owned()));
         std::thread::spawn(move || lines.for_each(drop));
-        Robot { process, at: found.expect("it says where its page is"), folder }
+        let robot = Robot { process, at: found.expect("it says where its page is"), folder };
+        robot.wait("its cycle runs", |robot| robot.read("now")["counts"][0].as_u64() > Some(0));
+        robot
     }
 
     fn url(&self) -> String {
@@ -290,5 +292,25 @@ fn the_command_line_reads_sets_and_calls_a_running_robot() {
     robot.wait("it is disabled", |robot| robot.read("now")["phase"] == "disabled");
     let (code, _, error) = omnibase(&["call", "enable"]);
     assert!(code == Some(1) && error.contains("the emergency stop is set"), "{error}");
+    robot.end();
+}
+
+#[test]
+fn plotjuggler_gets_every_value_by_udp() {
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let target = format!("--plotjuggler={}", socket.local_addr().unwrap());
+    let robot = Robot::start(&[&target]);
+    let mut bytes = [0; 65_536];
+    let mut next = || {
+        let length = socket.recv(&mut bytes).unwrap();
+        serde_json::from_slice::<Value>(&bytes[..length]).unwrap()
+    };
+    let (first, second) = (next(), next());
+    assert!(second["timestamp"].as_f64() > first["timestamp"].as_f64(), "{first} {second}");
+    assert!(
+        second["state"]["pose_x_m"].is_number() && second["wheel_3"]["torque_nm"].is_number(),
+        "{second}"
+    );
     robot.end();
 }

@@ -4,7 +4,7 @@ use super::stick_thread::StickThread;
 use crate::progress::note;
 use crate::running::RunningRobot;
 use anyhow::Context;
-use omnibase_dashboard::{About, Access, Dashboard};
+use omnibase_dashboard::{About, Access, Dashboard, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
 use omnibase_robot::signals::StopCategory;
@@ -33,6 +33,28 @@ pub struct Options {
     /// The secret of those who may command; otherwise a new one is made for each run.
     #[arg(long, value_name = "TOKEN", requires = "dashboard", value_parser = token)]
     token: Option<String>,
+    /// Send every value to PlotJuggler's UDP server, as JSON, a hundred times a second.
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "127.0.0.1:9870",
+        requires = "dashboard"
+    )]
+    plotjuggler: Option<SocketAddr>,
+    /// Serve every value to the Foxglove app, on loopback.
+    #[cfg(feature = "foxglove")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "127.0.0.1:8765",
+        requires = "dashboard",
+        value_parser = on_loopback
+    )]
+    foxglove: Option<SocketAddr>,
     /// Where taught paths are kept.
     #[arg(long, value_name = "FOLDER", default_value = "paths", requires = "dashboard")]
     paths: PathBuf,
@@ -78,7 +100,13 @@ impl Options {
         };
         let page = match self.dashboard {
             Some(address) => {
-                let about = About { text, robot: robot.clone(), registry, known, paths: self.paths.clone() };
+                let streams = Streams {
+                    plotjuggler: self.plotjuggler,
+                    #[cfg(feature = "foxglove")]
+                    foxglove: self.foxglove,
+                };
+                let paths = self.paths.clone();
+                let about = About { text, robot: robot.clone(), registry, known, paths, streams };
                 Some(self.serve(address, live, about)?)
             }
             None => None,
@@ -119,4 +147,14 @@ fn token(text: &str) -> Result<String, String> {
         return Ok(text.to_owned());
     }
     Err("expected at least 8 letters, digits, - and _".to_owned())
+}
+
+/// Whoever connects may read: that is for this machine alone.
+#[cfg(feature = "foxglove")]
+fn on_loopback(text: &str) -> Result<SocketAddr, String> {
+    let address: SocketAddr = text.parse().map_err(|error: std::net::AddrParseError| error.to_string())?;
+    if address.ip().is_loopback() {
+        return Ok(address);
+    }
+    Err(format!("expected an address on loopback, for Foxglove shows no token; found {}", address.ip()))
 }
