@@ -80,7 +80,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn the_square_of_the_thesis_is_told_in_one_json_object() {
     let summary = json(&[&SQUARE[..], &["--json"]].concat());
-    let mut wanted = [
+    let wanted = [
         "final_error_m",
         "rms_error_m",
         "max_error_m",
@@ -93,10 +93,9 @@ fn the_square_of_the_thesis_is_told_in_one_json_object() {
         "realtime_factor",
         "events",
     ];
-    let mut found = keys(&summary);
-    wanted.sort_unstable();
-    found.sort_unstable();
-    assert_eq!(found, wanted);
+    // Others may stand beside them.
+    let found = keys(&summary);
+    assert!(wanted.iter().all(|key| found.contains(key)), "{found:?}");
     for key in ["final_error_m", "rms_error_m", "max_error_m"] {
         assert_eq!(keys(&summary[key]), ["believed", "true"], "{key}");
     }
