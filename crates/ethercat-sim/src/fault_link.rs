@@ -6,7 +6,7 @@
 use omnibase_ethercat_wire::Command;
 use omnibase_ethercat_wire::bytes::{put_u16, u16_at};
 use omnibase_ethercat_wire::frame::{DATAGRAM_HEADER, Datagrams, FIRST_DATAGRAM, MAX_FRAME};
-use omnibase_ethercat_wire::{HostTime, Link, LinkError};
+use omnibase_ethercat_wire::{HostTime, Link, LinkError, RingState};
 use std::collections::VecDeque;
 
 /// Requests whose answers are still expected; older ones are taken for lost.
@@ -322,6 +322,10 @@ fn change_counters(frame: &mut [u8], only: Option<usize>, change: impl Fn(u16) -
 }
 
 impl<L: Link> Link for FaultLink<L> {
+    fn ring(&self) -> Option<RingState> {
+        self.inner.ring()
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         let places = datagrams(frame);
         let count = places.len() as u64;

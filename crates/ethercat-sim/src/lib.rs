@@ -8,6 +8,7 @@
 //! - [`fault_link`]: a link on which frames get lost, late, doubled, swapped and falsified.
 //! - [`serve`](mod@serve): a segment behind a network interface, in real time.
 //! - [`sim_link`]: a segment in the process, on virtual time, as a link of a MainDevice.
+//! - [`sim_ring`]: a ring in the process, with both interfaces of its MainDevice.
 //! - [`pdi`]: the line between the chip and the firmware behind it.
 //! - [`pdi_socket`]: firmware in another process.
 //!
@@ -31,12 +32,14 @@ pub mod segment;
 pub mod segment_file;
 pub mod serve;
 pub mod sim_link;
+pub mod sim_ring;
 
 pub use esc::{DcRegisters, EscConfig};
 pub use fault::{Fault, FaultError};
 pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection, Target};
 pub use pdi_socket::{Pace, SocketApplication};
-pub use segment::{Attachment, Parent, Segment, SubDevice, TopologyError};
+pub use segment::{Attachment, MainPort, Parent, Segment, SubDevice, TopologyError};
 pub use segment_file::{SegmentFile, SegmentFileError};
 pub use serve::{Served, serve, until_set};
 pub use sim_link::{SimLink, VirtualClock, in_process};
+pub use sim_ring::{SimPort, ring_in_process};

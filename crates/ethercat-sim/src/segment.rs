@@ -4,7 +4,7 @@ mod sub_device;
 mod topology;
 
 pub use sub_device::SubDevice;
-pub use topology::{Attachment, Parent, TopologyError};
+pub use topology::{Attachment, MainPort, Parent, TopologyError};
 
 use crate::esc::{PdiPort, PortState, Telegram};
 use crate::fault::{Fault, FaultError};
@@ -22,6 +22,8 @@ const BYTE_NS: u64 = 80;
 const WIRE_OVERHEAD: usize = 8 + 4;
 /// Bytes of silence between frames.
 const INTERFRAME_GAP: usize = 12;
+/// The cable that closes a ring: 20 m.
+const RING_CABLE_NS: u32 = 100;
 /// Datagram flag, in the high byte: the frame passed a closed port 0 already.
 const CIRCULATING: u8 = 0x40;
 
@@ -42,7 +44,10 @@ pub fn frame_spacing(length: usize) -> Duration {
 pub struct Segment {
     sub_devices: Vec<SubDevice>,
     cables: Cables,
-    way: Way,
+    /// From the primary interface, and from the redundant one.
+    ways: [Way; 2],
+    /// Which of them the present frame takes.
+    taken: usize,
     now: HostTime,
     /// When each SubDevice has something to do, host ns; `u64::MAX` for never.
     due: Vec<u64>,
@@ -61,12 +66,13 @@ impl Segment {
         let cables =
             Cables::new(&attachments, |position, port| sub_devices[position].esc().config().has_port(port))?;
         let due = vec![u64::MAX; sub_devices.len()];
-        let mut segment = Segment { sub_devices, cables, way: Way::default(), now: HostTime(0), due };
+        let mut segment =
+            Segment { sub_devices, cables, ways: Default::default(), taken: 0, now: HostTime(0), due };
         for sub_device in &mut segment.sub_devices {
             sub_device.power_on(HostTime(0));
         }
         segment.reroute();
-        let passed: Vec<usize> = segment.way.passages.iter().map(|passage| passage.position).collect();
+        let passed: Vec<usize> = segment.ways[0].passages.iter().map(|passage| passage.position).collect();
         if let Some(position) = (0..segment.sub_devices.len()).find(|position| !passed.contains(position)) {
             return Err(TopologyError::Unreachable { position });
         }
@@ -146,6 +152,41 @@ impl Segment {
     /// Returns the instant at which its last bit is back; `None` where it is lost: a cut cable, a damaged or
     /// malformed frame, another protocol. The frame keeps its length. Lost frames have run as far as they came.
     pub fn process(&mut self, frame: &mut [u8], now: HostTime) -> Option<HostTime> {
+        self.process_from(MainPort::Primary, frame, now)
+            .and_then(|(back, port)| (port == MainPort::Primary).then_some(back))
+    }
+
+    /// Like [`Segment::process`] from one of the two interfaces of a ring's MainDevice; tells where it comes back.
+    pub fn process_from(
+        &mut self,
+        from: MainPort,
+        frame: &mut [u8],
+        now: HostTime,
+    ) -> Option<(HostTime, MainPort)> {
+        self.taken = from as usize;
+        self.run_frame(frame, now)
+    }
+
+    /// Closes a ring: a cable from this port to the MainDevice's redundant interface.
+    pub fn close_ring(&mut self, position: usize, port: u8) -> Result<(), TopologyError> {
+        let has_port = self.sub_devices.get(position).is_some_and(|one| one.esc().config().has_port(port));
+        let slot = self.cables.at.get_mut(position).and_then(|ports| ports.get_mut(usize::from(port)));
+        let Some(slot) = slot.filter(|_| has_port) else {
+            return Err(TopologyError::NoSuchPort { position, port });
+        };
+        if slot.is_some() || self.cables.ring.is_some() {
+            return Err(TopologyError::PortTaken { position, port });
+        }
+        let index = self.cables.cables.len();
+        *slot = Some(index);
+        let lower = Plug { position, port };
+        self.cables.cables.push(Cable { upper: None, lower, delay_ns: RING_CABLE_NS, cut: false });
+        self.cables.ring = Some(index);
+        self.reroute();
+        Ok(())
+    }
+
+    fn run_frame(&mut self, frame: &mut [u8], now: HostTime) -> Option<(HostTime, MainPort)> {
         self.advance(now);
         let now = self.now;
         let (passages, destroyed) = self.damage();
@@ -209,7 +250,7 @@ impl Segment {
             data,
         };
         let mut caught = false;
-        for passage in &self.way.passages[..passages] {
+        for passage in &self.ways[self.taken].passages[..passages] {
             if passage.port_0_closed {
                 if header[7] & CIRCULATING != 0 {
                     caught = true;
@@ -231,7 +272,7 @@ impl Segment {
     fn run_raised(&mut self, passages: usize, now: HostTime) {
         let mut loops_changed = false;
         for n in 0..passages {
-            let passage = self.way.passages[n];
+            let passage = self.way().passages[n];
             let at = HostTime(now.0 + passage.at_ns);
             let sub_device = &mut self.sub_devices[passage.position];
             loops_changed |= sub_device.esc_mut().take_loops_changed();
@@ -249,33 +290,37 @@ impl Segment {
         self.due[position] = self.sub_devices[position].due();
     }
 
-    fn arrival(&self, length: usize, now: HostTime) -> Option<HostTime> {
-        self.way.back_ns.map(|back| now + Duration::from_nanos(back) + wire_time(length))
+    fn way(&self) -> &Way {
+        &self.ways[self.taken]
     }
 
-    fn malformed(&mut self) -> Option<HostTime> {
-        if let Some(passage) = self.way.passages.first() {
-            self.sub_devices[passage.position].esc_mut().count_malformed();
+    fn arrival(&self, length: usize, now: HostTime) -> Option<(HostTime, MainPort)> {
+        self.way().back.map(|(back, port)| (now + Duration::from_nanos(back) + wire_time(length), port))
+    }
+
+    fn malformed(&mut self) -> Option<(HostTime, MainPort)> {
+        if let Some(position) = self.way().passages.first().map(|passage| passage.position) {
+            self.sub_devices[position].esc_mut().count_malformed();
         }
         None
     }
 
     /// How many processing units a frame passes undamaged, and whether it is destroyed after that.
     fn damage(&mut self) -> (usize, bool) {
-        let all = self.way.passages.len();
+        let all = self.way().passages.len();
         if !self.sub_devices.iter().any(SubDevice::damages) {
             return (all, false);
         }
-        let damaged =
-            self.way.arrivals.iter().position(|arrival| {
-                self.sub_devices[arrival.position].take_damage(usize::from(arrival.port))
-            });
+        let damaged = self.ways[self.taken]
+            .arrivals
+            .iter()
+            .position(|arrival| self.sub_devices[arrival.position].take_damage(usize::from(arrival.port)));
         let Some(first) = damaged else { return (all, false) };
-        for (n, arrival) in self.way.arrivals[first..].iter().enumerate() {
+        for (n, arrival) in self.ways[self.taken].arrivals[first..].iter().enumerate() {
             let esc = self.sub_devices[arrival.position].esc_mut();
             esc.count_damaged(usize::from(arrival.port), n > 0);
         }
-        (self.way.arrivals[first].passed, true)
+        (self.way().arrivals[first].passed, true)
     }
 
     /// Injects a fault at the SubDevice at `position`, now.
@@ -336,13 +381,17 @@ impl Segment {
             });
             esc.set_ports(ports);
         }
-        self.way = Way::follow(&self.cables, &PortView(&self.sub_devices));
+        let view = PortView(&self.sub_devices);
+        self.ways =
+            [MainPort::Primary, MainPort::Redundant].map(|port| Way::follow(&self.cables, &view, port));
         let mut arrivals = vec![[None; 4]; self.sub_devices.len()];
         let mut units = vec![None; self.sub_devices.len()];
-        for passage in &self.way.passages {
+        // Where both ways lead to a chip the primary one measures.
+        let [primary, redundant] = &self.ways;
+        for passage in redundant.passages.iter().chain(&primary.passages) {
             units[passage.position] = Some(passage.at_ns);
         }
-        for arrival in &self.way.arrivals {
+        for arrival in redundant.arrivals.iter().chain(&primary.arrivals) {
             if let Some(unit) = units[arrival.position] {
                 arrivals[arrival.position][usize::from(arrival.port)] =
                     Some(arrival.at_ns as i64 - unit as i64);

@@ -28,5 +28,5 @@ pub mod time;
 
 pub use al::{AlState, AlStatusCode};
 pub use command::{Address, Command};
-pub use link::{Link, LinkError};
+pub use link::{Link, LinkError, RingState};
 pub use time::{Clock, DcTime, HostTime};

@@ -26,6 +26,23 @@ pub enum LinkError {
     },
 }
 
+/// How a ring is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RingState {
+    /// Nothing came back yet.
+    #[default]
+    Unknown,
+    /// Frames go all the way round.
+    Whole,
+    /// Frames turn at a break. With one break both numbers are the same: it is before the SubDevice at that position.
+    Broken {
+        /// SubDevices before the break, as seen from the primary interface.
+        before: u16,
+        /// Position of the first SubDevice behind it; those between are reached by nobody.
+        behind: u16,
+    },
+}
+
 /// Sends and receives whole Ethernet frames, without the checksum.
 ///
 /// Recording, fault injection and replay are wrappers of a link.
@@ -45,6 +62,11 @@ pub trait Link {
     fn arrival(&self) -> Option<HostTime> {
         None
     }
+
+    /// How the ring is whose both ends this link holds; `None` where it has one end alone.
+    fn ring(&self) -> Option<RingState> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for &mut L {
@@ -57,6 +79,9 @@ impl<L: Link + ?Sized> Link for &mut L {
     fn arrival(&self) -> Option<HostTime> {
         (**self).arrival()
     }
+    fn ring(&self) -> Option<RingState> {
+        (**self).ring()
+    }
 }
 
 impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
@@ -68,5 +93,8 @@ impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
     }
     fn arrival(&self) -> Option<HostTime> {
         (**self).arrival()
+    }
+    fn ring(&self) -> Option<RingState> {
+        (**self).ring()
     }
 }

@@ -20,6 +20,7 @@
 //!
 //! Used by set-up and cycle alike:
 //!
+//! - [`redundant`]: two interfaces at the ends of a ring as one link.
 //! - [`procedure`]: how a protocol that takes several datagrams is written without a link or a clock in it.
 //! - [`mailbox`]: the one owner of a SubDevice's mailbox: SDOs, SDO Information, emergencies.
 #![forbid(unsafe_code)]
@@ -38,6 +39,7 @@ pub mod image;
 pub mod mailbox;
 pub mod mapping;
 pub mod procedure;
+pub mod redundant;
 pub mod scan;
 pub mod start_up;
 pub mod state;
@@ -55,5 +57,6 @@ pub use cyclic::{CyclicBus, CyclicParts, Exchange};
 pub use error::SetUpError;
 pub use image::{ImagePlan, Member, ProcessImage};
 pub use procedure::{Answer, Next, Procedure, Request};
+pub use redundant::RedundantLink;
 pub use start_up::{StartUpList, StartUpStep};
 pub use subdevice::SubDevice;

@@ -24,6 +24,9 @@ const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
 const PORT_PAUSE: Duration = Duration::from_millis(2);
 
+/// Loop control (0x0101): port 1, by which the last SubDevice of a ring leads to the redundant interface, closed.
+const RING_PORT_CLOSED: u8 = 0x0C;
+
 /// What stands for an EEPROM that doesn't answer: no identity, no mailbox, no category.
 const BLANK_IMAGE: [u8; sii::HEADER + 2] = {
     let mut image = [0; sii::HEADER + 2];
@@ -91,6 +94,9 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.open_ports()?;
         let count = self.count()?;
         self.reset_to_init(count)?;
+        if self.transactor.link.ring().is_some() {
+            self.turn_at(count - 1)?;
+        }
         let targets = self.give_addresses(count)?;
         let identified = self.identify(&targets)?;
         self.wait_for_init(&identified)?;
@@ -173,6 +179,19 @@ impl<L: Link, C: Clock> Bus<L, C> {
             register::DL_CONTROL_PORTS,
             &[0],
             Expect::AtLeast(1),
+        )])?;
+        self.transactor.pause(PORT_PAUSE);
+        Ok(())
+    }
+
+    /// Has frames turn at the last SubDevice of a ring while it is set up: only what comes back the way it went
+    /// measures propagation delays. [`Bus::into_cyclic`] closes the ring.
+    fn turn_at(&mut self, last: u16) -> Result<(), SetUpError> {
+        self.transactor.perform(&mut [Access::write_at(
+            "opening the ring",
+            last,
+            register::DL_CONTROL_PORTS,
+            &[RING_PORT_CLOSED],
         )])?;
         self.transactor.pause(PORT_PAUSE);
         Ok(())

@@ -1,7 +1,7 @@
 //! A link that records what passes through it.
 
 use crate::Direction;
-use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError};
+use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError, RingState};
 use std::io;
 
 /// Takes recorded frames.
@@ -60,6 +60,10 @@ impl<L: Link> Link for RecordingLink<L> {
 
     fn arrival(&self) -> Option<HostTime> {
         self.link.arrival()
+    }
+
+    fn ring(&self) -> Option<RingState> {
+        self.link.ring()
     }
 }
 

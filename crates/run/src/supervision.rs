@@ -15,7 +15,7 @@ use omnibase_ethercat::cyclic::{
 };
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::bytes::u32_at;
-use omnibase_ethercat::wire::{AlState, HostTime, Link, register};
+use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState, register};
 use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
 
 use crate::events::Words;
@@ -86,6 +86,7 @@ pub struct Supervisor {
     buffer: Vec<u8>,
     restarted: u16,
     reference: Option<u16>,
+    ring: RingState,
 }
 
 impl Supervisor {
@@ -122,6 +123,7 @@ impl Supervisor {
             buffer: Vec::with_capacity(COUNTERS),
             restarted: 0,
             reference: None,
+            ring: RingState::Unknown,
         }
     }
 
@@ -140,6 +142,29 @@ impl Supervisor {
         }
         self.look_at_registers(bus, now);
         self.watch_reference(bus);
+        self.watch_ring(bus.link().ring());
+    }
+
+    /// Where the ring is broken, and that it is whole again.
+    fn watch_ring(&mut self, ring: Option<RingState>) {
+        let Some(state) = ring.filter(|state| self.ring != *state) else { return };
+        let before = std::mem::replace(&mut self.ring, state);
+        let name = |number: usize| self.all.get(number).map(|one| one.figures.name.as_str());
+        let words = match state {
+            RingState::Unknown => return,
+            RingState::Whole if matches!(before, RingState::Broken { .. }) => {
+                "the ring is whole again".into()
+            }
+            RingState::Whole => return,
+            RingState::Broken { before, behind } => {
+                let left = usize::from(before).checked_sub(1).and_then(name);
+                let left = left.unwrap_or("the primary interface");
+                let right = name(usize::from(behind)).unwrap_or("the redundant interface");
+                self.totals.ring_breaks += 1;
+                Words::new(format_args!("the ring is broken between {left} and {right}"))
+            }
+        };
+        self.say(words);
     }
 
     /// What was lost or came back since the last exchange.

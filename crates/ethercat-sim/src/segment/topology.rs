@@ -93,6 +93,15 @@ pub(crate) struct Plug {
     pub port: u8,
 }
 
+/// Which of the MainDevice's two interfaces; a line has the first alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MainPort {
+    /// The one that leads to position 0.
+    Primary,
+    /// The one at the other end of a ring.
+    Redundant,
+}
+
 /// A cable; its upper end is the MainDevice where `upper` is `None`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cable {
@@ -108,6 +117,8 @@ pub(crate) struct Cables {
     pub cables: Vec<Cable>,
     /// Index of the cable in each port of each SubDevice.
     pub at: Vec<[Option<usize>; 4]>,
+    /// The cable that closes a ring.
+    pub ring: Option<usize>,
 }
 
 impl Cables {
@@ -149,7 +160,7 @@ impl Cables {
             }
             cables.push(Cable { upper, lower, delay_ns: attachment.cable_delay_ns, cut: false });
         }
-        Ok(Cables { cables, at })
+        Ok(Cables { cables, at, ring: None })
     }
 }
 
@@ -179,8 +190,8 @@ pub(crate) struct Passage {
 pub(crate) struct Way {
     pub passages: Vec<Passage>,
     pub arrivals: Vec<Arrival>,
-    /// When it is back at the MainDevice; `None` where it never is.
-    pub back_ns: Option<u64>,
+    /// When it is back at the MainDevice, and where; `None` where it never is.
+    pub back: Option<(u64, MainPort)>,
 }
 
 /// What the way depends on beside the cables.
@@ -194,10 +205,15 @@ pub(crate) trait Ports {
 }
 
 impl Way {
-    /// Follows a frame from the MainDevice until it is back or lost.
-    pub fn follow(cables: &Cables, ports: &impl Ports) -> Way {
+    /// Follows a frame from one interface of the MainDevice until it is back or lost.
+    pub fn follow(cables: &Cables, ports: &impl Ports, from: MainPort) -> Way {
         let mut way = Way::default();
-        let Some(first) = cables.cables.first().filter(|cable| ports.carries(cable)) else { return way };
+        let first = match from {
+            MainPort::Primary => Some(0),
+            MainPort::Redundant => cables.ring,
+        };
+        let first = first.and_then(|index| cables.cables.get(index));
+        let Some(first) = first.filter(|cable| ports.carries(cable)) else { return way };
         let mut plug = first.lower;
         let mut at_ns = u64::from(first.delay_ns);
         // A tree is passed once in each direction; more means that control bits made a ring.
@@ -218,7 +234,9 @@ impl Way {
             at_ns += u64::from(cable.delay_ns);
             plug = match cable.upper {
                 None => {
-                    way.back_ns = Some(at_ns);
+                    let is_ring = cables.ring == Some(index);
+                    let port = if is_ring { MainPort::Redundant } else { MainPort::Primary };
+                    way.back = Some((at_ns, port));
                     return way;
                 }
                 Some(upper) if cable.lower == leaving => upper,

@@ -7,7 +7,8 @@ use crate::bus::Bus;
 use crate::clock_setup::reference_clock;
 use crate::image::{ClockUse, ImagePlan, Member, PlanError};
 use crate::subdevice::SubDevice;
-use crate::wire::{Clock, Link};
+use crate::transaction::Access;
+use crate::wire::{Clock, Link, register};
 
 /// Who follows whom.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,7 +38,12 @@ impl<L: Link, C: Clock> Bus<L, C> {
     ///
     /// The first SubDevice with a distributed clock is the reference; without any no clock is distributed.
     pub fn into_cyclic(self, direction: ClockDirection) -> Result<Handover<L, C>, PlanError> {
-        let Bus { transactor, subdevices, mailboxes, .. } = self;
+        let Bus { mut transactor, subdevices, mailboxes, .. } = self;
+        if let (Some(_), Some(last)) = (transactor.link.ring(), subdevices.last()) {
+            let ports = Access::write("closing the ring", last.target(), register::DL_CONTROL_PORTS, &[0]);
+            // Where that fails the ring stays as good as a line, and its state says so.
+            let _ = transactor.perform_one(ports);
+        }
         let members: Vec<Member> = subdevices.iter().map(Member::from).collect();
         let clock = match (reference_clock(&subdevices), direction) {
             (Some(one), _) if one.dc.is_none() => ClockUse::None,

@@ -4,4 +4,5 @@
 mod echo;
 mod faults;
 mod operation;
+mod ring;
 mod runner;

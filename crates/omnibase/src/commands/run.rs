@@ -12,6 +12,7 @@ use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{AnyClock, PacedClock, Port, Target};
 use anyhow::Context;
+use omnibase_ethercat::RedundantLink;
 use omnibase_ethercat_sim::in_process;
 use omnibase_ethercat_wire::Link;
 use omnibase_host::{Waiting, stop_on_signals};
@@ -53,6 +54,9 @@ pub struct Arguments {
     /// Network interface with the drives (or `omnibase simulate`), in real time.
     #[arg(long, value_name = "NIC")]
     interface: Option<String>,
+    /// Second network interface, at the other end of a ring: one break of a cable loses no cycle.
+    #[arg(long, value_name = "NIC", requires = "interface")]
+    redundant: Option<String>,
     #[command(flatten)]
     real_time: RealTime,
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
@@ -165,7 +169,14 @@ impl Arguments {
         };
         let port = if self.ring { Port::Ring(Waiting::Sleep) } else { Port::Socket };
         let cable = Target::Interface(interface.clone()).open(port)?;
-        Ok(Way { link: cable.link, clock: cable.clock, machine: None })
+        let link = match &self.redundant {
+            None => cable.link,
+            Some(other) => {
+                let end = Target::Interface(other.clone()).open(port)?;
+                Box::new(RedundantLink::new(cable.link, end.link, cable.clock.clone()))
+            }
+        };
+        Ok(Way { link, clock: cable.clock, machine: None })
     }
 
     fn page(&self) -> anyhow::Result<Option<Page>> {

@@ -37,11 +37,13 @@ pub struct BusFigures {
     pub link_losses: u64,
     /// Times at which another reference clock was elected.
     pub reference_changes: u64,
+    /// Breaks of a ring.
+    pub ring_breaks: u64,
 }
 
 impl BusFigures {
     /// Names of the channels, in the order of [`BusFigures::values`].
-    pub const CHANNELS: [&'static str; 16] = [
+    pub const CHANNELS: [&'static str; 17] = [
         "frames_lost",
         "frames_late",
         "frames_short",
@@ -58,10 +60,11 @@ impl BusFigures {
         "crc_errors",
         "link_losses",
         "reference_changes",
+        "ring_breaks",
     ];
 
     /// The figures as numbers.
-    pub fn values(&self) -> [f64; 16] {
+    pub fn values(&self) -> [f64; 17] {
         [
             self.frames_lost as f64,
             self.frames_late as f64,
@@ -79,6 +82,7 @@ impl BusFigures {
             self.crc_errors as f64,
             self.link_losses as f64,
             self.reference_changes as f64,
+            self.ring_breaks as f64,
         ]
     }
 }

@@ -1,0 +1,140 @@
+//! A ring between two interfaces: any one break loses no cycle, and its place is known.
+
+use std::time::Duration;
+
+use omnibase_ethercat::cyclic::{ClockDirection, DcFollower, FollowerGains, Goal, Phase, TransitionOptions};
+use omnibase_ethercat::redundant::RedundantLink;
+use omnibase_ethercat::wire::{Clock, HostTime, Link, RingState};
+use omnibase_ethercat::{Bus, BusOptions, CyclicBus, Exchange, ProcessImage};
+use omnibase_ethercat_sim::{Fault, Segment, SegmentFile, SimPort, VirtualClock, ring_in_process};
+
+use crate::runner::synchronous;
+
+const CYCLE: Duration = Duration::from_millis(1);
+
+struct Ring {
+    bus: CyclicBus<RedundantLink<SimPort, SimPort, VirtualClock>>,
+    image: ProcessImage,
+    clock: VirtualClock,
+    port: SimPort,
+    follower: DcFollower,
+    wake: HostTime,
+    count: usize,
+}
+
+impl Ring {
+    fn new(count: usize) -> Self {
+        let text = format!("[[subdevice]]\nkind = \"servo\"\ncount = {count}\n");
+        let mut segment: Segment =
+            SegmentFile::parse(&text).unwrap().build(std::path::Path::new(".")).unwrap();
+        segment.close_ring(count - 1, 1).unwrap();
+        let (primary, redundant, clock) = ring_in_process(segment);
+        let port = primary.clone();
+        let link = RedundantLink::new(primary, redundant, clock.clone());
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().unwrap();
+        bus.configure(&synchronous(count, CYCLE)).unwrap();
+        let ready = bus.into_cyclic(ClockDirection::CycleFollowsDc).unwrap();
+        let mut ring = Ring {
+            image: ready.bus.plan().image(),
+            wake: ready.clock.now(),
+            bus: ready.bus,
+            clock: ready.clock,
+            port,
+            follower: DcFollower::new(CYCLE, CYCLE / 2, FollowerGains::default()),
+            count,
+        };
+        ring.bus.request(Goal::Op, TransitionOptions::default(), ring.wake);
+        for _ in 0..60_000 {
+            ring.cycle();
+            if !matches!(ring.bus.phase(), Phase::Moving { .. }) {
+                break;
+            }
+        }
+        assert_eq!(ring.bus.phase(), Phase::Reached(Goal::Op));
+        ring
+    }
+
+    fn cycle(&mut self) -> Exchange {
+        self.clock.sleep_until(self.wake);
+        let exchange = self.bus.exchange(&mut self.image, self.wake + CYCLE * 4 / 5).unwrap();
+        let clock = self.bus.clock().filter(|_| !matches!(exchange, Exchange::Lost { .. }));
+        self.wake = self.follower.next_wake(self.wake, clock);
+        exchange
+    }
+
+    fn complete(&mut self, cycles: usize, what: &str) {
+        for cycle in 0..cycles {
+            assert_eq!(self.cycle(), Exchange::Complete, "{what}, cycle {cycle}");
+        }
+    }
+
+    /// The cable before the SubDevice at `place`; the last one leads to the redundant interface.
+    fn cable(&self, place: usize, mended: bool) {
+        let (position, port) = if place == self.count { (place - 1, 1) } else { (place, 0) };
+        let fault = if mended { Fault::CableRestored { port } } else { Fault::CableCut { port } };
+        self.port.with_segment(|segment| segment.inject(position, fault)).unwrap();
+    }
+
+    fn state(&self) -> Option<RingState> {
+        self.bus.link().ring()
+    }
+
+    fn worst_clock_ns(&self) -> u32 {
+        self.port.with_segment(|segment| {
+            let differences = segment.sub_devices().iter().filter_map(|one| one.esc().peek(0x092C, 4));
+            let magnitude = |bytes: &[u8]| u32::from_le_bytes(bytes.try_into().unwrap()) & 0x7FFF_FFFF;
+            differences.map(magnitude).max().unwrap_or(0)
+        })
+    }
+
+    fn statuses(&self) -> Vec<u8> {
+        self.port.with_segment(|segment| {
+            segment.sub_devices().iter().map(|one| one.esc().peek(0x0130, 1).unwrap()[0]).collect()
+        })
+    }
+}
+
+#[test]
+fn each_break_of_a_ring_loses_no_cycle_and_is_located_and_mended() {
+    for count in [3, 20] {
+        let mut ring = Ring::new(count);
+        ring.complete(100, "whole");
+        let before = ring.bus.counters();
+        assert_eq!(ring.state(), Some(RingState::Whole));
+        for place in 0..=count {
+            let what = format!("{count} devices, break before {place}");
+            ring.cable(place, false);
+            ring.complete(2, &what);
+            let place_found = place as u16;
+            let broken = RingState::Broken { before: place_found, behind: place_found };
+            assert_eq!(ring.state(), Some(broken), "{what}");
+            ring.complete(500, &what);
+            // The half without the reference follows the host's clock: the way of its frames is another.
+            assert!(ring.worst_clock_ns() < 5000, "{what}: {} ns", ring.worst_clock_ns());
+            ring.cable(place, true);
+            ring.complete(500, &format!("{what}, mended"));
+            assert_eq!(ring.state(), Some(RingState::Whole), "{what}, mended");
+        }
+        let after = ring.bus.counters();
+        assert_eq!(after.working_counter_errors, before.working_counter_errors);
+        assert_eq!(after.frames_lost, before.frames_lost);
+        assert_eq!(ring.statuses(), vec![8; count]);
+    }
+}
+
+#[test]
+fn a_second_break_loses_only_what_lies_between() {
+    let mut ring = Ring::new(5);
+    ring.cable(1, false);
+    ring.complete(200, "first break");
+    ring.cable(3, false);
+    ring.cycle();
+    ring.cycle();
+    assert_eq!(ring.state(), Some(RingState::Broken { before: 1, behind: 3 }));
+    for _ in 0..300 {
+        assert_eq!(ring.cycle(), Exchange::Without { unwell: 2 });
+    }
+    let statuses = ring.statuses();
+    assert_eq!((statuses[0], &statuses[3..]), (8, &[8u8, 8][..]));
+}
