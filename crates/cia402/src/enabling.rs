@@ -164,7 +164,7 @@ impl core::fmt::Display for FaultWords<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
             Some(code) => write!(f, "error {code}"),
-            None => f.write_str("0x603F is not mapped, read it by SDO"),
+            None => f.write_str("its error code (0x603F) is not mapped"),
         }
     }
 }

@@ -101,7 +101,8 @@ fn the_recorder_writes_both_files_and_counts() {
         }
     }
     drop(sink);
-    let recorded = recorder.finish().unwrap();
+    let recorded = recorder.finish();
+    assert!(recorded.failure.is_none(), "{:?}", recorded.failure);
     assert_eq!((recorded.written, recorded.dropped), (rows.len() as u64, 0));
 
     let run = RecordedRun::read(&std::fs::read(folder.join("run.mcap")).unwrap()).unwrap();

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_record::run::RunSink;
 use omnibase_robot::signals::{CycleTime, Phase};
@@ -104,8 +105,12 @@ pub fn run<L: Link, C: Clock>(
         Ok(false) => Ok(()),
         Err(error) => Err(error.into()),
     };
+    if cycle.robot.phase() == Phase::Fault && ran.is_ok() {
+        // The mailbox is silent in INIT. A drive that doesn't answer goes without its code.
+        cycle.error_codes = session.error_codes().unwrap_or_default();
+    }
     let ended = session.end().map_err(RunError::from);
-    Ok(cycle.finish(ran.and(ended)))
+    Ok(cycle.finish(ran, ended))
 }
 
 /// The cycle's state.
@@ -132,6 +137,9 @@ struct Cycle<'a> {
     cycles: u64,
     realtime_factor: f64,
     stop_seen: bool,
+    recording_lost: bool,
+    /// What the drives said is wrong with them, where they were asked.
+    error_codes: Vec<Option<ErrorCode>>,
 }
 
 impl<'a> Cycle<'a> {
@@ -161,6 +169,8 @@ impl<'a> Cycle<'a> {
             cycles: 0,
             realtime_factor: 0.0,
             stop_seen: false,
+            recording_lost: false,
+            error_codes: Vec::new(),
             plan,
         }
     }
@@ -255,6 +265,10 @@ impl<'a> Cycle<'a> {
         if let Some((rows, sink)) = &mut self.recording {
             let (values, raw) = rows.of(&self.last, beside);
             sink.push_row(now_ns, values, raw);
+            if sink.is_broken() && !self.recording_lost {
+                self.recording_lost = true;
+                self.happened(now_ns, "the recording ended early: records are dropped from here on".into());
+            }
         }
         for text in self.watch.look(&self.last, phase).into_iter().flatten() {
             self.happened(now_ns, text.into());
@@ -273,23 +287,32 @@ impl<'a> Cycle<'a> {
         }
     }
 
-    fn finish(self, ran: Result<(), RunError>) -> Ran {
+    fn finish(self, ran: Result<(), RunError>, way_back: Result<(), RunError>) -> Ran {
         self.progress.ended.store(true, Ordering::Relaxed);
         let event =
             |(time_ns, text): (u64, Words)| Event { time_s: time_ns as f64 * 1e-9, text: text.to_string() };
-        let finished = self.conductor.has_finished() && ran.is_ok();
+        let finished = self.conductor.has_finished() && ran.is_ok() && way_back.is_ok();
         let wanted = self.stop.load(Ordering::Relaxed);
         let ended = ran.and_then(|()| {
-            if finished || (wanted && self.robot.phase() != Phase::Fault) {
+            let followed = self.conductor.has_finished();
+            if followed || (wanted && self.robot.phase() != Phase::Fault) {
                 return Ok(());
             }
             let name = |wheel: usize| self.plan.drives.get(wheel).map_or("?", |drive| drive.name.as_str());
-            let problem = |(wheel, problem): (usize, String)| format!("{}: {problem}", name(wheel));
+            let problem = |(wheel, problem): (usize, String)| {
+                let code =
+                    self.error_codes.get(wheel).copied().flatten().filter(|code| *code != ErrorCode::NONE);
+                let code =
+                    code.map(|code| format!("; asked by SDO, it says error {code}")).unwrap_or_default();
+                format!("{}: {problem}{code}", name(wheel))
+            };
             Err(RunError::Stopped {
                 reason: self.last.stop_reason.text(),
                 drives: self.robot.drive_problems().map(problem).collect(),
             })
         });
+        // Why the robot stopped says more than that it then couldn't be brought back.
+        let ended = ended.and(way_back);
         let summary = Summary {
             final_error_m: self.tracking.final_error_m(),
             rms_error_m: self.tracking.rms_error_m(),

@@ -1,28 +1,38 @@
 //! The bus of a robot: from what is plugged in to OP, one exchange a cycle at the pace of clocks, and back to INIT.
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::events::Words;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures, Supervisor};
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::cyclic::{
-    ClockDirection, CycleCounters, CyclicBus, DcFollower, Exchange as BusExchange, FollowerGains, Goal,
-    Handover, HostToDc, Phase, TransitionError, TransitionOptions,
+    AcyclicRequest, AcyclicWork, ClockDirection, CycleCounters, CyclicBus, DcFollower,
+    Exchange as BusExchange, FollowerGains, Goal, Handover, HostToDc, Phase, TransitionError,
+    TransitionOptions,
 };
 use omnibase_ethercat::image::PlanError;
+use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::transaction::Access;
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::frame::FrameBuilder;
 use omnibase_ethercat::wire::{
     Address, AlState, Clock, Command, DcTime, HostTime, Link, LinkError, register,
 };
 use omnibase_ethercat::{Bus, BusOptions, Match, ProcessImage as BusImage, SetUpError};
-use omnibase_robot::config::{BusPlan, ClockSource, DrivePlace, Synchronisation};
+use omnibase_robot::config::{BusPlan, ClockSource, DrivePlace, DriveWatchdog, Synchronisation};
 use omnibase_robot::signals::DriveMeasurement;
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
 /// Frames that ask for INIT where the orderly way there failed.
 const BROADCAST_ATTEMPTS: u32 = 3;
+/// Cycles in which drives are asked by SDO what is wrong with them.
+const ASKING_CYCLES: u32 = 200;
+/// The object that says it: the drive profile's error code.
+const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 /// The longest wait for each state on the way back.
 const END_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -46,6 +56,20 @@ pub enum SessionError {
     /// The link is gone.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// A drive's watchdog isn't what was written: it would stop late, or never.
+    #[error(
+        "drive `{drive}` (SubDevice {position}): its watchdog is {found} (registers 0x0400, 0x0420), expected {expected}"
+    )]
+    Watchdog {
+        /// The drive.
+        drive: String,
+        /// Its position.
+        position: u16,
+        /// As the robot's file wants it.
+        expected: WatchdogRegisters,
+        /// As it was read back.
+        found: WatchdogRegisters,
+    },
     /// A drive's process data have another length than the plan says.
     #[error("drive `{drive}` has {found} bytes of {direction}, its file says {expected}")]
     Length {
@@ -58,6 +82,24 @@ pub enum SessionError {
         /// Bytes on the bus.
         found: usize,
     },
+}
+
+/// The registers of a drive's process-data watchdog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WatchdogRegisters {
+    /// Register 0x0400: units of 40 ns, less 2.
+    pub divider: u16,
+    /// Register 0x0420: multiples of the divided clock; 0 is off.
+    pub process_data: u16,
+}
+
+impl fmt::Display for WatchdogRegisters {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match u64::from(self.process_data) * 40 * (u64::from(self.divider) + 2) {
+            0 => f.write_str("off"),
+            ns => write!(f, "{} us", ns as f64 * 1e-3),
+        }
+    }
 }
 
 /// What one cycle's times were.
@@ -85,7 +127,10 @@ enum Pace {
 }
 
 /// A robot's bus with its process data and its pace.
-pub struct Session<L, C> {
+///
+/// One that goes without its [`Session::end`] (a panic) asks everyone for INIT all the same, where nobody has to wait
+/// for the drives' watchdogs.
+pub struct Session<L: Link, C: Clock> {
     bus: CyclicBus<L>,
     clock: C,
     image: BusImage,
@@ -100,6 +145,22 @@ pub struct Session<L, C> {
     wake: HostTime,
     /// Periods by which the coming cycle lies behind the last one.
     periods: u64,
+    end: End,
+}
+
+/// Whether the way back was gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    ToCome,
+    Gone,
+}
+
+impl<L: Link, C: Clock> Drop for Session<L, C> {
+    fn drop(&mut self) {
+        if self.end == End::ToCome {
+            self.broadcast_init();
+        }
+    }
 }
 
 /// Where one wheel's process data stand.
@@ -146,6 +207,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         let configured = bus.configure(&configs);
         bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
         configured?;
+        check_watchdogs(&mut bus, plan)?;
         let direction = match plan.bus.clock_source {
             ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
             ClockSource::Host => ClockDirection::DcFollowsHost,
@@ -169,6 +231,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             timeout: Duration::from_nanos(plan.bus.receive_timeout_ns),
             last_clock: None,
             periods: 1,
+            end: End::ToCome,
         })
     }
 
@@ -186,7 +249,45 @@ impl<L: Link, C: Clock> Session<L, C> {
         if ended.is_err() {
             self.broadcast_init();
         }
+        self.end = End::Gone;
         ended.map(drop)
+    }
+
+    /// Asks every drive by SDO for its error code, beside the cycle; `None` for a drive that doesn't answer in time.
+    ///
+    /// Outputs stay as they are. Not for the cycle: it allocates.
+    pub fn error_codes(&mut self) -> Result<Vec<Option<ErrorCode>>, LinkError> {
+        let mut codes = vec![None; self.wiring.len()];
+        for (wheel, wires) in self.wiring.iter().enumerate() {
+            let position = wires.position;
+            let upload = MailboxRequest::upload(ERROR_CODE, Vec::with_capacity(2));
+            let work = AcyclicWork::Mailbox(upload);
+            // A full queue is one more drive that isn't heard.
+            let _ = self.bus.submit(AcyclicRequest { tag: wheel as u64, position, work });
+        }
+        let mut open = self.wiring.len();
+        for _ in 0..ASKING_CYCLES {
+            if open == 0 {
+                break;
+            }
+            // Without the supervisor, who would take the answers.
+            self.clock.sleep_until(self.wake);
+            let woke = self.clock.now();
+            self.bus.exchange(&mut self.image, self.wake.max(woke) + self.timeout)?;
+            self.wake = self.next_wake(woke);
+            self.skip_missed();
+            while let Some(completion) = self.bus.poll_completion() {
+                let AcyclicWork::Mailbox(answer) = completion.work else { continue };
+                open = open.saturating_sub(1);
+                if completion.result.is_ok()
+                    && let [low, high] = answer.data[..]
+                    && let Some(code) = codes.get_mut(completion.tag as usize)
+                {
+                    *code = Some(ErrorCode(u16::from_le_bytes([low, high])));
+                }
+            }
+        }
+        Ok(codes)
     }
 
     fn reach(
@@ -363,6 +464,28 @@ impl<L: Link, C: Clock> Session<L, C> {
             }
         }
     }
+}
+
+/// Reads back what decides whether the wheels stop when this program dies.
+fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) -> Result<(), SessionError> {
+    let expected =
+        WatchdogRegisters { divider: DriveWatchdog::DIVIDER, process_data: plan.bus.drive_watchdog.steps };
+    let positions: Vec<u16> = bus.subdevices().iter().map(|one| one.position).collect();
+    for position in positions {
+        let drive = bus.subdevice(position)?.config.name.clone().unwrap_or_default();
+        let mut read = |what, register| {
+            let access = bus.transactor().perform_one(Access::read_at(what, position, register, 2))?;
+            Ok::<u16, SetUpError>(access.data.iter().rev().fold(0, |word, byte| word << 8 | u16::from(*byte)))
+        };
+        let found = WatchdogRegisters {
+            divider: read("the watchdogs' divider", register::WATCHDOG_DIVIDER)?,
+            process_data: read("the process-data watchdog", register::WATCHDOG_PROCESS_DATA)?,
+        };
+        if found != expected {
+            return Err(SessionError::Watchdog { drive, position, expected, found });
+        }
+    }
+    Ok(())
 }
 
 fn pace(bus: &BusPlan) -> Pace {

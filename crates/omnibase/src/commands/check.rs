@@ -122,6 +122,11 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         plan.bus.sync0_shift_ns / 1000,
         plan.bus.clock_source
     )?;
+    writeln!(
+        output,
+        "watchdog    the drives stop by themselves {} us after the last process data",
+        plan.bus.drive_watchdog.us()
+    )?;
     writeln!(output, "controller  {}", controllers.join(", then on request "))?;
     writeln!(output, "reference   {}\n", plan.reference.kind.as_deref().unwrap_or("hold"))?;
     writeln!(

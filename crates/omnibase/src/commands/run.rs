@@ -25,7 +25,7 @@ use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Runs a robot along a reference: drives up, tracked to the end, drives down, and says how well it went.
@@ -118,19 +118,25 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let _granted = arguments.real_time.apply();
     let ran = std::thread::scope(|scope| {
         // Drawing may block: not in the thread of the cycle.
-        if !is_operated {
-            scope.spawn(|| show(&progress));
-        }
+        let shown = (!is_operated).then(|| scope.spawn(|| show(&progress, stop)));
         let ran =
             omnibase_run::run(way.link, way.clock, setup, &mut |text| note(format_args!("warning: {text}")));
         progress.ended.store(true, Ordering::Relaxed);
+        // A bar that died is no reason to lose the figures.
+        if let Some(shown) = shown
+            && shown.join().is_err()
+        {
+            note("warning: the progress bar died");
+        }
         ran
     })?;
     page.iter_mut().for_each(Page::keep);
     let mut summary: Summary = ran.summary;
+    let mut lost = None;
     if let Some(recorder) = recorder {
-        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded))?;
+        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded));
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+        lost = recorded.failure;
     }
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &summary)?;
@@ -140,10 +146,13 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     output.flush()?;
     drop(operated);
-    if let Some(page) = page {
-        page.write()?;
-    }
+    // Why the run ended early is said before why its page can't be.
+    let page = page.map(|page| page.write());
     ran.ended?;
+    if let Some(failure) = lost {
+        return Err(anyhow::Error::from(failure).context("the recording ended early"));
+    }
+    page.transpose()?;
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
 }
 
@@ -205,12 +214,18 @@ impl Arguments {
     }
 }
 
-fn show(progress: &Progress) {
+/// Draws until the run is over; says once that a stop was asked for.
+fn show(progress: &Progress, stop: &AtomicBool) {
     let bar = bar(progress.total.load(Ordering::Relaxed), "cycles");
+    let mut told = false;
     while !progress.ended.load(Ordering::Relaxed) {
         let (done, total) = (progress.cycles.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
         bar.set_length(total.max(done));
         bar.set_position(done);
+        if stop.load(Ordering::Relaxed) && !told {
+            told = true;
+            bar.suspend(|| note("stopping: the robot ramps down; another Ctrl-C ends at once"));
+        }
         std::thread::sleep(Duration::from_millis(20));
     }
     bar.finish_and_clear();

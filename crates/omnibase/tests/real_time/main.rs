@@ -3,5 +3,8 @@
 //! Skipped loudly without the rights for a namespace of one's own. Nothing here asserts a time of the host's: what
 //! is measured is measured by the simulator, in the segment's own time.
 
+mod ends;
+mod refusals;
 mod same_end;
 mod support;
+mod watchdog;

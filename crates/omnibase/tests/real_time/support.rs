@@ -3,6 +3,7 @@
 use omnibase_host::Namespace;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::thread::JoinHandle;
@@ -134,4 +135,37 @@ impl Ended {
 /// A number of a report.
 pub fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// The words of all events of a report.
+pub fn events(report: &Value) -> Vec<&str> {
+    report["events"].as_array().unwrap().iter().filter_map(|event| event["text"].as_str()).collect()
+}
+
+/// Whether all SubDevices were led out of OP without an error after they had been in it.
+pub fn left_op_in_order(simulated: &Value) -> bool {
+    let events = events(simulated);
+    let ends = |words: &str| events.iter().filter(|text| text.ends_with(words)).count();
+    ends(": OP") > 0 && ends(": INIT") >= ends(": OP") && !events.iter().any(|text| text.contains("error"))
+}
+
+/// A file that goes with the value.
+pub struct Scratch(pub PathBuf);
+
+impl Scratch {
+    /// A file of this test's own.
+    pub fn new(name: &str) -> Self {
+        Scratch(std::env::temp_dir().join(format!("omnibase-real-time-{}-{name}", std::process::id())))
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &str {
+        self.0.to_str().unwrap()
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
 }

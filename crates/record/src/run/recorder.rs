@@ -32,12 +32,14 @@ pub enum OnFull {
 }
 
 /// What became of a recording.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default)]
 pub struct RunRecorded {
-    /// Cycles in the files.
+    /// Cycles that were written to the files.
     pub written: u64,
-    /// Cycles and events that found the ring full.
+    /// Cycles and events that found the ring full, or no writer any more.
     pub dropped: u64,
+    /// Why the files end early, where they do; they can be read to their last complete record.
+    pub failure: Option<RecorderError>,
 }
 
 /// Why a recording failed.
@@ -67,6 +69,9 @@ pub enum RecorderError {
         /// Why.
         source: ColumnError,
     },
+    /// The thread that writes has died.
+    #[error("the recorder's thread died: {0}")]
+    Died(String),
 }
 
 /// The cyclic thread's end: never allocates; never waits, unless it was asked to.
@@ -88,6 +93,11 @@ impl RunSink {
         self.push(EVENT, time_ns, 0, std::iter::empty(), text.as_bytes());
     }
 
+    /// Whether nobody takes the records any more: the disk is full, or the writer died.
+    pub fn is_broken(&self) -> bool {
+        self.ring.is_abandoned()
+    }
+
     fn push(
         &mut self,
         kind: u64,
@@ -98,8 +108,12 @@ impl RunSink {
     ) {
         let length = HEADER + count + bytes.len().div_ceil(8);
         let head = [kind | (count as u64) << 8 | (bytes.len() as u64) << 32, time_ns];
+        if self.is_broken() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
         while self.ring.slots() < length {
-            if self.on_full == OnFull::Drop || self.ring.is_abandoned() {
+            if self.on_full == OnFull::Drop || self.is_broken() {
                 self.dropped.fetch_add(1, Ordering::Relaxed);
                 return;
             }
@@ -118,7 +132,8 @@ impl RunSink {
 
 /// The thread that writes the files.
 pub struct RunRecorder {
-    thread: JoinHandle<Result<(u64, Writers), RecorderError>>,
+    thread: JoinHandle<Result<Writers, RecorderError>>,
+    written: Arc<AtomicU64>,
     dropped: Arc<AtomicU64>,
     describe: mpsc::Sender<(String, String)>,
 }
@@ -176,13 +191,14 @@ impl RunRecorder {
         }
         let (ring, consumer) = RingBuffer::new(RING);
         let (describe, described) = mpsc::channel();
-        let dropped = Arc::new(AtomicU64::new(0));
+        let (written, dropped) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
+        let count = written.clone();
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || drain(consumer, &described, writers))
+            .spawn(move || drain(consumer, &described, writers, &count))
             .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
         let sink = RunSink { ring, dropped: dropped.clone(), on_full };
-        Ok((RunRecorder { thread, dropped, describe }, sink))
+        Ok((RunRecorder { thread, written, dropped, describe }, sink))
     }
 
     /// A way to add to the description while the run goes on.
@@ -191,35 +207,48 @@ impl RunRecorder {
     }
 
     /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
-    pub fn finish(self) -> Result<RunRecorded, RecorderError> {
+    pub fn finish(self) -> RunRecorded {
         self.finish_with(|_| BTreeMap::new())
     }
 
     /// As [`RunRecorder::finish`], with last descriptions: what is known of a run only after it.
     pub fn finish_with(
         self,
-        last_words: impl FnOnce(RunRecorded) -> BTreeMap<String, String>,
-    ) -> Result<RunRecorded, RecorderError> {
-        let (written, mut writers) = match self.thread.join() {
-            Ok(written) => written?,
-            Err(panic) => std::panic::resume_unwind(panic),
+        last_words: impl FnOnce(&RunRecorded) -> BTreeMap<String, String>,
+    ) -> RunRecorded {
+        let ended = match self.thread.join() {
+            Ok(ended) => ended,
+            Err(panic) => Err(RecorderError::Died(words(panic.as_ref()))),
         };
-        let recorded = RunRecorded { written, dropped: self.dropped.load(Ordering::Relaxed) };
-        for (key, text) in last_words(recorded) {
-            writers.describe(&key, &text)?;
-        }
-        writers.finish()?;
-        Ok(recorded)
+        let mut recorded = RunRecorded {
+            written: self.written.load(Ordering::Relaxed),
+            dropped: self.dropped.load(Ordering::Relaxed),
+            failure: None,
+        };
+        let finished = ended.and_then(|mut writers| {
+            for (key, text) in last_words(&recorded) {
+                writers.describe(&key, &text)?;
+            }
+            writers.finish()
+        });
+        recorded.failure = finished.err();
+        recorded
     }
 }
 
-/// Writes entries until the sink is gone and the ring is empty; the number of cycles written, and the open files.
+/// What a panic said.
+fn words(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".to_owned())
+}
+
+/// Writes entries until the sink is gone and the ring is empty, and counts the cycles in `written`; the open files.
 fn drain(
     mut ring: Consumer<u64>,
     described: &mpsc::Receiver<(String, String)>,
     mut writers: Writers,
-) -> Result<(u64, Writers), RecorderError> {
-    let mut written = 0;
+    written: &AtomicU64,
+) -> Result<Writers, RecorderError> {
     let mut words = Vec::new();
     let (mut values, mut bytes) = (Vec::new(), Vec::new());
     loop {
@@ -242,11 +271,11 @@ fn drain(
                 writers.event(&RunEvent { time_ns, text: String::from_utf8_lossy(&bytes).into_owned() })?;
             } else {
                 writers.row(time_ns, &values, &bytes)?;
-                written += 1;
+                written.fetch_add(1, Ordering::Relaxed);
             }
         }
         if ended {
-            return Ok((written, writers));
+            return Ok(writers);
         }
         std::thread::sleep(REST);
     }
@@ -284,5 +313,39 @@ impl Writers {
             columns.finish().map_err(|source| RecorderError::File { path, source })?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dead_writer_is_seen_counted_and_told_of() {
+        let (ring, consumer) = RingBuffer::new(1024);
+        let (dropped, written) = (Arc::new(AtomicU64::new(0)), Arc::default());
+        let (describe, _described) = mpsc::channel();
+        let (die, told_to) = mpsc::channel::<()>();
+        let thread = std::thread::spawn(move || -> Result<Writers, RecorderError> {
+            let _ring = consumer;
+            let _ = told_to.recv();
+            panic!("out of luck");
+        });
+        // Also where it waits for room: there won't be any.
+        let mut sink = RunSink { ring, dropped: dropped.clone(), on_full: OnFull::Wait };
+        let recorder = RunRecorder { thread, written, dropped, describe };
+        sink.push_row(1, &[0.5; 4], &[7; 8]);
+        assert!(!sink.is_broken());
+        drop(die);
+        while !sink.is_broken() {
+            std::thread::yield_now();
+        }
+        sink.push_row(2, &[0.5; 4], &[7; 8]);
+        sink.push_event(3, "nobody hears it");
+        drop(sink);
+        let recorded = recorder.finish();
+        assert_eq!(recorded.dropped, 2);
+        let failure = recorded.failure.expect("it died");
+        assert_eq!(failure.to_string(), "the recorder's thread died: out of luck");
     }
 }

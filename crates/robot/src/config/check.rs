@@ -11,6 +11,11 @@ use super::source::{Locations, Source, nearest};
 use crate::registry::Registry;
 use crate::signals::{SafetyAction, StopCategory};
 
+/// Lost exchanges in a row that are tolerated by default.
+const LOST_EXCHANGES_TOLERATED: u32 = 3;
+/// The drives' watchdog by default, us: that of the standard after power-on.
+const DRIVE_WATCHDOG_US: u32 = 100_000;
+
 /// Reads files that the robot's file names; the answer is the text, or why there is none.
 pub type ReadFile<'a> = &'a dyn Fn(&str) -> Result<String, String>;
 
@@ -100,7 +105,7 @@ impl Check {
 
     fn robot(&mut self, file: RobotFile, registry: &Registry, read_file: ReadFile<'_>) -> Option<RobotPlan> {
         let name = self.need(file.name, "name", "recordings and reports carry it");
-        let bus = self.bus(&file.bus);
+        let bus = self.bus(&file.bus, &file.safety);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len());
         let limits = self.limits(&file.limits);
@@ -136,7 +141,7 @@ impl Check {
         })
     }
 
-    fn bus(&mut self, table: &BusTable) -> Option<BusPlan> {
+    fn bus(&mut self, table: &BusTable, safety: &SafetyTable) -> Option<BusPlan> {
         let cycle_us = self.need(table.cycle_us, "bus.cycle_us", "everything is timed by it")?;
         let synchronisation = table.synchronisation.unwrap_or(Synchronisation::Sync0);
         let timeout_us = table.receive_timeout_us.unwrap_or(cycle_us / 2);
@@ -147,13 +152,40 @@ impl Check {
             problem.limit = Some(format!("below cycle_us = {cycle_us}"));
         }
         let half_cycle_us = i32::try_from(cycle_us / 2).unwrap_or(i32::MAX);
+        let drive_watchdog = self.drive_watchdog(safety, cycle_us);
         Some(BusPlan {
             cycle_ns: u64::from(cycle_us) * 1000,
             receive_timeout_ns: u64::from(timeout_us) * 1000,
             synchronisation,
             sync0_shift_ns: table.sync0_shift_us.unwrap_or(half_cycle_us).saturating_mul(1000),
             clock_source: table.clock_source.unwrap_or(ClockSource::DistributedClock),
+            drive_watchdog: drive_watchdog?,
         })
+    }
+
+    /// Chips count steps: what they can't represent is refused, not rounded. A watchdog that bites before the policy
+    /// for lost exchanges does would take the ramp away from it.
+    fn drive_watchdog(&mut self, table: &SafetyTable, cycle_us: u32) -> Option<DriveWatchdog> {
+        const KEY: &str = "safety.drive_watchdog_us";
+        let us = table.drive_watchdog_us.unwrap_or(DRIVE_WATCHDOG_US);
+        let Some(watchdog) = DriveWatchdog::from_us(us) else {
+            let below = us / DriveWatchdog::STEP_US * DriveWatchdog::STEP_US;
+            let reason = "the drives' watchdog counts whole steps of 100 us";
+            let problem = self.report(ProblemKind::OutOfRange, KEY, reason);
+            problem.value = Some(us.to_string());
+            problem.limit = Some(format!("{below} or {}", below.saturating_add(DriveWatchdog::STEP_US)));
+            return None;
+        };
+        let tolerated = table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED);
+        let least_us = cycle_us.saturating_mul(tolerated.saturating_add(2));
+        if table.drive_watchdog_us.is_some() && us < least_us {
+            let reason =
+                format!("it would stop the drives while {tolerated} lost exchanges are still tolerated");
+            let problem = self.report(ProblemKind::Contradiction, KEY, reason);
+            problem.value = Some(us.to_string());
+            problem.limit = Some(format!("from {least_us}, two cycles more than are tolerated"));
+        }
+        Some(watchdog)
     }
 
     fn limits(&mut self, table: &LimitsTable) -> Option<Limits> {
@@ -213,7 +245,7 @@ impl Check {
             StopName::Category2 => StopCategory::RampAndHold,
         };
         SafetyPlan {
-            lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(3),
+            lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
             lost_device_stop: match table.on_lost_device.unwrap_or(LostDeviceName::QuickStop) {
                 LostDeviceName::QuickStop => SafetyAction::QuickStop,
                 LostDeviceName::Ramp => SafetyAction::Stop(StopCategory::RampThenRemove),

@@ -478,6 +478,10 @@ pub struct SafetyTable {
     /// How long `resume` waits for it, ms; default: 30 000.
     #[schemars(range(min = 1, max = 86_400_000))]
     pub lost_device_wait_ms: Option<u32>,
+    /// Time without process data after which the drives stop by themselves, us: their watchdog, in steps of 100;
+    /// default: 100000.
+    #[schemars(range(min = 100, max = 6_553_500))]
+    pub drive_watchdog_us: Option<u32>,
     /// Age at which a velocity command no longer counts, ms; default: 200.
     #[schemars(range(min = 1, max = 10_000))]
     pub command_age_ms: Option<u32>,

@@ -61,6 +61,33 @@ pub struct BusPlan {
     pub sync0_shift_ns: i32,
     /// Who sets the pace.
     pub clock_source: ClockSource,
+    /// When drives stop by themselves.
+    pub drive_watchdog: DriveWatchdog,
+}
+
+/// The drives' process-data watchdog: when they stop by themselves because the program says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveWatchdog {
+    /// Steps of [`DriveWatchdog::STEP_US`], from 1.
+    pub steps: u16,
+}
+
+impl DriveWatchdog {
+    /// Register 0x0400: (2498 + 2) · 40 ns = 100 us, the standard's own value after power-on.
+    pub const DIVIDER: u16 = 2498;
+    /// What one step of register 0x0420 is then worth, us.
+    pub const STEP_US: u32 = 100;
+
+    /// A watchdog of so many us; `None` where no number of steps is as long.
+    pub fn from_us(us: u32) -> Option<Self> {
+        let steps = u16::try_from(us / Self::STEP_US).ok().filter(|steps| *steps > 0)?;
+        us.is_multiple_of(Self::STEP_US).then_some(DriveWatchdog { steps })
+    }
+
+    /// Its time, us.
+    pub fn us(self) -> u32 {
+        u32::from(self.steps) * Self::STEP_US
+    }
 }
 
 /// One drive.
@@ -243,6 +270,11 @@ impl DrivePlan {
                 Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
                 Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
             }),
+            watchdogs: bus_config::WatchdogConfig {
+                divider: Some(DriveWatchdog::DIVIDER),
+                process_data: Some(bus.drive_watchdog.steps),
+                pdi: None,
+            },
             ..Default::default()
         }
     }

@@ -57,6 +57,27 @@ fn the_sgdv_brings_its_own_maps() {
 }
 
 #[test]
+fn the_drives_watchdog_is_set_on_purpose_and_never_rounded() {
+    let watchdog = |config: &omnibase_ethercat::SubDeviceConfig| {
+        (config.watchdogs.divider, config.watchdogs.process_data, config.watchdogs.pdi)
+    };
+    let registers = |plan: &RobotPlan| watchdog(&plan.drives[0].subdevice_config(&plan.bus));
+    assert_eq!(registers(&check(BMM).unwrap()), (Some(2498), Some(1000), None), "100 ms");
+    let with = |us: u32| format!("{BMM}\n[safety]\ndrive_watchdog_us = {us}\n");
+    assert_eq!(registers(&check(&with(20_000)).unwrap()), (Some(2498), Some(200), None));
+    let all = problems(&with(20_050));
+    let (problem, kind, ..) = found(&all, "safety.drive_watchdog_us");
+    assert_eq!(kind, ProblemKind::OutOfRange);
+    assert_eq!(problem.value.as_deref(), Some("20050"));
+    assert_eq!(problem.limit.as_deref(), Some("20000 or 20100"));
+    assert!(check(&with(6_553_600)).is_err(), "more steps than the register counts");
+    // 1 ms and three exchanges that may be lost.
+    assert!(check(&with(5_000)).is_ok());
+    let all = problems(&with(4_900));
+    assert_eq!(found(&all, "safety.drive_watchdog_us").1, ProblemKind::Contradiction);
+}
+
+#[test]
 fn all_problems_come_at_once_with_their_places() {
     let broken = BMM
         .replace("cycle_us = 1000", "cycle_ms = 1")

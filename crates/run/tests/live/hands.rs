@@ -168,7 +168,7 @@ pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands
         progress: &Progress::default(),
     };
     let ran = run(link, clock, setup, &mut |warning| panic!("{warning}")).unwrap();
-    recorder.finish().unwrap();
+    assert!(recorder.finish().failure.is_none());
     let bytes = std::fs::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
     let recorded = RecordedRun::read(&bytes).unwrap();

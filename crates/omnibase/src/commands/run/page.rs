@@ -82,7 +82,7 @@ pub fn first_words() -> BTreeMap<String, String> {
 pub fn last_words(
     summary: &Summary,
     ended: &Result<(), RunError>,
-    recorded: RunRecorded,
+    recorded: &RunRecorded,
 ) -> BTreeMap<String, String> {
     let mut words = vec![
         ("cycles", summary.cycles.to_string()),

@@ -12,7 +12,7 @@ use serde::Serialize;
 const STANDS_M_S: f64 = 1e-4;
 const STANDS_RAD_S: f64 = 1e-4;
 /// Above this speed, or this turning speed, it moves.
-const MOVES_M_S: f64 = 0.02;
+const MOVES_M_S: f64 = 0.05;
 const MOVES_RAD_S: f64 = 0.05;
 /// Entries that are kept; what comes later is only shown.
 const MOST_ENTRIES: usize = 10_000;
@@ -150,7 +150,7 @@ impl Logbook {
         let was_op = before.is_some_and(|(state, _)| state == AlState::Op);
         let in_order = state.is_some_and(|(_, code)| code == AlStatusCode::NO_ERROR);
         if was_op && !in_order && self.stopping.is_none() {
-            self.stopping = self.truth(now).filter(moves);
+            self.stopping = self.truth(now).filter(|_| self.moving);
         }
     }
 
