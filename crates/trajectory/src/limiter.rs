@@ -33,7 +33,7 @@ mod vector;
 use omnibase_platform::Twist2;
 
 use crate::limits::{Limits, LimitsError};
-pub(crate) use vector::{Bounds, VectorLimiter};
+pub(crate) use vector::{Bounds, Limited, VectorLimiter};
 
 /// A twist within the limits, with its rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -100,19 +100,33 @@ impl TwistLimiter {
         let command = if finite { command_in_odom } else { Twist2::default() };
         let translation = self.translation.step([command.vx_m_s, command.vy_m_s]);
         let rotation = self.rotation.step([command.w_rad_s, 0.0]);
-        let twist_in_odom = Twist2::new(translation.speed[0], translation.speed[1], rotation.speed[0]);
+        let limited = joined(&translation, &rotation);
+        let outcome = match (finite, limited.twist_in_odom == command) {
+            (false, _) => Outcome::NotFinite,
+            (true, true) => Outcome::Passed,
+            (true, false) => Outcome::Limited,
+        };
+        LimitedTwist { outcome, ..limited }
+    }
+
+    /// One cycle of a stop whose way is known beforehand; called in every cycle until the platform stands.
+    ///
+    /// First the acceleration ends along its own direction, at the full jerk; then the speed along its own, so that
+    /// the way is straight. From speed v and acceleration a the way lies in the convex hull that
+    /// [`Limits`]'s figures give: see the safety manual.
+    pub fn brake(&mut self) -> LimitedTwist {
         LimitedTwist {
-            twist_in_odom,
-            acceleration_in_odom: Twist2::new(
-                translation.acceleration[0],
-                translation.acceleration[1],
-                rotation.acceleration[0],
-            ),
-            outcome: match (finite, twist_in_odom == command) {
-                (false, _) => Outcome::NotFinite,
-                (true, true) => Outcome::Passed,
-                (true, false) => Outcome::Limited,
-            },
+            outcome: Outcome::Limited,
+            ..joined(&self.translation.brake(), &self.rotation.brake())
         }
+    }
+}
+
+fn joined(translation: &Limited, rotation: &Limited) -> LimitedTwist {
+    let both = |[x, y]: [f64; 2], [w, _]: [f64; 2]| Twist2::new(x, y, w);
+    LimitedTwist {
+        twist_in_odom: both(translation.speed, rotation.speed),
+        acceleration_in_odom: both(translation.acceleration, rotation.acceleration),
+        outcome: Outcome::Passed,
     }
 }

@@ -109,6 +109,8 @@ pub(crate) struct VectorLimiter {
     last_speed: Vector,
     last_command: Vector,
     last_change: Vector,
+    /// Braking along the speed has begun, so that it goes on.
+    brakes_straight: bool,
 }
 
 /// One cycle's result.
@@ -126,12 +128,14 @@ impl VectorLimiter {
             last_speed: [0.0; 2],
             last_command: [0.0; 2],
             last_change: [0.0; 2],
+            brakes_straight: false,
         }
     }
 
     pub(crate) fn restart(&mut self, speed: Vector) {
         (self.speed, self.last_speed, self.acceleration) = (speed, speed, [0.0; 2]);
         (self.last_command, self.last_change) = (speed, [0.0; 2]);
+        self.brakes_straight = false;
     }
 
     /// Where the speed ends if the acceleration is braked from now on.
@@ -140,7 +144,26 @@ impl VectorLimiter {
         if size == 0.0 { speed } else { plus(speed, acceleration, self.bounds.braking(size) / size) }
     }
 
+    /// One cycle of the stop that can be foreseen: the acceleration ends along its own direction, then the speed
+    /// along its own.
+    pub(crate) fn brake(&mut self) -> Limited {
+        let jerk_step = self.bounds.jerk_step();
+        if !self.brakes_straight && length(self.acceleration) > 0.0 {
+            let acceleration = plus(self.acceleration, clipped(self.acceleration, jerk_step), -1.0);
+            self.last_speed = self.speed;
+            self.speed = plus(self.speed, acceleration, self.bounds.period_s);
+            self.acceleration = acceleration;
+            (self.last_command, self.last_change) = ([0.0; 2], [0.0; 2]);
+            return Limited { speed: self.speed, acceleration };
+        }
+        (self.last_command, self.last_change) = ([0.0; 2], [0.0; 2]);
+        let limited = self.step([0.0; 2]);
+        self.brakes_straight = true;
+        limited
+    }
+
     pub(crate) fn step(&mut self, command: Vector) -> Limited {
+        self.brakes_straight = false;
         let bounds = self.bounds;
         let (period_s, jerk_step) = (bounds.period_s, bounds.jerk_step());
         let turning = Turning::of(self.last_speed, self.speed);
