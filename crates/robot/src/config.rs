@@ -7,6 +7,8 @@
 mod check;
 mod drives;
 mod file;
+mod guard_check;
+mod guard_tables;
 mod joystick;
 mod mapping;
 mod plan;
@@ -18,6 +20,7 @@ mod tests;
 mod units;
 
 pub use file::*;
+pub use guard_tables::*;
 pub use joystick::*;
 pub(crate) use mapping::find as find_object;
 pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};

@@ -5,6 +5,7 @@ use omnibase_trajectory::LimitsError;
 
 use crate::config::{Limits, RobotPlan};
 use crate::devices::mode_of;
+use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
 use crate::lifecycle::{Change, Lifecycle, Outcome};
 use crate::limiter::Limiter;
@@ -13,8 +14,9 @@ use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
 use crate::settings::Settings;
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, InputBytes, MAX_INPUT_BYTES, Phase,
-    PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, Setpoint, WheelCommand,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, InputBytes, LimitedBy, MAX_INPUT_BYTES, Phase,
+    PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, SafetyReason, Setpoint,
+    WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
@@ -33,6 +35,7 @@ pub struct Robot {
     limits: Limits,
     command_age_ns: u64,
     motion: Motion,
+    guard: Guard,
     settings: Settings,
     record: CycleRecord,
 }
@@ -78,6 +81,7 @@ impl Robot {
             limits: plan.limits,
             command_age_ns: plan.safety.command_age_ns,
             motion,
+            guard: Guard::new(&plan.guard, &plan.limits, period_s),
             settings: Settings::new(&plan.limits),
             record,
         })
@@ -98,9 +102,11 @@ impl Robot {
 
         self.read(exchange, image);
         self.record.state = self.estimate();
+        self.guard.advance();
         self.record.answer = request.map_or(RequestAnswer::None, |request| self.take(&request));
         self.record.wished = self.wish();
         self.record.setpoint = self.limit();
+        self.record.guard = self.guard.report(&self.record.state.odom_from_body);
         self.record.commands = self.control();
         self.record.allowed = self.allow();
         self.advance();
@@ -138,7 +144,12 @@ impl Robot {
 
     /// What may be set while the robot runs, in the order of its index: the robot's own, then the controller's gains.
     pub fn settings(&self) -> impl Iterator<Item = Gain> + '_ {
-        (0..).map_while(|index| self.settings.get(&*self.controllers[self.active], index))
+        (0..).map_while(|index| self.settings.get((&self.guard, &*self.controllers[self.active]), index))
+    }
+
+    /// The obstacles, where they are after the last cycle.
+    pub fn obstacles(&self) -> &[Option<Obstacle>; MAX_OBSTACLES] {
+        self.guard.obstacles()
     }
 
     /// Puts a reference in waiting for [`RequestKind::UseReference`]; gives back the one that waited, or that was
@@ -207,7 +218,7 @@ impl Robot {
         match request.kind {
             RequestKind::Set { index, value, apply } => {
                 let controller = &mut *self.controllers[self.active];
-                return self.settings.set(controller, (index as usize, value), apply);
+                return self.settings.set((&mut self.guard, controller), (index as usize, value), apply);
             }
             RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
             RequestKind::Velocity { twist, .. } => {
@@ -228,6 +239,8 @@ impl Robot {
             | RequestKind::GoTo { .. }
             | RequestKind::Pause
             | RequestKind::UseReference { .. } => return self.lead(request.kind),
+            RequestKind::SetObstacle { index, obstacle } => return self.put(index, Some(obstacle)),
+            RequestKind::RemoveObstacle { index } => return self.put(index, None),
             _ => {}
         }
         let (answer, change) = self.lifecycle.request(&time, &request.kind);
@@ -241,6 +254,14 @@ impl Robot {
             }
         }
         answer
+    }
+
+    /// Obstacles come and go in every phase.
+    fn put(&mut self, index: u32, obstacle: Option<Obstacle>) -> RequestAnswer {
+        match self.guard.set(index, obstacle) {
+            Ok(()) => RequestAnswer::Taken,
+            Err(()) => RequestAnswer::Refused,
+        }
     }
 
     /// A request about what is followed.
@@ -259,6 +280,9 @@ impl Robot {
             RequestKind::Pause => return answer(self.motion.pause()),
             RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
             RequestKind::GoTo { odom_from_body } if !odom_from_body.is_finite() => Err(CantBegin::Nothing),
+            RequestKind::GoTo { odom_from_body } if self.guard.spare_room_m(&odom_from_body) < 0.0 => {
+                Err(CantBegin::OutsideFence)
+            }
             RequestKind::GoTo { odom_from_body } => {
                 self.motion.go(&time, here, odom_from_body);
                 Ok(())
@@ -312,7 +336,7 @@ impl Robot {
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
             Phase::Tracking => match self.motion.velocity() {
                 Some(&request) => self.velocity_wish(&request),
-                None => self.motion.sample(&self.record.time, &self.settings),
+                None => self.motion.sample(&self.record.time, &self.settings, &self.guard),
             },
         }
     }
@@ -355,16 +379,24 @@ impl Robot {
     /// The platform's limits on speed, acceleration and jerk.
     fn limit(&mut self) -> Setpoint {
         let wished = self.record.wished;
+        let state = &self.record.state;
+        let mut guarded = |drive: Drive<'_>| self.guard.step(&mut self.limiter, drive, state);
         let limited = match self.lifecycle.phase() {
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
                 self.limiter.reset(wished.odom_from_body);
                 self.limiter.setpoint()
             }
-            Phase::Stopping => self.limiter.toward(Twist2::default()),
-            Phase::Tracking if self.motion.velocity().is_some() => self.limiter.toward(wished.twist_in_odom),
-            Phase::Holding | Phase::Tracking => self.limiter.follow(&wished),
+            Phase::Stopping => guarded(Drive::Stop),
+            Phase::Tracking if self.motion.velocity().is_some() => {
+                guarded(Drive::Toward(wished.twist_in_odom))
+            }
+            Phase::Holding | Phase::Tracking => guarded(Drive::Follow(&wished)),
         };
-        let rests = self.limiter.is_at_rest() || self.limiter.has_reached(&wished.odom_from_body);
+        // A platform that something holds back may rest, and isn't there yet.
+        let is_held_back =
+            self.guard.limited_by() != LimitedBy::Nothing && wished.status != ReferenceStatus::Resting;
+        let rests =
+            (self.limiter.is_at_rest() && !is_held_back) || self.limiter.has_reached(&wished.odom_from_body);
         let status = if rests { wished.status } else { ReferenceStatus::Moving };
         Setpoint { status, ..limited }
     }
@@ -392,6 +424,11 @@ impl Robot {
             wished: &record.wished,
             setpoint: &record.setpoint,
             velocity: self.motion.velocity(),
+            wished_fence_room_m: match self.lifecycle.phase() {
+                Phase::Tracking => self.guard.spare_room_m(&record.wished.odom_from_body),
+                _ => f64::INFINITY,
+            },
+            guard: &record.guard,
             commands: &record.commands,
         })
     }
@@ -406,6 +443,11 @@ impl Robot {
             setpoint_rests: self.limiter.is_at_rest(),
             is_finished: self.motion.course() != Course::Velocity
                 && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
+            finished_by: if self.motion.is_paused_at_fence() {
+                SafetyReason::Fence
+            } else {
+                SafetyReason::None
+            },
         });
         self.motion.arrive(&record.time, &record.setpoint);
         if self.lifecycle.phase() != Phase::Tracking {
@@ -437,5 +479,6 @@ fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
         Ok(()) => RequestAnswer::Taken,
         Err(CantBegin::Nothing) => RequestAnswer::Refused,
         Err(CantBegin::TooFar) => RequestAnswer::TooFar,
+        Err(CantBegin::OutsideFence) => RequestAnswer::Refused,
     }
 }

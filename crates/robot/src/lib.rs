@@ -4,6 +4,7 @@
 //! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
 //! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: by which name.
 //! - [`config`]: from a robot's file to a [`RobotPlan`], with every problem and its place.
+//! - [`guard`]: the footprint stays inside the fence and off obstacles.
 //! - [`devices`], [`estimators`], [`references`], [`controllers`], [`limiter`], [`safety`]: the built-in stages.
 //!
 //! Principles: a cycle has no link, no clock, no queue and no allocation: the same inputs give the same bits, so a
@@ -15,6 +16,7 @@ pub mod controllers;
 mod cycle;
 pub mod devices;
 pub mod estimators;
+pub mod guard;
 mod image;
 mod lifecycle;
 pub mod limiter;

@@ -43,6 +43,8 @@ pub(crate) struct Outcome<'a> {
     pub(crate) setpoint_rests: bool,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
+    /// What brought it there before its end.
+    pub(crate) finished_by: SafetyReason,
 }
 
 impl Lifecycle {
@@ -137,7 +139,10 @@ impl Lifecycle {
                 self.reason = SafetyReason::EnablingTimeout;
                 self.enter(outcome.time, Phase::Fault);
             }
-            Phase::Tracking if outcome.is_finished => self.enter(outcome.time, Phase::Holding),
+            Phase::Tracking if outcome.is_finished => {
+                self.reason = outcome.finished_by;
+                self.enter(outcome.time, Phase::Holding);
+            }
             Phase::Stopping
                 if outcome.setpoint_rests && (stands || self.category == StopCategory::RampAndHold) =>
             {

@@ -3,7 +3,7 @@
 //! A wish that keeps the limits passes as it is; else the setpoint lags behind its pose and catches up within them.
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_trajectory::{LimitsError, TwistLimiter};
+use omnibase_trajectory::{LimitedTwist, LimitsError, TwistLimiter};
 
 use crate::config::Limits;
 use crate::references::motion_limits;
@@ -62,6 +62,11 @@ impl Limiter {
 
     /// One period towards a wished motion: its speed, and its pose as far as that alone doesn't lead there.
     pub fn follow(&mut self, wished: &Setpoint) -> Setpoint {
+        self.toward(self.leading_to(wished))
+    }
+
+    /// The speed that leads to a wished motion, before any limit: its own, and what catches up with its pose.
+    pub fn leading_to(&self, wished: &Setpoint) -> Twist2 {
         let (here, now, twist) =
             (self.setpoint.odom_from_body, self.setpoint.twist_in_odom, wished.twist_in_odom);
         // What will still be missing after this period at the wished speed.
@@ -73,17 +78,23 @@ impl Limiter {
             missing(pose.heading_rad, here.heading_rad, now.w_rad_s + twist.w_rad_s),
         )
         .scaled(CATCH_UP_1_S);
-        self.toward(Twist2::new(
-            twist.vx_m_s + lag.vx_m_s,
-            twist.vy_m_s + lag.vy_m_s,
-            twist.w_rad_s + lag.w_rad_s,
-        ))
+        Twist2::new(twist.vx_m_s + lag.vx_m_s, twist.vy_m_s + lag.vy_m_s, twist.w_rad_s + lag.w_rad_s)
     }
 
     /// One period towards a speed, in odom.
     pub fn toward(&mut self, twist_in_odom: Twist2) -> Setpoint {
-        let before = self.setpoint.twist_in_odom;
         let limited = self.twist.step(twist_in_odom);
+        self.advance(&limited)
+    }
+
+    /// One period of the stop whose way is known beforehand.
+    pub fn brake(&mut self) -> Setpoint {
+        let limited = self.twist.brake();
+        self.advance(&limited)
+    }
+
+    fn advance(&mut self, limited: &LimitedTwist) -> Setpoint {
+        let before = self.setpoint.twist_in_odom;
         let (after, half_s) = (limited.twist_in_odom, 0.5 * self.period_s);
         let pose = &mut self.setpoint.odom_from_body;
         pose.x_m += half_s * (before.vx_m_s + after.vx_m_s);

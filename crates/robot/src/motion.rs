@@ -4,6 +4,7 @@ use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
 
 use crate::config::{Limits, SafetyPlan};
+use crate::guard::Guard;
 use crate::references::motion_limits;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
@@ -17,6 +18,12 @@ const ROOM: f64 = 1.05;
 const ON_PATH: f64 = 1e-4;
 /// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
 const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
+
+/// A reference stops on its path before it comes nearer than this to the fence's margin, m: room for slowing down softly.
+const LOOK_ROOM_M: f64 = 0.04;
+/// Between two looks ahead on the path, s of the reference's time; and looks in a cycle.
+const LOOK_STEP_S: f64 = 0.005;
+const LOOKS_A_CYCLE: usize = 8;
 
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
@@ -34,6 +41,9 @@ pub(crate) struct Motion {
     rate_now: f64,
     rate_change_1_s: f64,
     pausing: Pausing,
+    /// How fast the rate may change, and how fast that may, 1/s and 1/s².
+    rate_limits: [f64; 2],
+    ahead: Ahead,
     /// The reference's speed at its full rate.
     planned: Twist2,
     /// The reference was begun and isn't at its end.
@@ -48,6 +58,19 @@ pub(crate) struct Motion {
 enum Pausing {
     No,
     Yes,
+    /// Before the fence.
+    AtFence,
+}
+
+/// What is known of the path ahead.
+#[derive(Clone, Copy, Debug)]
+struct Ahead {
+    /// The reference's time up to which it keeps off the fence, s.
+    free_until_s: f64,
+    /// Room at that time, m.
+    room_m: f64,
+    /// Where it leads out.
+    is_blocked: bool,
 }
 
 /// A straight way from rest to rest, by a quintic in time.
@@ -67,6 +90,14 @@ pub(crate) enum CantBegin {
     Nothing,
     /// The platform stands too far from the reference's start.
     TooFar,
+    /// It would end outside of the fence.
+    OutsideFence,
+}
+
+impl Ahead {
+    fn from(time_s: f64) -> Self {
+        Ahead { free_until_s: time_s, room_m: f64::NEG_INFINITY, is_blocked: false }
+    }
 }
 
 impl Motion {
@@ -99,6 +130,8 @@ impl Motion {
             rate_now: 1.0,
             rate_change_1_s: 0.0,
             pausing: Pausing::No,
+            rate_limits: [rate_1_s, rate_1_s2],
+            ahead: Ahead::from(0.0),
             planned: Twist2::default(),
             begun: false,
             limits: *limits,
@@ -186,6 +219,7 @@ impl Motion {
 
     fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
+        self.ahead = Ahead::from(self.time_s());
         (self.rate_now, self.rate_change_1_s) = (rate, 0.0);
         (self.pausing, self.begun, self.course, self.now_ns) =
             (Pausing::No, true, Course::Reference, time.now_ns);
@@ -223,7 +257,40 @@ impl Motion {
 
     /// Whether the reference stands on its path because it was paused.
     pub(crate) fn is_paused(&self) -> bool {
-        self.course == Course::Reference && self.pausing == Pausing::Yes && self.rate_now == 0.0
+        self.course == Course::Reference && self.pausing != Pausing::No && self.rate_now == 0.0
+    }
+
+    /// Whether that is because its path leads out of the fence.
+    pub(crate) fn is_paused_at_fence(&self) -> bool {
+        self.is_paused() && self.pausing == Pausing::AtFence
+    }
+
+    /// Looks along the path; before the place where it leads out of the fence the reference comes to a halt on it.
+    fn look_ahead(&mut self, guard: &Guard) {
+        let [acceleration, jerk] = self.rate_limits;
+        // The rate may still rise while its own change ends.
+        let change = self.rate_change_1_s.max(0.0);
+        let rate = self.rate_now + change * change / (2.0 * jerk);
+        let stop_s =
+            rate * (rate / (2.0 * acceleration) + (acceleration + change) / jerk) + 2.0 * LOOK_STEP_S;
+        let needed_s = self.time_s() + stop_s;
+        for _ in 0..LOOKS_A_CYCLE {
+            // A little further than needed: the rate may rise until the next cycle.
+            if self.ahead.is_blocked || self.ahead.free_until_s > needed_s + LOOK_STEP_S {
+                break;
+            }
+            let Some(place) = self.reference.preview(self.ahead.free_until_s) else { return };
+            let room_m = guard.spare_room_m(&place.odom_from_body);
+            // A path that begins too near may lead away.
+            self.ahead.is_blocked = room_m < LOOK_ROOM_M && room_m < self.ahead.room_m;
+            if !self.ahead.is_blocked {
+                self.ahead.room_m = room_m;
+                self.ahead.free_until_s += LOOK_STEP_S;
+            }
+        }
+        if self.ahead.is_blocked && needed_s >= self.ahead.free_until_s && self.pausing == Pausing::No {
+            self.pausing = Pausing::AtFence;
+        }
     }
 
     /// What was followed is left; a reference can be gone on with.
@@ -238,18 +305,21 @@ impl Motion {
         self.begun = false;
     }
 
-    /// The wish of a cycle; not for velocity commands, whose wish needs the setpoint.
-    pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings) -> Setpoint {
+    /// The wish of a cycle, at a part of its rate where the platform had to give way; not for velocity commands, whose wish needs the setpoint.
+    pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
         match self.course {
             Course::Way => self.sample_way(time),
-            Course::Reference | Course::Velocity => self.sample_reference(time, settings),
+            Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
         }
     }
 
-    fn sample_reference(&mut self, time: &CycleTime, settings: &Settings) -> Setpoint {
+    fn sample_reference(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
+        if guard.has_fence() {
+            self.look_ahead(guard);
+        }
         let wished = match self.pausing {
-            Pausing::Yes => 0.0,
-            Pausing::No => settings.rate(self.planned),
+            Pausing::Yes | Pausing::AtFence => 0.0,
+            Pausing::No => settings.rate(self.planned) * guard.pace(),
         };
         let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
         self.now_ns = time.now_ns;

@@ -178,9 +178,12 @@ impl Reference for Tracked {
     }
 
     fn sample(&mut self, since_start_s: f64) -> Setpoint {
-        let Some(placed) = &self.placed else { return Setpoint::default() };
-        let sample = placed.sample(since_start_s);
-        Setpoint {
+        self.preview(since_start_s).unwrap_or_default()
+    }
+
+    fn preview(&self, since_start_s: f64) -> Option<Setpoint> {
+        let sample = self.placed.as_ref()?.sample(since_start_s);
+        Some(Setpoint {
             odom_from_body: sample.odom_from_base,
             twist_in_odom: sample.twist_in_odom,
             acceleration_in_odom: sample.acceleration_in_odom,
@@ -189,7 +192,7 @@ impl Reference for Tracked {
             } else {
                 ReferenceStatus::Finished
             },
-        }
+        })
     }
 
     fn duration_s(&self) -> Option<f64> {

@@ -2,8 +2,8 @@
 
 use crate::config::{Limits, SafetyPlan};
 use crate::signals::{
-    Allowed, Commands, DriveProgress, Exchange, Phase, Quantity, SafetyAction, SafetyReason, Stage,
-    StopCategory,
+    Allowed, Commands, DriveProgress, Exchange, LimitedBy, Phase, Quantity, SafetyAction, SafetyReason,
+    Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
 
@@ -94,7 +94,10 @@ impl SafetyChain {
     }
 
     fn tracking(&self, view: &SafetyView<'_>) -> Objection {
-        let distance_m = view.wished.odom_from_body.distance_m(view.state.odom_from_body);
+        // A platform that gives way to an obstacle is where it shall be if it is where the way around leads.
+        let goes_around = view.guard.limited_by == LimitedBy::Obstacle;
+        let shall = if goes_around { view.setpoint } else { view.wished };
+        let distance_m = shall.odom_from_body.distance_m(view.state.odom_from_body);
         let far = distance_m > self.plan.tracking_error_m;
         far.then_some((SafetyAction::Stop(self.plan.tracking_error_stop), SafetyReason::TrackingError, 0))
     }
@@ -106,6 +109,12 @@ impl SafetyChain {
         let outside = !(area.min_m[0]..=area.max_m[0]).contains(&pose.x_m)
             || !(area.min_m[1]..=area.max_m[1]).contains(&pose.y_m);
         outside.then_some((SafetyAction::Stop(self.plan.area_stop), SafetyReason::Area, 0))
+    }
+
+    /// A plan that leads out of the fence stops; a speed is only held back, in the stage before.
+    fn fence(&self, view: &SafetyView<'_>) -> Objection {
+        let leads_out = view.velocity.is_none() && view.wished_fence_room_m < 0.0;
+        leads_out.then_some((SafetyAction::Stop(self.plan.area_stop), SafetyReason::Fence, 0))
     }
 
     fn command_age(&self, view: &SafetyView<'_>) -> Objection {
@@ -140,6 +149,7 @@ impl Safety for SafetyChain {
             .or_else(|| if is_tracking { self.reference_speed(view) } else { None })
             .or_else(|| if is_tracking || view.phase == Phase::Holding { self.tracking(view) } else { None })
             .or_else(|| if is_tracking { self.area(view) } else { None })
+            .or_else(|| if is_tracking { self.fence(view) } else { None })
             .or_else(|| if is_tracking { self.command_age(view) } else { None });
         match objection {
             Some((SafetyAction::QuickStop, reason, where_index)) => Allowed {

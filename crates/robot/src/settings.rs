@@ -2,7 +2,8 @@
 
 use omnibase_platform::Twist2;
 
-use crate::config::Limits;
+use crate::config::{AvoidanceKind, Limits};
+use crate::guard::Guard;
 use crate::signals::{Apply, RequestAnswer};
 use crate::stages::{Controller, Gain};
 
@@ -11,7 +12,7 @@ const LEAST_FACTOR: f64 = 0.01;
 /// Settings that can wait for others.
 const MOST_WAITING: usize = 16;
 /// Settings of the robot itself; those of the controller stand behind them.
-const OWN: usize = 3;
+const OWN: usize = 6;
 
 /// What may be set while the robot runs.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +43,7 @@ impl Settings {
     }
 
     /// The setting of a place: first the robot's own, then the controller's.
-    pub(crate) fn get(&self, controller: &dyn Controller, index: usize) -> Option<Gain> {
+    pub(crate) fn get(&self, (guard, controller): (&Guard, &dyn Controller), index: usize) -> Option<Gain> {
         let share =
             |name, value, greatest: f64| Gain { name, value, least: LEAST_FACTOR * greatest, greatest };
         let Limits { speed_m_s, turn_speed_rad_s, .. } = self.limits;
@@ -50,6 +51,21 @@ impl Settings {
             0 => Some(share("speed_factor", self.speed_factor, 1.0)),
             1 => Some(share("speed_m_s", self.speed_m_s, speed_m_s)),
             2 => Some(share("turn_speed_rad_s", self.turn_speed_rad_s, turn_speed_rad_s)),
+            3 => Some(Gain {
+                name: "avoidance",
+                value: guard.avoidance.code(),
+                least: AvoidanceKind::Off.code(),
+                greatest: AvoidanceKind::Guarded.code(),
+            }),
+            4 => Some(Gain {
+                name: "avoidance_distance_m",
+                value: guard.distance_m,
+                least: 0.0,
+                greatest: 10.0,
+            }),
+            5 => {
+                Some(Gain { name: "circulate_1_s", value: guard.circulate_1_s, least: 0.01, greatest: 100.0 })
+            }
             _ => controller.gain(index - OWN),
         }
     }
@@ -57,13 +73,16 @@ impl Settings {
     /// Sets one, with those that waited for it; all of them or none.
     pub(crate) fn set(
         &mut self,
-        controller: &mut dyn Controller,
+        (guard, controller): (&mut Guard, &mut dyn Controller),
         (index, value): (usize, f64),
         apply: Apply,
     ) -> RequestAnswer {
-        let fits = |gain: Gain| (gain.least..=gain.greatest).contains(&value);
+        let fits = |gain: Gain| {
+            let is_choice = gain.name != "avoidance" || AvoidanceKind::from_code(value).is_some();
+            (gain.least..=gain.greatest).contains(&value) && is_choice
+        };
         let has_room = self.waiting_count < MOST_WAITING;
-        if has_room && self.get(controller, index).is_some_and(fits) {
+        if has_room && self.get((guard, controller), index).is_some_and(fits) {
             self.waiting[self.waiting_count] = (index, value);
             self.waiting_count += 1;
         } else {
@@ -72,19 +91,22 @@ impl Settings {
         let answer = if self.is_refused { RequestAnswer::Refused } else { RequestAnswer::Taken };
         if apply == Apply::Now {
             if !self.is_refused {
-                self.put(controller);
+                self.put(guard, controller);
             }
             (self.waiting_count, self.is_refused) = (0, false);
         }
         answer
     }
 
-    fn put(&mut self, controller: &mut dyn Controller) {
+    fn put(&mut self, guard: &mut Guard, controller: &mut dyn Controller) {
         for (index, value) in self.waiting.into_iter().take(self.waiting_count) {
             match index {
                 0 => self.speed_factor = value,
                 1 => self.speed_m_s = value,
                 2 => self.turn_speed_rad_s = value,
+                3 => guard.avoidance = AvoidanceKind::from_code(value).unwrap_or_default(),
+                4 => guard.distance_m = value,
+                5 => guard.circulate_1_s = value,
                 _ => controller.set_gain(index - OWN, value),
             }
         }

@@ -2,6 +2,7 @@
 
 mod commands;
 mod exchange;
+mod guard;
 mod measurements;
 mod motion;
 mod phase;
@@ -14,6 +15,7 @@ pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,
 };
 pub use exchange::{CycleTime, Exchange};
+pub use guard::{GuardReport, LimitedBy};
 pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
 pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;

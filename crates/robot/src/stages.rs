@@ -7,8 +7,8 @@ use omnibase_cia402::{Mode, Wanted};
 use omnibase_platform::Pose2;
 
 use crate::signals::{
-    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, Measurements, Phase,
-    PlatformState, Quantity, Request, Setpoint, WheelCommand,
+    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Measurements,
+    Phase, PlatformState, Quantity, Request, Setpoint, WheelCommand,
 };
 
 /// What a device is told in one cycle.
@@ -69,6 +69,14 @@ pub trait Reference: Send {
 
     /// The setpoint at a time since the start, s; it rises by one period a cycle, or less while the motion is slowed.
     fn sample(&mut self, since_start_s: f64) -> Setpoint;
+
+    /// The setpoint at a time since the start, s, without going there: what lies ahead, for the fence.
+    ///
+    /// `None` where that can't be known; then the platform stops where it gets to the fence.
+    fn preview(&self, since_start_s: f64) -> Option<Setpoint> {
+        let _ = since_start_s;
+        None
+    }
 
     /// Time of the whole motion, s; `None` where it has no end.
     fn duration_s(&self) -> Option<f64>;
@@ -134,6 +142,11 @@ pub struct SafetyView<'a> {
     pub setpoint: &'a Setpoint,
     /// The velocity command that counts, where one does.
     pub velocity: Option<&'a Request>,
+    /// By how much the wished pose keeps off the fence more than its margin, m; below 0 where the plan leads out;
+    /// infinite without a fence and while nothing is followed.
+    pub wished_fence_room_m: f64,
+    /// What held the motion back between fence and obstacles.
+    pub guard: &'a GuardReport,
     /// What the controller wants to tell the wheels.
     pub commands: &'a Commands,
 }

@@ -3,6 +3,7 @@
 //! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
 //! - [`plant`]: the machine and drives that belong to a robot's plan.
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
+//! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
@@ -10,6 +11,7 @@
 //! it computes reaches them one period later.
 #![forbid(unsafe_code)]
 
+pub mod approaches;
 pub mod framed;
 pub mod plant;
 pub mod robots;

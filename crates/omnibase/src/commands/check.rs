@@ -2,7 +2,9 @@
 
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
-use omnibase_robot::config::{DrivePlace, DrivePlan, Limits, PdoPlan, RobotFile, json_schema};
+use omnibase_robot::config::{
+    DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile, json_schema,
+};
 use omnibase_robot::{Problem, Registry, RobotPlan};
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -128,7 +130,14 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         plan.bus.drive_watchdog.us()
     )?;
     writeln!(output, "controller  {}", controllers.join(", then on request "))?;
-    writeln!(output, "reference   {}\n", plan.reference.kind.as_deref().unwrap_or("hold"))?;
+    writeln!(output, "reference   {}", plan.reference.kind.as_deref().unwrap_or("hold"))?;
+    let source = match plan.guard.footprint_source {
+        FootprintSource::Given => "as given",
+        FootprintSource::Wheels => {
+            "the wheels and their radius; a body that reaches further needs platform.footprint_m"
+        }
+    };
+    writeln!(output, "footprint   {} corners: {source}\n", plan.guard.footprint_m.len())?;
     writeln!(
         output,
         "{:<14} {:>9} {:>9} {:>10} {:>10} {:>9}  {:<12} device",

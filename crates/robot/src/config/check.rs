@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use super::drives;
 use super::file::*;
+use super::guard_check;
 use super::plan::*;
 use super::platform;
 use super::problem::{Problem, ProblemKind};
@@ -104,12 +105,13 @@ impl Check {
     }
 
     fn robot(&mut self, file: RobotFile, registry: &Registry, read_file: ReadFile<'_>) -> Option<RobotPlan> {
-        let name = self.need(file.name, "name", "recordings and reports carry it");
+        let name = self.need(file.name.clone(), "name", "recordings and reports carry it");
         let bus = self.bus(&file.bus, &file.safety);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len());
         let limits = self.limits(&file.limits);
         let safety = self.safety(&file.safety);
+        let guard = guard_check::resolve(self, &file, kinematics.as_ref());
         let controller = self.controller(file.controller, registry);
         let estimator = file.estimator;
         let estimator_kind = estimator.kind.as_deref().unwrap_or("wheel_odometry");
@@ -137,6 +139,7 @@ impl Check {
             reference: reference?,
             safety,
             joystick: file.joystick,
+            guard: guard?,
             simulation: file.simulation,
         })
     }

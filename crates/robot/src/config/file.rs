@@ -6,6 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 
 /// Parameters of a stage that a user registered, handed to it as they stand.
@@ -37,6 +38,12 @@ pub struct RobotFile {
     pub safety: SafetyTable,
     /// The stick that drives by hand.
     pub joystick: JoystickTable,
+    /// The fence that the whole footprint never crosses; default: none.
+    pub fence: Option<FenceTable>,
+    /// What the robot does about obstacles.
+    pub avoidance: AvoidanceTable,
+    /// Obstacles that are there from the start; others come while the robot runs.
+    pub obstacle: Vec<ObstacleTable>,
     /// The simulated body in place of the real one.
     pub simulation: SimulationTable,
 }
@@ -241,6 +248,8 @@ pub struct PlatformTable {
     pub half_width_m: Option<f64>,
     /// `wheels`: the wheels one by one, in the order of the drives.
     pub wheel: Vec<WheelTable>,
+    /// Corners of the footprint, x and y in base_link, m; its convex hull counts; default: the wheels and their radius.
+    pub footprint_m: Option<Vec<[f64; 2]>>,
 }
 
 /// A named layout.

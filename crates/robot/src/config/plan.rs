@@ -10,8 +10,10 @@ use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable, SpeedUnit,
     Synchronisation, TurnDirection,
 };
+use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
+use crate::guard::Obstacle;
 use crate::signals::{SafetyAction, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
@@ -37,6 +39,8 @@ pub struct RobotPlan {
     pub safety: SafetyPlan,
     /// The stick that drives by hand.
     pub joystick: JoystickTable,
+    /// Footprint, fence and obstacles.
+    pub guard: GuardPlan,
     /// The simulated body.
     pub simulation: SimulationTable,
 }
@@ -46,6 +50,43 @@ impl RobotPlan {
     pub fn controllers(&self) -> impl Iterator<Item = &str> {
         self.controller.kind.iter().chain(self.controller.others.iter().flatten()).map(String::as_str)
     }
+}
+
+/// Footprint, fence and obstacles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GuardPlan {
+    /// Corners of the footprint's convex hull, counter-clockwise, in base_link, m; at most 16.
+    pub footprint_m: Vec<[f64; 2]>,
+    /// Where the footprint comes from.
+    pub footprint_source: FootprintSource,
+    /// The fence.
+    pub fence: Option<FencePlan>,
+    /// The way of avoiding obstacles at the start.
+    pub avoidance: AvoidanceKind,
+    /// What the footprint keeps from an obstacle, m.
+    pub distance_m: f64,
+    /// Coefficient of `circulate`, 1/s.
+    pub circulate_1_s: f64,
+    /// Obstacles that are there from the start, at most [`MAX_OBSTACLES`](crate::guard::MAX_OBSTACLES).
+    pub obstacles: Vec<Obstacle>,
+}
+
+/// Where a footprint comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FootprintSource {
+    /// The robot's file.
+    Given,
+    /// The wheels and their radius: the body may reach further.
+    Wheels,
+}
+
+/// The fence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FencePlan {
+    /// Corners in order, in odom, m; at most 32, sides don't cross.
+    pub corners_m: Vec<[f64; 2]>,
+    /// What the footprint keeps from it, m.
+    pub margin_m: f64,
 }
 
 /// The bus and its cycle.

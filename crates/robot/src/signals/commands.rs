@@ -121,6 +121,8 @@ pub enum SafetyReason {
     StopTimeout,
     /// A SubDevice took no part in more exchanges in a row than are tolerated, or started anew.
     DeviceLost,
+    /// What was followed leads out of the fence.
+    Fence,
 }
 
 coded!(SafetyReason {
@@ -138,6 +140,7 @@ coded!(SafetyReason {
     EnablingTimeout = 11,
     StopTimeout = 12,
     DeviceLost = 13,
+    Fence = 14,
 });
 
 impl SafetyReason {
@@ -158,6 +161,7 @@ impl SafetyReason {
             SafetyReason::EnablingTimeout => "enabling the drives took too long",
             SafetyReason::StopTimeout => "the ramp to a stop took too long",
             SafetyReason::DeviceLost => "a SubDevice was lost",
+            SafetyReason::Fence => "the way led out of the fence",
         }
     }
 }

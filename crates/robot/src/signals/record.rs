@@ -4,9 +4,9 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
-    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, MAX_INPUT_BYTES,
-    MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer,
-    SafetyAction, SafetyReason, Setpoint,
+    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, LimitedBy,
+    MAX_INPUT_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request,
+    RequestAnswer, SafetyAction, SafetyReason, Setpoint,
 };
 
 const INPUT_WORDS: usize = MAX_INPUT_BYTES / 8;
@@ -58,6 +58,8 @@ pub struct CycleRecord {
     pub wished: Setpoint,
     /// What of it the platform's limits let through: what the controller follows.
     pub setpoint: Setpoint,
+    /// What fence and obstacles let through.
+    pub guard: GuardReport,
     /// Which controller of the plan has its say.
     pub controller: u64,
     /// What the controller wants.
@@ -168,6 +170,9 @@ impl CycleRecord {
         v.f64("request.value_1", "", &mut arguments[0]);
         v.f64("request.value_2", "", &mut arguments[1]);
         v.f64("request.value_3", "", &mut arguments[2]);
+        v.f64("request.value_4", "", &mut arguments[3]);
+        v.f64("request.value_5", "", &mut arguments[4]);
+        v.f64("request.value_6", "", &mut arguments[5]);
         self.request = Request::from_codes(codes, arguments).flatten();
         v.code("request.answer", &mut self.answer, RequestAnswer::code, RequestAnswer::from_code);
         v.code("phase", &mut self.phase, Phase::code, Phase::from_code);
@@ -197,6 +202,10 @@ impl CycleRecord {
             ["setpoint.pose", "setpoint.twist", "setpoint.acceleration", "setpoint.status"],
             &mut self.setpoint,
         );
+        v.option("guard.fence_margin", "m", &mut self.guard.fence_margin_m);
+        v.option("guard.obstacle_distance", "m", &mut self.guard.obstacle_distance_m);
+        v.u64("guard.obstacle", "", &mut self.guard.nearest_obstacle);
+        v.code("guard.limited_by", &mut self.guard.limited_by, LimitedBy::code, LimitedBy::from_code);
         v.f64("estimate.mass", "kg", &mut self.estimates[0]);
         v.f64("estimate.inertia", "kg·m²", &mut self.estimates[1]);
         v.f64("estimate.force", "N", &mut self.estimates[2]);
@@ -274,6 +283,13 @@ struct Visit<'a> {
 impl Visit<'_> {
     fn f64(&mut self, name: &str, unit: &'static str, value: &mut f64) {
         (self.visitor)(&self.prefix.with(name), unit, Slot::F64(value));
+    }
+
+    /// A number that may be missing: NaN in a recording.
+    fn option(&mut self, name: &str, unit: &'static str, value: &mut Option<f64>) {
+        let mut number = value.unwrap_or(f64::NAN);
+        self.f64(name, unit, &mut number);
+        *value = Some(number).filter(|number| !number.is_nan());
     }
 
     fn u64(&mut self, name: &str, unit: &'static str, value: &mut u64) {

@@ -95,6 +95,6 @@ fn every_request_comes_back() {
         let (codes, values) = Request::codes(request);
         assert_eq!(Request::from_codes(codes, values), Some(request));
     }
-    assert_eq!(Request::from_codes([0; 3], [0.0; 3]), Some(None));
-    assert_eq!(Request::from_codes([99, 0, 0], [0.0; 3]), None);
+    assert_eq!(Request::from_codes([0; 3], [0.0; 6]), Some(None));
+    assert_eq!(Request::from_codes([99, 0, 0], [0.0; 6]), None);
 }

@@ -3,6 +3,7 @@
 use omnibase_platform::{Pose2, Twist2};
 
 use super::{StopCategory, coded};
+use crate::guard::Obstacle;
 
 /// The frame of a velocity command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,6 +63,18 @@ pub enum RequestKind {
         /// The number by which it was offered.
         number: u32,
     },
+    /// Put an obstacle on the floor, or move the one that is there.
+    SetObstacle {
+        /// Its place, below [`MAX_OBSTACLES`](crate::guard::MAX_OBSTACLES).
+        index: u32,
+        /// Where it is now, and how it moves on by itself from now on.
+        obstacle: Obstacle,
+    },
+    /// Take an obstacle away.
+    RemoveObstacle {
+        /// Its place.
+        index: u32,
+    },
 }
 
 /// When a changed setting acts.
@@ -91,27 +104,32 @@ impl Request {
         Request { kind, valid_until_ns: u64::MAX }
     }
 
-    /// The numbers by which recordings hold a request: sort, argument, validity, and three values.
-    pub fn codes(request: Option<Request>) -> ([u64; 3], [f64; 3]) {
-        let Some(Request { kind, valid_until_ns }) = request else { return ([0; 3], [0.0; 3]) };
+    /// The numbers by which recordings hold a request: sort, argument, validity, and six values.
+    pub fn codes(request: Option<Request>) -> ([u64; 3], [f64; 6]) {
+        let Some(Request { kind, valid_until_ns }) = request else { return ([0; 3], [0.0; 6]) };
         let (sort, argument, values) = match kind {
-            RequestKind::Enable => (1, 0, [0.0; 3]),
-            RequestKind::Track => (2, 0, [0.0; 3]),
-            RequestKind::Stop(category) => (3, category.code(), [0.0; 3]),
-            RequestKind::Acknowledge => (4, 0, [0.0; 3]),
+            RequestKind::Enable => (1, 0, [0.0; 6]),
+            RequestKind::Track => (2, 0, [0.0; 6]),
+            RequestKind::Stop(category) => (3, category.code(), [0.0; 6]),
+            RequestKind::Acknowledge => (4, 0, [0.0; 6]),
             RequestKind::Velocity { twist, frame } => {
-                (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s])
+                (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s, 0.0, 0.0, 0.0])
             }
             RequestKind::Set { index, value, apply } => {
-                (6, u64::from(index) | apply.code() << 32, [value, 0.0, 0.0])
+                (6, u64::from(index) | apply.code() << 32, [value, 0.0, 0.0, 0.0, 0.0, 0.0])
             }
-            RequestKind::SwitchController { index } => (7, index.into(), [0.0; 3]),
-            RequestKind::Pause => (8, 0, [0.0; 3]),
-            RequestKind::Resume => (9, 0, [0.0; 3]),
+            RequestKind::SwitchController { index } => (7, index.into(), [0.0; 6]),
+            RequestKind::Pause => (8, 0, [0.0; 6]),
+            RequestKind::Resume => (9, 0, [0.0; 6]),
             RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } } => {
-                (10, 0, [x_m, y_m, heading_rad])
+                (10, 0, [x_m, y_m, heading_rad, 0.0, 0.0, 0.0])
             }
-            RequestKind::UseReference { number } => (11, number.into(), [0.0; 3]),
+            RequestKind::UseReference { number } => (11, number.into(), [0.0; 6]),
+            RequestKind::SetObstacle { index, obstacle } => {
+                let Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] } = obstacle;
+                (12, index.into(), [x, y, radius_m, vx, vy, 0.0])
+            }
+            RequestKind::RemoveObstacle { index } => (13, index.into(), [0.0; 6]),
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -119,7 +137,7 @@ impl Request {
     /// The request of such numbers: `None` where no request has them, `Some(None)` where there was none.
     pub fn from_codes(
         [sort, argument, valid_until_ns]: [u64; 3],
-        values: [f64; 3],
+        values: [f64; 6],
     ) -> Option<Option<Request>> {
         let kind = match sort {
             0 => return Some(None),
@@ -128,7 +146,7 @@ impl Request {
             3 => RequestKind::Stop(StopCategory::from_code(argument)?),
             4 => RequestKind::Acknowledge,
             5 => {
-                let [vx_m_s, vy_m_s, w_rad_s] = values;
+                let [vx_m_s, vy_m_s, w_rad_s, ..] = values;
                 RequestKind::Velocity {
                     twist: Twist2 { vx_m_s, vy_m_s, w_rad_s },
                     frame: Frame::from_code(argument)?,
@@ -143,10 +161,18 @@ impl Request {
             8 => RequestKind::Pause,
             9 => RequestKind::Resume,
             10 => {
-                let [x_m, y_m, heading_rad] = values;
+                let [x_m, y_m, heading_rad, ..] = values;
                 RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } }
             }
             11 => RequestKind::UseReference { number: argument.try_into().ok()? },
+            12 => {
+                let [x, y, radius_m, vx, vy, _] = values;
+                RequestKind::SetObstacle {
+                    index: argument.try_into().ok()?,
+                    obstacle: Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] },
+                }
+            }
+            13 => RequestKind::RemoveObstacle { index: argument.try_into().ok()? },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))

@@ -1,0 +1,177 @@
+//! Footprint, fence and obstacles of a file.
+
+use omnibase_platform::{Kinematics, Pose2};
+
+use super::check::Check;
+use super::file::RobotFile;
+use super::guard_tables::FenceTable;
+use super::plan::{FencePlan, FootprintSource, GuardPlan};
+use super::problem::ProblemKind;
+use crate::guard::shape::{self, Corners, MAX_FENCE_CORNERS, MAX_FOOTPRINT_CORNERS, Point};
+use crate::guard::{MAX_OBSTACLES, Obstacle};
+
+/// What a footprint keeps from the fence, m.
+const FENCE_MARGIN_M: f64 = 0.05;
+/// What it keeps from an obstacle, m.
+const OBSTACLE_DISTANCE_M: f64 = 0.1;
+/// Coefficient of the circular speed, 1/s.
+const CIRCULATE_1_S: f64 = 0.5;
+
+pub(super) fn resolve(
+    check: &mut Check,
+    file: &RobotFile,
+    kinematics: Option<&Kinematics>,
+) -> Option<GuardPlan> {
+    let footprint = match &file.platform.footprint_m {
+        Some(corners) => given_footprint(check, corners).map(|hull| (hull, FootprintSource::Given)),
+        None => kinematics.map(|kinematics| (footprint_of_wheels(kinematics), FootprintSource::Wheels)),
+    };
+    let obstacles = obstacles(check, file);
+    // Both are told about, whatever else is wrong.
+    let fence = match &file.fence {
+        Some(table) => Some(fence(check, table, footprint.as_ref().map(|(corners, _)| corners.as_slice()))?),
+        None => None,
+    };
+    let (footprint_m, footprint_source) = footprint?;
+    Some(GuardPlan {
+        footprint_m,
+        footprint_source,
+        fence,
+        avoidance: file.avoidance.kind.unwrap_or_default(),
+        distance_m: file.avoidance.distance_m.unwrap_or(OBSTACLE_DISTANCE_M),
+        circulate_1_s: file.avoidance.circulate_1_s.unwrap_or(CIRCULATE_1_S),
+        obstacles: obstacles?,
+    })
+}
+
+fn given_footprint(check: &mut Check, corners: &[Point]) -> Option<Vec<Point>> {
+    let setting = "platform.footprint_m";
+    all_finite(check, setting, corners)?;
+    let hull = shape::hull(corners);
+    if hull.len() < 3 {
+        let problem = check.report(ProblemKind::Contradiction, setting, "a footprint covers some floor");
+        problem.value = Some(format!("{} corners of a hull", hull.len()));
+        problem.limit = Some("at least 3 corners that don't lie on one line".into());
+        return None;
+    }
+    if hull.len() > MAX_FOOTPRINT_CORNERS {
+        let problem = check.report(ProblemKind::OutOfRange, setting, "each corner costs time in every cycle");
+        problem.value = Some(format!("{} corners of a hull", hull.len()));
+        problem.limit = Some(format!("at most {MAX_FOOTPRINT_CORNERS}"));
+        return None;
+    }
+    if let Some((one, other)) = shape::crossing(corners) {
+        let reason = format!("its sides {one} and {other}, from 0, cross: are the corners in order?");
+        check.report(ProblemKind::Contradiction, setting, reason);
+        return None;
+    }
+    Some(hull)
+}
+
+/// Each wheel as a square of its diameter, and the hull of all.
+fn footprint_of_wheels(kinematics: &Kinematics) -> Vec<Point> {
+    let mut points = Vec::new();
+    for wheel in kinematics.wheels() {
+        let ([x, y], r) = (wheel.position_m, wheel.radius_m);
+        points.extend([[x - r, y - r], [x + r, y - r], [x + r, y + r], [x - r, y + r]]);
+    }
+    let hull = shape::hull(&points);
+    if hull.len() <= MAX_FOOTPRINT_CORNERS {
+        return hull;
+    }
+    let far = |axis: usize| {
+        let of = |pick: fn(f64, f64) -> f64, from: f64| points.iter().map(|p| p[axis]).fold(from, pick);
+        (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
+    };
+    let ((left, right), (low, high)) = (far(0), far(1));
+    vec![[left, low], [right, low], [right, high], [left, high]]
+}
+
+fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> Option<FencePlan> {
+    let (setting, corners_m) = match (&table.rectangle_m, &table.polygon_m) {
+        (Some([x_min, y_min, x_max, y_max]), None) => {
+            let setting = "fence.rectangle_m";
+            if !(x_min < x_max && y_min < y_max) {
+                let reason = "a rectangle is x_min, y_min, x_max, y_max";
+                let problem = check.report(ProblemKind::Contradiction, setting, reason);
+                problem.value = Some(format!("[{x_min}, {y_min}, {x_max}, {y_max}]"));
+                problem.limit = Some("x_min < x_max and y_min < y_max".into());
+                return None;
+            }
+            (setting, vec![[*x_min, *y_min], [*x_max, *y_min], [*x_max, *y_max], [*x_min, *y_max]])
+        }
+        (None, Some(corners)) => ("fence.polygon_m", corners.clone()),
+        (None, None) => {
+            check.report(ProblemKind::Missing, "fence", "must say `rectangle_m` or `polygon_m`");
+            return None;
+        }
+        (Some(_), Some(_)) => {
+            let reason = "give `rectangle_m` or `polygon_m`, not both";
+            check.report(ProblemKind::Contradiction, "fence.polygon_m", reason);
+            return None;
+        }
+    };
+    all_finite(check, setting, &corners_m)?;
+    if !(3..=MAX_FENCE_CORNERS).contains(&corners_m.len()) {
+        let problem = check.report(ProblemKind::OutOfRange, setting, "a fence has corners, not too many");
+        problem.value = Some(format!("{} corners", corners_m.len()));
+        problem.limit = Some(format!("3 to {MAX_FENCE_CORNERS}"));
+        return None;
+    }
+    if let Some((one, other)) = shape::crossing(&corners_m) {
+        let reason = format!("its sides {one} and {other}, from 0, cross or touch");
+        check.report(ProblemKind::Contradiction, setting, reason);
+        return None;
+    }
+    let margin_m = table.margin_m.unwrap_or(FENCE_MARGIN_M);
+    let start = Corners::placed(footprint?, &Pose2::default());
+    let room_m = shape::room_m(&corners_m, &start);
+    if room_m < margin_m {
+        let reason = "the footprint at start, the origin of odom, must stand inside";
+        let problem = check.report(ProblemKind::Contradiction, setting, reason);
+        problem.value = Some(format!("{room_m:.3} m of room"));
+        problem.limit = Some(format!("at least fence.margin_m = {margin_m}"));
+        return None;
+    }
+    Some(FencePlan { corners_m, margin_m })
+}
+
+fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {
+    if file.obstacle.len() > MAX_OBSTACLES {
+        let setting = format!("obstacle[{MAX_OBSTACLES}]");
+        let problem = check.report(ProblemKind::OutOfRange, &setting, "one obstacle too many");
+        problem.value = Some(file.obstacle.len().to_string());
+        problem.limit = Some(format!("at most {MAX_OBSTACLES}"));
+        return None;
+    }
+    let mut list = Some(Vec::new());
+    for (index, table) in file.obstacle.iter().enumerate() {
+        let why = "an obstacle is a circle on the floor";
+        let centre = check.need(table.centre_m, &format!("obstacle[{index}].centre_m"), why);
+        let radius = check.need(table.radius_m, &format!("obstacle[{index}].radius_m"), why);
+        let (Some(centre_m), Some(radius_m)) = (centre, radius) else {
+            list = None;
+            continue;
+        };
+        let obstacle = Obstacle { centre_m, radius_m, velocity_m_s: table.velocity_m_s.unwrap_or_default() };
+        if !obstacle.is_possible() {
+            let reason = "its numbers must be finite, its radius not negative";
+            check.report(ProblemKind::OutOfRange, &format!("obstacle[{index}]"), reason);
+            list = None;
+        } else if let Some(list) = &mut list {
+            list.push(obstacle);
+        }
+    }
+    list
+}
+
+fn all_finite(check: &mut Check, setting: &str, corners: &[Point]) -> Option<()> {
+    let wrong = corners.iter().position(|corner| !corner.iter().all(|value| value.is_finite()));
+    match wrong {
+        Some(corner) => {
+            check.report(ProblemKind::OutOfRange, &format!("{setting}[{corner}]"), "must be finite");
+            None
+        }
+        None => Some(()),
+    }
+}

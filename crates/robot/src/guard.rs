@@ -1,0 +1,342 @@
+//! Fence and obstacles: what of a motion the footprint may do.
+//!
+//! Two layers. [`shaping`] makes a wish gentle: near a wall only the part that leads outwards is slowed, so that one
+//! slides along it, and around an obstacle. What counts is the check behind it: a cycle's motion is let through only if
+//! the stop after it ([`braking`]) is known to keep the footprint inside the fence and off every obstacle. Else the
+//! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction.
+
+mod braking;
+pub(crate) mod shape;
+mod shaping;
+
+use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
+
+use crate::config::{AvoidanceKind, FencePlan, GuardPlan, Limits};
+use crate::limiter::Limiter;
+use crate::signals::{GuardReport, LimitedBy, PlatformState, Setpoint};
+use braking::Braking;
+use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
+use shaping::Detour;
+
+/// Most obstacles at a time.
+pub const MAX_OBSTACLES: usize = 16;
+/// No obstacle is larger, faster or further away, m and m/s.
+const GREATEST: f64 = 1e6;
+/// By how much less room than must be kept counts as kept: rounding, m.
+const ROUNDING_M: f64 = 1e-9;
+/// By how much less counts as being inside of what must be kept, from where only the way out is open, m.
+const INSIDE_M: f64 = 1e-4;
+/// What rounding may add to a speed.
+const SPEED_ROUNDING: f64 = 1.0 + 1e-9;
+/// Places along a stop that are looked at on the way out.
+const LOOKS: u32 = 4;
+/// A lag behind the plan up to which its time goes on at its rate, m.
+const LAG_ALLOWED_M: f64 = 0.1;
+/// A lag at which it waits, m.
+const LAG_WAITS_M: f64 = 0.3;
+
+/// A circle on the floor that moves straight on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Obstacle {
+    /// Its centre in odom, m.
+    pub centre_m: Point,
+    /// Its radius, m.
+    pub radius_m: f64,
+    /// Its speed in odom, m/s.
+    pub velocity_m_s: Point,
+}
+
+impl Obstacle {
+    /// Whether its numbers are finite and not absurd, and its radius isn't negative.
+    pub fn is_possible(&self) -> bool {
+        let mut numbers = self.centre_m.iter().chain(&self.velocity_m_s);
+        numbers.all(|value| value.abs() <= GREATEST) && (0.0..=GREATEST).contains(&self.radius_m)
+    }
+}
+
+/// What a cycle wants to do.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Drive<'a> {
+    /// Follow a plan; the place where it should be is known.
+    Follow(&'a Setpoint),
+    /// A person's or a program's speed.
+    Toward(Twist2),
+    /// Stop.
+    Stop,
+}
+
+/// What must be kept, and what room there is now.
+#[derive(Clone, Copy, Debug)]
+struct Now {
+    body: Corners,
+    fence_need_m: f64,
+    obstacle_need_m: f64,
+    fence_m: f64,
+    obstacles_m: [f64; MAX_OBSTACLES],
+}
+
+/// Keeps the footprint inside the fence and off obstacles.
+#[derive(Clone, Debug)]
+pub(crate) struct Guard {
+    footprint: Vec<Point>,
+    /// From the origin of base_link to the furthest corner, m.
+    radius_m: f64,
+    fence: Option<FencePlan>,
+    braking: Braking,
+    limits: Limits,
+    period_s: f64,
+    obstacles: [Option<Obstacle>; MAX_OBSTACLES],
+    pub(crate) avoidance: AvoidanceKind,
+    pub(crate) distance_m: f64,
+    pub(crate) circulate_1_s: f64,
+    detour: Detour,
+    pace: f64,
+    limited_by: LimitedBy,
+}
+
+impl Guard {
+    pub(crate) fn new(plan: &GuardPlan, limits: &Limits, period_s: f64) -> Self {
+        let mut obstacles = [None; MAX_OBSTACLES];
+        for (slot, obstacle) in obstacles.iter_mut().zip(&plan.obstacles) {
+            *slot = Some(*obstacle);
+        }
+        Guard {
+            radius_m: plan.footprint_m.iter().map(|corner| length(*corner)).fold(0.0, f64::max),
+            footprint: plan.footprint_m.clone(),
+            fence: plan.fence.clone(),
+            braking: Braking::new(limits, period_s),
+            limits: *limits,
+            period_s,
+            obstacles,
+            avoidance: plan.avoidance,
+            distance_m: plan.distance_m,
+            circulate_1_s: plan.circulate_1_s,
+            detour: Detour::default(),
+            pace: 1.0,
+            limited_by: LimitedBy::Nothing,
+        }
+    }
+
+    pub(crate) fn obstacles(&self) -> &[Option<Obstacle>; MAX_OBSTACLES] {
+        &self.obstacles
+    }
+
+    /// Puts, moves or takes away an obstacle; `Err` where there is no such place, or no such obstacle.
+    pub(crate) fn set(&mut self, index: u32, obstacle: Option<Obstacle>) -> Result<(), ()> {
+        let slot = self.obstacles.get_mut(index as usize).ok_or(())?;
+        if obstacle.is_some_and(|obstacle| !obstacle.is_possible()) {
+            return Err(());
+        }
+        *slot = obstacle;
+        Ok(())
+    }
+
+    /// Obstacles move on by a period.
+    pub(crate) fn advance(&mut self) {
+        for obstacle in self.obstacles.iter_mut().flatten() {
+            obstacle.centre_m = plus(obstacle.centre_m, obstacle.velocity_m_s, self.period_s);
+        }
+    }
+
+    /// At which part of its rate a plan's time may go on: it waits for a platform that had to give way.
+    pub(crate) fn pace(&self) -> f64 {
+        self.pace
+    }
+
+    /// What held the motion back in this cycle.
+    pub(crate) fn limited_by(&self) -> LimitedBy {
+        self.limited_by
+    }
+
+    pub(crate) fn has_fence(&self) -> bool {
+        self.fence.is_some()
+    }
+
+    /// How much more room than its margin a pose leaves to the fence; infinite without one.
+    pub(crate) fn spare_room_m(&self, pose: &Pose2) -> f64 {
+        let room = |fence: &FencePlan| {
+            room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose)) - fence.margin_m
+        };
+        self.fence.as_ref().map_or(f64::INFINITY, room)
+    }
+
+    /// What is to be shown and recorded, about a believed pose.
+    pub(crate) fn report(&self, odom_from_body: &Pose2) -> GuardReport {
+        let mut report = GuardReport { limited_by: self.limited_by, ..Default::default() };
+        if self.is_idle() || !odom_from_body.is_finite() {
+            return report;
+        }
+        let body = Corners::placed(&self.footprint, odom_from_body);
+        report.fence_margin_m = self.fence.as_ref().map(|fence| room_m(&fence.corners_m, &body));
+        for (number, obstacle) in (1..).zip(&self.obstacles) {
+            let Some(obstacle) = obstacle else { continue };
+            let distance_m = distance_m(&body, obstacle);
+            if report.obstacle_distance_m.is_none_or(|least| distance_m < least) {
+                (report.obstacle_distance_m, report.nearest_obstacle) = (Some(distance_m), number);
+            }
+        }
+        report
+    }
+
+    fn is_idle(&self) -> bool {
+        self.fence.is_none() && self.obstacles.iter().all(Option::is_none)
+    }
+
+    fn heeds_obstacles(&self) -> bool {
+        self.avoidance == AvoidanceKind::Guarded
+    }
+
+    /// One period: as much of what is wanted as fence and obstacles let through.
+    pub(crate) fn step(
+        &mut self,
+        limiter: &mut Limiter,
+        drive: Drive<'_>,
+        state: &PlatformState,
+    ) -> Setpoint {
+        self.limited_by = LimitedBy::Nothing;
+        self.pace = 1.0;
+        let wish = match drive {
+            Drive::Follow(wished) => limiter.leading_to(wished),
+            Drive::Toward(twist) => twist,
+            Drive::Stop => Twist2::default(),
+        };
+        let here = limiter.setpoint();
+        if self.is_idle() || !wish.is_finite() || !here.is_finite() || !state.is_finite() {
+            return limiter.toward(wish);
+        }
+        let now = self.now(&here, state);
+        let (shaped, cause) = self.shape(&here, drive, (wish, &now));
+        if let Drive::Follow(wished) = drive {
+            self.pace = self.pace_of(&here, wished, &now);
+        }
+        let half = shaped.scaled(0.5);
+        let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
+        let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
+        let mut cause = cause;
+        for candidate in [shaped, half, straight, turning, Twist2::default()] {
+            let mut tried = limiter.clone();
+            let next = tried.toward(candidate);
+            match self.check(&next, &now) {
+                Ok(()) => {
+                    *limiter = tried;
+                    self.limited_by = cause;
+                    return next;
+                }
+                Err(by) if cause == LimitedBy::Nothing => cause = by,
+                Err(_) => {}
+            }
+        }
+        self.limited_by = cause;
+        limiter.brake()
+    }
+
+    fn now(&self, here: &Setpoint, state: &PlatformState) -> Now {
+        // As far as the platform isn't where it shall be, it may be nearer.
+        let (pose, believed) = (here.odom_from_body, state.odom_from_body);
+        let turn_rad = wrap_angle_rad(pose.heading_rad - believed.heading_rad);
+        let error_m = pose.distance_m(believed) + self.radius_m * turn_rad.abs();
+        let body = Corners::placed(&self.footprint, &pose);
+        let room = |fence: &FencePlan| (fence.margin_m.max(error_m), room_m(&fence.corners_m, &body));
+        let (fence_need_m, fence_m) = self.fence.as_ref().map_or((0.0, f64::INFINITY), room);
+        let mut obstacles_m = [f64::INFINITY; MAX_OBSTACLES];
+        for (slot, obstacle) in obstacles_m.iter_mut().zip(&self.obstacles) {
+            *slot = obstacle.as_ref().map_or(f64::INFINITY, |obstacle| distance_m(&body, obstacle));
+        }
+        Now { body, fence_need_m, obstacle_need_m: self.distance_m.max(error_m), fence_m, obstacles_m }
+    }
+
+    /// Whether the stop after a cycle's motion is known to keep off fence and obstacles; `Err` says what it may meet.
+    fn check(&self, next: &Setpoint, now: &Now) -> Result<(), LimitedBy> {
+        let sweep = self.braking.of(next);
+        if sweep.fastest_m_s > self.limits.speed_m_s * SPEED_ROUNDING {
+            // The stop itself must keep the limit on speed.
+            return Err(LimitedBy::Nothing);
+        }
+        let [least, greatest] = sweep.turn_rad;
+        let pose = next.odom_from_body;
+        let middle = Pose2 { heading_rad: pose.heading_rad + 0.5 * (least + greatest), ..pose };
+        let body = Corners::placed(&self.footprint, &middle);
+        let twist = &next.twist_in_odom;
+        // A corner moves by its radius times the angle at most; and between two cycles there is a way, too.
+        let around_m = sweep.bend_m
+            + self.radius_m * 0.5 * (greatest - least)
+            + 0.5 * self.period_s * (twist.speed_m_s() + self.radius_m * twist.w_rad_s.abs());
+        let far_turn = if greatest > -least { greatest } else { least };
+        // The way out, place by place; never nearer than now.
+        let leads_out = |room: &dyn Fn(&Corners) -> f64, room_now: f64| {
+            (0..=LOOKS).all(|look| {
+                let part = f64::from(look) / f64::from(LOOKS);
+                let at = Pose2::new(
+                    pose.x_m + sweep.way[0] * part,
+                    pose.y_m + sweep.way[1] * part,
+                    pose.heading_rad + far_turn * part,
+                );
+                room(&Corners::placed(&self.footprint, &at)) >= room_now - ROUNDING_M
+            })
+        };
+        if let Some(fence) = &self.fence {
+            let is_free = if now.fence_m < now.fence_need_m - INSIDE_M {
+                leads_out(&|body| room_m(&fence.corners_m, body), now.fence_m)
+            } else {
+                let need_m = now.fence_need_m.min(now.fence_m) - ROUNDING_M;
+                let needed_m = need_m + around_m;
+                swept_room_m(&fence.corners_m, &body, sweep.way, needed_m) >= needed_m
+            };
+            if !is_free {
+                return Err(LimitedBy::Fence);
+            }
+        }
+        if !self.heeds_obstacles() {
+            return Ok(());
+        }
+        let reach_m = length(sweep.way) + around_m + self.radius_m;
+        for (obstacle, room_now) in self.obstacles.iter().zip(now.obstacles_m) {
+            let Some(obstacle) = obstacle else { continue };
+            let lasting_s = sweep.duration_s + self.period_s;
+            let moves = [obstacle.velocity_m_s[0] * lasting_s, obstacle.velocity_m_s[1] * lasting_s];
+            // Too far away for any doubt.
+            let apart_m = length(plus(obstacle.centre_m, [pose.x_m, pose.y_m], -1.0));
+            if apart_m - obstacle.radius_m - length(moves) > reach_m + now.obstacle_need_m {
+                continue;
+            }
+            // What moves comes nearer by itself, not by rounding.
+            let rounding_m = if obstacle.velocity_m_s == [0.0; 2] { INSIDE_M } else { ROUNDING_M };
+            let is_free = if room_now < now.obstacle_need_m - rounding_m {
+                // Wherever the obstacle is meanwhile: never nearer than a robot that stays.
+                [0.0, 0.5, 1.0].into_iter().all(|part| {
+                    let then = Obstacle { centre_m: plus(obstacle.centre_m, moves, part), ..*obstacle };
+                    leads_out(&|body| distance_m(body, &then), distance_m(&now.body, &then))
+                })
+            } else {
+                let need_m = now.obstacle_need_m.min(room_now) - ROUNDING_M;
+                let across = [-sweep.way[0], -sweep.way[1]];
+                let patch = Patch { origin: obstacle.centre_m, along: moves, across };
+                body.distance_m(&patch) - obstacle.radius_m >= need_m + around_m
+            };
+            if !is_free {
+                return Err(LimitedBy::Obstacle);
+            }
+        }
+        Ok(())
+    }
+
+    /// A plan waits for a platform that had to give way, unless it is just where no platform can be.
+    fn pace_of(&self, here: &Setpoint, wished: &Setpoint, now: &Now) -> f64 {
+        let lag_m = here.odom_from_body.distance_m(wished.odom_from_body);
+        if !self.heeds_obstacles() || lag_m <= LAG_ALLOWED_M {
+            return 1.0;
+        }
+        let body = Corners::placed(&self.footprint, &wished.odom_from_body);
+        let free = |obstacle: &Obstacle| distance_m(&body, obstacle) >= now.obstacle_need_m;
+        if self.obstacles.iter().flatten().all(free) {
+            ((LAG_WAITS_M - lag_m) / (LAG_WAITS_M - LAG_ALLOWED_M)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    }
+}
+
+/// From a body to an obstacle; below 0 where they overlap.
+fn distance_m(body: &Corners, obstacle: &Obstacle) -> f64 {
+    body.distance_to_m(obstacle.centre_m) - obstacle.radius_m
+}

@@ -1,0 +1,372 @@
+//! How a wish is made gentle near fence and obstacles, before it is checked.
+//!
+//! - Near a wall the speed towards it is damped by the distance (velocity damper: Faverjon and Tournassoud, "A local
+//!   based approach for path planning of manipulators with a high number of degrees of freedom", ICRA 1987), at every
+//!   corner of the footprint; the rest of the speed stays: one slides along the wall.
+//! - `circulate`: the thesis's 8.3.6, see [`Guard::circulating`].
+//! - `guarded`: where an obstacle leaves little of the wish of a plan, the platform goes around it in one sense.
+
+use omnibase_platform::Twist2;
+
+use super::shape::{Corners, Point, cross, dot, double_area, is_inside, length, nearest_on, plus, sides};
+use super::{Drive, Guard, Now};
+use crate::config::AvoidanceKind;
+use crate::signals::{LimitedBy, Setpoint};
+
+/// Most constraints that shape a wish; the check behind it forgets none.
+const MOST: usize = 32;
+/// Rounds in which a speed is brought within all constraints.
+const ROUNDS: usize = 24;
+/// Distance that is kept more than must be, at least and at most, m: what the check's own bounds cost.
+const BUFFER_M: [f64; 2] = [0.003, 0.05];
+/// How fast a place too near is left while moving along, 1/s, and as a part of the wished speed.
+const PUSH_BACK_1_S: f64 = 2.0;
+const PUSH_BACK_SHARE: f64 = 0.2;
+/// The part of the limit on speed that is left in any case.
+const LEAST_SHARE: f64 = 0.8;
+/// Less than this part of the wished speed calls for a way around.
+const LITTLE: f64 = 0.5;
+/// The part of the greatest speed with which the way around is gone.
+const AROUND: f64 = 0.7;
+/// A way around ends when for so long none was needed, s.
+const FREE_S: f64 = 0.2;
+/// It turns back when for so long it led nowhere, s.
+const STUCK_S: f64 = 0.5;
+
+/// What a corner's speed may be at most towards something.
+#[derive(Clone, Copy, Debug, Default)]
+struct Constraint {
+    /// Towards it.
+    normal: Point,
+    /// Speed of the corner along the normal at a turn of 1 rad/s, m/rad.
+    moment_m: f64,
+    /// Greatest speed along the normal, m/s.
+    most_m_s: f64,
+    by: LimitedBy,
+    /// From the obstacle's centre to the body's origin.
+    around: Point,
+}
+
+/// The constraints of a cycle.
+struct Constraints {
+    list: [Constraint; MOST],
+    count: usize,
+}
+
+/// The way around an obstacle that is being gone.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Detour {
+    sense: Option<Sense>,
+    free_s: f64,
+    stuck_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sense {
+    Clockwise,
+    CounterClockwise,
+}
+
+impl Sense {
+    /// The direction around a centre, seen from which the body is at `around`.
+    fn tangent(self, around: Point) -> Point {
+        let size = length(around);
+        match self {
+            _ if size == 0.0 => [0.0; 2],
+            Sense::Clockwise => [around[1] / size, -around[0] / size],
+            Sense::CounterClockwise => [-around[1] / size, around[0] / size],
+        }
+    }
+
+    /// The sense that is nearer to a wished speed.
+    fn nearer(around: Point, wish: Point) -> Self {
+        if cross(around, wish) >= 0.0 { Sense::CounterClockwise } else { Sense::Clockwise }
+    }
+
+    fn other(self) -> Self {
+        match self {
+            Sense::Clockwise => Sense::CounterClockwise,
+            Sense::CounterClockwise => Sense::Clockwise,
+        }
+    }
+}
+
+impl Constraints {
+    fn all(&self) -> &[Constraint] {
+        &self.list[..self.count]
+    }
+
+    fn push(&mut self, constraint: Constraint) {
+        if let Some(slot) = self.list.get_mut(self.count) {
+            *slot = constraint;
+            self.count += 1;
+        } else if let Some(slot) = self.list.iter_mut().max_by(|a, b| a.most_m_s.total_cmp(&b.most_m_s))
+            && constraint.most_m_s < slot.most_m_s
+        {
+            *slot = constraint;
+        }
+    }
+
+    /// The part of a turn that no constraint forbids at standstill.
+    fn turn(&self, w_rad_s: f64) -> f64 {
+        self.all().iter().fold(w_rad_s, |w_rad_s, constraint| {
+            let corner = w_rad_s * constraint.moment_m;
+            let most = constraint.most_m_s.max(0.0);
+            if corner > most { w_rad_s * (most / corner) } else { w_rad_s }
+        })
+    }
+
+    /// A speed within all constraints and near to the wished one, by projection on one after the other.
+    fn within(&self, wish: Point, w_rad_s: f64) -> Point {
+        let mut speed = wish;
+        for _ in 0..ROUNDS {
+            let mut held = true;
+            for constraint in self.all() {
+                let most = constraint.most_m_s - w_rad_s * constraint.moment_m;
+                let excess = dot(constraint.normal, speed) - most;
+                if excess > 1e-12 {
+                    speed = plus(speed, constraint.normal, -excess);
+                    held = excess < 1e-9;
+                }
+            }
+            if held {
+                return speed;
+            }
+        }
+        let fits = |constraint: &Constraint| {
+            dot(constraint.normal, speed) + w_rad_s * constraint.moment_m < constraint.most_m_s + 1e-3
+        };
+        // A pocket that closes: nothing fits, so nothing is wished.
+        if self.all().iter().all(fits) { speed } else { [0.0; 2] }
+    }
+}
+
+impl Guard {
+    /// A wish made gentle, and what held it back.
+    pub(super) fn shape(
+        &mut self,
+        here: &Setpoint,
+        drive: Drive<'_>,
+        (wish, now): (Twist2, &Now),
+    ) -> (Twist2, LimitedBy) {
+        let mut wish = self.clipped(wish);
+        let mut by = LimitedBy::Nothing;
+        if self.avoidance == AvoidanceKind::Circulate
+            && let Some(circular) = self.circulating(here, drive, wish)
+        {
+            (wish, by) = (circular, LimitedBy::Obstacle);
+        }
+        let constraints = self.constraints(here, drive, (wish, now));
+        if constraints.count == 0 {
+            self.detour_is_free();
+            return (wish, by);
+        }
+        let wished = [wish.vx_m_s, wish.vy_m_s];
+        let w_rad_s = constraints.turn(wish.w_rad_s);
+        let mut speed = constraints.within(wished, w_rad_s);
+        let is_against = |constraint: &&Constraint| {
+            dot(constraint.normal, wished) + w_rad_s * constraint.moment_m > constraint.most_m_s + 1e-9
+        };
+        if let Some(first) = constraints.all().iter().find(is_against) {
+            by = first.by;
+        }
+        if let Drive::Follow(_) = drive
+            && self.avoidance == AvoidanceKind::Guarded
+        {
+            speed = self.around(here, &constraints, (wished, speed, w_rad_s));
+        }
+        if w_rad_s != wish.w_rad_s && by == LimitedBy::Nothing {
+            by = constraints.all().first().map_or(by, |constraint| constraint.by);
+        }
+        (Twist2::new(speed[0], speed[1], w_rad_s), by)
+    }
+
+    /// Little less than the limits let through anyway, the direction kept: the acceleration across a turn at full speed
+    /// must have room to end.
+    fn clipped(&self, wish: Twist2) -> Twist2 {
+        let (limit, change) = (self.limits.speed_m_s, self.braking.greatest_change_m_s());
+        let most = (limit * limit - change * change).max(0.0).sqrt().max(LEAST_SHARE * limit);
+        let speed = wish.speed_m_s();
+        let part = if speed > most { most / speed } else { 1.0 };
+        let turn = self.limits.turn_speed_rad_s;
+        Twist2::new(wish.vx_m_s * part, wish.vy_m_s * part, wish.w_rad_s.clamp(-turn, turn))
+    }
+
+    fn constraints(&self, here: &Setpoint, drive: Drive<'_>, (wish, now): (Twist2, &Now)) -> Constraints {
+        let mut constraints = Constraints { list: [Constraint::default(); MOST], count: 0 };
+        let body = Corners::placed(&self.footprint, &here.odom_from_body);
+        let origin = [here.odom_from_body.x_m, here.odom_from_body.y_m];
+        let fastest = self.limits.speed_m_s + self.radius_m * self.limits.turn_speed_rad_s;
+        let wished = length([wish.vx_m_s, wish.vy_m_s]);
+        let buffer_m = (BUFFER_M[0] + self.braking.greatest_bend_m()).min(BUFFER_M[1]);
+        let most_at = |gap_m: f64| match gap_m {
+            gap_m if gap_m < 0.0 => -(-gap_m * PUSH_BACK_1_S).min(PUSH_BACK_SHARE * wished),
+            gap_m => self.braking.approach_m_s(gap_m, self.radius_m),
+        };
+        if let Some(fence) = &self.fence {
+            let polygon = &fence.corners_m;
+            let need_m = now.fence_need_m + buffer_m;
+            let mut add = |corner: Point, towards: Point, distance_m: f64| {
+                let size = length(towards);
+                let most_m_s = most_at(distance_m - need_m);
+                if most_m_s < fastest && size > 0.0 {
+                    let normal = [towards[0] / size, towards[1] / size];
+                    let moment_m = cross(plus(corner, origin, -1.0), normal);
+                    let by = LimitedBy::Fence;
+                    constraints.push(Constraint { normal, moment_m, most_m_s, by, around: [0.0; 2] });
+                }
+            };
+            let turns_left = double_area(polygon) > 0.0;
+            for corner in body.points() {
+                let inside = is_inside(polygon, *corner);
+                for (from, to) in sides(polygon) {
+                    let towards = plus(nearest_on(from, to, *corner), *corner, -1.0);
+                    let distance_m = length(towards);
+                    if inside && distance_m > 1e-6 {
+                        add(*corner, towards, distance_m);
+                    } else if distance_m <= 1e-6 || self.is_nearest(polygon, *corner, distance_m) {
+                        // On the fence or outside: outwards is away from the side that is nearest.
+                        let side = plus(to, from, -1.0);
+                        let right = [side[1], -side[0]];
+                        add(*corner, if turns_left { right } else { [-right[0], -right[1]] }, -distance_m);
+                    }
+                }
+            }
+            for (number, corner) in polygon.iter().enumerate() {
+                let count = polygon.len();
+                let (before, after) = (polygon[(number + count - 1) % count], polygon[(number + 1) % count]);
+                let turn = cross(plus(*corner, before, -1.0), plus(after, *corner, -1.0));
+                if (turn > 0.0) != turns_left {
+                    let on = body.nearest(*corner);
+                    let towards = plus(*corner, on, -1.0);
+                    if is_inside(body.points(), *corner) {
+                        add(on, [-towards[0], -towards[1]], -length(towards));
+                    } else {
+                        add(on, towards, length(towards));
+                    }
+                }
+            }
+        }
+        if self.heeds_obstacles() {
+            for (obstacle, room_m) in self.obstacles.iter().zip(now.obstacles_m) {
+                let Some(obstacle) = obstacle else { continue };
+                let on = body.nearest(obstacle.centre_m);
+                let is_within = is_inside(body.points(), obstacle.centre_m);
+                let towards = plus(obstacle.centre_m, if is_within { origin } else { on }, -1.0);
+                let size = length(towards);
+                if size == 0.0 {
+                    continue;
+                }
+                let normal = [towards[0] / size, towards[1] / size];
+                // While the platform stops, an obstacle that comes nearer comes nearer.
+                let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
+                let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
+                let gap_m = room_m - now.obstacle_need_m - buffer_m - comes * stop_s;
+                let mut most_m_s = most_at(gap_m);
+                if matches!(drive, Drive::Follow(_)) {
+                    // A plan gives way; a person's speed is only held back.
+                    most_m_s -= comes;
+                } else if comes > 0.0 {
+                    most_m_s = (most_m_s - comes).max(most_m_s.min(0.0));
+                }
+                if most_m_s < fastest {
+                    let moment_m = cross(plus(on, origin, -1.0), normal);
+                    let around = plus(origin, obstacle.centre_m, -1.0);
+                    constraints.push(Constraint {
+                        normal,
+                        moment_m,
+                        most_m_s,
+                        by: LimitedBy::Obstacle,
+                        around,
+                    });
+                }
+            }
+        }
+        constraints
+    }
+
+    /// Whether no side of a polygon is nearer to a point than this distance.
+    fn is_nearest(&self, polygon: &[Point], point: Point, distance_m: f64) -> bool {
+        let nearer = |(from, to)| length(plus(nearest_on(from, to, point), point, -1.0)) < distance_m;
+        !sides(polygon).any(nearer)
+    }
+
+    /// The way around: where obstacles leave little of a wish, along them, in one sense until it is no longer needed.
+    fn around(
+        &mut self,
+        here: &Setpoint,
+        constraints: &Constraints,
+        (wished, speed, w_rad_s): (Point, Point, f64),
+    ) -> Point {
+        let size = length(wished);
+        let obstacles = || constraints.all().iter().filter(|constraint| constraint.by == LimitedBy::Obstacle);
+        let blocks = |constraint: &Constraint| {
+            dot(constraint.normal, wished) + w_rad_s * constraint.moment_m > constraint.most_m_s
+        };
+        let is_little = size > 0.0 && dot(speed, wished) < LITTLE * size * size;
+        let blocking = obstacles().find(|constraint| blocks(constraint));
+        let (Some(first), true) = (blocking, is_little) else {
+            if blocking.is_none() {
+                self.detour_is_free();
+            }
+            return speed;
+        };
+        self.detour.free_s = 0.0;
+        let sense = *self.detour.sense.get_or_insert(Sense::nearer(first.around, wished));
+        let pace = (AROUND * self.limits.speed_m_s).min(size);
+        let mut best = ([0.0; 2], 0.0);
+        for constraint in obstacles() {
+            let tangent = sense.tangent(constraint.around);
+            let along = constraints.within([tangent[0] * pace, tangent[1] * pace], w_rad_s);
+            let progress = dot(along, tangent);
+            if progress > best.1 {
+                best = (along, progress);
+            }
+        }
+        if best.1 < 0.1 * pace && here.twist_in_odom.speed_m_s() < 0.1 * pace {
+            self.detour.stuck_s += self.period_s;
+            if self.detour.stuck_s > STUCK_S {
+                self.detour.sense = Some(sense.other());
+                self.detour.stuck_s = 0.0;
+            }
+        } else {
+            self.detour.stuck_s = 0.0;
+        }
+        if best.1 > 0.0 { best.0 } else { speed }
+    }
+
+    fn detour_is_free(&mut self) {
+        self.detour.free_s += self.period_s;
+        if self.detour.free_s > FREE_S {
+            self.detour = Detour::default();
+        }
+    }
+
+    /// The thesis's avoidance (8.3.6), of the nearest obstacle alone: within its safety circle the speed is replaced by
+    /// a circular one, in the sense nearer to the wished speed, of a coefficient times the circle's radius, until the
+    /// straight way to where the plan is no longer enters the circle. Like there, the platform's limits and braking
+    /// aren't counted.
+    fn circulating(&self, here: &Setpoint, drive: Drive<'_>, wish: Twist2) -> Option<Twist2> {
+        let origin = [here.odom_from_body.x_m, here.odom_from_body.y_m];
+        let reach = |centre: Point, radius_m: f64| length(plus(origin, centre, -1.0)) - radius_m;
+        let obstacle = self
+            .obstacles
+            .iter()
+            .flatten()
+            .min_by(|a, b| reach(a.centre_m, a.radius_m).total_cmp(&reach(b.centre_m, b.radius_m)))?;
+        let circle_m = obstacle.radius_m + self.radius_m + self.distance_m;
+        let around = plus(origin, obstacle.centre_m, -1.0);
+        let wished = [wish.vx_m_s, wish.vy_m_s];
+        let way = match drive {
+            Drive::Follow(plan) => plus([plan.odom_from_body.x_m, plan.odom_from_body.y_m], origin, -1.0),
+            Drive::Toward(_) => wished,
+            Drive::Stop => return None,
+        };
+        if length(around) >= circle_m || dot(way, around) >= 0.0 || length(wished) == 0.0 {
+            return None;
+        }
+        let tangent = Sense::nearer(around, wished).tangent(around);
+        let speed = self.circulate_1_s * circle_m;
+        Some(Twist2::new(tangent[0] * speed, tangent[1] * speed, wish.w_rad_s))
+    }
+}

@@ -1,0 +1,27 @@
+//! A share of the seeded approaches to fences and obstacles; the example of the same name runs all of them.
+
+use omnibase_robot::Registry;
+use omnibase_robot::config::AvoidanceKind;
+use omnibase_trials::approaches::{register_kinematic, run};
+use omnibase_trials::{plan_of, robots};
+
+/// Seeds 1 to 2000; the body follows the setpoint without error but one cycle late, which the margins hold.
+#[test]
+fn no_footprint_crosses_a_fence_or_meets_an_obstacle_by_its_own_motion() {
+    let mut registry = Registry::with_built_in();
+    register_kinematic(&mut registry);
+    let bases = [plan_of(robots::BMM), plan_of(robots::MECANUM)];
+    let (mut limited, mut fenced, mut fast) = (0, 0, 0);
+    for seed in 1..=2000 {
+        let result = run(&bases[(seed % 2) as usize], &registry, seed, AvoidanceKind::Guarded);
+        assert!(result.fence_m > 0.0, "seed {seed}: {result:?}");
+        assert!(result.standing_m > 0.0, "seed {seed}: {result:?}");
+        assert!(result.own_m > 0.0, "seed {seed}: {result:?}");
+        assert!(result.shares.iter().all(|share| *share <= 1.0 + 1e-6), "seed {seed}: {result:?}");
+        limited += u32::from(result.limited > 0);
+        fenced += u32::from(result.fence_m < 0.1);
+        fast += u32::from(result.shares[0] > 0.9);
+    }
+    // They are approaches: many were held back, came near, and were fast.
+    assert!(limited > 500 && fenced > 100 && fast > 200, "{limited} {fenced} {fast}");
+}
