@@ -7,7 +7,6 @@ mod decode;
 mod dictionary;
 mod hex;
 mod progress;
-mod quantiles;
 mod real_time;
 mod robot_file;
 mod running;

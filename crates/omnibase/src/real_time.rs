@@ -1,17 +1,30 @@
 //! What the command line asks of the machine for a thread that must keep its times.
 
 use crate::progress::note;
-use omnibase_host::real_time::{self, Idle, Memory, Wishes};
+use omnibase_host::real_time::{self, Idle, Memory, Scheduling, Wishes};
+use std::time::Duration;
 
 /// Priority, memory and CPU of the thread that keeps the times.
 #[derive(Debug, clap::Args)]
 pub struct RealTime {
-    /// SCHED_FIFO, locked memory, shallow idle, as far as granted.
+    /// Real-time scheduling, locked memory, shallow idle, as far as granted.
     #[arg(long)]
     realtime: bool,
-    /// The CPU on which to run.
+    /// How the thread of the cycle is scheduled with --realtime.
+    #[arg(long, value_enum, default_value_t = Scheduler::Fifo, requires = "realtime")]
+    scheduler: Scheduler,
+    /// The CPU on which to run; under --scheduler deadline the kernel chooses it.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
+}
+
+/// Real-time schedulers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Scheduler {
+    /// SCHED_FIFO, priority 80: before everything of lower priority.
+    Fifo,
+    /// SCHED_DEADLINE: before everything, for at most half of each cycle.
+    Deadline,
 }
 
 impl RealTime {
@@ -20,17 +33,32 @@ impl RealTime {
         self.realtime || self.cpu.is_some()
     }
 
-    /// Asks for it and says what was granted; keeps it while the result lives.
-    pub fn apply(&self) -> Option<real_time::Granted> {
+    /// Asks for it, for a cycle of this length, and says what was granted; keeps it while the result lives.
+    ///
+    /// Start other threads before: they would inherit the CPU.
+    pub fn apply(&self, cycle: Duration) -> anyhow::Result<Option<real_time::Granted>> {
+        let period_ns = cycle.as_nanos() as u64;
+        let scheduling = match (self.realtime, self.scheduler) {
+            (false, _) => Scheduling::AsIs,
+            (true, Scheduler::Fifo) => Wishes::default().scheduling,
+            (true, Scheduler::Deadline) => Scheduling::Deadline { runtime_ns: period_ns / 2, period_ns },
+        };
+        anyhow::ensure!(
+            self.scheduler == Scheduler::Fifo || self.cpu.is_none(),
+            "--scheduler deadline and --cpu exclude each other: under SCHED_DEADLINE the kernel chooses the CPU"
+        );
         let wishes = match (self.realtime, self.cpu) {
-            (false, None) => return None,
-            (true, cpu) => Wishes { cpu, ..Wishes::default() },
-            (false, cpu) => Wishes { fifo_priority: None, memory: Memory::AsIs, cpu, idle: Idle::AsIs },
+            (false, None) => return Ok(None),
+            (true, cpu) => Wishes { scheduling, cpu, ..Wishes::default() },
+            (false, cpu) => Wishes { scheduling, memory: Memory::AsIs, cpu, idle: Idle::AsIs },
         };
         let granted = real_time::apply(&wishes);
         for outcome in &granted.outcomes {
             note(format_args!("real time: {outcome}"));
         }
-        Some(granted)
+        if granted.refused().next().is_some() {
+            note("real time: DEGRADED, cycles may be late; `omnibase doctor` says what this machine lacks");
+        }
+        Ok(Some(granted))
     }
 }

@@ -131,7 +131,6 @@ pub fn soak(hours: f64, seed: u64) -> bool {
         let drives = record.measurements;
         session.look_at_drives(drives.present());
         while session.take_event().is_some() {}
-        session.skip_missed();
         if cycle % 1000 == 0 && phase == Phase::Holding {
             worst_phase_ns = worst_phase_ns.max(session.figures().dc_phase_ns.unsigned_abs());
             let cable = cable.borrow();

@@ -10,7 +10,7 @@ use crate::tracking::Errors;
 use crate::truth::TruePlatform;
 
 /// Beside the robot's own channels: how the cycle went, and how far off it was.
-const TIMING: [&str; 3] = ["round_trip_ns", "wake_up_ns", "compute_ns"];
+const TIMING: [&str; 5] = ["round_trip_ns", "wake_up_ns", "compute_ns", "dc_phase_ns", "left_out_cycles"];
 const ERROR: [&str; 3] = ["believed_m", "true_m", "heading_rad"];
 const OPERATOR: [&str; 3] = ["commander", "emergency_stop", "blocked_sticks"];
 const TRUTH: [&str; 6] =
@@ -113,8 +113,10 @@ impl Rows {
         record.values(&mut self.values);
         self.row.clear();
         self.row.extend(self.order.iter().map(|&number| self.values[number].as_f64()));
-        let Times { round_trip_ns, late_ns, .. } = beside.times;
+        let Times { round_trip_ns, late_ns, dc_phase_ns, periods, .. } = beside.times;
         self.row.extend([round_trip_ns, late_ns, beside.compute_ns].map(|ns| ns as f64));
+        let phase_ns = dc_phase_ns.map_or(f64::NAN, |phase_ns| phase_ns as f64);
+        self.row.extend([phase_ns, periods.saturating_sub(1) as f64]);
         let Errors { believed_m, true_m, heading_rad } = beside.errors;
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
         let Say { commander, is_emergency, blocked_sticks } = beside.say;

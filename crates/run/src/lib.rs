@@ -9,6 +9,7 @@
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
+//! - [`timing`], [`quantiles`]: how long cycles took, and what happened in the worst ones.
 //! - [`live`]: the same run under the hands of people and programs.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
@@ -19,6 +20,7 @@ pub mod conductor;
 pub mod describe;
 pub mod events;
 pub mod live;
+pub mod quantiles;
 pub mod replay;
 pub mod robot_text;
 pub mod run;
@@ -27,6 +29,7 @@ pub mod simulated;
 pub mod summary;
 pub mod supervision;
 pub mod teach;
+pub mod timing;
 pub mod tracking;
 pub mod truth;
 

@@ -19,6 +19,7 @@ use crate::live::{LiveEnd, Snapshot};
 use crate::session::{Session, SessionError, input_age_ns};
 use crate::summary::Summary;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
+use crate::timing::{TimedCycle, Timing};
 use crate::tracking::Tracking;
 use crate::truth::Witness;
 
@@ -128,6 +129,7 @@ struct Cycle<'a> {
     bus: BusFigures,
     subdevices: Vec<SubDeviceFigures>,
     datagrams: Vec<DatagramFigures>,
+    timing: Timing,
     events: Vec<(u64, Words)>,
     time: CycleTime,
     last: CycleRecord,
@@ -160,6 +162,7 @@ impl<'a> Cycle<'a> {
             bus: BusFigures::default(),
             subdevices: Vec::new(),
             datagrams: Vec::new(),
+            timing: Timing::default(),
             events: Vec::with_capacity(MOST_EVENTS),
             time: CycleTime::on_grid(0, plan.bus.cycle_ns),
             last: CycleRecord::default(),
@@ -194,9 +197,11 @@ impl<'a> Cycle<'a> {
     /// Sleep, exchange, compute, record.
     fn one<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
         let (exchange, times) = session.exchange()?;
+        let first_event = self.events.len();
         if self.cycles > 0 {
             let index = self.time.index + times.periods;
             self.time = CycleTime::on_grid(index, self.plan.bus.cycle_ns);
+            self.overruns += times.periods - 1;
         }
         self.cycles += 1;
         let wish = if self.stop.load(Ordering::Relaxed) { Wish::Stop } else { Wish::GoOn };
@@ -220,10 +225,12 @@ impl<'a> Cycle<'a> {
             self.happened(self.time.now_ns, words);
         }
         self.record(&beside);
+        let events = first_event..self.events.len();
+        let phase = self.robot.phase();
+        self.timing.take(&TimedCycle { record: &self.last, phase, times, compute_ns, events });
         self.lost_frames = session.counters().frames_lost - self.lost_before;
         self.show(beside);
         self.progress.cycles.store(self.cycles, Ordering::Relaxed);
-        self.overruns += session.skip_missed();
         Ok(())
     }
 
@@ -313,6 +320,7 @@ impl<'a> Cycle<'a> {
         });
         // Why the robot stopped says more than that it then couldn't be brought back.
         let ended = ended.and(way_back);
+        let events: Vec<Event> = self.events.into_iter().map(event).collect();
         let summary = Summary {
             final_error_m: self.tracking.final_error_m(),
             rms_error_m: self.tracking.rms_error_m(),
@@ -327,7 +335,9 @@ impl<'a> Cycle<'a> {
             bus: self.bus,
             subdevices: self.subdevices,
             datagrams: self.datagrams,
-            events: self.events.into_iter().map(event).collect(),
+            timing: self.timing.figures(&events),
+            cpu_share: None,
+            events,
         };
         Ran { summary, last: self.last, finished, ended }
     }

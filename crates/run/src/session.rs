@@ -107,12 +107,14 @@ impl fmt::Display for WatchdogRegisters {
 pub struct Times {
     /// Periods of the cycle since the one before: more than one where cycles were left out.
     pub periods: u64,
-    /// When it was to begin.
+    /// The instant of its period: the one nearest to its begin.
     pub wake: HostTime,
-    /// How late it began, ns.
+    /// How long after the instant that was planned for it it began, ns.
     pub late_ns: u64,
     /// From the send until all frames were back or given up, ns.
     pub round_trip_ns: u64,
+    /// How far its frame was behind (positive) or before its place in the DC cycle, ns; `None` without a reading.
+    pub dc_phase_ns: Option<i64>,
 }
 
 /// Who leads whom in time.
@@ -143,8 +145,8 @@ pub struct Session<L: Link, C: Clock> {
     timeout: Duration,
     last_clock: Option<DcTime>,
     wake: HostTime,
-    /// Periods by which the coming cycle lies behind the last one.
-    periods: u64,
+    /// The phase error of the last frame, where it brought a reading.
+    phase_ns: Option<i64>,
     end: End,
 }
 
@@ -230,7 +232,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             cycle,
             timeout: Duration::from_nanos(plan.bus.receive_timeout_ns),
             last_clock: None,
-            periods: 1,
+            phase_ns: None,
             end: End::ToCome,
         })
     }
@@ -273,9 +275,9 @@ impl<L: Link, C: Clock> Session<L, C> {
             // Without the supervisor, who would take the answers.
             self.clock.sleep_until(self.wake);
             let woke = self.clock.now();
+            self.leave_out((woke - self.wake).as_nanos() as u64);
             self.bus.exchange(&mut self.image, self.wake.max(woke) + self.timeout)?;
-            self.wake = self.next_wake(woke);
-            self.skip_missed();
+            self.phase_ns = self.plan_next(woke);
             while let Some(completion) = self.bus.poll_completion() {
                 let AcyclicWork::Mailbox(answer) = completion.work else { continue };
                 open = open.saturating_sub(1);
@@ -313,9 +315,15 @@ impl<L: Link, C: Clock> Session<L, C> {
     }
 
     /// One cycle: sleeps until its instant, exchanges, and plans the next instant. `Err` only where the link is gone.
+    ///
+    /// Whoever comes late belongs to the period whose instant is nearest; the periods before it are left out, and no
+    /// burst catches up. Frames pass half a cycle away from SYNC0: one that comes later than that serves the next
+    /// SYNC0, which another frame must not serve again.
     pub fn exchange(&mut self) -> Result<(Exchange, Times), LinkError> {
         self.clock.sleep_until(self.wake);
         let woke = self.clock.now();
+        let late_ns = (woke - self.wake).as_nanos() as u64;
+        let left_out = self.leave_out(late_ns);
         // Where the host overslept the frame still needs its time to come back.
         let deadline = self.wake.max(woke) + self.timeout;
         if let Pace::LeadDc(_, leader) = &self.pace {
@@ -328,14 +336,10 @@ impl<L: Link, C: Clock> Session<L, C> {
         let exchange = self.bus.exchange(&mut self.image, deadline)?;
         self.supervisor.after(&mut self.bus, deadline);
         let back = self.clock.now();
-        let times = Times {
-            periods: self.periods,
-            wake: self.wake,
-            late_ns: (woke - self.wake).as_nanos() as u64,
-            round_trip_ns: (back - woke).as_nanos() as u64,
-        };
-        self.wake = self.next_wake(woke);
-        self.periods = 1;
+        let (wake, round_trip_ns) = (self.wake, (back - woke).as_nanos() as u64);
+        self.phase_ns = self.plan_next(woke);
+        let dc_phase_ns = self.phase_ns;
+        let times = Times { periods: 1 + left_out, wake, late_ns, round_trip_ns, dc_phase_ns };
         Ok((self.robot_exchange(exchange), times))
     }
 
@@ -380,11 +384,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             frames_foreign: now.foreign - before.foreign,
             working_counter_errors: now.working_counter_errors - before.working_counter_errors,
             al_status: self.bus.status().map_or(0, |status| status.bits.into()),
-            dc_phase_ns: match &self.pace {
-                Pace::Free => 0,
-                Pace::FollowDc(follower) => follower.last_error_ns().unwrap_or(0),
-                Pace::LeadDc(_, leader) => leader.last_error_ns().unwrap_or(0),
-            },
+            dc_phase_ns: self.phase_ns.unwrap_or(0),
             ..*self.supervisor.totals()
         }
     }
@@ -404,38 +404,50 @@ impl<L: Link, C: Clock> Session<L, C> {
         counts.collect()
     }
 
-    /// Leaves out what was missed while the cycle computed: no burst catches up, and the phase stays. Cycles left out.
-    pub fn skip_missed(&mut self) -> u64 {
-        let now = self.clock.now();
-        if now <= self.wake {
-            return 0;
-        }
-        let missed = ((now - self.wake).as_nanos() / self.cycle.as_nanos().max(1)) as u64;
-        self.wake = self.wake + self.cycle * missed as u32;
-        self.periods += missed;
+    /// Goes on to the period whose instant is nearest to the present. How many periods were left out.
+    fn leave_out(&mut self, late_ns: u64) -> u64 {
+        let cycle_ns = self.cycle.as_nanos().max(1) as u64;
+        let missed = late_ns.saturating_add(cycle_ns / 2) / cycle_ns;
+        self.wake = HostTime(self.wake.0.saturating_add(missed.saturating_mul(cycle_ns)));
         missed
     }
 
-    fn next_wake(&mut self, woke: HostTime) -> HostTime {
+    /// Plans the next instant; the phase error of this cycle's frame, where it brought a reading.
+    fn plan_next(&mut self, woke: HostTime) -> Option<i64> {
         // A reading that didn't change is that of an earlier frame.
         let reading = self.bus.clock().filter(|time| self.last_clock != Some(*time));
         self.last_clock = self.bus.clock();
         let planned = self.wake + self.cycle;
-        match &mut self.pace {
-            Pace::Free => planned,
-            Pace::FollowDc(follower) => follower.next_wake(self.wake, reading),
-            Pace::LeadDc(follower, leader) => {
-                let is_first = leader.time_at(woke).is_none();
-                let Some(clock) = reading else { return planned };
-                leader.read(woke, clock);
-                if !is_first {
-                    return planned;
-                }
-                // Once, before any SYNC0: from then on both pass alike.
-                let late = i64::try_from((woke - self.wake).as_nanos()).unwrap_or(0);
-                HostTime(planned.0.saturating_add_signed(late - follower.phase_error(clock)))
+        // How long after the period's instant the frame left: negative where an earlier one was left out for it.
+        let off_ns = woke.0.wrapping_sub(self.wake.0) as i64;
+        let phase_ns = match &self.pace {
+            Pace::Free => None,
+            Pace::FollowDc(follower) | Pace::LeadDc(follower, _) => {
+                reading.map(|clock| follower.phase_error(clock))
             }
-        }
+        };
+        self.wake = match &mut self.pace {
+            Pace::Free => planned,
+            // The reading as it were, had the host woken at the instant: its lateness says nothing about the clocks.
+            Pace::FollowDc(follower) => {
+                let on_time = reading.map(|clock| DcTime(clock.0.wrapping_add_signed(-off_ns)));
+                follower.next_wake(self.wake, on_time)
+            }
+            Pace::LeadDc(_, leader) => {
+                let is_first = leader.time_at(woke).is_none();
+                if let Some(clock) = reading {
+                    leader.read(woke, clock);
+                }
+                match phase_ns {
+                    Some(phase_ns) if is_first => {
+                        // Once, before any SYNC0: from then on both pass alike.
+                        HostTime(planned.0.saturating_add_signed(off_ns - phase_ns))
+                    }
+                    _ => planned,
+                }
+            }
+        };
+        phase_ns
     }
 
     /// The process data as the robot sees them.

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::events::Event;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
+use crate::timing::TimingFigures;
 use crate::tracking::BelievedAndTrue;
 
 /// How a run went: `omnibase run --json` prints this, key by key.
@@ -35,6 +36,10 @@ pub struct Summary {
     pub subdevices: Vec<SubDeviceFigures>,
     /// Working counters, by datagram.
     pub datagrams: Vec<DatagramFigures>,
+    /// How long cycles took, and what happened in the worst ones.
+    pub timing: TimingFigures,
+    /// CPU time of the cycle's thread over the run's; `None` on virtual time.
+    pub cpu_share: Option<f64>,
     /// What happened.
     pub events: Vec<Event>,
 }

@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     check_wire_time(&handover.bus.plan().frames, arguments.cycle_us)?;
 
     // Until the end of the cycle.
-    let _granted = arguments.real_time.apply();
+    let _granted = arguments.real_time.apply(arguments.cycle_us)?;
     let plan = Plan {
         cycle: arguments.cycle_us,
         cycles: arguments.cycles,

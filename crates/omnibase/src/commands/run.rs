@@ -15,7 +15,7 @@ use anyhow::Context;
 use omnibase_ethercat::RedundantLink;
 use omnibase_ethercat_sim::in_process;
 use omnibase_ethercat_wire::Link;
-use omnibase_host::{Waiting, stop_on_signals};
+use omnibase_host::{Waiting, real_time, stop_on_signals};
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
@@ -26,7 +26,7 @@ use reference::ReferenceChoice;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Runs a robot along a reference: drives up, tracked to the end, drives down, and says how well it went.
 ///
@@ -62,6 +62,9 @@ pub struct Arguments {
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
     #[arg(long, requires = "interface")]
     ring: bool,
+    /// Look at the ring until the frame is back instead of sleeping; uses up a CPU meanwhile.
+    #[arg(long, requires = "ring")]
+    busy_poll: bool,
     /// Record every signal of every cycle into this MCAP file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -104,7 +107,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
-    let (operated, live) = arguments.operated.start(source.text, &robot, registry, known, describer)?.unzip();
+    let (operated, live) =
+        arguments.operated.start(source.text, &robot, registry, known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,
@@ -114,24 +118,33 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         stop,
         progress: &progress,
     };
-    // Until the end of the cycle.
-    let _granted = arguments.real_time.apply();
-    let ran = std::thread::scope(|scope| {
+    let cycle = Duration::from_nanos(robot.plan.bus.cycle_ns);
+    let (ran, share) = std::thread::scope(|scope| {
         // Drawing may block: not in the thread of the cycle.
         let shown = (!is_operated).then(|| scope.spawn(|| show(&progress, stop)));
+        let ended = EndedAtLast(&progress);
+        // Until the end of the cycle; behind the start of other threads, which would inherit the CPU.
+        let granted = arguments.real_time.apply(cycle)?;
+        if let (Some(describer), Some(granted)) = (describer, &granted) {
+            let words: Vec<String> = granted.outcomes.iter().map(ToString::to_string).collect();
+            describer.describe("real_time".to_owned(), words.join("; "));
+        }
+        let share = CpuShare::new();
         let ran =
             omnibase_run::run(way.link, way.clock, setup, &mut |text| note(format_args!("warning: {text}")));
-        progress.ended.store(true, Ordering::Relaxed);
+        let share = share.so_far();
+        drop(ended);
         // A bar that died is no reason to lose the figures.
         if let Some(shown) = shown
             && shown.join().is_err()
         {
             note("warning: the progress bar died");
         }
-        ran
+        anyhow::Ok((ran?, share))
     })?;
     page.iter_mut().for_each(Page::keep);
     let mut summary: Summary = ran.summary;
+    summary.cpu_share = arguments.interface.is_some().then_some(share);
     let mut lost = None;
     if let Some(recorder) = recorder {
         let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded));
@@ -176,7 +189,11 @@ impl Arguments {
             };
             return Ok(Way { link: Box::new(link), clock, machine: Some(machine) });
         };
-        let port = if self.ring { Port::Ring(Waiting::Sleep) } else { Port::Socket };
+        let port = match (self.ring, self.busy_poll) {
+            (false, _) => Port::Socket,
+            (true, false) => Port::Ring(Waiting::Sleep),
+            (true, true) => Port::Ring(Waiting::BusyPoll),
+        };
         let cable = Target::Interface(interface.clone()).open(port)?;
         let link = match &self.redundant {
             None => cable.link,
@@ -211,6 +228,33 @@ impl Arguments {
         let (recorder, sink) =
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
+    }
+}
+
+/// Says that a run is over, in whatever way its scope is left: its bar must not go on.
+struct EndedAtLast<'a>(&'a Progress);
+
+impl Drop for EndedAtLast<'_> {
+    fn drop(&mut self) {
+        self.0.ended.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The CPU time of a thread against time.
+struct CpuShare {
+    cpu: Duration,
+    began: Instant,
+}
+
+impl CpuShare {
+    fn new() -> Self {
+        CpuShare { cpu: real_time::thread_cpu_time(), began: Instant::now() }
+    }
+
+    /// Of one CPU, by the calling thread.
+    fn so_far(&self) -> f64 {
+        let cpu = real_time::thread_cpu_time().saturating_sub(self.cpu);
+        cpu.as_secs_f64() / self.began.elapsed().as_secs_f64().max(1e-9)
     }
 }
 

@@ -87,6 +87,9 @@ struct Report {
     standstills: Vec<Standstill>,
 }
 
+/// The period of a budget under SCHED_DEADLINE: whose cycle is served isn't known.
+const SERVICE_PERIOD: Duration = Duration::from_millis(1);
+
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (mut segment, machine) = match &arguments.file {
@@ -130,7 +133,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let logbook = Logbook::new(&segment, machine);
     let mut watch = Watch { logbook, faults, start: segment.now(), stop };
     // Until the end of the service.
-    let granted = arguments.real_time.apply();
+    let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, &arguments.interface)?;
     drop(granted);
     let Logbook { entries, watchdogs, standstills, .. } = &watch.logbook;

@@ -1,9 +1,9 @@
 //! What a whole capture shows: round trips, cycle, losses, working counters.
 
 use super::records::{Record, Way, WayRule};
-use crate::quantiles::{Distribution, Quantiles};
 use omnibase_ethercat_wire::Command;
 use omnibase_ethercat_wire::frame::Datagram;
+use omnibase_run::quantiles::{Distribution, Quantiles};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap};
 

@@ -2,7 +2,6 @@
 
 use super::report::Report;
 use crate::progress::{bar, note};
-use crate::quantiles::Distribution;
 use crate::target::AnyClock;
 use anyhow::Context;
 use omnibase_ethercat::cyclic::TransitionOptions;
@@ -13,6 +12,7 @@ use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::frame::FrameBuilder;
 use omnibase_ethercat::wire::{Address, AlState, Clock, Command, DcTime, HostTime, Link, register};
 use omnibase_ethercat::{CyclicBus, ProcessImage};
+use omnibase_run::quantiles::Distribution;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 

@@ -91,6 +91,16 @@ pub fn last_words(
         ("records_dropped", recorded.dropped.to_string()),
         ("realtime_factor", summary.realtime_factor.to_string()),
     ];
+    let timing = &summary.timing;
+    let worst = [
+        ("worst_wake_up", &timing.wake_up_ns),
+        ("worst_round_trip", &timing.round_trip_ns),
+        ("worst_compute", &timing.compute_ns),
+        ("worst_dc_phase", &timing.dc_phase_ns),
+    ];
+    words.extend(
+        worst.into_iter().filter_map(|(key, measured)| Some((key, measured.as_ref()?.worst.to_string()))),
+    );
     if let Err(error) = ended {
         words.push(("ended_early", error.to_string()));
     }

@@ -4,7 +4,25 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 
 /// Counts values from 0 to a minute in nanoseconds, to three digits, without allocating after its making.
+#[derive(Clone, Debug)]
 pub struct Distribution(Histogram<u64>);
+
+impl Default for Distribution {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Values of a distribution that lie close together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Bin {
+    /// The least that they may be.
+    pub from: u64,
+    /// What they are less than; `None` for the last bin, which holds the rest.
+    pub below: Option<u64>,
+    /// How many there are.
+    pub count: u64,
+}
 
 /// The numbers of a distribution that people ask for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -49,33 +67,44 @@ impl Distribution {
         })
     }
 
-    /// The distribution as lines of bars, `rows` at most, each with its upper bound and count.
-    pub fn bars(&self, rows: usize) -> Vec<String> {
-        const WIDTH: u64 = 40;
+    /// How many values lie where: `rows` bins of equal width up to the 99.9 % quantile and one for the rest, the empty
+    /// ones left out.
+    pub fn bins(&self, rows: usize) -> Vec<Bin> {
         let Some(Quantiles { min, p999, .. }) = self.quantiles() else { return Vec::new() };
-        let step = ((p999 - min) / rows.max(1) as u64 + 1).max(1);
-        let mut counts = vec![0u64; rows.max(1) + 1];
+        let rows = rows.max(1);
+        let step = ((p999 - min) / rows as u64 + 1).max(1);
+        let bin = |row: usize| {
+            let from = min + step * row as u64;
+            Bin { from, below: (row < rows).then_some(from + step), count: 0 }
+        };
+        let mut bins: Vec<Bin> = (0..=rows).map(bin).collect();
         for value in self.0.iter_recorded() {
             let row = (value.value_iterated_to().saturating_sub(min) / step) as usize;
-            let row = row.min(counts.len() - 1);
-            counts[row] += value.count_since_last_iteration();
+            bins[row.min(rows)].count += value.count_since_last_iteration();
         }
-        let largest = counts.iter().copied().max().unwrap_or(1).max(1);
-        counts
-            .iter()
-            .enumerate()
-            .filter(|(_, count)| **count > 0)
-            .map(|(row, count)| {
-                let bar = "#".repeat((count * WIDTH).div_ceil(largest) as usize);
-                let bound = if row == counts.len() - 1 {
-                    format!("> {}", microseconds(min + step * row as u64))
-                } else {
-                    format!("< {}", microseconds(min + step * (row as u64 + 1)))
-                };
-                format!("{bound:>14} {count:>9} {bar}")
-            })
-            .collect()
+        bins.retain(|bin| bin.count > 0);
+        bins
     }
+
+    /// The distribution as lines of bars, `rows` and one at most, each with its bound and count.
+    pub fn bars(&self, rows: usize) -> Vec<String> {
+        bars(&self.bins(rows))
+    }
+}
+
+/// Bins as lines of bars, each with its bound and count.
+pub fn bars(bins: &[Bin]) -> Vec<String> {
+    const WIDTH: u64 = 40;
+    let largest = bins.iter().map(|bin| bin.count).max().unwrap_or(1).max(1);
+    let bar = |bin: &Bin| {
+        let bar = "#".repeat((bin.count * WIDTH).div_ceil(largest) as usize);
+        let bound = match bin.below {
+            Some(below) => format!("< {}", microseconds(below)),
+            None => format!("> {}", microseconds(bin.from)),
+        };
+        format!("{bound:>14} {:>9} {bar}", bin.count)
+    };
+    bins.iter().map(bar).collect()
 }
 
 /// Nanoseconds as microseconds with three digits behind the point.
