@@ -39,6 +39,9 @@ pub(crate) struct Facts<'a> {
     wheels: Vec<WheelFacts<'a>>,
     limits: LimitFacts,
     controllers: Vec<&'a str>,
+    footprint: &'a [[f64; 2]],
+    fence: &'a [[f64; 2]],
+    obstacle_places: usize,
     columns: Vec<String>,
     may_command: bool,
 }
@@ -87,6 +90,9 @@ impl About {
                 area: plan.limits.area.map(|area| [area.min_m, area.max_m]),
             },
             controllers: plan.controllers().collect(),
+            footprint: &plan.guard.footprint_m,
+            fence: plan.guard.fence.as_ref().map_or(&[], |fence| &fence.corners_m),
+            obstacle_places: omnibase_robot::guard::MAX_OBSTACLES,
             columns: self.columns(),
             may_command,
         }

@@ -62,6 +62,23 @@ pub enum Call {
     ReleasePad,
     /// A stick that was lost may command again.
     EnablePad,
+    /// Put an obstacle on the floor, or move the one that is there.
+    SetObstacle {
+        /// Its place, from 0.
+        index: u32,
+        /// Centre in odom, x and y, m.
+        centre_m: [f64; 2],
+        /// Radius, m.
+        radius_m: f64,
+        /// Speed in odom, x and y, m/s; default: it stands.
+        #[serde(default)]
+        velocity_m_s: [f64; 2],
+    },
+    /// Take an obstacle away.
+    RemoveObstacle {
+        /// Its place, from 0.
+        index: u32,
+    },
     /// Take another reference.
     Load {
         /// The reference, as its table in a robot's file.

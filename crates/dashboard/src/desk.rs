@@ -6,6 +6,7 @@ use std::path::Path;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::guard::Obstacle;
 use omnibase_robot::references::reference;
 use omnibase_robot::signals::{Apply, Setpoint};
 use omnibase_robot::stages::Reference;
@@ -85,6 +86,13 @@ impl Desk {
             Call::Controller { name } => {
                 robot(RequestKind::SwitchController { index: self.controller(&name)? })
             }
+            Call::SetObstacle { index, centre_m, radius_m, velocity_m_s } => {
+                robot(RequestKind::SetObstacle {
+                    index,
+                    obstacle: Obstacle { centre_m, radius_m, velocity_m_s },
+                })
+            }
+            Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
             Call::Set { values } => return self.set(client, &values),
             Call::Pad { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;

@@ -2,7 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use omnibase_robot::signals::{Course, CycleRecord, DriveProgress, Phase, SafetyReason};
+use omnibase_robot::guard::Obstacle;
+use omnibase_robot::signals::{Course, CycleRecord, DriveProgress, LimitedBy, Phase, SafetyReason};
 use omnibase_run::channels::Rows;
 use omnibase_run::live::{Client, Commander, LiveEvent, Snapshot};
 use serde::Serialize;
@@ -44,6 +45,10 @@ pub struct Seen {
     pub drives: Vec<DriveSeen>,
     /// What may be set.
     pub settings: Vec<Setting>,
+    /// Obstacles that are there.
+    pub obstacles: Vec<ObstacleSeen>,
+    /// What held the motion back: nothing, `fence` or `obstacle`.
+    pub limited_by: &'static str,
     /// Every value, in the order of the robot's columns.
     pub values: Vec<f32>,
     /// What happened since the message before.
@@ -59,6 +64,19 @@ pub struct DriveSeen {
     pub state: &'static str,
     /// Its error, in words; empty where it has none.
     pub error: String,
+}
+
+/// One obstacle, in odom.
+#[derive(Debug, Serialize)]
+pub struct ObstacleSeen {
+    /// Its place.
+    pub index: usize,
+    /// Centre, m.
+    pub x: f64,
+    /// Centre, m.
+    pub y: f64,
+    /// Radius, m.
+    pub radius: f64,
 }
 
 /// A value that may be set.
@@ -123,6 +141,11 @@ impl Seen {
             value: gain.value,
             range: [gain.least, gain.greatest],
         });
+        let there = snapshot.obstacles.iter().enumerate();
+        let obstacles = there.filter_map(|(index, obstacle)| {
+            let Obstacle { centre_m: [x, y], radius_m: radius, .. } = (*obstacle)?;
+            Some(ObstacleSeen { index, x, y, radius })
+        });
         let pose = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
         Seen {
             time_s: record.time.now_ns as f64 * 1e-9,
@@ -146,6 +169,12 @@ impl Seen {
             controller: record.controller,
             drives: drives(record),
             settings: settings.collect(),
+            obstacles: obstacles.collect(),
+            limited_by: match record.guard.limited_by {
+                LimitedBy::Nothing => "",
+                LimitedBy::Fence => "fence",
+                LimitedBy::Obstacle => "obstacle",
+            },
             values: values.iter().map(|value| *value as f32).collect(),
             events: Vec::new(),
             server: [0; 5],

@@ -189,6 +189,47 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
 }
 
 #[test]
+fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
+    let Some(mut page) = browser(1400, 1000) else { return };
+    let robot = Robot::start(&["--set", "avoidance.kind=guarded"]);
+    page.open(&robot.url());
+    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    page.click("[data-do=enable]");
+    page.wait("document.getElementById('phase').textContent === 'holding'");
+    // Where a place of odom is on the screen, before the view is moved: its centre is the origin.
+    let footprint = robot.read("robot")["footprint"].clone();
+    let reach_m = footprint.as_array().unwrap().iter().fold(0.2, |reach: f64, corner| {
+        reach.max(corner[0].as_f64().unwrap().hypot(corner[1].as_f64().unwrap()))
+    });
+    let middle = page.middle("#view");
+    let size = page
+        .value("[document.getElementById('view').clientWidth, document.getElementById('view').clientHeight]");
+    let scale = size[0].as_f64().unwrap().min(size[1].as_f64().unwrap()) / (8.0 * reach_m);
+    let place = |x_m: f64, y_m: f64| [middle[0] + x_m * scale, middle[1] - y_m * scale];
+    page.click("#obstacle");
+    for what in ["mousePressed", "mouseReleased"] {
+        page.mouse(what, place(1.0, 1.0));
+    }
+    robot.wait("it is there", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() > Some(0.9));
+    page.wait("document.getElementById('view').dataset.obstacles === '1'");
+    page.mouse("mousePressed", place(1.0, 1.0));
+    page.mouse("mouseMoved", place(1.0, 0.6));
+    page.mouse("mouseMoved", place(1.0, 0.1));
+    page.mouse("mouseReleased", place(1.0, 0.1));
+    robot.wait("it was dragged", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() < Some(0.2));
+    assert_eq!(robot.call(&json!({"do": "go_to", "pose": [2.0, 0.0, 0.0]})).0, 200);
+    let bent_m = std::cell::Cell::new(0.0_f64);
+    robot.wait("it is past the obstacle", |robot| {
+        bent_m.set(bent_m.get().max(robot.value("state/pose_y_m").abs()));
+        assert!(robot.value("guard/obstacle_distance_m") > 0.0, "{}", robot.read("now"));
+        robot.value("state/pose_x_m") > 1.95
+    });
+    page.picture("bent");
+    assert!(bent_m.get() > 0.3, "{} m", bent_m.get());
+    robot.end();
+}
+
+#[test]
 fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
     let robot = Robot::start(&["--path", SQUARE]);
     let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();

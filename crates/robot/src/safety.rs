@@ -2,8 +2,8 @@
 
 use crate::config::{Limits, SafetyPlan};
 use crate::signals::{
-    Allowed, Commands, DriveProgress, Exchange, LimitedBy, Phase, Quantity, SafetyAction, SafetyReason,
-    Stage, StopCategory,
+    Allowed, Commands, DriveProgress, Exchange, Phase, Quantity, SafetyAction, SafetyReason, Stage,
+    StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
 
@@ -94,9 +94,10 @@ impl SafetyChain {
     }
 
     fn tracking(&self, view: &SafetyView<'_>) -> Objection {
-        // A platform that gives way to an obstacle is where it shall be if it is where the way around leads.
-        let goes_around = view.guard.limited_by == LimitedBy::Obstacle;
-        let shall = if goes_around { view.setpoint } else { view.wished };
+        // Among obstacles a platform gives way, and catches up afterwards: it is where it shall be if it is where the
+        // way around leads.
+        let gives_way = view.guard.nearest_obstacle > 0;
+        let shall = if gives_way { view.setpoint } else { view.wished };
         let distance_m = shall.odom_from_body.distance_m(view.state.odom_from_body);
         let far = distance_m > self.plan.tracking_error_m;
         far.then_some((SafetyAction::Stop(self.plan.tracking_error_stop), SafetyReason::TrackingError, 0))

@@ -260,6 +260,7 @@ impl<'a> Cycle<'a> {
             phase: self.robot.phase(),
             beside,
             settings,
+            obstacles: *self.robot.obstacles(),
             cycles: self.cycles,
             lost_frames: self.lost_frames,
             overruns: self.overruns,

@@ -70,6 +70,22 @@ function picking(button, then) {
 }
 picking(by("go"), ([x, y]) => ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }));
 
+picking(by("obstacle"), ([x, y]) => {
+  const taken = new Set((last?.obstacles ?? []).map(({ index }) => index));
+  const free = [...Array(facts.obstacle_places).keys()].find((index) => !taken.has(index));
+  if (free === undefined) by("said").textContent = "there is no place for another obstacle";
+  else ask({ do: "set_obstacle", index: free, centre_m: [x, y], radius_m: 0.2 });
+});
+let draggedAt = 0;
+view.onDrag = ({ index, x, y, radius }) => {
+  // Often enough to look smooth, and no flood.
+  if (performance.now() - draggedAt < 50) return;
+  draggedAt = performance.now();
+  link.send({ do: "set_obstacle", index, centre_m: [x, y], radius_m: radius });
+};
+view.onDrop = ({ index, x, y, radius }) => ask({ do: "set_obstacle", index, centre_m: [x, y], radius_m: radius });
+view.onRemove = ({ index }) => ask({ do: "remove_obstacle", index });
+
 // What is seen.
 
 function value(name) {
@@ -108,7 +124,7 @@ async function begin() {
   by("link").textContent = me ? `you are ${me}` : "you may look: open the address with its token to command";
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
-    if (!element.closest(".tools, .plots") || element.id === "go") element.disabled = !me;
+    if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
   }
   for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !me);
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
@@ -173,7 +189,8 @@ function see(seen) {
     ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   const [believed, truth] = [pose("state"), facts.simulated ? pose("truth") : null];
-  view.obstacles = view.dragged ? view.obstacles : (seen.obstacles ?? []);
+  if (!view.dragged) view.obstacles = seen.obstacles;
+  by("view").dataset.obstacles = seen.obstacles.length;
   if (believed) view.add(believed, truth);
   showPose(believed);
   showDrives(seen);
@@ -192,6 +209,7 @@ function showPose(believed) {
     ["heading", believed && `${((believed[2] * 180) / Math.PI).toFixed(2)}°`],
     ["speed", `${Math.hypot(value("state/twist_in_body_x_m_s") ?? 0, value("state/twist_in_body_y_m_s") ?? 0).toFixed(3)} m/s`],
     ["error", error === null ? "–" : `${(error * 1000).toFixed(3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
+    ["held back by", last.limited_by || "nothing"],
   ];
   const list = by("pose");
   if (list.children.length !== pairs.length) {

@@ -20,6 +20,7 @@ export class View {
     this.fence = [];
     this.onPick = null;
     this.onDrag = null;
+    this.onDrop = null;
     this.onRemove = null;
     this.pointers = new Map();
     this.listen();
@@ -39,8 +40,8 @@ export class View {
 
   robot(facts) {
     this.wheels = facts.wheels;
-    this.fence = facts.fence ?? box(facts.limits.area);
-    this.footprint = facts.footprint ?? hull(facts.wheels.flatMap(corners));
+    this.fence = facts.fence.length ? facts.fence : box(facts.limits.area);
+    this.footprint = facts.footprint;
     const reach = Math.max(0.2, ...this.footprint.map(([x, y]) => Math.hypot(x, y)));
     this.scale = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / (8 * reach);
   }
@@ -123,6 +124,7 @@ export class View {
     });
     const end = (event) => {
       if (!this.pointers.delete(event.pointerId)) return;
+      if (this.dragged && this.moved) this.onDrop?.(this.dragged);
       if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)));
       this.dragged = null;
     };
@@ -257,19 +259,4 @@ function corners({ position_m: [x, y], rolling: [u, v], radius_m: radius }) {
   const [a, b] = [(u / length) * radius, (v / length) * radius];
   const [p, q] = [-b * 0.35, a * 0.35];
   return [[x + a + p, y + b + q], [x - a + p, y - b + q], [x - a - p, y - b - q], [x + a - p, y + b - q]];
-}
-
-/** The convex hull of points, counter-clockwise. */
-function hull(points) {
-  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-  const turn = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
-  const half = (list) => {
-    const kept = [];
-    for (const point of list) {
-      while (kept.length > 1 && turn(kept.at(-2), kept.at(-1), point) <= 0) kept.pop();
-      kept.push(point);
-    }
-    return kept.slice(0, -1);
-  };
-  return [...half(sorted), ...half(sorted.reverse())];
 }

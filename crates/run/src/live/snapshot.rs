@@ -1,5 +1,6 @@
 //! The latest of everything, for whoever looks at a running robot.
 
+use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
 
@@ -19,6 +20,8 @@ pub struct Snapshot {
     pub beside: Beside,
     /// What may be set, in the order of its index.
     pub settings: [Option<Gain>; MAX_SETTINGS],
+    /// Obstacles that are there, where they are now.
+    pub obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// The number of the reference that is followed; 0 for the robot file's own.
     pub reference: u32,
     /// Where that began when it was last started.
