@@ -380,6 +380,7 @@ impl Robot {
     fn limit(&mut self) -> Setpoint {
         let wished = self.record.wished;
         let state = &self.record.state;
+        let holding = self.limiter.leading_to(&wished);
         let mut guarded = |drive: Drive<'_>| self.guard.step(&mut self.limiter, drive, state);
         let limited = match self.lifecycle.phase() {
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
@@ -390,7 +391,9 @@ impl Robot {
             Phase::Tracking if self.motion.velocity().is_some() => {
                 guarded(Drive::Toward(wished.twist_in_odom))
             }
-            Phase::Holding | Phase::Tracking => guarded(Drive::Follow(&wished)),
+            Phase::Tracking => guarded(Drive::Follow(&wished)),
+            // A robot that nobody leads stays, whatever comes near it: it gives way to nothing by itself.
+            Phase::Holding => guarded(Drive::Toward(holding)),
         };
         // A platform that something holds back may rest, and isn't there yet.
         let is_held_back =

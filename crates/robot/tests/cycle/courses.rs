@@ -208,3 +208,16 @@ fn another_reference_is_taken_at_rest_and_begins_only_near_its_start() {
     let reference = references::reference(&table, &bench.plan.limits).ok().unwrap();
     assert_eq!(bench.robot.offer_reference(9, reference).map(|(number, _)| number), Some(u32::MAX));
 }
+
+#[test]
+fn a_robot_that_nobody_leads_stays_where_an_obstacle_comes_near_it() {
+    let obstacle = "\n[[obstacle]]\ncentre_m = [2.0, 0.0]\nradius_m = 0.2\nvelocity_m_s = [-0.5, 0.0]\n";
+    let mut bench = Bench::new(plan(&format!("{BMM}{obstacle}")));
+    bench.enable();
+    let begin = bench.pose;
+    for _ in 0..6000 {
+        let record = bench.step(None);
+        assert_eq!((record.phase, bench.pose), (Phase::Holding, begin));
+    }
+    assert!(bench.robot.record().guard.obstacle_distance_m.unwrap() < 1.0, "it came by");
+}
