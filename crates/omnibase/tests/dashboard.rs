@@ -108,12 +108,19 @@ fn browser(width: u32, height: u32) -> Option<Browser> {
     browser
 }
 
+/// The page knows who it is, and has drawn what it saw: from now on nothing moves away under the mouse.
+fn opened(page: &mut Browser) {
+    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    page.wait("document.getElementById('view').dataset.obstacles !== undefined");
+    page.wait("document.querySelectorAll('.plot').length > 3");
+}
+
 #[test]
 fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
     let Some(mut page) = browser(1400, 1000) else { return };
     let robot = Robot::start(&[]);
     page.open(&robot.url());
-    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    opened(&mut page);
     assert_eq!(page.value("location.search"), json!(""), "the token leaves the address");
     page.click("[data-do=enable]");
     page.wait("document.getElementById('phase').textContent === 'holding'");
@@ -154,7 +161,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     let Some(mut page) = browser(390, 844) else { return };
     let robot = Robot::start(&[]);
     page.open(&robot.url());
-    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    opened(&mut page);
     page.click("[data-do=enable]");
     page.wait("document.getElementById('phase').textContent === 'holding'");
     page.picture("phone");
@@ -193,7 +200,7 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     let Some(mut page) = browser(1400, 1000) else { return };
     let robot = Robot::start(&["--set", "avoidance.kind=guarded"]);
     page.open(&robot.url());
-    page.wait("document.getElementById('link')?.textContent.startsWith('you are page')");
+    opened(&mut page);
     page.click("[data-do=enable]");
     page.wait("document.getElementById('phase').textContent === 'holding'");
     // Where a place of odom is on the screen, before the view is moved: its centre is the origin.

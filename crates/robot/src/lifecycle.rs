@@ -217,13 +217,3 @@ impl Lifecycle {
         self.since_ns = time.now_ns;
     }
 }
-
-impl StopCategory {
-    fn severity(self) -> u8 {
-        match self {
-            StopCategory::RemoveTorque => 2,
-            StopCategory::RampThenRemove => 1,
-            StopCategory::RampAndHold => 0,
-        }
-    }
-}

@@ -73,6 +73,17 @@ pub enum StopCategory {
 
 coded!(StopCategory { RemoveTorque = 0, RampThenRemove = 1, RampAndHold = 2 });
 
+impl StopCategory {
+    /// The greater, the more is taken from the drives.
+    pub fn severity(self) -> u8 {
+        match self {
+            StopCategory::RemoveTorque => 2,
+            StopCategory::RampThenRemove => 1,
+            StopCategory::RampAndHold => 0,
+        }
+    }
+}
+
 /// A stage of the cycle, as reasons name it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stage {

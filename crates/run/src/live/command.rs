@@ -2,7 +2,7 @@
 
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
-use omnibase_robot::signals::{Frame, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{Frame, RequestAnswer};
 use omnibase_robot::stages::Reference;
 
 /// Clients that can hold a session at the same time.
@@ -162,13 +162,4 @@ impl Commander {
 /// Requests that begin a motion.
 pub(super) fn begins_motion(kind: &RequestKind) -> bool {
     matches!(kind, RequestKind::Track | RequestKind::Resume | RequestKind::GoTo { .. })
-}
-
-/// A stop's category and what follows, most severe first.
-pub(super) fn severity(category: StopCategory) -> u8 {
-    match category {
-        StopCategory::RemoveTorque => 2,
-        StopCategory::RampThenRemove => 1,
-        StopCategory::RampAndHold => 0,
-    }
 }

@@ -8,9 +8,7 @@ use omnibase_robot::signals::{CycleRecord, Frame, Phase, RequestAnswer, StopCate
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
-use super::command::{
-    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion, severity,
-};
+use super::command::{Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion};
 
 /// Requests that can wait for their cycle.
 const MOST_WAITING: usize = 64;
@@ -379,7 +377,7 @@ impl Operator {
     fn stop_with(&mut self, category: StopCategory, client: Client, ticket: u64) {
         let asked = (category, client, ticket);
         let (kept, other) = match self.stop {
-            Some(present) if severity(present.0) >= severity(category) => (present, Some(asked)),
+            Some(present) if present.0.severity() >= category.severity() => (present, Some(asked)),
             other => (asked, other),
         };
         self.stop = Some(kept);
