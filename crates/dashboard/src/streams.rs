@@ -91,6 +91,8 @@ mod foxglove_server {
     /// One channel for each topic.
     pub(super) struct Server {
         _handle: WebSocketServerHandle,
+        /// Channels live as long as it does.
+        _context: Arc<Context>,
         channels: Vec<Arc<RawChannel>>,
     }
 
@@ -119,7 +121,7 @@ mod foxglove_server {
             let channels = schema.topics.iter().map(channel).collect::<Option<Vec<_>>>()?;
             let server = WebSocketServer::new().name("omnibase").context(&context);
             let handle = server.bind(address.ip().to_string(), address.port()).start().await.ok()?;
-            Some(Server { _handle: handle, channels })
+            Some(Server { _handle: handle, _context: context, channels })
         }
 
         pub(super) fn log(&self, time_ns: u64, topics: &[(String, Map<String, Value>)]) {
