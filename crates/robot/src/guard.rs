@@ -1,8 +1,8 @@
 //! Fence and obstacles: what of a motion the footprint may do.
 //!
-//! Two layers. [`shaping`] makes a wish gentle: near a wall only the part that leads outwards is slowed, so that one
+//! Two layers. `shaping` makes a wish gentle: near a wall only the part that leads outwards is slowed, so that one
 //! slides along it, and around an obstacle. What counts is the check behind it: a cycle's motion is let through only if
-//! the stop after it ([`braking`]) is known to keep the footprint inside the fence and off every obstacle. Else the
+//! the stop after it (`braking`) is known to keep the footprint inside the fence and off every obstacle. Else the
 //! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction.
 
 mod braking;

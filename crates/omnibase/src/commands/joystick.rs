@@ -36,7 +36,7 @@ const PLAYED_TURN_NS: u64 = 5_000_000;
 
 Ctrl-C ends. Exit code 1 where there is no device.")]
 pub struct Arguments {
-    /// Robot file (TOML) with a [joystick] table.
+    /// Robot file (TOML) with a `joystick` table.
     robot: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,

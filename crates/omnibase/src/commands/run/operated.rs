@@ -58,7 +58,7 @@ pub struct Options {
     /// Where taught paths are kept.
     #[arg(long, value_name = "FOLDER", default_value = "paths", requires = "dashboard")]
     paths: PathBuf,
-    /// Drive by the stick or pad at this computer, as the robot file's [joystick] says: the first one that fits, a
+    /// Drive by the stick or pad at this computer, as the `joystick` table of its file says: the first one that fits, a
     /// device (/dev/input/event5), or a recording of `omnibase joystick --record`.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
