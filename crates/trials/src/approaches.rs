@@ -19,6 +19,9 @@ pub use measure::{distance_to_circle_m, room_in_fence_m};
 pub use wheel::register_kinematic;
 pub use world::{Random, Source, World};
 
+/// Less than that isn't nearer, m.
+const ROUNDING_M: f64 = 1e-9;
+
 /// What one approach came to.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach {
@@ -28,7 +31,8 @@ pub struct Approach {
     pub standing_m: f64,
     /// Least distance to a moving one, m: it may drive into a robot that stands.
     pub moving_m: f64,
-    /// Least distance to any obstacle while the robot moved, m; not to those that had come too near to it while it stood.
+    /// Least distance to any obstacle after a motion of the robot that brought it nearer, m; not to those that had come
+    /// too near to it while it stood.
     pub own_m: f64,
     /// Least part of the distance that is to be kept, likewise.
     pub own_share: f64,
@@ -67,6 +71,7 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
     };
     let mut acceleration = Twist2::default();
     let mut moved = Twist2::default();
+    let mut pose_before = Pose2::default();
     let mut came_by_itself = [false; 16];
     for index in 0..world.cycles + 8 {
         let request = match index {
@@ -102,12 +107,15 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
             *least_m = least_m.min(distance_m);
             // What comes too near to a robot that stands is no longer the robot's doing.
             came_by_itself[number] |= distance_m < world.plan.guard.distance_m && !is_moving;
-            if is_moving && !came_by_itself[number] {
+            // An obstacle that catches up with a robot which makes way for it is the obstacle's doing, too.
+            let brought_nearer = is_moving && distance_m < distance(&pose_before) - ROUNDING_M;
+            if brought_nearer && !came_by_itself[number] {
                 result.own_m = result.own_m.min(distance_m);
                 result.own_share = result.own_share.min(distance_m / world.plan.guard.distance_m);
             }
         }
         moved = record.setpoint.twist_in_odom;
+        pose_before = pose;
     }
     result
 }
