@@ -1,9 +1,11 @@
 //! A network namespace of one's own, with a virtual cable in it, for tests and benches.
 
+use crate::interface::{self, LinkState};
 use std::fs::File;
 use std::io;
 use std::os::fd::AsRawFd;
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 /// A private network namespace with a veth pair, `veth0` and `veth1`: what is sent into one end comes out of the
 /// other. It and everything in it vanish with the value, even when the process is killed.
@@ -36,6 +38,9 @@ pub enum NamespaceError {
     },
 }
 
+/// How long the kernel may take to tell of a carrier.
+const CARRIER: Duration = Duration::from_secs(10);
+
 impl Namespace {
     /// One end of the cable.
     pub const NEAR: &'static str = "veth0";
@@ -58,6 +63,12 @@ impl Namespace {
                 // Without this the kernel sends IPv6 solicitations of its own into the cable.
                 let _ = std::fs::write(format!("/proc/sys/net/ipv6/conf/{end}/disable_ipv6"), "1");
                 ip(&format!("link set {end} up"))?;
+            }
+            // The kernel tells of a carrier some time after it is there, on a busy machine up to a second.
+            let begin = Instant::now();
+            let is_up = |end| interface::link_state(end) == LinkState::Up;
+            while !(is_up(Self::NEAR) && is_up(Self::FAR)) && begin.elapsed() < CARRIER {
+                std::thread::sleep(Duration::from_millis(1));
             }
             Ok(Namespace { handle })
         });

@@ -24,9 +24,16 @@ fn main() {
         distribution("room to the fence", &results, |result| result.fence_m);
         distribution("distance to standing obstacles", &results, |result| result.standing_m);
         distribution("distance to moving obstacles", &results, |result| result.moving_m);
-        distribution("distance to all obstacles where its own motion brought it nearer", &results, |result| result.own_m);
+        distribution(
+            "distance to all obstacles where its own motion brought it nearer",
+            &results,
+            |result| result.own_m,
+        );
         let kept = results.iter().map(|(_, result)| result.own_share).fold(f64::INFINITY, f64::min);
-        println!("\nwhere its own motion brought it nearer it kept {:.3} of the distance to be kept, at least", kept);
+        println!(
+            "\nwhere its own motion brought it nearer it kept {:.3} of the distance to be kept, at least",
+            kept
+        );
         let names = ["speed", "acceleration", "jerk", "turn speed", "turn acceleration", "turn jerk"];
         for (number, name) in names.iter().enumerate() {
             let greatest = results.iter().map(|(_, result)| result.shares[number]).fold(0.0, f64::max);
