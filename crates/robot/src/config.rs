@@ -5,6 +5,7 @@
 //! 3. [`Robot::build`](crate::Robot::build) makes the stages of the cycle from the plan.
 
 mod check;
+mod drive_tables;
 mod drives;
 mod file;
 mod guard_check;
@@ -19,6 +20,7 @@ mod source;
 mod tests;
 mod units;
 
+pub use drive_tables::*;
 pub use file::*;
 pub use guard_tables::*;
 pub use joystick::*;

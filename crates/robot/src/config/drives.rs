@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use omnibase_ethercat::start_up::ReadBack;
 
 use super::check::{Check, ReadFile};
-use super::file::*;
+use super::drive_tables::*;
 use super::mapping::{PdoPlan, find, parse_map, parse_object};
 use super::plan::*;
 use super::problem::ProblemKind;

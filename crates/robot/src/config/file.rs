@@ -6,6 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::drive_tables::DriveTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 
@@ -87,137 +88,6 @@ pub enum ClockSource {
     DistributedClock,
     /// The distributed clock follows the host's time.
     Host,
-}
-
-/// One drive and its motor.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct DriveTable {
-    /// The wheel's name; default: `wheel_1` and so on.
-    pub name: Option<String>,
-    /// Its position on the bus, from 0; this or `alias`.
-    #[schemars(range(min = 0, max = 65_535))]
-    pub position: Option<u16>,
-    /// Its station alias; this or `position`.
-    #[schemars(range(min = 1, max = 65_535))]
-    pub alias: Option<u16>,
-    /// Device by name: `cia402`, `sgdv`, or one that a user registered; default: `cia402`.
-    pub device: Option<String>,
-    /// Vendor that must be there, as `"0x539"`.
-    pub vendor_id: Option<String>,
-    /// Product that must be there, as `"0x2200001"`.
-    pub product_code: Option<String>,
-    /// Revision that must be there.
-    pub revision: Option<String>,
-    /// PDO maps from the cycle to the drive; default: the device's own.
-    pub outputs: Option<Vec<PdoTable>>,
-    /// PDO maps from the drive to the cycle; default: the device's own.
-    pub inputs: Option<Vec<PdoTable>>,
-    /// Encoder counts per revolution of the motor.
-    #[schemars(range(min = 1))]
-    pub counts_per_revolution: Option<u32>,
-    /// Revolutions of the motor per revolution of the wheel; default: 1.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub gear_ratio: Option<f64>,
-    /// Whether positive counts turn the wheel backwards; default: `forward`.
-    pub direction: Option<TurnDirection>,
-    /// Unit of the drive's speed objects; default: `counts_s`.
-    pub speed_unit: Option<SpeedUnit>,
-    /// The motor's rated torque, N·m: 1000 in the drive's torque objects.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub rated_torque_nm: Option<f64>,
-    /// The motor's peak torque, N·m; default: the rated torque.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub peak_torque_nm: Option<f64>,
-    /// SDOs written in PRE-OP and read back.
-    pub parameters: Option<Vec<ParameterTable>>,
-    /// A file of `[[parameter]]` tables, sent before `parameters`.
-    pub parameters_file: Option<String>,
-    /// Parameters of a registered device, handed to it as they stand.
-    pub custom: Parameters,
-}
-
-/// Which way the wheel turns when the counts rise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TurnDirection {
-    /// The wheel's positive way.
-    Forward,
-    /// Against it.
-    Backward,
-}
-
-/// Unit of 0x60FF and 0x606C.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SpeedUnit {
-    /// Encoder counts per second.
-    CountsS,
-    /// Revolutions of the motor per minute.
-    Rpm,
-    /// Thousandths of a revolution of the motor per minute.
-    MilliRpm,
-}
-
-/// One PDO and what it carries.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct PdoTable {
-    /// The PDO, as `"0x1600"`.
-    pub pdo: Option<String>,
-    /// Its objects in order, each `index:bits` or `index.subindex:bits`, a gap `pad:bits`, as `"6040:16 60FF:32"`.
-    pub map: Option<String>,
-}
-
-/// One SDO to write.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct ParameterTable {
-    /// Object as `"0x6072"` or `"0x60C2.1"`.
-    pub object: Option<String>,
-    /// Type of the value.
-    #[serde(rename = "type")]
-    pub kind: Option<ParameterType>,
-    /// The value, in the drive's units.
-    pub value: Option<i64>,
-    /// Whether it is read back and compared; default: `compare`.
-    pub read_back: Option<ReadBackChoice>,
-}
-
-/// Type of a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ParameterType {
-    /// Signed, 8 bits.
-    I8,
-    /// Signed, 16 bits.
-    I16,
-    /// Signed, 32 bits.
-    I32,
-    /// Unsigned, 8 bits.
-    U8,
-    /// Unsigned, 16 bits.
-    U16,
-    /// Unsigned, 32 bits.
-    U32,
-}
-
-/// Whether a parameter is read back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ReadBackChoice {
-    /// Read and compared.
-    Compare,
-    /// Not read: write-only objects and commands.
-    Skip,
-}
-
-/// A file of parameters of one drive.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct ParametersFile {
-    /// SDOs in the order in which they are sent.
-    pub parameter: Vec<ParameterTable>,
 }
 
 /// Wheels and where they stand.

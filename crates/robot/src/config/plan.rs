@@ -6,9 +6,10 @@ use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
+use super::drive_tables::{SpeedUnit, TurnDirection};
 use super::file::{
-    ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable, SpeedUnit,
-    Synchronisation, TurnDirection,
+    ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable,
+    Synchronisation,
 };
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
