@@ -120,14 +120,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 &[value],
             ))?;
         }
-        let read = self.transactor.drive(&mut [SiiReader::new(target, SiiExtent::Whole)])?;
+        let mut readers = [SiiReader::new(target, SiiExtent::Whole)];
+        let read = self.transactor.drive(&mut readers)?;
         self.transactor.perform_one(Access::write(
             "giving the EEPROM back",
             target,
             register::SII_CONFIG,
             &[1],
         ))?;
-        Ok(read.into_iter().collect::<Result<Vec<_>, _>>()?.swap_remove(0))
+        read.into_iter().collect::<Result<(), _>>()?;
+        let [reader] = readers;
+        Ok(reader.into_image())
     }
 
     /// Takes the SubDevices at `positions` to `state` side by side; the first that fails is the error.

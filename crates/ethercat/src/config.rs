@@ -1,6 +1,7 @@
 //! What the user asks of each SubDevice; the default cycles any SubDevice as its SII describes it.
 
 use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use crate::start_up::SdoWrite;
@@ -48,7 +49,7 @@ pub struct SyncManagerPdos {
     /// PDOs assigned to it, in order.
     pub pdos: Vec<PdoConfig>,
     /// Where it was asked, in the user's words; given back in errors.
-    pub origin: Option<String>,
+    pub origin: Option<Arc<str>>,
 }
 
 /// Synchronisation by distributed clocks.

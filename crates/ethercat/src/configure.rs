@@ -12,7 +12,7 @@ use crate::fmmu;
 use crate::image::{ClockUse, ImagePlan, Member};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
-use crate::start_up::{Refusal, StartUpRunner, StartUpStep};
+use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::subdevice::SubDevice;
 use crate::sync_manager;
 use crate::watchdog;
@@ -313,8 +313,11 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 mailbox.take(),
             ));
         }
-        let results = self.transactor.drive(&mut runners)?;
-        for (mailbox, runner) in self.mailboxes.iter_mut().zip(runners) {
+        let mut results = self.transactor.drive(&mut runners)?;
+        for ((mailbox, runner), result) in self.mailboxes.iter_mut().zip(runners).zip(&mut results) {
+            if let Err(StartUpError { cause: StartUpFailure::State { programmed, .. }, .. }) = result {
+                *programmed = runner.programmed();
+            }
             *mailbox = runner.into_mailbox();
         }
         results.into_iter().collect::<Result<Vec<()>, _>>()?;

@@ -39,6 +39,8 @@ const FAILURE_LIMIT: u32 = 4;
 /// How much is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SiiExtent {
+    /// The fixed part alone: identity, alias, mailboxes, size.
+    Fixed,
     /// The fixed part, and the categories that set-up needs; others are passed over.
     Needed,
     /// Every byte of the announced size, 64 KiB at most.
@@ -106,7 +108,7 @@ enum Part {
     Rest { end: usize },
 }
 
-/// Reads one SubDevice's EEPROM; ends with the bytes of an image.
+/// Reads one SubDevice's EEPROM; once it has ended well, [`SiiReader::image`] is what was read.
 #[derive(Debug)]
 pub struct SiiReader {
     target: Target,
@@ -129,10 +131,15 @@ pub struct SiiReader {
 impl SiiReader {
     /// A reader of the SubDevice `target`, whose EEPROM belongs to the MainDevice at present.
     pub fn new(target: Target, extent: SiiExtent) -> Self {
+        SiiReader { image: Vec::with_capacity(512), ..SiiReader::idle(target, extent) }
+    }
+
+    /// One that has read nothing and has no memory.
+    fn idle(target: Target, extent: SiiExtent) -> Self {
         SiiReader {
             target,
             extent,
-            image: Vec::with_capacity(512),
+            image: Vec::new(),
             cursor: 0,
             part: Part::Header,
             phase: Phase::Free,
@@ -145,9 +152,27 @@ impl SiiReader {
         }
     }
 
+    /// Begins anew; asks for no memory that it hasn't.
+    pub fn restart(&mut self) {
+        let mut image = core::mem::take(&mut self.image);
+        image.clear();
+        *self = SiiReader { image, ..SiiReader::idle(self.target, self.extent) };
+    }
+
+    /// What was read so far.
+    pub fn image(&self) -> &[u8] {
+        &self.image
+    }
+
+    /// What was read so far.
+    pub fn into_image(self) -> Vec<u8> {
+        self.image
+    }
+
     fn limit(&self) -> usize {
         let announced = (usize::from(u16_at(&self.image, SIZE_AT)) + 1) * 128;
         match self.extent {
+            SiiExtent::Fixed => sii::HEADER,
             SiiExtent::Needed => announced.clamp(LEAST_LIMIT, MAX_BYTES),
             SiiExtent::Whole => announced.clamp(sii::HEADER, MAX_BYTES),
         }
@@ -195,7 +220,7 @@ impl SiiReader {
         let limit = self.limit();
         self.part = match (self.part, self.extent) {
             (Part::Header, SiiExtent::Whole) => Part::Rest { end: limit },
-            (Part::Rest { .. }, _) => {
+            (Part::Rest { .. }, _) | (Part::Header, SiiExtent::Fixed) => {
                 self.outcome = Some(Ok(()));
                 return;
             }
@@ -282,15 +307,12 @@ impl SiiReader {
 }
 
 impl Procedure for SiiReader {
-    type Output = Result<Vec<u8>, EepromError>;
+    type Output = Result<(), EepromError>;
 
     fn next(&mut self, now: HostTime) -> Next<Self::Output> {
         if let Some(outcome) = self.outcome.take() {
             let (position, word) = (self.target.position, self.word());
-            return Next::Done(match outcome {
-                Ok(()) => Ok(core::mem::take(&mut self.image)),
-                Err(cause) => Err(EepromError { position, word, cause }),
-            });
+            return Next::Done(outcome.map_err(|cause| EepromError { position, word, cause }));
         }
         if let Some(instant) = self.wait_until {
             if now < instant {

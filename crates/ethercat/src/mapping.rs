@@ -1,6 +1,6 @@
 //! PDO mapping: the steps that write it, and reading it from a device.
 
-use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -19,7 +19,7 @@ const SYNC_OUTPUTS: u16 = 0x1C32;
 const SYNC_INPUTS: u16 = 0x1C33;
 
 /// One SDO write that must end in this value, whether the device takes it or has it already.
-fn must_be(object: ObjectAddress, data: &[u8], origin: Option<&String>) -> StartUpStep {
+fn must_be(object: ObjectAddress, data: &[u8], origin: Option<&Arc<str>>) -> StartUpStep {
     StartUpStep::Sdo(SdoWrite {
         object,
         data: data.to_vec(),
@@ -31,7 +31,7 @@ fn must_be(object: ObjectAddress, data: &[u8], origin: Option<&String>) -> Start
 }
 
 /// Empties a list by its subindex 0; a device with a fixed list may refuse, for the entries decide.
-fn empty(index: u16, origin: Option<&String>) -> StartUpStep {
+fn empty(index: u16, origin: Option<&Arc<str>>) -> StartUpStep {
     StartUpStep::Sdo(SdoWrite {
         object: ObjectAddress::new(index, 0),
         data: Vec::from([0]),
@@ -125,7 +125,7 @@ pub enum MappingFailure {
         /// Bits that the device has.
         given_bits: u32,
         /// Where it was asked.
-        origin: Option<String>,
+        origin: Option<Arc<str>>,
     },
     /// The user maps to a SyncManager that the device doesn't have, or that goes the other way.
     NoSuchSyncManager {
@@ -136,7 +136,7 @@ pub enum MappingFailure {
         /// SyncManagers that the controller has.
         count: u8,
         /// Where it was asked.
-        origin: Option<String>,
+        origin: Option<Arc<str>>,
     },
     /// A map longer than its subindices can count.
     TooMany {

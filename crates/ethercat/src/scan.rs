@@ -336,18 +336,22 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let mut readers: Vec<_> =
             targets.iter().map(|&target| SiiReader::new(target, SiiExtent::Needed)).collect();
         let mut images = Vec::with_capacity(targets.len());
-        for (bytes, target) in self.transactor.drive(&mut readers)?.into_iter().zip(targets) {
+        let results = self.transactor.drive(&mut readers)?;
+        for ((result, reader), target) in results.into_iter().zip(&readers).zip(targets) {
             let position = target.position;
-            let bytes = match bytes {
+            let bytes = match result {
                 // A device whose EEPROM is missing or dead is still there; it has no identity.
                 Err(error @ EepromError { cause: EepromFailure::NotAcknowledged { .. }, .. }) => {
                     self.warnings.push(Warning::NoEeprom(error));
-                    BLANK_IMAGE.to_vec()
+                    &BLANK_IMAGE
                 }
-                other => other?,
+                other => {
+                    other?;
+                    reader.image()
+                }
             };
             let (image, problems) =
-                Image::parse(&bytes).map_err(|cause| SetUpError::Sii { position, cause })?;
+                Image::parse(bytes).map_err(|cause| SetUpError::Sii { position, cause })?;
             let warnings = problems.into_iter().map(|problem| Warning::Eeprom { position, problem });
             self.warnings.extend(warnings);
             images.push(image);

@@ -2,13 +2,15 @@
 //!
 //! The first bring-up and a later recovery of one SubDevice run the same list.
 
+mod failure;
 mod runner;
 
-use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-pub use runner::{ProgrammedRegisters, StartUpError, StartUpFailure, StartUpRunner};
+pub use failure::{ObjectBytes, ProgrammedRegisters, StartUpError, StartUpFailure};
+pub use runner::StartUpRunner;
 
 use crate::wire::AlState;
 use crate::wire::coe::ObjectAddress;
@@ -45,8 +47,8 @@ pub struct SdoWrite {
     pub refusal: Refusal,
     /// Whether to compare afterwards.
     pub read_back: ReadBack,
-    /// Where it was asked, in the user's words ("robot.toml line 12"); given back in errors.
-    pub origin: Option<String>,
+    /// Where it was asked, in the user's words ("robot.toml line 12"); shared with errors.
+    pub origin: Option<Arc<str>>,
 }
 
 /// One entry, or the whole object.

@@ -209,7 +209,7 @@ impl Supervisor {
                 Way::Coming => false,
                 Way::Settling { until } | Way::Waiting { until } => now >= until,
             };
-            if due && bus.recover(&one.subdevice) {
+            if due && bus.recover(one.subdevice.position) {
                 one.way = Way::Coming;
             }
         }

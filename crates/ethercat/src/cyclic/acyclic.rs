@@ -1,6 +1,5 @@
 //! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
 
-use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -128,13 +127,22 @@ struct Lane {
     /// Tag of the mailbox request in hand.
     tag: Option<u64>,
     register: Option<RegisterJob>,
-    /// On its way back; has the mailbox meanwhile.
-    recovery: Option<Box<Recovery>>,
+    /// Its way back, where one was prepared; has the mailbox while it is under way.
+    recovery: Option<Recovery>,
 }
 
 impl Lane {
     fn is_busy(&self) -> bool {
-        self.tag.is_some() || self.register.is_some() || self.recovery.is_some()
+        self.tag.is_some() || self.register.is_some() || self.is_recovering()
+    }
+
+    fn is_recovering(&self) -> bool {
+        self.recovery.as_ref().is_some_and(Recovery::is_under_way)
+    }
+
+    /// Its way back, while it is under way.
+    fn way_back(&mut self) -> Option<&mut Recovery> {
+        self.recovery.as_mut().filter(|recovery| recovery.is_under_way())
     }
 }
 
@@ -168,12 +176,11 @@ impl Acyclic {
             })
             .collect();
         Acyclic {
-            // A look for emergencies may be under way at one more.
-            active: VecDeque::with_capacity(CAPACITY + 1),
-            lanes,
+            active: VecDeque::with_capacity(lanes.len()),
             queue: VecDeque::with_capacity(CAPACITY),
             finished: VecDeque::with_capacity(CAPACITY),
-            recovered: VecDeque::new(),
+            recovered: VecDeque::with_capacity(lanes.len()),
+            lanes,
             in_flight: None,
             longest,
             next_look: HostTime(0),
@@ -197,13 +204,21 @@ impl Acyclic {
         Ok(())
     }
 
-    /// Begins the way back of a SubDevice; what its mailbox was doing ends as reset.
-    pub fn recover(&mut self, subdevice: &SubDevice) -> bool {
-        let position = subdevice.position;
-        let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
-        if lane.recovery.is_some() {
-            return false;
+    /// Makes the way back of a SubDevice ready.
+    pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
+        if let Some(lane) = self.lanes.get_mut(usize::from(subdevice.position)) {
+            lane.recovery = Some(Recovery::new(subdevice));
         }
+    }
+
+    /// Begins the way back of a SubDevice; what its mailbox was doing ends as reset.
+    pub fn recover(&mut self, position: u16) -> bool {
+        // The ends of ways have their room from the start.
+        let is_full = self.recovered.len() == self.lanes.len();
+        let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
+        let Some(recovery) = lane.recovery.as_mut().filter(|one| !is_full && !one.is_under_way()) else {
+            return false;
+        };
         let mut mailbox = lane.mailbox.take();
         if let Some(mailbox) = &mut mailbox {
             mailbox.reset();
@@ -216,7 +231,7 @@ impl Acyclic {
         if let Some(job) = lane.register.take() {
             self.finished.push_back(job.complete());
         }
-        lane.recovery = Some(Box::new(Recovery::new(subdevice, mailbox)));
+        recovery.begin(mailbox);
         if !self.active.contains(&position) {
             self.active.push_back(position);
         }
@@ -224,7 +239,7 @@ impl Acyclic {
     }
 
     pub fn is_recovering(&self, position: u16) -> bool {
-        self.lanes.get(usize::from(position)).is_some_and(|lane| lane.recovery.is_some())
+        self.lanes.get(usize::from(position)).is_some_and(Lane::is_recovering)
     }
 
     /// Who is just being set to the reference's time.
@@ -256,7 +271,8 @@ impl Acyclic {
 
     /// Gives the mailboxes back, each with its message counter.
     pub fn into_mailboxes(self) -> impl Iterator<Item = Option<Mailbox>> {
-        self.lanes.into_iter().map(|lane| lane.mailbox)
+        let mailbox = |mut lane: Lane| lane.mailbox.or_else(|| lane.recovery.as_mut()?.take_mailbox());
+        self.lanes.into_iter().map(mailbox)
     }
 
     fn refuse(&mut self, request: AcyclicRequest, error: AcyclicError) {
@@ -371,12 +387,12 @@ impl Acyclic {
     /// What the SubDevice at `position` wants now, and whether it has work left.
     fn serve(&mut self, position: u16, now: HostTime) -> (Option<Request>, bool) {
         let lane = &mut self.lanes[usize::from(position)];
-        if let Some(recovery) = &mut lane.recovery {
+        if let Some(recovery) = lane.way_back() {
             match recovery.next(now) {
                 Next::Send(request) => return (Some(request), true),
                 Next::WaitUntil(_) => return (None, true),
                 Next::Done(result) => {
-                    lane.mailbox = lane.recovery.take().and_then(|recovery| recovery.into_mailbox());
+                    lane.mailbox = recovery.take_mailbox();
                     self.recovered.push_back((position, result));
                     return (None, false);
                 }
@@ -419,7 +435,7 @@ impl Acyclic {
         let Some(lane) = self.in_flight.and_then(|position| self.lanes.get(usize::from(position))) else {
             return;
         };
-        if let Some(recovery) = &lane.recovery {
+        if let Some(recovery) = lane.recovery.as_ref().filter(|recovery| recovery.is_under_way()) {
             return recovery.fill(data);
         }
         match (&lane.register, &lane.mailbox) {
@@ -435,7 +451,7 @@ impl Acyclic {
         else {
             return;
         };
-        if let Some(recovery) = &mut lane.recovery {
+        if let Some(recovery) = lane.way_back() {
             recovery.set_reference_time(clock);
             return recovery.answer(answer, now);
         }

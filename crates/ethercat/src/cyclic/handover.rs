@@ -52,7 +52,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
             (Some(_), ClockDirection::NoClock) | (None, _) => ClockUse::None,
         };
         let plan = ImagePlan::new(&members, clock)?;
-        let bus = CyclicBus::new(transactor.link, CyclicParts { members, plan, mailboxes });
+        let mut bus = CyclicBus::new(transactor.link, CyclicParts { members, plan, mailboxes });
+        subdevices.iter().for_each(|one| bus.prepare_recovery(one));
         Ok(Handover { bus, clock: transactor.clock, subdevices })
     }
 }

@@ -130,12 +130,19 @@ impl<L> CyclicBus<L> {
         self.acyclic.poll()
     }
 
+    /// Makes ready what [`CyclicBus::recover`] needs of a SubDevice as set-up left it, in place of what was ready before.
+    ///
+    /// [`crate::Bus::into_cyclic`] has done it for all of them. Not for the cycle: it allocates.
+    pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
+        self.acyclic.prepare_recovery(subdevice);
+    }
+
     /// Begins to bring one SubDevice back to OP beside the cycle, as its start-up list says; all others go on.
     ///
-    /// Its outputs must be safe until the application enables it again. `false` where it is on its way already.
-    /// This is not for the cycle: it allocates, and so may single steps of the way back.
-    pub fn recover(&mut self, subdevice: &SubDevice) -> bool {
-        let begun = self.acyclic.recover(subdevice);
+    /// Its outputs must be safe until the application enables it again. `false` where it is on its way already,
+    /// where no way was prepared, and where the ends of as many ways as there are SubDevices wait to be taken. For the cycle: neither this nor the way itself asks for memory.
+    pub fn recover(&mut self, position: u16) -> bool {
+        let begun = self.acyclic.recover(position);
         self.set_leeway();
         begun
     }

@@ -68,7 +68,7 @@ fn read(chip: &mut Chip, extent: SiiExtent) -> (Result<Vec<u8>, EepromError>, Ho
     let mut now = HostTime(0);
     for _ in 0..1_000_000 {
         match reader.next(now) {
-            Next::Done(result) => return (result, now),
+            Next::Done(result) => return (result.map(|()| reader.into_image()), now),
             Next::WaitUntil(instant) => now = now.max(instant),
             Next::Send(request) => {
                 let mut data = vec![0; request.length];

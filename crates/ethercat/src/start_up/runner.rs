@@ -1,17 +1,17 @@
 //! Runs one SubDevice's start-up list, datagram by datagram.
 
-use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
+use core::ops::Range;
 
-use super::{ReadBack, Refusal, SdoWrite, StartUpStep};
+use super::{
+    ObjectBytes, ProgrammedRegisters, ReadBack, Refusal, SdoWrite, StartUpError, StartUpFailure, StartUpStep,
+};
 use crate::error::Found;
 use crate::mailbox::{Completion, Mailbox, MailboxError, MailboxRequest, Operation};
 use crate::procedure::{Answer, Next, Procedure, Request};
-use crate::state::{Application, StateChange, StateError};
+use crate::state::{Application, StateChange};
 use crate::transaction::Target;
 use crate::wire::bytes::u64_at;
-use crate::wire::coe::ObjectAddress;
 use crate::wire::{AlState, DcTime, HostTime, register};
 
 /// Attempts at writing registers.
@@ -22,141 +22,6 @@ const PAUSE: core::time::Duration = core::time::Duration::from_millis(1);
 const CLOCK_LENGTH: usize = 24;
 /// Bytes that a read back may have beyond what was written before it is refused.
 const READ_BACK_SLACK: usize = 256;
-
-/// Which step of a start-up list failed, and why.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StartUpError {
-    /// The SubDevice.
-    pub position: u16,
-    /// Why.
-    pub cause: StartUpFailure,
-}
-
-/// Registers as they were programmed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ProgrammedRegisters {
-    /// What they are.
-    pub what: &'static str,
-    /// The first.
-    pub register: u16,
-    /// Bytes.
-    pub data: Vec<u8>,
-}
-
-/// Why a step of a start-up list failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum StartUpFailure {
-    /// Registers could not be written.
-    Registers {
-        /// What they program.
-        what: &'static str,
-        /// First register.
-        register: u16,
-        /// What came back.
-        found: Found,
-    },
-    /// A state was not reached.
-    State {
-        /// Which, and why.
-        error: StateError,
-        /// The registers that were programmed before, for these are the usual cause.
-        programmed: Vec<ProgrammedRegisters>,
-    },
-    /// An SDO step for a SubDevice without a mailbox that speaks CoE.
-    NoMailbox {
-        /// The object.
-        object: ObjectAddress,
-        /// Where it was asked.
-        origin: Option<String>,
-    },
-    /// An SDO was refused or not answered.
-    Sdo {
-        /// What was tried.
-        operation: Operation,
-        /// Why it failed.
-        error: MailboxError,
-        /// Where it was asked.
-        origin: Option<String>,
-    },
-    /// What was read back isn't what was written.
-    ReadBack {
-        /// The object.
-        object: ObjectAddress,
-        /// Written.
-        written: Vec<u8>,
-        /// Read back.
-        read: Vec<u8>,
-        /// The SubDevice's answer to the writing, where it refused.
-        refusal: Option<MailboxError>,
-        /// Where it was asked.
-        origin: Option<String>,
-    },
-    /// A step that only the cycle can do (arming SYNC) was given to the set-up.
-    NeedsCycle,
-}
-
-/// Little-endian bytes as a number where they are one, else as they are.
-struct Value<'a>(&'a [u8]);
-
-impl fmt::Display for Value<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.len() {
-            1 | 2 | 4 | 8 => {
-                f.write_str("0x")?;
-                self.0.iter().rev().try_for_each(|byte| write!(f, "{byte:02x}"))
-            }
-            length => write!(f, "{length} bytes {:02x?}", &self.0[..length.min(32)]),
-        }
-    }
-}
-
-impl fmt::Display for StartUpError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let StartUpFailure::State { error, programmed } = &self.cause {
-            write!(f, "{error}; programmed:")?;
-            return programmed.iter().try_for_each(|ProgrammedRegisters { what, register, data }| {
-                write!(f, " {what} (0x{register:04x}) {data:02x?}")
-            });
-        }
-        write!(f, "SubDevice {}: ", self.position)?;
-        let origin = match &self.cause {
-            StartUpFailure::Registers { what, register, found } => {
-                write!(
-                    f,
-                    "{what} (register 0x{register:04x}): {found} where working counter 1 was expected"
-                )?;
-                &None
-            }
-            StartUpFailure::NoMailbox { object, origin } => {
-                write!(f, "SDO {object} was asked, but the SubDevice has no CoE mailbox")?;
-                origin
-            }
-            StartUpFailure::Sdo { operation, error, origin } => {
-                write!(f, "{operation}: {error}")?;
-                origin
-            }
-            StartUpFailure::ReadBack { object, written, read, refusal, origin } => {
-                let (written, read) = (Value(written), Value(read));
-                write!(f, "SDO {object}: {written} was written, {read} read back")?;
-                if let Some(refusal) = refusal {
-                    write!(f, "; the writing was refused: {refusal}")?;
-                }
-                origin
-            }
-            StartUpFailure::NeedsCycle => {
-                f.write_str("arming SYNC needs process data that flow")?;
-                &None
-            }
-            StartUpFailure::State { .. } => &None,
-        };
-        match origin {
-            Some(origin) => write!(f, " ({origin})"),
-            None => Ok(()),
-        }
-    }
-}
-
-impl core::error::Error for StartUpError {}
 
 /// What the present step is doing.
 #[derive(Debug)]
@@ -179,13 +44,19 @@ enum Activity {
 
 /// Runs steps of one SubDevice's start-up list.
 ///
-/// The set-up drives it beside those of all other SubDevices; a recovery drives it in the cycle's spare datagram.
+/// The set-up drives it beside those of all other SubDevices; a recovery drives it in the cycle's spare datagram. Once it
+/// is made it asks for no memory, however its steps end.
 #[derive(Debug)]
 pub struct StartUpRunner {
     target: Target,
     application: Application,
     steps: Vec<StartUpStep>,
+    /// The present step.
     next: usize,
+    /// Behind the last step that is to be run.
+    end: usize,
+    /// Carries the values of SDOs out and back in.
+    buffer: Vec<u8>,
     mailbox: Option<Mailbox>,
     activity: Activity,
     wait_until: Option<HostTime>,
@@ -202,11 +73,17 @@ impl StartUpRunner {
         steps: Vec<StartUpStep>,
         mailbox: Option<Mailbox>,
     ) -> Self {
+        let lengths = steps.iter().map(|step| match step {
+            StartUpStep::Sdo(sdo) => sdo.data.len() + READ_BACK_SLACK,
+            _ => 0,
+        });
         StartUpRunner {
             target,
             application,
-            steps,
             next: 0,
+            end: steps.len(),
+            buffer: Vec::with_capacity(lengths.max().unwrap_or(0)),
+            steps,
             mailbox,
             activity: Activity::Begin,
             wait_until: None,
@@ -216,9 +93,19 @@ impl StartUpRunner {
         }
     }
 
-    /// The steps that are still to be done, the present one first.
-    pub fn remaining(&self) -> &[StartUpStep] {
-        &self.steps[self.next.min(self.steps.len())..]
+    /// Begins anew with these steps of its list alone.
+    pub(crate) fn run(&mut self, steps: Range<usize>) {
+        (self.next, self.end) = (steps.start, steps.end);
+        self.activity = Activity::Begin;
+        (self.wait_until, self.reference_time, self.outcome) = (None, None, None);
+    }
+
+    /// What step `number` writes, to change it; empty where it is no step of registers.
+    pub(crate) fn registers_mut(&mut self, number: usize) -> &mut [u8] {
+        match self.steps.get_mut(number) {
+            Some(StartUpStep::Registers { data, .. }) => data,
+            _ => &mut [],
+        }
     }
 
     /// The segment's time in the frame whose answer is given next; [`StartUpStep::ClockOffset`] needs it.
@@ -231,12 +118,18 @@ impl StartUpRunner {
         self.mailbox
     }
 
+    /// The mailbox, to be handed in and taken out.
+    pub(crate) fn mailbox_mut(&mut self) -> &mut Option<Mailbox> {
+        &mut self.mailbox
+    }
+
     fn step_done(&mut self) {
         self.next += 1;
         self.activity = Activity::Begin;
     }
 
-    fn programmed(&self) -> Vec<ProgrammedRegisters> {
+    /// The registers that were programmed before the present step.
+    pub(crate) fn programmed(&self) -> Vec<ProgrammedRegisters> {
         let done = self.steps.iter().take(self.next);
         done.filter_map(|step| match step {
             StartUpStep::Registers { register, data, what, .. } => {
@@ -247,16 +140,9 @@ impl StartUpRunner {
         .collect()
     }
 
-    fn sdo(&self) -> Option<&SdoWrite> {
-        match self.steps.get(self.next) {
-            Some(StartUpStep::Sdo(sdo)) => Some(sdo),
-            _ => None,
-        }
-    }
-
     /// Begins the present step.
     fn begin(&mut self, now: HostTime) {
-        self.activity = match self.steps.get(self.next) {
+        self.activity = match self.steps[..self.end].get(self.next) {
             None => {
                 self.outcome = Some(Ok(()));
                 return;
@@ -278,60 +164,67 @@ impl StartUpRunner {
             }
             Some(StartUpStep::Sdo(sdo)) => {
                 let operation = Operation::Download { object: sdo.object, access: sdo.access };
-                let request = MailboxRequest::new(operation, sdo.data.clone());
-                self.start_request(request, now);
+                self.buffer.clear();
+                self.buffer.extend_from_slice(&sdo.data);
+                self.start_request(operation, now);
                 Activity::Write
             }
         };
     }
 
-    fn start_request(&mut self, request: MailboxRequest, now: HostTime) {
-        let started = self.mailbox.as_mut().is_some_and(|mailbox| mailbox.start(request, now).is_ok());
-        if let (false, Some(sdo)) = (started, self.sdo()) {
-            let (object, origin) = (sdo.object, sdo.origin.clone());
+    fn start_request(&mut self, operation: Operation, now: HostTime) {
+        let request = MailboxRequest::new(operation, core::mem::take(&mut self.buffer));
+        let refused = match &mut self.mailbox {
+            Some(mailbox) => mailbox.start(request, now).err(),
+            None => Some(request),
+        };
+        let Some(request) = refused else { return };
+        self.buffer = request.data;
+        if let Some(StartUpStep::Sdo(SdoWrite { object, origin, .. })) = self.steps.get(self.next) {
+            let (object, origin) = (*object, origin.clone());
             self.outcome = Some(Err(StartUpFailure::NoMailbox { object, origin }));
         }
     }
 
     fn completed(&mut self, completion: Option<Completion>, now: HostTime) {
-        let Some(sdo) = self.sdo().cloned() else { return };
-        let (object, origin) = (sdo.object, sdo.origin.clone());
-        let (result, request) = match completion {
-            Some(Completion { request, result }) => (result, Some(request)),
-            None => (Err(MailboxError::Reset), None),
+        let Some(StartUpStep::Sdo(sdo)) = self.steps.get(self.next) else { return };
+        let SdoWrite { object, access, .. } = *sdo;
+        let result = match completion {
+            Some(Completion { request, result }) => {
+                self.buffer = request.data;
+                result
+            }
+            None => Err(MailboxError::Reset),
         };
-        let operation = match self.activity {
-            Activity::Write => Operation::Download { object, access: sdo.access },
-            _ => Operation::Upload { object, access: sdo.access },
-        };
-        let tolerated = sdo.refusal == Refusal::IsTolerated
+        let is_write = matches!(self.activity, Activity::Write);
+        let is_tolerated = sdo.refusal == Refusal::IsTolerated
             && matches!(result, Err(MailboxError::Aborted { .. }))
-            && matches!(self.activity, Activity::Write);
+            && is_write;
         let refusal = match result {
             Ok(()) => None,
-            Err(error) if tolerated => Some(error),
+            Err(error) if is_tolerated => Some(error),
             Err(error) => {
+                let operation = match is_write {
+                    true => Operation::Download { object, access },
+                    false => Operation::Upload { object, access },
+                };
+                let origin = sdo.origin.clone();
                 self.outcome = Some(Err(StartUpFailure::Sdo { operation, error, origin }));
                 return;
             }
         };
         match (&mut self.activity, sdo.read_back) {
+            (Activity::ReadBack { .. }, _) if self.buffer == sdo.data => self.step_done(),
             (Activity::ReadBack { refusal }, _) => {
                 let refusal = refusal.take();
-                let read = request.map(|request| request.data).unwrap_or_default();
-                if read != sdo.data {
-                    let written = sdo.data;
-                    let cause = StartUpFailure::ReadBack { object, written, read, refusal, origin };
-                    self.outcome = Some(Err(cause));
-                    return;
-                }
-                self.step_done();
+                let (written, read) = (ObjectBytes::new(&sdo.data), ObjectBytes::new(&self.buffer));
+                let origin = sdo.origin.clone();
+                let cause = StartUpFailure::ReadBack { object, written, read, refusal, origin };
+                self.outcome = Some(Err(cause));
             }
             (_, ReadBack::Skip) => self.step_done(),
             (_, ReadBack::Compare) => {
-                let buffer = Vec::with_capacity(sdo.data.len() + READ_BACK_SLACK);
-                let request = MailboxRequest::new(Operation::Upload { object, access: sdo.access }, buffer);
-                self.start_request(request, now);
+                self.start_request(Operation::Upload { object, access }, now);
                 self.activity = Activity::ReadBack { refusal };
             }
         }
@@ -403,8 +296,9 @@ impl Procedure for StartUpRunner {
                     Next::WaitUntil(instant) => return Next::WaitUntil(instant),
                     Next::Done(Ok(_)) => self.step_done(),
                     Next::Done(Err(error)) => {
-                        let programmed = self.programmed();
-                        self.outcome = Some(Err(StartUpFailure::State { error, programmed }));
+                        // What was programmed is the set-up's to say: this may be the cycle.
+                        let cause = StartUpFailure::State { error, programmed: Vec::new() };
+                        self.outcome = Some(Err(cause));
                     }
                 },
                 Activity::Write | Activity::ReadBack { .. } => {

@@ -188,9 +188,8 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
     runner.segment().inject(1, Fault::PowerOn).unwrap();
     runner.cycle();
     runner.cycle();
-    let lost = runner.subdevices[1].clone();
-    assert!(runner.bus.recover(&lost));
-    assert!(!runner.bus.recover(&lost), "it is on its way already");
+    assert!(runner.bus.recover(1));
+    assert!(!runner.bus.recover(1), "it is on its way already");
     let mut recovered = None;
     for cycle in 0..5000 {
         let frames = runner.bus.link().frames;
@@ -229,8 +228,7 @@ fn one_of_two_lost_drives_comes_back_while_the_third_misses_no_cycle() {
     runner.cycle();
     runner.cycle();
     assert_eq!(runner.cycle(), Exchange::Without { unwell: 2 });
-    let lost = runner.subdevices[1].clone();
-    assert!(runner.bus.recover(&lost));
+    assert!(runner.bus.recover(1));
     let ended = (0..5000).find_map(|cycle| {
         let exchange = runner.cycle();
         assert!(matches!(exchange, Exchange::Without { .. }), "cycle {cycle}: {exchange:?}");
@@ -249,8 +247,7 @@ fn another_product_in_the_place_of_a_lost_one_is_refused() {
     );
     assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
     runner.segment().inject(2, Fault::PowerOff).unwrap();
-    let mut gone = runner.subdevices[2].clone();
-    assert!(runner.bus.recover(&gone));
+    assert!(runner.bus.recover(2));
     let end = |runner: &mut Runner| {
         (0..20_000).find_map(|_| {
             runner.cycle();
@@ -259,8 +256,10 @@ fn another_product_in_the_place_of_a_lost_one_is_refused() {
     };
     assert!(matches!(end(&mut runner), Some((2, Err(RecoveryError::NotThere { position: 2, .. })))));
     runner.segment().inject(2, Fault::PowerOn).unwrap();
+    let mut gone = runner.subdevices[2].clone();
     gone.identity.product_code = 7;
-    assert!(runner.bus.recover(&gone));
+    runner.bus.prepare_recovery(&gone);
+    assert!(runner.bus.recover(2));
     let expected = (0x0539, 7);
     let error = RecoveryError::OtherProduct { position: 2, expected, found: (0x0539, 0x0220_0001) };
     assert_eq!(end(&mut runner), Some((2, Err(error))));

@@ -330,7 +330,7 @@ impl ParameterPlan {
             access: SdoAccess::Entry,
             refusal: Refusal::IsError,
             read_back: self.read_back,
-            origin: Some(self.origin.clone()),
+            origin: Some(self.origin.as_str().into()),
         }
     }
 }

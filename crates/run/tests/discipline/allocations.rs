@@ -6,14 +6,16 @@ use std::process::Command;
 use std::time::Duration;
 
 use omnibase_ethercat_sim::Fault;
+use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_platform::Twist2;
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Apply, Frame, StopCategory};
+use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, Pad, live};
 
-use super::watched::{Deed, Extras, Seen, robot, watched};
+use super::watched::{Deed, Extras, Seen, robot, robot_with, watched};
 
 /// Cycles of the run (from 1) in which something was allocated, and how often.
 fn guilty(seen: &Seen) -> Vec<(usize, u64)> {
@@ -44,41 +46,75 @@ fn late_cycles_and_lost_frames() {
     allocates_nothing("lost frames", &seen, 5000);
 }
 
-/// The way back of a lost SubDevice is made when it is needed: beginning it and going from one of its stages to the next
-/// allocates, in few cycles, while the robot stands. Everything else does not.
-#[track_caller]
-fn allocates_for_the_way_back_alone(what: &str, seen: &Seen, lost_at: usize, most: usize) {
-    let guilty = guilty(seen);
-    assert!(guilty.iter().all(|(cycle, _)| *cycle > lost_at), "{what}: before it was lost: {guilty:?}");
-    assert!(guilty.len() <= most, "{what}: {} cycles allocate: {guilty:?}", guilty.len());
-}
-
 #[test]
 fn a_bus_that_is_lost() {
     // Given up within these cycles; the way back to OP is tried until the run ends.
     let deeds = (0..3000).map(|number| (1000 + number, Deed::Lose)).collect();
     let (ran, seen) = watched(&robot(), Extras { deeds, ..Extras::default() });
     assert!(!ran.finished);
-    let lost = Seen {
-        allocations: seen.allocations[..3990.min(seen.allocations.len())].to_vec(),
-        ..Seen::default()
-    };
-    allocates_nothing("a lost bus", &lost, 1000);
-    allocates_for_the_way_back_alone("a lost bus", &seen, 3990, 200);
+    allocates_nothing("a lost bus", &seen, 1000);
+}
+
+/// A run that goes on behind whatever happens to SubDevices, for so many cycles.
+#[track_caller]
+fn goes_on(what: &str, faults: &[(u64, usize, Fault)], cycles: u64) -> (Ran, Seen) {
+    let robot = robot_with(&["safety.after_lost_device = \"resume\""]);
+    let mut deeds: Vec<(u64, Deed)> =
+        faults.iter().map(|(when, position, fault)| (*when, Deed::Break(*position, fault.clone()))).collect();
+    deeds.push((cycles, Deed::Stop));
+    let (ran, seen) = watched(&robot, Extras { deeds, ..Extras::default() });
+    allocates_nothing(what, &seen, cycles as usize - 100);
+    (ran, seen)
+}
+
+/// Seconds until a SubDevice is away for good are fewer than these cycles.
+const AWAY: u64 = 1500;
+
+#[test]
+fn a_power_cycle_and_the_way_back_to_op() {
+    let fault = Fault::PowerCycle { off_for: Duration::from_millis(50) };
+    let (ran, _) = goes_on("a power cycle", &[(AWAY, 1, fault)], 6000);
+    // In a line whoever is behind it is lost with it.
+    let bus = ran.summary.bus;
+    assert_eq!((bus.losses, bus.recoveries), (2, 2), "{:?}", ran.summary.events);
 }
 
 #[test]
-fn a_subdevice_without_power() {
-    for (fault, most) in
-        [(Fault::PowerOff, 5), (Fault::PowerCycle { off_for: Duration::from_millis(50) }, 200)]
-    {
-        let what = format!("{fault:?}");
-        let deeds = vec![(1500, Deed::Break(1, fault))];
-        let (ran, seen) = watched(&robot(), Extras { deeds, ..Extras::default() });
-        assert!(!ran.finished);
-        assert!(seen.allocations.len() > 1500);
-        allocates_for_the_way_back_alone(&what, &seen, 1500, most);
-    }
+fn a_cable_that_is_pulled_and_put_back() {
+    let faults = [(AWAY, 1, Fault::CableCut { port: 1 }), (AWAY + 300, 1, Fault::CableRestored { port: 1 })];
+    let (ran, _) = goes_on("a pulled cable", &faults, 6000);
+    let bus = ran.summary.bus;
+    assert_eq!((bus.losses, bus.recoveries), (1, 1), "{:?}", ran.summary.events);
+}
+
+#[test]
+fn a_drive_that_leaves_op() {
+    let fault = Fault::Application(ApplicationFault::AlError(0x001A));
+    let (ran, _) = goes_on("a drive that left OP", &[(AWAY, 2, fault)], 6000);
+    let bus = ran.summary.bus;
+    assert_eq!((bus.losses, bus.recoveries), (1, 1), "{:?}", ran.summary.events);
+}
+
+#[test]
+fn another_reference_clock() {
+    // So quick that the links behind it are up again: only the reference clock is gone.
+    let faults = [(AWAY, 0, Fault::PowerOff), (AWAY, 0, Fault::PowerOn)];
+    let (ran, _) = goes_on("another reference clock", &faults, 6000);
+    let bus = ran.summary.bus;
+    assert_eq!((bus.losses, bus.recoveries, bus.reference_changes), (1, 1, 2), "{:?}", ran.summary.events);
+}
+
+#[test]
+fn a_way_back_that_fails_again_and_again() {
+    // It answers, but its mailbox is dead: each attempt ends at the first SDO, and is told once.
+    let faults = [
+        (AWAY, 2, Fault::PowerCycle { off_for: Duration::from_millis(50) }),
+        (AWAY + 60, 2, Fault::Application(ApplicationFault::MailboxSilence(true))),
+        (14_000, 2, Fault::PowerOff),
+    ];
+    let (ran, _) = goes_on("a way back that fails", &faults, 20_000);
+    let events = format!("{:?}", ran.summary.events);
+    assert!(events.contains("not taken back"), "{events}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Steps against scripted answers.
 
 use super::*;
+use crate::wire::coe::ObjectAddress;
 use crate::wire::{Address, Command};
 
 const TARGET: Target = Target { position: 3, station: 0x1004 };
