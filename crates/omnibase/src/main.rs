@@ -29,6 +29,18 @@ enum Outcome {
     Failed,
 }
 
+/// Arguments that can't mean anything, found behind what the parser of the command line sees.
+#[derive(Debug)]
+struct WrongUsage(anyhow::Error);
+
+impl std::fmt::Display for WrongUsage {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{:#}", self.0)
+    }
+}
+
+impl std::error::Error for WrongUsage {}
+
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     omnibase_host::real_time::exact_timers();
@@ -46,7 +58,7 @@ fn main() -> ExitCode {
             // What was printed before the error belongs above it.
             let _ = output.flush();
             let _ = writeln!(io::stderr(), "error: {error:#}");
-            ExitCode::FAILURE
+            if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }

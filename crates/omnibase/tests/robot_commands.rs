@@ -277,7 +277,7 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
         (vec!["run", robot, "--path", &letters], 1, "line 2, column 8: expected a number (y), found \"x\""),
         (vec!["run", robot, "--path", &fast], 1, "the limit is 1 m/s; it needs 3.000 s"),
         (vec!["run", robot, "--path", "no-such.dat"], 1, "no-such.dat"),
-        (vec!["run", robot, "--circle", "step=1"], 1, "--circle takes radius, period, turns, heading"),
+        (vec!["run", robot, "--circle", "step=1"], 2, "--circle takes radius, period, turns, heading"),
         (
             vec!["run", robot, "--circle", "radius=0.5", "--controller", "open_lop"],
             1,
@@ -289,9 +289,9 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
         (vec!["run", "no-such.toml", "--circle", "radius=0.5"], 1, "no-such.toml"),
         (vec!["check"], 2, "<ROBOT>"),
         (vec!["kinematics", robot], 2, "--twist"),
-        (vec!["kinematics", robot, "--twist", "1 0"], 1, "expected 3 finite numbers, found 2 words"),
-        (vec!["kinematics", robot, "--twist", "1 0 nan"], 1, "expected 3 finite numbers"),
-        (vec!["kinematics", robot, "--wheels", "1 1 1 1"], 1, "expected 3 finite numbers, found 4 words"),
+        (vec!["kinematics", robot, "--twist", "1 0"], 2, "expected 3 finite numbers, found 2 words"),
+        (vec!["kinematics", robot, "--twist", "1 0 nan"], 2, "expected 3 finite numbers"),
+        (vec!["kinematics", robot, "--wheels", "1 1 1 1"], 2, "expected 3 finite numbers, found 4 words"),
     ] {
         let (found, says) = refused(&arguments);
         assert_eq!(found, Some(code), "{arguments:?}: {says}");

@@ -74,6 +74,7 @@ fn numbers(text: &str, option: &str, count: usize) -> anyhow::Result<Vec<f64>> {
     let found = values.len();
     let values: Option<Vec<f64>> = values.into_iter().collect();
     values.filter(|values| values.len() == count).ok_or_else(|| {
-        anyhow::anyhow!("{option} \"{text}\": expected {count} finite numbers, found {found} words")
+        let what = format!("{option} \"{text}\": expected {count} finite numbers, found {found} words");
+        crate::WrongUsage(anyhow::Error::msg(what)).into()
     })
 }

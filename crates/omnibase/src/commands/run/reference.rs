@@ -1,5 +1,6 @@
 //! The motion that the command line asks for.
 
+use crate::WrongUsage;
 use anyhow::{Context, bail};
 use omnibase_robot::config::{HeadingName, ReferenceTable};
 use omnibase_run::robot_text::NewReference;
@@ -58,7 +59,7 @@ impl ReferenceChoice {
             ("holonomic", &self.holonomic),
         ];
         let chosen = shapes.into_iter().find_map(|(kind, keys)| Some((kind, keys.as_deref()?)));
-        chosen.map(|(kind, keys)| shape(kind, keys)).transpose()
+        chosen.map(|(kind, keys)| Ok(shape(kind, keys).map_err(WrongUsage)?)).transpose()
     }
 }
 
