@@ -64,7 +64,10 @@ impl Bytes<'_> {
 }
 
 fn plan(which: u8) -> Option<RobotPlan> {
-    let text = ROBOTS[usize::from(which & 1)].replace(LAWS[0], LAWS[usize::from(which >> 1 & 3)]) + AROUND;
+    // The adaptive laws begin from a mass, which only one of the files gives.
+    let with_mass = ROBOTS[usize::from(which & 1)]
+        .replace("speed\"\n\n[sim", "speed\"\nmass_kg = 60.0\ninertia_kg_m2 = 4.0\n\n[sim");
+    let text = with_mass.replace(LAWS[0], LAWS[usize::from(which >> 1 & 3)]) + AROUND;
     RobotPlan::from_toml(&text, &Registry::with_built_in(), &|_| Err("no file".into())).ok()
 }
 

@@ -61,7 +61,6 @@ struct LimitFacts {
     turn_speed_rad_s: f64,
     wheel_speed_rad_s: f64,
     wheel_torque_nm: f64,
-    area: Option<[[f64; 2]; 2]>,
 }
 
 impl About {
@@ -87,7 +86,6 @@ impl About {
                 turn_speed_rad_s: plan.limits.turn_speed_rad_s,
                 wheel_speed_rad_s: plan.limits.wheel_speed_rad_s,
                 wheel_torque_nm: plan.limits.wheel_torque_nm,
-                area: plan.limits.area.map(|area| [area.min_m, area.max_m]),
             },
             controllers: plan.controllers().collect(),
             footprint: &plan.guard.footprint_m,

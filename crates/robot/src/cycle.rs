@@ -3,7 +3,7 @@
 use omnibase_platform::Twist2;
 use omnibase_trajectory::LimitsError;
 
-use crate::config::{Limits, RobotPlan};
+use crate::config::RobotPlan;
 use crate::devices::mode_of;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
@@ -14,9 +14,9 @@ use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
 use crate::settings::Settings;
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, InputBytes, LimitedBy, MAX_INPUT_BYTES, Phase,
-    PlatformState, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind, SafetyReason, Setpoint,
-    WheelCommand,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
+    PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
+    SafetyReason, Setpoint, WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
@@ -32,7 +32,6 @@ pub struct Robot {
     active: usize,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
-    limits: Limits,
     command_age_ns: u64,
     motion: Motion,
     guard: Guard,
@@ -78,7 +77,6 @@ impl Robot {
             active: 0,
             safety,
             lifecycle: Lifecycle::new(plan.safety),
-            limits: plan.limits,
             command_age_ns: plan.safety.command_age_ns,
             motion,
             guard: Guard::new(&plan.guard, &plan.limits, period_s),
@@ -102,7 +100,7 @@ impl Robot {
 
         self.read(exchange, image);
         self.record.state = self.estimate();
-        self.guard.advance();
+        self.guard.advance(&self.record.time);
         self.record.answer = request.map_or(RequestAnswer::None, |request| self.take(&request));
         self.record.wished = self.wish();
         self.record.setpoint = self.limit();
@@ -126,7 +124,7 @@ impl Robot {
     /// Computes a recorded cycle again, from what came in then; `buffer` takes the outputs.
     pub fn replay(&mut self, record: &CycleRecord, buffer: &mut ImageBuffer) -> &CycleRecord {
         for (inputs, recorded) in buffer.inputs.iter_mut().zip(&record.inputs) {
-            let length = inputs.len().min(MAX_INPUT_BYTES);
+            let length = inputs.len().min(MAX_PROCESS_BYTES);
             inputs[..length].copy_from_slice(&recorded.0[..length]);
         }
         self.compute(record.time, record.exchange, record.request, buffer)
@@ -191,9 +189,7 @@ impl Robot {
         let drives = record.measurements.drives.iter_mut().zip(&mut record.inputs);
         for (wheel, (device, (drive, recorded))) in self.devices.iter_mut().zip(drives).enumerate() {
             let inputs = image.inputs(wheel);
-            let length = inputs.len().min(MAX_INPUT_BYTES);
-            *recorded = InputBytes::default();
-            recorded.0[..length].copy_from_slice(&inputs[..length]);
+            *recorded = ProcessBytes::of(inputs);
             *drive = device.read(&record.time, inputs);
         }
     }
@@ -284,10 +280,10 @@ impl Robot {
                 Err(CantBegin::OutsideFence)
             }
             RequestKind::GoTo { odom_from_body } => {
-                self.motion.go(&time, here, odom_from_body);
+                self.motion.go(&time, (here, odom_from_body), &self.settings);
                 Ok(())
             }
-            RequestKind::Resume => self.motion.resume(&time, here),
+            RequestKind::Resume => self.motion.resume(&time, here, &self.settings),
             _ => self.motion.track(&time, here),
         };
         if begun.is_ok() {
@@ -352,28 +348,7 @@ impl Robot {
             Frame::Odom => twist,
         };
         twist_in_odom = self.settings.slowed(twist_in_odom);
-        self.block_outward(&now, &mut twist_in_odom);
         Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
-    }
-
-    /// At the rectangle of operation only the outward part of a motion is blocked, early enough to brake.
-    fn block_outward(&self, now: &Setpoint, twist: &mut Twist2) {
-        let Some(area) = self.limits.area else { return };
-        let Limits { acceleration_m_s2, jerk_m_s3, .. } = self.limits;
-        let block = |position: f64, moving: f64, wished: &mut f64, [low, high]: [f64; 2]| {
-            // Braking from a speed: its square over twice the acceleration, and the time to build that up, twice.
-            let braking = moving * moving / (2.0 * acceleration_m_s2)
-                + moving.abs() * (acceleration_m_s2 / jerk_m_s3 + 2.0 * self.record.time.period_s());
-            if position + braking >= high {
-                *wished = wished.min(0.0);
-            }
-            if position - braking <= low {
-                *wished = wished.max(0.0);
-            }
-        };
-        let (pose, speed) = (&now.odom_from_body, &now.twist_in_odom);
-        block(pose.x_m, speed.vx_m_s, &mut twist.vx_m_s, [area.min_m[0], area.max_m[0]]);
-        block(pose.y_m, speed.vy_m_s, &mut twist.vy_m_s, [area.min_m[1], area.max_m[1]]);
     }
 
     /// The platform's limits on speed, acceleration and jerk.
@@ -471,7 +446,9 @@ impl Robot {
                 Quantity::Speed | Quantity::Torque => allowed.wheel(wheel),
             };
             let command = DriveCommand { wanted: self.lifecycle.wanted(), mode: mode_of(&command), command };
-            let progress = device.write(&self.record.time, &command, image.outputs(wheel));
+            let outputs = image.outputs(wheel);
+            let progress = device.write(&self.record.time, &command, outputs);
+            self.record.outputs[wheel] = ProcessBytes::of(outputs);
             self.record.measurements.drives[wheel].progress = progress;
         }
     }

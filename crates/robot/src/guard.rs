@@ -13,7 +13,7 @@ use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
 
 use crate::config::{AvoidanceKind, FencePlan, GuardPlan, Limits};
 use crate::limiter::Limiter;
-use crate::signals::{GuardReport, LimitedBy, PlatformState, Setpoint};
+use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
 use braking::Braking;
 use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
 use shaping::Detour;
@@ -86,6 +86,8 @@ pub(crate) struct Guard {
     limits: Limits,
     period_s: f64,
     obstacles: [Option<Obstacle>; MAX_OBSTACLES],
+    /// The cycle up to which they moved, ns.
+    last_ns: Option<u64>,
     pub(crate) avoidance: AvoidanceKind,
     pub(crate) distance_m: f64,
     pub(crate) circulate_1_s: f64,
@@ -108,6 +110,7 @@ impl Guard {
             limits: *limits,
             period_s,
             obstacles,
+            last_ns: None,
             avoidance: plan.avoidance,
             distance_m: plan.distance_m,
             circulate_1_s: plan.circulate_1_s,
@@ -131,10 +134,12 @@ impl Guard {
         Ok(())
     }
 
-    /// Obstacles move on by a period.
-    pub(crate) fn advance(&mut self) {
+    /// Obstacles move on by the time that passed, however many cycles were left out.
+    pub(crate) fn advance(&mut self, time: &CycleTime) {
+        let last_ns = self.last_ns.replace(time.now_ns).unwrap_or(time.now_ns);
+        let elapsed_s = time.now_ns.saturating_sub(last_ns) as f64 * 1e-9;
         for obstacle in self.obstacles.iter_mut().flatten() {
-            obstacle.centre_m = plus(obstacle.centre_m, obstacle.velocity_m_s, self.period_s);
+            obstacle.centre_m = plus(obstacle.centre_m, obstacle.velocity_m_s, elapsed_s);
         }
     }
 

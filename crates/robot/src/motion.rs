@@ -78,7 +78,8 @@ struct Ahead {
 struct Way {
     from: Pose2,
     to: Pose2,
-    start_ns: u64,
+    /// Its own time, ns.
+    time_ns: f64,
     duration_s: f64,
     goes_on: bool,
 }
@@ -97,6 +98,42 @@ pub(crate) enum CantBegin {
 impl Ahead {
     fn from(time_s: f64) -> Self {
         Ahead { free_until_s: time_s, room_m: f64::NEG_INFINITY, is_blocked: false }
+    }
+}
+
+impl Way {
+    /// All of it, as a speed would be that took a second.
+    fn length(&self) -> Twist2 {
+        let (from, to) = (&self.from, &self.to);
+        Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad)
+    }
+
+    fn is_over(&self) -> bool {
+        self.time_ns * 1e-9 >= self.duration_s
+    }
+
+    /// The place at its own time.
+    fn sample(&self) -> Setpoint {
+        let Way { from, to, time_ns, duration_s, goes_on } = *self;
+        if self.is_over() {
+            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
+            return Setpoint { status, ..Setpoint::at_rest(to) };
+        }
+        let u = time_ns * 1e-9 / duration_s;
+        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
+        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
+        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
+        let all = self.length();
+        Setpoint {
+            odom_from_body: Pose2 {
+                x_m: from.x_m + part * all.vx_m_s,
+                y_m: from.y_m + part * all.vy_m_s,
+                heading_rad: from.heading_rad + part * all.w_rad_s,
+            },
+            twist_in_odom: all.scaled(speed),
+            acceleration_in_odom: all.scaled(bend),
+            status: ReferenceStatus::Moving,
+        }
     }
 }
 
@@ -204,14 +241,19 @@ impl Motion {
     }
 
     /// The reference from where it was left: first the straight way back to it.
-    pub(crate) fn resume(&mut self, time: &CycleTime, here: Pose2) -> Result<(), CantBegin> {
+    pub(crate) fn resume(
+        &mut self,
+        time: &CycleTime,
+        here: Pose2,
+        settings: &Settings,
+    ) -> Result<(), CantBegin> {
         if !self.begun {
             return Err(CantBegin::Nothing);
         }
         let left = self.reference.sample(self.time_s()).odom_from_body;
         self.begin_reference(time, 0.0);
         if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
-            self.go(time, here, left);
+            self.go(time, (here, left), settings);
             self.way.goes_on = true;
         }
         Ok(())
@@ -225,8 +267,8 @@ impl Motion {
             (Pausing::No, true, Course::Reference, time.now_ns);
     }
 
-    /// The straight way to a pose.
-    pub(crate) fn go(&mut self, time: &CycleTime, from: Pose2, to: Pose2) {
+    /// The straight way to a pose, at the rate that the settings allow at its greatest speed.
+    pub(crate) fn go(&mut self, time: &CycleTime, (from, to): (Pose2, Pose2), settings: &Settings) {
         let limits = &self.limits;
         let needed_s = |length: f64, most: [f64; 3]| {
             let [v, a, j] = QUINTIC_PEAKS;
@@ -236,8 +278,11 @@ impl Motion {
         let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
         let turn_rad = (to.heading_rad - from.heading_rad).abs();
         let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
-        self.way = Way { from, to, start_ns: time.now_ns, duration_s, goes_on: false };
-        self.course = Course::Way;
+        self.way = Way { from, to, time_ns: 0.0, duration_s, goes_on: false };
+        self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
+        self.rate_now = settings.rate(self.planned);
+        self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
+        (self.course, self.now_ns) = (Course::Way, time.now_ns);
     }
 
     /// A velocity command; one that counts already is replaced.
@@ -308,7 +353,10 @@ impl Motion {
     /// The wish of a cycle, at a part of its rate where the platform had to give way; not for velocity commands, whose wish needs the setpoint.
     pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
         match self.course {
-            Course::Way => self.sample_way(time),
+            Course::Way => {
+                self.way.time_ns += self.advance(time, settings.rate(self.planned));
+                self.at_rate(self.way.sample())
+            }
             Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
         }
     }
@@ -321,6 +369,15 @@ impl Motion {
             Pausing::Yes | Pausing::AtFence => 0.0,
             Pausing::No => settings.rate(self.planned) * guard.pace(),
         };
+        self.time_ns += self.advance(time, wished);
+        let own = self.reference.sample(self.time_s());
+        self.planned = own.twist_in_odom;
+        self.begun = own.status != ReferenceStatus::Finished;
+        self.at_rate(own)
+    }
+
+    /// The rate goes towards what is wished; gives the time that passes at it, ns.
+    fn advance(&mut self, time: &CycleTime, wished: f64) -> f64 {
         let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
         self.now_ns = time.now_ns;
         if elapsed_ns > 0.0 {
@@ -328,10 +385,11 @@ impl Motion {
             self.rate_now = limited.twist_in_odom.vx_m_s.clamp(0.0, 1.0);
             self.rate_change_1_s = limited.acceleration_in_odom.vx_m_s;
         }
-        self.time_ns += self.rate_now * elapsed_ns;
-        let own = self.reference.sample(self.time_s());
-        self.planned = own.twist_in_odom;
-        self.begun = own.status != ReferenceStatus::Finished;
+        self.rate_now * elapsed_ns
+    }
+
+    /// A place on the way, at the speed and acceleration that follow from the present rate.
+    fn at_rate(&self, own: Setpoint) -> Setpoint {
         let (rate, change) = (self.rate_now, self.rate_change_1_s);
         if rate == 1.0 && change == 0.0 {
             return own;
@@ -349,35 +407,10 @@ impl Motion {
         }
     }
 
-    fn sample_way(&mut self, time: &CycleTime) -> Setpoint {
-        let Way { from, to, start_ns, duration_s, goes_on } = self.way;
-        let since_s = time.now_ns.saturating_sub(start_ns) as f64 * 1e-9;
-        if since_s >= duration_s {
-            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
-            return Setpoint { status, ..Setpoint::at_rest(to) };
-        }
-        let u = since_s / duration_s;
-        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
-        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
-        let all = Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad);
-        Setpoint {
-            odom_from_body: Pose2 {
-                x_m: from.x_m + part * all.vx_m_s,
-                y_m: from.y_m + part * all.vy_m_s,
-                heading_rad: from.heading_rad + part * all.w_rad_s,
-            },
-            twist_in_odom: all.scaled(speed),
-            acceleration_in_odom: all.scaled(bend),
-            status: ReferenceStatus::Moving,
-        }
-    }
-
     /// A way that leads back to the reference ends: the reference goes on from where it stands.
     pub(crate) fn arrive(&mut self, time: &CycleTime, setpoint: &Setpoint) {
         let is_there = setpoint.odom_from_body.distance_m(self.way.to) <= ON_PATH;
-        let since_s = time.now_ns.saturating_sub(self.way.start_ns) as f64 * 1e-9;
-        if self.course == Course::Way && self.way.goes_on && is_there && since_s >= self.way.duration_s {
+        if self.course == Course::Way && self.way.goes_on && is_there && self.way.is_over() {
             self.begin_reference(time, 0.0);
         }
     }

@@ -2,8 +2,8 @@
 
 use crate::config::{Limits, SafetyPlan};
 use crate::signals::{
-    Allowed, Commands, DriveProgress, Exchange, Phase, Quantity, SafetyAction, SafetyReason, Stage,
-    StopCategory,
+    Allowed, Commands, DriveProgress, Exchange, LimitedBy, Phase, Quantity, SafetyAction, SafetyReason,
+    Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
 
@@ -19,7 +19,12 @@ pub struct SafetyChain {
     plan: SafetyPlan,
     wheels: usize,
     lost_in_a_row: u32,
+    /// The platform gave way to an obstacle, and isn't back where the plan is.
+    gives_way: bool,
 }
+
+/// Nearer than this to the plan a platform that gave way has caught up with it, m.
+const CAUGHT_UP_M: f64 = 1e-3;
 
 /// What a check objects to: what to do, why, and about which wheel or stage.
 type Objection = Option<(SafetyAction, SafetyReason, u64)>;
@@ -27,7 +32,7 @@ type Objection = Option<(SafetyAction, SafetyReason, u64)>;
 impl SafetyChain {
     /// The chain of a robot with so many wheels.
     pub fn new(limits: Limits, plan: SafetyPlan, wheels: usize) -> Self {
-        SafetyChain { limits, plan, wheels, lost_in_a_row: 0 }
+        SafetyChain { limits, plan, wheels, lost_in_a_row: 0, gives_way: false }
     }
 
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {
@@ -94,28 +99,17 @@ impl SafetyChain {
     }
 
     fn tracking(&self, view: &SafetyView<'_>) -> Objection {
-        // Among obstacles a platform gives way, and catches up afterwards: it is where it shall be if it is where the
-        // way around leads.
-        let gives_way = view.guard.nearest_obstacle > 0;
-        let shall = if gives_way { view.setpoint } else { view.wished };
+        // Who gives way to an obstacle is where he shall be if he is where the way around leads.
+        let shall = if self.gives_way { view.setpoint } else { view.wished };
         let distance_m = shall.odom_from_body.distance_m(view.state.odom_from_body);
         let far = distance_m > self.plan.tracking_error_m;
         far.then_some((SafetyAction::Stop(self.plan.tracking_error_stop), SafetyReason::TrackingError, 0))
     }
 
-    /// A trajectory that leaves the rectangle stops; a person at a joystick only can't go on outwards.
-    fn area(&self, view: &SafetyView<'_>) -> Objection {
-        let area = self.limits.area.filter(|_| view.velocity.is_none())?;
-        let pose = view.state.odom_from_body;
-        let outside = !(area.min_m[0]..=area.max_m[0]).contains(&pose.x_m)
-            || !(area.min_m[1]..=area.max_m[1]).contains(&pose.y_m);
-        outside.then_some((SafetyAction::Stop(self.plan.area_stop), SafetyReason::Area, 0))
-    }
-
     /// A plan that leads out of the fence stops; a speed is only held back, in the stage before.
     fn fence(&self, view: &SafetyView<'_>) -> Objection {
         let leads_out = view.velocity.is_none() && view.wished_fence_room_m < 0.0;
-        leads_out.then_some((SafetyAction::Stop(self.plan.area_stop), SafetyReason::Fence, 0))
+        leads_out.then_some((SafetyAction::Stop(self.plan.fence_stop), SafetyReason::Fence, 0))
     }
 
     fn command_age(&self, view: &SafetyView<'_>) -> Objection {
@@ -132,6 +126,7 @@ fn is_powered(phase: Phase) -> bool {
 impl Safety for SafetyChain {
     fn reset(&mut self) {
         self.lost_in_a_row = 0;
+        self.gives_way = false;
     }
 
     fn apply(&mut self, view: &SafetyView<'_>) -> Allowed {
@@ -141,6 +136,9 @@ impl Safety for SafetyChain {
                 self.lost_in_a_row.saturating_add(1)
             }
         };
+        let behind_m = view.setpoint.odom_from_body.distance_m(view.wished.odom_from_body);
+        self.gives_way =
+            view.guard.limited_by == LimitedBy::Obstacle || self.gives_way && behind_m > CAUGHT_UP_M;
         let is_tracking = view.phase == Phase::Tracking;
         let objection = self
             .exchange(view)
@@ -149,7 +147,6 @@ impl Safety for SafetyChain {
             .or_else(|| if is_powered(view.phase) { self.wheel_speed(view) } else { None })
             .or_else(|| if is_tracking { self.reference_speed(view) } else { None })
             .or_else(|| if is_tracking || view.phase == Phase::Holding { self.tracking(view) } else { None })
-            .or_else(|| if is_tracking { self.area(view) } else { None })
             .or_else(|| if is_tracking { self.fence(view) } else { None })
             .or_else(|| if is_tracking { self.command_age(view) } else { None });
         match objection {

@@ -20,11 +20,11 @@ pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
 pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;
 pub use phase::Phase;
-pub use record::{Channel, CycleRecord, InputBytes, Value, ValueKind};
+pub use record::{Channel, CycleRecord, ProcessBytes, Value, ValueKind};
 pub use request::{Apply, Frame, Request, RequestAnswer, RequestKind};
 
 /// Bytes of process data that one drive can send or receive in a cycle.
-pub const MAX_INPUT_BYTES: usize = 64;
+pub const MAX_PROCESS_BYTES: usize = 64;
 
 /// Numbers for the choices of an enum, as recordings hold them.
 macro_rules! coded {

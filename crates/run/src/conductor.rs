@@ -37,6 +37,7 @@ enum Part {
 pub struct Conductor {
     part: Part,
     finished: bool,
+    stopped_by: SafetyReason,
     /// How long a lost SubDevice is awaited, to go on when it is back.
     resume_within_ns: Option<u64>,
     /// The path was begun.
@@ -64,7 +65,13 @@ const STEADY_CYCLES: u32 = 100;
 impl Conductor {
     /// Leads a robot that goes on by itself when a lost SubDevice is back within so many ns; `None`: it ends.
     pub fn new(resume_within_ns: Option<u64>) -> Self {
-        Conductor { part: Part::Start, finished: false, resume_within_ns, begun: false }
+        Conductor {
+            part: Part::Start,
+            finished: false,
+            stopped_by: SafetyReason::None,
+            resume_within_ns,
+            begun: false,
+        }
     }
 
     /// What to ask in the coming cycle, from the last one and the phase after it.
@@ -107,6 +114,7 @@ impl Conductor {
             Part::Tracking if phase == Phase::Holding => {
                 let refused = last.request.is_some() && last.answer != RequestAnswer::Taken;
                 self.finished = last.stop_reason == SafetyReason::None && !refused;
+                self.stopped_by = last.stop_reason;
                 self.part = Part::Settling { until_ns: now_ns + SETTLE_NS };
             }
             Part::Settling { until_ns } if now_ns >= until_ns => {
@@ -139,6 +147,11 @@ impl Conductor {
     /// Whether the reference was followed to its end and nothing stopped the robot.
     pub fn has_finished(&self) -> bool {
         self.finished
+    }
+
+    /// What ended the tracking before the reference did; whatever is asked afterwards doesn't hide it.
+    pub fn stopped_by(&self) -> SafetyReason {
+        self.stopped_by
     }
 }
 

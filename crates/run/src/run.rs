@@ -6,7 +6,7 @@ use std::time::Instant;
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_record::run::RunSink;
-use omnibase_robot::signals::{CycleTime, Phase};
+use omnibase_robot::signals::{CycleTime, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, Request, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
 
@@ -315,7 +315,10 @@ impl<'a> Cycle<'a> {
                 format!("{}: {problem}{code}", name(wheel))
             };
             Err(RunError::Stopped {
-                reason: self.last.stop_reason.text(),
+                reason: match self.conductor.stopped_by() {
+                    SafetyReason::None => self.last.stop_reason.text(),
+                    first => first.text(),
+                },
                 drives: self.robot.drive_problems().map(problem).collect(),
             })
         });

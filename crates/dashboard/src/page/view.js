@@ -40,7 +40,7 @@ export class View {
 
   robot(facts) {
     this.wheels = facts.wheels;
-    this.fence = facts.fence.length ? facts.fence : box(facts.limits.area);
+    this.fence = facts.fence;
     this.footprint = facts.footprint;
     const reach = Math.max(0.2, ...this.footprint.map(([x, y]) => Math.hypot(x, y)));
     this.scale = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / (8 * reach);
@@ -246,12 +246,6 @@ function line(g, x0, y0, x1, y1) {
 }
 
 const lerp = (a, b, share) => a + (b - a) * share;
-
-function box(area) {
-  if (!area) return [];
-  const [[left, low], [right, high]] = area;
-  return [[left, low], [right, low], [right, high], [left, high]];
-}
 
 /** The corners of a wheel seen from above. */
 function corners({ position_m: [x, y], rolling: [u, v], radius_m: radius }) {

@@ -184,10 +184,6 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     for (name, value, unit) in limits(&plan.limits) {
         writeln!(output, "  {name:<20} {value:>8} {unit}")?;
     }
-    if let Some(area) = plan.limits.area {
-        let ([x0, y0], [x1, y1]) = (area.min_m, area.max_m);
-        writeln!(output, "  {:<20} x from {x0} to {x1} m, y from {y0} to {y1} m", "area")?;
-    }
     Ok(())
 }
 

@@ -203,10 +203,6 @@ impl Check {
         let turn_jerk_rad_s3 = limit(table.turn_jerk_rad_s3, "turn_jerk_rad_s3");
         let wheel_speed_rad_s = limit(table.wheel_speed_rad_s, "wheel_speed_rad_s");
         let wheel_torque_nm = limit(table.wheel_torque_nm, "wheel_torque_nm");
-        let area = match &table.area {
-            Some(area) => Some(self.area(area)?),
-            None => None,
-        };
         Some(Limits {
             speed_m_s: speed_m_s?,
             acceleration_m_s2: acceleration_m_s2?,
@@ -216,28 +212,7 @@ impl Check {
             turn_jerk_rad_s3: turn_jerk_rad_s3?,
             wheel_speed_rad_s: wheel_speed_rad_s?,
             wheel_torque_nm: wheel_torque_nm?,
-            area,
         })
-    }
-
-    fn area(&mut self, table: &AreaTable) -> Option<Area> {
-        let why = "the rectangle has four sides";
-        let x_min = self.need(table.x_min_m, "limits.area.x_min_m", why);
-        let x_max = self.need(table.x_max_m, "limits.area.x_max_m", why);
-        let y_min = self.need(table.y_min_m, "limits.area.y_min_m", why);
-        let y_max = self.need(table.y_max_m, "limits.area.y_max_m", why);
-        let area = Area { min_m: [x_min?, y_min?], max_m: [x_max?, y_max?] };
-        for (axis, name) in ["x", "y"].iter().enumerate() {
-            let (low, high) = (area.min_m[axis], area.max_m[axis]);
-            if !(low < 0.0 && high > 0.0) {
-                let setting = format!("limits.area.{name}_min_m");
-                let reason = "the rectangle must hold the pose at start, the origin of odom";
-                let problem = self.report(ProblemKind::Contradiction, &setting, reason);
-                problem.value = Some(format!("{low} to {high}"));
-                problem.limit = Some("below 0 to above 0".into());
-            }
-        }
-        Some(area)
     }
 
     fn safety(&mut self, table: &SafetyTable) -> SafetyPlan {
@@ -264,7 +239,7 @@ impl Check {
             start_heading_rad: table.start_heading_rad.unwrap_or(0.1),
             wheel_speed_stop: stop(table.wheel_speed_stop, StopName::Category1),
             reference_speed_stop: stop(table.reference_speed_stop, StopName::Category1),
-            area_stop: stop(table.area_stop, StopName::Category2),
+            fence_stop: stop(table.fence_stop, StopName::Category2),
             tracking_error_stop: stop(table.tracking_error_stop, StopName::Category1),
         }
     }

@@ -11,7 +11,7 @@ use super::plan::*;
 use super::problem::ProblemKind;
 use super::source::Source;
 use crate::registry::{DeviceDefaults, Registry};
-use crate::signals::{MAX_INPUT_BYTES, MAX_WHEELS};
+use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 
 pub(super) fn resolve(
     check: &mut Check,
@@ -229,11 +229,11 @@ impl Drive<'_> {
             }
         }
         let bytes = pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize;
-        if bytes > MAX_INPUT_BYTES {
+        if bytes > MAX_PROCESS_BYTES {
             let problem =
                 self.check.report(ProblemKind::OutOfRange, &setting, "too much for one cycle's record");
             problem.value = Some(format!("{bytes} bytes"));
-            problem.limit = Some(format!("at most {MAX_INPUT_BYTES} bytes a drive"));
+            problem.limit = Some(format!("at most {MAX_PROCESS_BYTES} bytes a drive"));
         }
     }
 

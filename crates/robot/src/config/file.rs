@@ -178,22 +178,6 @@ pub struct LimitsTable {
     /// Greatest wheel torque, N·m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub wheel_torque_nm: Option<f64>,
-    /// Rectangle of operation in odom; default: none.
-    pub area: Option<AreaTable>,
-}
-
-/// The rectangle of operation, in odom.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct AreaTable {
-    /// Least x, m.
-    pub x_min_m: Option<f64>,
-    /// Greatest x, m.
-    pub x_max_m: Option<f64>,
-    /// Least y, m.
-    pub y_min_m: Option<f64>,
-    /// Greatest y, m.
-    pub y_max_m: Option<f64>,
 }
 
 /// How the pose is estimated.
@@ -383,8 +367,8 @@ pub struct SafetyTable {
     pub wheel_speed_stop: Option<StopName>,
     /// What a wished speed above its limit leads to; default: `category_1`.
     pub reference_speed_stop: Option<StopName>,
-    /// What leaving the rectangle of operation leads to; default: `category_2`.
-    pub area_stop: Option<StopName>,
+    /// What a way that leads out of the fence, and can't be looked ahead on, leads to; default: `category_2`.
+    pub fence_stop: Option<StopName>,
     /// What a lasting loss of the tracked path leads to; default: `category_1`.
     pub tracking_error_stop: Option<StopName>,
 }

@@ -226,17 +226,6 @@ pub struct Limits {
     pub wheel_speed_rad_s: f64,
     /// Wheel torque, N·m.
     pub wheel_torque_nm: f64,
-    /// Rectangle of operation in odom.
-    pub area: Option<Area>,
-}
-
-/// The rectangle of operation, in odom, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Area {
-    /// Least x and y.
-    pub min_m: [f64; 2],
-    /// Greatest x and y.
-    pub max_m: [f64; 2],
 }
 
 /// Watchdogs and stops.
@@ -265,7 +254,7 @@ pub struct SafetyPlan {
     /// What a wished speed above its limit leads to.
     pub reference_speed_stop: StopCategory,
     /// What leaving the rectangle of operation leads to.
-    pub area_stop: StopCategory,
+    pub fence_stop: StopCategory,
     /// What the loss of the tracked path leads to.
     pub tracking_error_stop: StopCategory,
 }

@@ -64,6 +64,9 @@ impl Field {
     }
 }
 
+/// Time constant with which a speed is made out of counts, s: single counts of a coarse encoder are no speed.
+const SPEED_FILTER_S: f64 = 0.01;
+
 /// Objects that the device reads, and where they lie.
 #[derive(Clone, Copy, Debug)]
 struct Inputs {
@@ -102,6 +105,10 @@ pub struct Cia402Device {
     enabling: Enabling,
     feedback: Feedback,
     last_counts: Option<PositionCounts>,
+    /// When that was, ns.
+    last_ns: u64,
+    /// Wheel speed out of the counts, where the drive sends none, rad/s.
+    counted_rad_s: f64,
     progress: DriveProgress,
 }
 
@@ -166,17 +173,26 @@ impl Cia402Device {
                 error: inputs.error.map(|_| ErrorCode::NONE),
             },
             last_counts: None,
+            last_ns: 0,
+            counted_rad_s: 0.0,
             progress: DriveProgress::Unknown,
         })
     }
 }
 
 impl Device for Cia402Device {
-    fn read(&mut self, _: &CycleTime, inputs: &[u8]) -> DriveMeasurement {
+    fn read(&mut self, time: &CycleTime, inputs: &[u8]) -> DriveMeasurement {
         let get = |field: Field| field.read(inputs);
         let counts = PositionCounts(get(self.inputs.position));
         let increment = self.last_counts.map_or(0, |last| counts.since(last));
         self.last_counts = Some(counts);
+        let increment_rad = f64::from(increment) * self.rad_per_count;
+        let elapsed_s = time.now_ns.saturating_sub(self.last_ns) as f64 * 1e-9;
+        self.last_ns = time.now_ns;
+        if elapsed_s > 0.0 {
+            self.counted_rad_s +=
+                (increment_rad - self.counted_rad_s * elapsed_s) / (elapsed_s + SPEED_FILTER_S);
+        }
         self.feedback = Feedback {
             status: StatusWord(get(self.inputs.status) as u16),
             mode_code: self.inputs.mode.map(|field| get(field) as i8),
@@ -189,8 +205,11 @@ impl Device for Cia402Device {
         };
         DriveMeasurement {
             position_counts: counts.0,
-            increment_rad: f64::from(increment) * self.rad_per_count,
-            speed_rad_s: f64::from(self.feedback.actual.velocity_units) * self.rad_s_per_speed_unit,
+            increment_rad,
+            speed_rad_s: match self.inputs.speed {
+                Some(_) => f64::from(self.feedback.actual.velocity_units) * self.rad_s_per_speed_unit,
+                None => self.counted_rad_s,
+            },
             torque_nm: f64::from(self.feedback.actual.torque_per_mille) * self.nm_per_mille,
             status: self.feedback.status,
             mode_code: self.feedback.mode_code.unwrap_or(0),
@@ -237,6 +256,7 @@ impl Device for Cia402Device {
 
     fn restarted(&mut self) {
         self.last_counts = None;
+        self.counted_rad_s = 0.0;
     }
 
     fn acknowledge(&mut self) {

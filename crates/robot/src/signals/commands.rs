@@ -122,8 +122,6 @@ pub enum SafetyReason {
     ExchangeLost,
     /// The platform isn't where it shall be.
     TrackingError,
-    /// Outside the rectangle of operation.
-    Area,
     /// A drive in fault, in a quick stop of its own, or out of operation.
     Drive,
     /// Enabling took too long.
@@ -146,7 +144,6 @@ coded!(SafetyReason {
     CommandAge = 6,
     ExchangeLost = 7,
     TrackingError = 8,
-    Area = 9,
     Drive = 10,
     EnablingTimeout = 11,
     StopTimeout = 12,
@@ -167,7 +164,6 @@ impl SafetyReason {
             SafetyReason::CommandAge => "the velocity command was too old",
             SafetyReason::ExchangeLost => "too many exchanges in a row were lost",
             SafetyReason::TrackingError => "the platform was too far from where it should be",
-            SafetyReason::Area => "the platform left its rectangle of operation",
             SafetyReason::Drive => "a drive failed",
             SafetyReason::EnablingTimeout => "enabling the drives took too long",
             SafetyReason::StopTimeout => "the ramp to a stop took too long",

@@ -5,19 +5,29 @@ use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
     Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, LimitedBy,
-    MAX_INPUT_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request,
+    MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request,
     RequestAnswer, SafetyAction, SafetyReason, Setpoint,
 };
 
-const INPUT_WORDS: usize = MAX_INPUT_BYTES / 8;
+const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
 
-/// One drive's process data of a cycle, raw.
+/// One drive's process data of a cycle in one direction, raw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InputBytes(pub [u8; MAX_INPUT_BYTES]);
+pub struct ProcessBytes(pub [u8; MAX_PROCESS_BYTES]);
 
-impl Default for InputBytes {
+impl ProcessBytes {
+    /// Those of a process image; what is longer than they can hold is left out.
+    pub fn of(image: &[u8]) -> Self {
+        let mut bytes = ProcessBytes::default();
+        let length = image.len().min(MAX_PROCESS_BYTES);
+        bytes.0[..length].copy_from_slice(&image[..length]);
+        bytes
+    }
+}
+
+impl Default for ProcessBytes {
     fn default() -> Self {
-        InputBytes([0; MAX_INPUT_BYTES])
+        ProcessBytes([0; MAX_PROCESS_BYTES])
     }
 }
 
@@ -31,7 +41,7 @@ pub struct CycleRecord {
     /// What became of the exchange.
     pub exchange: Exchange,
     /// The drives' process data, raw, wheel by wheel.
-    pub inputs: [InputBytes; MAX_WHEELS],
+    pub inputs: [ProcessBytes; MAX_WHEELS],
     /// What was asked in this cycle.
     pub request: Option<Request>,
     /// What became of that.
@@ -68,6 +78,8 @@ pub struct CycleRecord {
     pub estimates: [f64; 3],
     /// What safety allows.
     pub allowed: Allowed,
+    /// What the drives are sent, raw, wheel by wheel.
+    pub outputs: [ProcessBytes; MAX_WHEELS],
 }
 
 /// How a channel's values are held.
@@ -222,7 +234,8 @@ impl CycleRecord {
             v.drive(&mut self.measurements.drives[wheel]);
             v.f64("command", "rad/s or N·m", &mut self.commands.values[wheel]);
             v.f64("allowed", "rad/s or N·m", &mut self.allowed.commands.values[wheel]);
-            v.inputs(&mut self.inputs[wheel]);
+            v.bytes(&INPUTS, &mut self.inputs[wheel]);
+            v.bytes(&OUTPUTS, &mut self.outputs[wheel]);
         }
     }
 }
@@ -350,16 +363,19 @@ impl Visit<'_> {
         self.code("progress", &mut drive.progress, DriveProgress::code, DriveProgress::from_code);
     }
 
-    fn inputs(&mut self, inputs: &mut InputBytes) {
-        const NAMES: [&str; INPUT_WORDS] =
-            ["input_0", "input_1", "input_2", "input_3", "input_4", "input_5", "input_6", "input_7"];
-        for (name, bytes) in NAMES.iter().zip(inputs.0.chunks_exact_mut(8)) {
+    fn bytes(&mut self, names: &[&str; PROCESS_WORDS], bytes: &mut ProcessBytes) {
+        for (name, bytes) in names.iter().zip(bytes.0.chunks_exact_mut(8)) {
             let mut word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
             self.u64(name, "", &mut word);
             bytes.copy_from_slice(&word.to_le_bytes());
         }
     }
 }
+
+const INPUTS: [&str; PROCESS_WORDS] =
+    ["input_0", "input_1", "input_2", "input_3", "input_4", "input_5", "input_6", "input_7"];
+const OUTPUTS: [&str; PROCESS_WORDS] =
+    ["output_0", "output_1", "output_2", "output_3", "output_4", "output_5", "output_6", "output_7"];
 
 const REGIMES: [Regime; 5] =
     [Regime::Standstill, Regime::Translation, Regime::Rotation, Regime::Tangent, Regime::Integrated];

@@ -158,6 +158,35 @@ fn a_robot_goes_the_straight_way_to_a_pose() {
 }
 
 #[test]
+fn the_way_to_a_pose_keeps_to_what_is_set() {
+    for (settings, most_m_s) in [([1.0, 0.1], 0.1), ([0.2, 0.3], 0.2)] {
+        let mut bench = Bench::new(plan(BMM));
+        bench.enable();
+        let mut smooth = Smooth::new();
+        for (index, value) in settings.into_iter().enumerate() {
+            let kind = RequestKind::Set { index: index as u32, value, apply: Apply::Now };
+            assert_eq!(smooth.step(&mut bench, Some(kind)).answer, RequestAnswer::Taken);
+        }
+        let there = Pose2 { x_m: 1.0, y_m: 0.0, heading_rad: 0.0 };
+        smooth.step(&mut bench, Some(RequestKind::GoTo { odom_from_body: there }));
+        let mut fastest_m_s = 0.0_f64;
+        while bench.robot.phase() == Phase::Tracking {
+            let record = smooth.step(&mut bench, None);
+            fastest_m_s = fastest_m_s.max(record.setpoint.twist_in_odom.speed_m_s());
+            assert!(bench.index < 40_000);
+            // Faster on the way: the rate rises within the limits, and no further.
+            if settings[0] < 1.0 && bench.index == 3000 {
+                let faster = RequestKind::Set { index: 0, value: 0.25, apply: Apply::Now };
+                smooth.step(&mut bench, Some(faster));
+            }
+        }
+        let most_m_s = if settings[0] < 1.0 { 0.25 } else { most_m_s };
+        assert!((0.8 * most_m_s..=most_m_s * 1.001).contains(&fastest_m_s), "{fastest_m_s} of {most_m_s}");
+        assert!(bench.robot.record().setpoint.odom_from_body.distance_m(there) < 1e-6);
+    }
+}
+
+#[test]
 fn what_cannot_begin_is_refused() {
     let mut bench = Bench::new(plan(BMM));
     bench.enable();
@@ -207,6 +236,20 @@ fn another_reference_is_taken_at_rest_and_begins_only_near_its_start() {
     let table = ReferenceTable::default();
     let reference = references::reference(&table, &bench.plan.limits).ok().unwrap();
     assert_eq!(bench.robot.offer_reference(9, reference).map(|(number, _)| number), Some(u32::MAX));
+}
+
+#[test]
+fn an_obstacle_moves_on_through_cycles_that_are_left_out() {
+    let obstacle = "\n[[obstacle]]\ncentre_m = [5.0, 0.0]\nradius_m = 0.2\nvelocity_m_s = [-0.5, 0.0]\n";
+    let mut bench = Bench::new(plan(&format!("{BMM}{obstacle}")));
+    let first = bench.index;
+    for left_out in [0, 7, 300, 0] {
+        bench.index += left_out;
+        bench.step(None);
+    }
+    let expected_m = 5.0 - 0.5e-3 * (bench.index - 1 - first) as f64;
+    let [x_m, _] = bench.robot.obstacles()[0].unwrap().centre_m;
+    assert!((x_m - expected_m).abs() < 1e-12, "{x_m}, not {expected_m}");
 }
 
 #[test]

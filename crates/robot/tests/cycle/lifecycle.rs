@@ -195,9 +195,8 @@ fn a_wished_speed_above_its_limit_stops() {
 
 #[test]
 fn the_rectangle_blocks_only_the_way_out() {
-    let area =
-        "wheel_torque_nm = 21.0\narea = { x_min_m = -0.5, x_max_m = 0.5, y_min_m = -0.5, y_max_m = 0.5 }";
-    let mut bench = Bench::new(plan(&BMM.replace("wheel_torque_nm = 21.0", area)));
+    let fence = "\n[fence]\nrectangle_m = [-1.0, -1.0, 1.0, 1.0]\n";
+    let mut bench = Bench::new(plan(&format!("{BMM}{fence}")));
     bench.enable();
     let mut furthest = 0.0_f64;
     for _ in 0..4000 {
@@ -205,9 +204,23 @@ fn the_rectangle_blocks_only_the_way_out() {
         furthest = furthest.max(bench.pose.x_m);
     }
     assert_eq!(bench.robot.phase(), Phase::Tracking);
-    assert!((0.4..=0.501).contains(&furthest), "{furthest}");
+    assert!((0.5..0.8).contains(&furthest), "{furthest}");
     drive(&mut bench, -0.3, 1000);
-    assert!(bench.pose.x_m < 0.4, "back is free");
+    assert!(bench.pose.x_m < furthest - 0.2, "back is free");
+}
+
+#[test]
+fn a_wheel_whose_drive_sends_no_speed_is_watched_by_its_counts() {
+    let silent = MECANUM.replace("606C:32 ", "");
+    assert_ne!(silent, MECANUM);
+    let mut bench = Bench::new(plan(&silent));
+    bench.enable();
+    drive(&mut bench, 0.4, 2000);
+    let speeds = bench.robot.record().measurements.drives.map(|drive| drive.speed_rad_s);
+    let expected = bench.plan.kinematics.wheel_speeds_rad_s(Twist2::new(0.4, 0.0, 0.0));
+    for (wheel, expected) in expected.iter().enumerate() {
+        assert!((speeds[wheel] - expected).abs() < 0.02 * expected.abs(), "{speeds:?}");
+    }
 }
 
 #[test]

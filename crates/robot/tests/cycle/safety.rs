@@ -2,8 +2,8 @@
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::signals::{
-    Commands, CycleTime, DriveMeasurement, DriveProgress, PlatformState, Quantity, SafetyReason, Setpoint,
-    Stage,
+    Commands, CycleTime, DriveMeasurement, DriveProgress, PlatformState, Quantity, ReferenceStatus,
+    SafetyReason, Setpoint, Stage,
 };
 use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
 use omnibase_robot::{Phase, Registry, RequestKind};
@@ -154,6 +154,30 @@ fn what_is_not_finite_stops_wherever_it_comes_from() {
         stops(&BMM.replace("\"closed_loop_speed\"", "\"broken_speed\""), &registry, Stage::Controller);
         stops(&BMM.replace("\"closed_loop_speed\"", "\"broken_torque\""), &registry, Stage::Controller);
     }
+}
+
+#[test]
+fn an_obstacle_far_away_hides_no_plan_that_jumps() {
+    struct Jump(Fuse);
+    impl Reference for Jump {
+        fn start(&mut self, _: &Setpoint) {}
+        fn sample(&mut self, _: f64) -> Setpoint {
+            let y_m = if self.0.blown() { 1.0 } else { 0.0 };
+            let place = Setpoint::at_rest(Pose2 { y_m, ..Pose2::default() });
+            Setpoint { status: ReferenceStatus::Moving, ..place }
+        }
+        fn duration_s(&self) -> Option<f64> {
+            None
+        }
+    }
+    let mut registry = Registry::with_built_in();
+    registry.reference("jump", |_| Ok(Box::new(Jump(Fuse::default()))));
+    let far = "\n[reference]\nkind = \"jump\"\n[[obstacle]]\ncentre_m = [90.0, 0.0]\nradius_m = 0.2\n";
+    let mut bench = Bench::with_registry(plan_with(&format!("{BMM}{far}"), &registry), &registry);
+    bench.enable();
+    bench.step(Some(RequestKind::Track));
+    let record = bench.run(2 * u64::from(GOOD_CYCLES));
+    assert_eq!(record.stop_reason, SafetyReason::TrackingError);
 }
 
 #[test]
