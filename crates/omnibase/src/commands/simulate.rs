@@ -9,7 +9,7 @@ use crate::robot_file::{Changes, RobotSource};
 use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
 use fault::TimedFault;
-use logbook::{Entry, Logbook, Standstill, TruePose, WatchdogStop};
+use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Segment, Served, serve};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
@@ -61,7 +61,7 @@ pub struct Arguments {
     record: Option<PathBuf>,
     #[command(flatten)]
     real_time: RealTime,
-    /// Print one JSON object at the end: {"frames", "true_pose", "events", "watchdogs", "standstills", ...}.
+    /// Print one JSON object at the end: {"frames", "true_pose", "events", "watchdogs", "standstills", "arrivals", ...}.
     #[arg(long)]
     json: bool,
 }
@@ -85,6 +85,8 @@ struct Report {
     watchdogs: Vec<WatchdogStop>,
     /// Stops that no MainDevice led.
     standstills: Vec<Standstill>,
+    /// SubDevices that reached OP, each time, with SYNC0 and clock.
+    arrivals: Vec<Arrival>,
 }
 
 /// The period of a budget under SCHED_DEADLINE: whose cycle is served isn't known.
@@ -136,7 +138,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, &arguments.interface)?;
     drop(granted);
-    let Logbook { entries, watchdogs, standstills, .. } = &watch.logbook;
+    let Logbook { entries, watchdogs, standstills, arrivals, .. } = &watch.logbook;
     let report = Report {
         frames: served.frames,
         answered: served.answered,
@@ -146,6 +148,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         events: entries.clone(),
         watchdogs: watchdogs.clone(),
         standstills: standstills.clone(),
+        arrivals: arrivals.clone(),
     };
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &report)?;

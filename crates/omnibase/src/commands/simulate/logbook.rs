@@ -52,6 +52,21 @@ pub struct Standstill {
     pub distance_m: f64,
 }
 
+/// A SubDevice that reached OP.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Arrival {
+    /// Position of the SubDevice.
+    pub subdevice: usize,
+    /// When, s since the start of the simulation.
+    pub at_s: f64,
+    /// How long after it had power, s.
+    pub after_power_s: f64,
+    /// The period of its SYNC0, us; null where it is off.
+    pub sync0_us: Option<f64>,
+    /// How far its clock was from the reference clock, ns (register 0x092C).
+    pub clock_ns: u32,
+}
+
 /// Where the robot really is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruePose {
@@ -77,6 +92,8 @@ pub struct Logbook {
     pub watchdogs: Vec<WatchdogStop>,
     /// Stops that no MainDevice led.
     pub standstills: Vec<Standstill>,
+    /// Ways to OP that ended there.
+    pub arrivals: Vec<Arrival>,
 }
 
 /// What was seen of a SubDevice last.
@@ -84,12 +101,16 @@ pub struct Logbook {
 struct Seen {
     state: Option<(AlState, AlStatusCode)>,
     expired: Option<HostTime>,
+    /// Since when it has power.
+    powered: HostTime,
 }
 
 impl Logbook {
     /// An empty one, for the segment as it stands.
     pub fn new(segment: &Segment, machine: Option<SharedMachine>) -> Self {
-        let seen = segment.sub_devices().iter().map(|one| Seen { state: state(one), ..Seen::default() });
+        let powered = segment.now();
+        let seen = |one| Seen { state: state(one), powered, ..Seen::default() };
+        let seen = segment.sub_devices().iter().map(seen);
         Logbook {
             start: segment.now(),
             machine,
@@ -99,6 +120,7 @@ impl Logbook {
             entries: Vec::new(),
             watchdogs: Vec::new(),
             standstills: Vec::new(),
+            arrivals: Vec::new(),
         }
     }
 
@@ -147,6 +169,15 @@ impl Logbook {
             Some((state, code)) => format!("{state} with error {code}"),
         };
         self.note(now, format!("SubDevice {position}: {words}"));
+        if before.is_none() {
+            self.seen[position].powered = now;
+        }
+        if state == Some((AlState::Op, AlStatusCode::NO_ERROR)) && self.arrivals.len() < MOST_ENTRIES {
+            let after_power_s = (now - self.seen[position].powered).as_secs_f64();
+            let (sync0_us, clock_ns) = (sync0_us(one), clock_ns(one));
+            let at_s = self.seconds(now);
+            self.arrivals.push(Arrival { subdevice: position, at_s, after_power_s, sync0_us, clock_ns });
+        }
         let was_op = before.is_some_and(|(state, _)| state == AlState::Op);
         let in_order = state.is_some_and(|(_, code)| code == AlStatusCode::NO_ERROR);
         if was_op && !in_order && self.stopping.is_none() {
@@ -214,6 +245,23 @@ impl Logbook {
     fn seconds(&self, at: HostTime) -> f64 {
         (at - self.start).as_nanos() as f64 * 1e-9
     }
+}
+
+/// Four bytes of its registers.
+fn long(one: &SubDevice, address: u16) -> u32 {
+    one.esc().peek(address, 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
+}
+
+/// The period of its SYNC0, us; `None` where it is off.
+fn sync0_us(one: &SubDevice) -> Option<f64> {
+    const ON: u8 = 3;
+    let is_on = one.esc().peek(reg::DC_ACTIVATION, 1).is_some_and(|byte| byte[0] & ON == ON);
+    is_on.then(|| f64::from(long(one, reg::DC_SYNC0_CYCLE)) * 1e-3)
+}
+
+/// How far its clock is from the reference, ns; bit 31 is the sign.
+fn clock_ns(one: &SubDevice) -> u32 {
+    long(one, reg::DC_SYSTEM_TIME_DIFFERENCE) & 0x7FFF_FFFF
 }
 
 /// State and error of a SubDevice with power.
