@@ -59,8 +59,10 @@ pub enum Wish {
     Stop,
 }
 
-/// Complete exchanges in a row before a robot whose SubDevice is back goes on.
+/// Complete exchanges in a row, with wheels that stand, before a robot whose SubDevice is back goes on.
 const STEADY_CYCLES: u32 = 100;
+/// Below this speed a wheel stands, rad/s.
+const STANDING_RAD_S: f64 = 0.02;
 
 impl Conductor {
     /// Leads a robot that goes on by itself when a lost SubDevice is back within so many ns; `None`: it ends.
@@ -87,14 +89,18 @@ impl Conductor {
             return Some(RequestKind::Stop(StopCategory::RampThenRemove));
         }
         match self.part {
-            Part::Awaiting { .. } if wish == Wish::Stop => self.part = Part::Over,
-            Part::Awaiting { until_ns, .. } if now_ns >= until_ns => self.part = Part::Over,
+            Part::Awaiting { until_ns, .. } if wish == Wish::Stop || now_ns >= until_ns => {
+                self.part = Part::Ending;
+            }
             Part::Awaiting { until_ns, complete } => {
-                let complete = if last.exchange == Exchange::Complete { complete + 1 } else { 0 };
+                // Without torque it may still roll: drives that are enabled then brake as hard as they can.
+                let is_steady = last.exchange == Exchange::Complete && stands(last);
+                let complete = if is_steady { complete + 1 } else { 0 };
                 self.part = Part::Awaiting { until_ns, complete };
-                if complete >= STEADY_CYCLES {
+                // The stop comes to its end first.
+                if complete >= STEADY_CYCLES && matches!(phase, Phase::Fault | Phase::Disabled) {
                     self.part = Part::Acknowledged;
-                    return Some(RequestKind::Acknowledge);
+                    return (phase == Phase::Fault).then_some(RequestKind::Acknowledge);
                 }
             }
             Part::Acknowledged if phase == Phase::Disabled => {
@@ -122,7 +128,7 @@ impl Conductor {
                 return Some(RequestKind::Stop(StopCategory::RampThenRemove));
             }
             Part::Enabling | Part::Tracking
-                if phase == Phase::Fault && is_lost(last) && self.resume_within_ns.is_some() =>
+                if has_stopped(phase) && is_lost(last) && self.resume_within_ns.is_some() =>
             {
                 let until_ns = now_ns.saturating_add(self.resume_within_ns.unwrap_or_default());
                 self.part = Part::Awaiting { until_ns, complete: 0 };
@@ -155,9 +161,19 @@ impl Conductor {
     }
 }
 
+/// Whether the robot stops by itself, or did.
+fn has_stopped(phase: Phase) -> bool {
+    matches!(phase, Phase::Stopping | Phase::QuickStopping | Phase::Fault)
+}
+
 /// Whether the robot stopped because it lost SubDevices, all or some.
 fn is_lost(last: &CycleRecord) -> bool {
     matches!(last.stop_reason, SafetyReason::DeviceLost | SafetyReason::ExchangeLost)
+}
+
+/// Whether all wheels stand.
+fn stands(last: &CycleRecord) -> bool {
+    last.measurements.present().iter().all(|drive| drive.speed_rad_s.abs() < STANDING_RAD_S)
 }
 
 /// Whether no drive carries torque any more, by fresh inputs.

@@ -3,4 +3,5 @@
 mod bench;
 mod matrix;
 mod recovery;
+mod resume;
 mod storm;
