@@ -40,6 +40,6 @@ pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection,
 pub use pdi_socket::{Pace, SocketApplication};
 pub use segment::{Attachment, MainPort, Parent, Segment, SubDevice, TopologyError};
 pub use segment_file::{SegmentFile, SegmentFileError};
-pub use serve::{Served, serve, until_set};
+pub use serve::{RingEnds, Served, serve, serve_ring, until_set};
 pub use sim_link::{SimLink, VirtualClock, in_process};
 pub use sim_ring::{SimPort, ring_in_process};

@@ -186,6 +186,16 @@ impl Segment {
         Ok(())
     }
 
+    /// The port (SubDevice and port number) into which the cable of a MainDevice's interface is plugged; `None` where
+    /// there is none.
+    pub fn main_plug(&self, port: MainPort) -> Option<(usize, u8)> {
+        let cable = match port {
+            MainPort::Primary => self.cables.cables.first(),
+            MainPort::Redundant => self.cables.ring.and_then(|index| self.cables.cables.get(index)),
+        };
+        cable.map(|cable| (cable.lower.position, cable.lower.port))
+    }
+
     fn run_frame(&mut self, frame: &mut [u8], now: HostTime) -> Option<(HostTime, MainPort)> {
         self.advance(now);
         let now = self.now;

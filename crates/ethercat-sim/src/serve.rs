@@ -1,6 +1,6 @@
 //! A segment behind a network interface, in real time, for any MainDevice.
 
-use crate::segment::Segment;
+use crate::segment::{MainPort, Segment};
 use core::ops::ControlFlow;
 use core::time::Duration;
 use omnibase_ethercat_wire::frame::{ETHERTYPE, FIRST_DATAGRAM, MAX_FRAME, PROCESSED_BIT};
@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How long a wait lasts at most, so that whoever watches is asked now and then.
 const LONGEST_WAIT: Duration = Duration::from_millis(5);
+/// How long one of several links is waited at before a look at the others.
+const SLICE: Duration = Duration::from_micros(50);
 /// Answers that are remembered, to know them when the interface shows us what we sent.
 const REMEMBERED: usize = 8;
 
@@ -41,6 +43,38 @@ pub fn serve(
     clock: &dyn Clock,
     watch: &mut dyn FnMut(&mut Segment) -> ControlFlow<()>,
 ) -> Result<Served, LinkError> {
+    run(segment, &mut [Port::new(MainPort::Primary, link)], clock, watch)
+}
+
+/// As [`serve`], for a segment whose ring was closed, with a link at each end.
+///
+/// Goes on while one of the links is down; `watch` then has to take its cable out of the segment
+/// ([`Segment::main_plug`] tells which it is), as the chip at that end would notice.
+pub fn serve_ring(
+    segment: &mut Segment,
+    ends: RingEnds<'_>,
+    clock: &dyn Clock,
+    watch: &mut dyn FnMut(&mut Segment) -> ControlFlow<()>,
+) -> Result<Served, LinkError> {
+    let RingEnds { primary, redundant } = ends;
+    let ports = &mut [Port::new(MainPort::Primary, primary), Port::new(MainPort::Redundant, redundant)];
+    run(segment, ports, clock, watch)
+}
+
+/// The links at both ends of a ring.
+pub struct RingEnds<'a> {
+    /// The one that leads to position 0.
+    pub primary: &'a mut dyn Link,
+    /// The one at the other end.
+    pub redundant: &'a mut dyn Link,
+}
+
+fn run(
+    segment: &mut Segment,
+    ports: &mut [Port<'_>],
+    clock: &dyn Clock,
+    watch: &mut dyn FnMut(&mut Segment) -> ControlFlow<()>,
+) -> Result<Served, LinkError> {
     let mut service = Service {
         origin: clock.now(),
         start: segment.now(),
@@ -49,31 +83,93 @@ pub fn serve(
         served: Served::default(),
         sent: VecDeque::with_capacity(REMEMBERED),
     };
-    let mut buffer = [0; MAX_FRAME];
+    let mut frame = [0; MAX_FRAME];
+    let mut turn = 0;
     loop {
-        // Looked at before the link: what came until then is in the link, and is earlier than anything after it.
+        // Looked at before the links: what came until then is in them, and is earlier than anything after it.
         let now = clock.now();
-        let mut received = link.receive(&mut buffer, HostTime(0))?;
-        if received.is_none() {
+        for port in ports.iter_mut() {
+            port.look(HostTime(0), clock)?;
+        }
+        let arrived = ports.iter().enumerate().filter_map(|(at, port)| Some((port.arrived?.arrival, at)));
+        let Some((_, at)) = arrived.min() else {
             let wait = match service.advance(now) {
                 ControlFlow::Continue(()) => service.wait(now),
                 ControlFlow::Break(()) => return Ok(service.served),
             };
-            received = link.receive(&mut buffer, now + wait)?;
-        }
-        let Some(length) = received else { continue };
-        let taken = clock.now();
-        let arrival = link.arrival().unwrap_or(taken).min(taken);
-        let frame = &mut buffer[..length.min(MAX_FRAME)];
-        let (answer, flow) = service.take(frame, arrival);
+            let up = ports.iter().filter(|port| !port.is_down).count();
+            let wait = if ports.len() > 1 { wait.min(SLICE) } else { wait };
+            turn += 1;
+            match ports.iter_mut().filter(|port| !port.is_down).nth(turn % up.max(1)) {
+                Some(port) => port.look(now + wait, clock)?,
+                None => return Err(LinkError::Down),
+            }
+            continue;
+        };
+        let Some(Arrived { length, arrival, taken }) = ports[at].arrived.take() else { continue };
+        let frame = &mut frame[..length.min(MAX_FRAME)];
+        frame.copy_from_slice(&ports[at].buffer[..frame.len()]);
+        let (leaves, flow) = service.take(ports[at].main, frame, arrival);
         service.served.longest_wait_ns =
             service.served.longest_wait_ns.max((taken - arrival).as_nanos() as u64);
-        if answer == Answer::Leaves {
-            link.send(frame)?;
+        if let Some(port) = ports.iter_mut().find(|port| Some(port.main) == leaves) {
+            port.send(frame)?;
         }
         if flow.is_break() {
             return Ok(service.served);
         }
+    }
+}
+
+/// One of the MainDevice's interfaces.
+struct Port<'a> {
+    main: MainPort,
+    link: &'a mut dyn Link,
+    buffer: [u8; MAX_FRAME],
+    /// The frame in the buffer.
+    arrived: Option<Arrived>,
+    is_down: bool,
+}
+
+/// A frame that was received.
+#[derive(Clone, Copy)]
+struct Arrived {
+    length: usize,
+    /// When it came in, and when it was fetched.
+    arrival: HostTime,
+    taken: HostTime,
+}
+
+impl<'a> Port<'a> {
+    fn new(main: MainPort, link: &'a mut dyn Link) -> Self {
+        Port { main, link, buffer: [0; MAX_FRAME], arrived: None, is_down: false }
+    }
+
+    /// Waits for a frame until `deadline`, where none is there yet.
+    fn look(&mut self, deadline: HostTime, clock: &dyn Clock) -> Result<(), LinkError> {
+        if self.arrived.is_some() {
+            return Ok(());
+        }
+        match self.link.receive(&mut self.buffer, deadline) {
+            Ok(None) => {}
+            Ok(Some(length)) => {
+                let taken = clock.now();
+                let arrival = self.link.arrival().unwrap_or(taken).min(taken);
+                self.arrived = Some(Arrived { length, arrival, taken });
+                self.is_down = false;
+            }
+            Err(LinkError::Down) => self.is_down = true,
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        match self.link.send(frame) {
+            Err(LinkError::Down) => self.is_down = true,
+            other => other?,
+        }
+        Ok(())
     }
 }
 
@@ -83,15 +179,6 @@ pub fn until_set(stop: &AtomicBool) -> impl FnMut(&mut Segment) -> ControlFlow<(
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     }
-}
-
-/// What becomes of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Answer {
-    /// It goes back.
-    Leaves,
-    /// Nothing goes back.
-    None,
 }
 
 /// A segment that is being served.
@@ -127,28 +214,31 @@ impl Service<'_> {
         (self.watch)(self.segment)
     }
 
-    /// Runs a frame through the segment, in place.
-    fn take(&mut self, frame: &mut [u8], arrival: HostTime) -> (Answer, ControlFlow<()>) {
+    /// Runs a frame through the segment, in place; where its answer leaves.
+    fn take(
+        &mut self,
+        from: MainPort,
+        frame: &mut [u8],
+        arrival: HostTime,
+    ) -> (Option<MainPort>, ControlFlow<()>) {
         if !carries_datagrams(frame) || forget(&mut self.sent, frame) {
             self.served.ignored += 1;
-            return (Answer::None, ControlFlow::Continue(()));
+            return (None, ControlFlow::Continue(()));
         }
         if self.advance(arrival).is_break() {
-            return (Answer::None, ControlFlow::Break(()));
+            return (None, ControlFlow::Break(()));
         }
         self.served.frames += 1;
         let at = self.in_segment(arrival);
-        let back = self.segment.process(frame, at);
+        let back = self.segment.process_from(from, frame, at);
         let flow = (self.watch)(self.segment);
-        if back.is_none() {
-            return (Answer::None, flow);
-        }
+        let Some((_, leaves)) = back else { return (None, flow) };
         self.served.answered += 1;
         if self.sent.len() == REMEMBERED {
             self.sent.pop_front();
         }
         self.sent.push_back(frame.to_vec());
-        (Answer::Leaves, flow)
+        (Some(leaves), flow)
     }
 }
 

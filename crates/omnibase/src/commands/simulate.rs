@@ -10,7 +10,7 @@ use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
 use fault::TimedFault;
 use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
-use omnibase_ethercat_sim::{Segment, Served, serve};
+use omnibase_ethercat_sim::{Fault, MainPort, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
@@ -53,6 +53,9 @@ pub struct Arguments {
     /// Network interface on which to answer.
     #[arg(long)]
     interface: String,
+    /// Network interface at the other end of a ring: its cable is plugged into port 1 of the last SubDevice.
+    #[arg(long, value_name = "INTERFACE", conflicts_with = "record")]
+    redundant: Option<String>,
     /// Something that goes wrong, and when; may be given several times.
     #[arg(long, value_name = "FAULT@POSITION:SECONDS")]
     fault: Vec<TimedFault>,
@@ -105,6 +108,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         None => (segment::from_images(&arguments.sii)?, None),
     };
     let count = segment.sub_devices().len();
+    if arguments.redundant.is_some() {
+        segment.close_ring(count.saturating_sub(1), 1)?;
+    }
     for fault in &arguments.fault {
         anyhow::ensure!(
             fault.position < count,
@@ -116,12 +122,16 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let target = Target::Interface(arguments.interface.clone());
     // Sleeps to the microsecond: the SubDevices' own events are due between frames.
     let mut cable = target.open(Port::Ring(Waiting::Sleep))?;
+    let mut other_end = None;
+    if let Some(name) = &arguments.redundant {
+        other_end = Some(Target::Interface(name.clone()).open(Port::Ring(Waiting::Sleep))?);
+    }
     let mut recorder = None;
     if let Some(path) = &arguments.record {
         let (recorded, running) = cable.record(path)?;
         (cable, recorder) = (recorded, Some((running, path)));
     }
-    let lines = describe(&segment, &arguments.interface);
+    let lines = describe(&segment, arguments);
     if arguments.json {
         lines.iter().for_each(note);
     } else {
@@ -133,10 +143,13 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     faults.sort_by_key(|fault| fault.after);
     faults.reverse();
     let logbook = Logbook::new(&segment, machine);
-    let mut watch = Watch { logbook, faults, start: segment.now(), stop };
+    let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
+    let ports = [MainPort::Primary, MainPort::Redundant].into_iter().zip(interfaces);
+    let ends = ports.map(|(port, name)| End { name: name.clone(), port, is_out: false }).collect();
+    let mut watch = Watch { logbook, faults, start: segment.now(), stop, ends };
     // Until the end of the service.
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
-    let served = watch.serve(&mut segment, &mut cable, &arguments.interface)?;
+    let served = watch.serve(&mut segment, &mut cable, other_end.as_mut())?;
     drop(granted);
     let Logbook { entries, watchdogs, standstills, arrivals, .. } = &watch.logbook;
     let report = Report {
@@ -175,9 +188,11 @@ fn print(report: &Report, output: &mut dyn Write) -> std::io::Result<()> {
 }
 
 /// What is simulated, and where: a line for the segment, and one for each SubDevice.
-fn describe(segment: &Segment, interface: &str) -> Vec<String> {
+fn describe(segment: &Segment, arguments: &Arguments) -> Vec<String> {
     let count = segment.sub_devices().len();
-    let mut lines = vec![format!("simulating {count} SubDevices on {interface}; Ctrl-C ends")];
+    let redundant = arguments.redundant.iter().map(|name| format!(" and {name}, a ring")).next();
+    let interfaces = format!("{}{}", arguments.interface, redundant.unwrap_or_default());
+    let mut lines = vec![format!("simulating {count} SubDevices on {interfaces}; Ctrl-C ends")];
     lines.extend(segment.sub_devices().iter().enumerate().map(|(position, one)| {
         match Image::parse(one.esc().sii_image()) {
             Ok((image, _)) => {
@@ -198,16 +213,43 @@ struct Watch {
     faults: Vec<TimedFault>,
     start: HostTime,
     stop: &'static AtomicBool,
+    /// The MainDevice's interfaces.
+    ends: Vec<End>,
+}
+
+/// One of the MainDevice's interfaces.
+struct End {
+    name: String,
+    port: MainPort,
+    /// Its cable is taken out of the segment, as it is out of the interface.
+    is_out: bool,
 }
 
 impl Watch {
-    /// Answers frames until a signal; waits while the link is down.
-    fn serve(&mut self, segment: &mut Segment, cable: &mut Cable, interface: &str) -> anyhow::Result<Served> {
+    /// Answers frames until a signal; waits while all links are down.
+    fn serve(
+        &mut self,
+        segment: &mut Segment,
+        cable: &mut Cable,
+        mut other_end: Option<&mut Cable>,
+    ) -> anyhow::Result<Served> {
         let mut all = Served::default();
         let stop = self.stop;
         let ended = || stop.load(Ordering::Relaxed);
+        let names: Vec<String> = self.ends.iter().map(|end| end.name.clone()).collect();
+        let interfaces = names.join(", ");
+        let are_down = || names.iter().all(|name| interface::link_state(name) != LinkState::Up);
         loop {
-            match serve(segment, &mut *cable.link, &cable.clock, &mut |segment| self.look(segment)) {
+            let watch = &mut |segment: &mut Segment| self.look(segment);
+            let (link, clock) = (&mut *cable.link, &cable.clock);
+            let result = match &mut other_end {
+                None => serve(segment, link, clock, watch),
+                Some(other) => {
+                    let ends = RingEnds { primary: link, redundant: &mut *other.link };
+                    serve_ring(segment, ends, clock, watch)
+                }
+            };
+            match result {
                 Ok(served) => {
                     all.frames += served.frames;
                     all.answered += served.answered;
@@ -216,16 +258,37 @@ impl Watch {
                     return Ok(all);
                 }
                 Err(LinkError::Down) => {
-                    note(format_args!("{interface}: the link is down, waiting for it"));
-                    while interface::link_state(interface) != LinkState::Up && !ended() {
+                    note(format_args!("{interfaces}: the link is down, waiting for it"));
+                    while are_down() && !ended() {
                         std::thread::sleep(Duration::from_millis(20));
                     }
                     if ended() {
                         return Ok(all);
                     }
-                    note(format_args!("{interface}: the link is up"));
+                    note(format_args!("{interfaces}: the link is up"));
                 }
                 Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Takes a ring's cable out of the segment where it is out of its interface: the chip there notices it at once.
+    fn look_at_ends(&mut self, segment: &mut Segment) {
+        if self.ends.len() < 2 {
+            return;
+        }
+        let now = segment.now();
+        for end in &mut self.ends {
+            let is_out = interface::link_state(&end.name) != LinkState::Up;
+            if std::mem::replace(&mut end.is_out, is_out) == is_out {
+                continue;
+            }
+            let Some((position, port)) = segment.main_plug(end.port) else { continue };
+            let fault = if is_out { Fault::CableCut { port } } else { Fault::CableRestored { port } };
+            let what = if is_out { "is out" } else { "is in again" };
+            match segment.inject(position, fault) {
+                Ok(()) => self.logbook.note(now, format!("the cable of {} {what}", end.name)),
+                Err(error) => self.logbook.note(now, format!("the cable of {} {what}: {error}", end.name)),
             }
         }
     }
@@ -233,6 +296,7 @@ impl Watch {
     fn look(&mut self, segment: &mut Segment) -> ControlFlow<()> {
         self.logbook.look(segment);
         let now = segment.now();
+        self.look_at_ends(segment);
         while let Some(fault) = self.faults.pop_if(|fault| self.start + fault.after <= now) {
             match segment.inject(fault.position, fault.fault.clone()) {
                 Ok(()) => self.logbook.note(now, format!("fault: {fault}")),

@@ -5,6 +5,7 @@
 
 mod ends;
 mod recovery;
+mod redundancy;
 mod refusals;
 mod same_end;
 mod support;

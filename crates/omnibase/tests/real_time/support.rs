@@ -132,6 +132,66 @@ impl Ended {
     }
 }
 
+/// What both processes of a run say.
+pub struct Seen {
+    /// The run's exit code.
+    pub ended: Option<i32>,
+    /// What `omnibase run` says.
+    pub report: Value,
+    /// What `omnibase simulate` says.
+    pub simulated: Value,
+}
+
+impl Seen {
+    /// Waits for the end of the run, then ends the simulator.
+    pub fn of(run: Program, simulator: Program) -> Self {
+        let run = run.end();
+        simulator.signal("INT");
+        Seen { ended: run.status.code(), report: run.json(), simulated: simulator.end().json() }
+    }
+
+    /// Whether this machine served cycle and simulator in time: what it disturbed shows nothing of the bus.
+    fn is_undisturbed(&self) -> bool {
+        number(&self.report["overruns"]) == 0.0 && number(&self.simulated["longest_wait_ms"]) < LATE_MS
+    }
+
+    /// Figures of the bus.
+    pub fn bus(&self, what: &str) -> f64 {
+        number(&self.report["bus"][what])
+    }
+
+    /// The states of a SubDevice, from start to end.
+    pub fn states(&self, position: usize) -> Vec<&str> {
+        let name = format!("SubDevice {position}: ");
+        let words = events(&self.simulated).into_iter();
+        words.filter_map(|text| text.strip_prefix(&name)).collect()
+    }
+}
+
+/// The states of a SubDevice that was in OP all the time.
+pub const IN_OP: [&str; 5] = ["PRE-OP", "SAFE-OP", "OP", "PRE-OP", "INIT"];
+/// A frame that waited so long for the simulator is answered too late for a cycle of 4 ms, ms.
+const LATE_MS: f64 = 2.0;
+/// Runs until one is seen that the machine didn't disturb.
+const ATTEMPTS: u32 = 5;
+
+/// Runs until the machine kept its time in one of them; where it never did, says loudly that `test` is skipped.
+pub fn undisturbed(test: &str, mut attempt: impl FnMut() -> Seen) -> Option<Seen> {
+    for number in 1..=ATTEMPTS {
+        let seen = attempt();
+        let Seen { report, simulated, .. } = &seen;
+        eprintln!(
+            "{test}, attempt {number}: {} frames lost, {} cycles left out, a frame waited {} ms for the simulator",
+            report["lost_frames"], report["overruns"], simulated["longest_wait_ms"]
+        );
+        if seen.is_undisturbed() {
+            return Some(seen);
+        }
+    }
+    eprintln!("SKIPPED: {test}: this machine kept its time in none of {ATTEMPTS} attempts");
+    None
+}
+
 /// A number of a report.
 pub fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
