@@ -30,6 +30,7 @@ use std::time::Duration;
   omnibase simulate robots/bmm.toml --interface veth1                the robot of a robot file: drives, wheels, floor
   omnibase simulate --sii ek1100.bin,el2828.bin --interface veth1    devices from SII images, in a line
   omnibase simulate segments/three-sgdv.toml --interface veth1 --fault power-cycle@1:5 --record run.pcapng
+  omnibase simulate robots/bmm.toml --interface veth1 --redundant veth3 --fault cable-cut@0:5:1    a ring that breaks
 
 Frames count from their arrival: pauses of this program are not the bus's. States, watchdogs and standstills are
 noted by the segment's own time; the end says where the robot really is.
