@@ -60,8 +60,10 @@ pub enum Call {
     },
     /// The stick was let go.
     ReleasePad,
-    /// A stick that was lost may command again.
+    /// The page's own stick, which was lost, may command again.
     EnablePad,
+    /// The stick at the robot's computer, which was lost or stopped, may command again once it was let go.
+    EnableJoystick,
     /// Put an obstacle on the floor, or move the one that is there.
     SetObstacle {
         /// Its place, from 0.

@@ -105,7 +105,8 @@ impl Desk {
             }
             Call::ReleasePad => return self.send_silently(client, Ask::Pad(Pad::Released)),
             Call::Alive => return self.send_silently(client, Ask::Alive),
-            Call::EnablePad => Ask::EnablePad,
+            Call::EnablePad => Ask::EnablePad(client),
+            Call::EnableJoystick => Ask::EnablePad(Client::Joystick),
             Call::Load { reference } => return self.load(client, *reference, "loaded"),
             Call::LoadPoints { text } => {
                 let points = PathPoints::parse(&text).map_err(|error| error.to_string())?;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{Course, CycleRecord, DriveProgress, LimitedBy, Phase, SafetyReason};
 use omnibase_run::channels::Rows;
-use omnibase_run::live::{Client, Commander, LiveEvent, Snapshot};
+use omnibase_run::live::{Client, Commander, LiveEvent, Snapshot, StickState};
 use serde::Serialize;
 
 /// The robot at one instant.
@@ -25,6 +25,8 @@ pub struct Seen {
     pub emergency_stop: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
+    /// The stick at the robot's computer: `absent`, `present`, `lost` or `blocked`.
+    pub joystick: &'static str,
     /// Why it last stopped, in words; empty where nothing did.
     pub stop_reason: &'static str,
     /// The number of the reference; 0 for the robot file's own.
@@ -155,6 +157,12 @@ impl Seen {
             course: course_name(record.course),
             emergency_stop: beside.say.is_emergency,
             blocked_sticks: beside.say.blocked_sticks,
+            joystick: match beside.say.joystick {
+                StickState::Absent => "absent",
+                StickState::Present => "present",
+                StickState::Lost => "lost",
+                StickState::Blocked => "blocked",
+            },
             stop_reason: if record.stop_reason == SafetyReason::None {
                 ""
             } else {

@@ -3,7 +3,7 @@
 //! - [`event`]: [`RawEvent`], the kernel's `struct input_event`, from bytes that may be anything.
 //! - [`description`]: [`Description`], what a device is and has; [`State`], where its axes and buttons are.
 //! - [`shaping`]: [`Shaping`], from a raw axis to −1..1: offset, dead zone, expo, gain.
-//! - [`ready`]: the maps of known sticks and pads.
+//! - [`ready`]: which ready map belongs to a device.
 //! - [`map`]: [`Map`], which axis and button of a device does what: a ready map with the robot file's changes.
 //! - [`stick`]: [`Stick`], the state machine: dead-man, frames, stop, loss, enabling again; gives [`StickCommand`]s.
 //! - [`device`]: [`Device`], what a stick's events come from; [`EvdevDevice`], the kernel's.

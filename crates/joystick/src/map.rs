@@ -6,20 +6,15 @@ use omnibase_robot::config::{
     AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickTable, ReadyMapName, StickAxisTable,
     StickFrameName,
 };
+use omnibase_robot::{AxisShape, StickShape};
 
 use crate::description::{AxisRange, Description, State};
-use crate::ready::{map_for, ready_map};
+use crate::ready::map_for;
 use crate::shaping::{Shaping, normalise};
 use crate::stick::StickFrame;
 
-/// Dead zone where neither file nor device asks for more.
-const DEAD_ZONE: f64 = 0.05;
 /// The widest dead zone that a device's own `flat` is granted.
 const WIDEST_DEAD_ZONE: f64 = 0.9;
-/// Expo where the file gives none.
-const EXPO: f64 = 0.3;
-/// What is left of the speed at the slow end of a slider where nothing says how much.
-const LEAST: f64 = 0.1;
 
 /// One axis that drives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,14 +142,14 @@ impl Map {
             let Description { name, vendor_id, product_id, .. } = device.clone();
             return Err(vec![MapProblem::Unknown { name, vendor_id, product_id }]);
         };
-        let merged = merge(table, &ready_map(ready));
+        let merged = table.over(ready);
         let mut problems = Vec::new();
         fits(&merged, device, &mut problems);
         let ranges = [("forward", &merged.forward), ("left", &merged.left), ("turn", &merged.turn)];
         let axes = ranges.map(|(what, table)| axis(what, table, device, &mut problems));
         let slider = merged.speed.axis.and_then(|axis| {
             let range = *device.axes.get(&axis.0)?;
-            let least = merged.speed.least.unwrap_or(LEAST);
+            let least = merged.speed.least.unwrap_or(StickShape::default().least);
             within("speed.least", least, [0.0, 1.0], &mut problems);
             Some(SliderMap { axis, range, sign: sign(merged.speed.direction), least })
         });
@@ -208,6 +203,36 @@ impl Map {
         [x / length, y / length, turn]
     }
 
+    /// Whether no axis is out of its dead zone.
+    pub fn is_at_rest(&self, state: &State) -> bool {
+        let is_out = |axis: &AxisMap| {
+            let raw = state.axes.get(&axis.axis.0);
+            raw.is_some_and(|raw| axis.shaping.shape(*raw, axis.range) != 0.0)
+        };
+        !self.axes.iter().flatten().any(is_out)
+    }
+
+    /// How it is shaped; an axis that isn't mapped has the default.
+    pub fn shape(&self) -> StickShape {
+        let default = StickShape::default();
+        StickShape {
+            axes: self.axes.map(|axis| axis.map_or(AxisShape::default(), |axis| axis.shaping.shape)),
+            least: self.slider.map_or(default.least, |slider| slider.least),
+        }
+    }
+
+    /// Shapes it anew, as a whole.
+    pub fn reshape(&mut self, shape: &StickShape) {
+        for (axis, shape) in self.axes.iter_mut().zip(shape.axes) {
+            if let Some(axis) = axis {
+                axis.shaping.shape = shape;
+            }
+        }
+        if let Some(slider) = &mut self.slider {
+            slider.least = shape.least;
+        }
+    }
+
     /// What the slider leaves of the speed: 1 without one, its slow end where its value isn't known.
     pub fn speed_factor(&self, state: &State) -> f64 {
         let Some(slider) = self.slider else { return 1.0 };
@@ -215,35 +240,6 @@ impl Map {
         let part = raw.map_or(0.0, |raw| (1.0 + slider.sign * normalise(*raw, slider.range)) / 2.0);
         slider.least + (1.0 - slider.least) * part
     }
-}
-
-/// The file's settings before those of the ready map.
-fn merge(file: &JoystickTable, ready: &JoystickTable) -> JoystickTable {
-    let axis = |file: &StickAxisTable, ready: &StickAxisTable| StickAxisTable {
-        axis: file.axis.or(ready.axis),
-        // Another axis of one's own choice counts as the file says, not as the ready map's did.
-        direction: file.direction.or(ready.direction.filter(|_| file.axis.is_none())),
-        offset: file.offset.or(ready.offset),
-        dead_zone: file.dead_zone.or(ready.dead_zone),
-        gain: file.gain.or(ready.gain),
-        expo: file.expo.or(ready.expo),
-    };
-    let mut merged = file.clone();
-    merged.forward = axis(&file.forward, &ready.forward);
-    merged.left = axis(&file.left, &ready.left);
-    merged.turn = axis(&file.turn, &ready.turn);
-    let (speed, buttons) = (&mut merged.speed, &mut merged.buttons);
-    speed.direction = speed.direction.or(ready.speed.direction.filter(|_| file.speed.axis.is_none()));
-    speed.axis = speed.axis.or(ready.speed.axis);
-    speed.least = speed.least.or(ready.speed.least);
-    buttons.dead_man = buttons.dead_man.or(ready.buttons.dead_man);
-    buttons.stop = buttons.stop.or(ready.buttons.stop);
-    buttons.enable = buttons.enable.or(ready.buttons.enable);
-    buttons.platform_frame = buttons.platform_frame.or(ready.buttons.platform_frame);
-    buttons.fixed_frame = buttons.fixed_frame.or(ready.buttons.fixed_frame);
-    buttons.toggle_frame = buttons.toggle_frame.or(ready.buttons.toggle_frame);
-    buttons.reset_frame = buttons.reset_frame.or(ready.buttons.reset_frame);
-    merged
 }
 
 /// Whether the device has all that is named, each for one task.
@@ -285,23 +281,26 @@ fn axis(
 ) -> Option<AxisMap> {
     let axis = table.axis?;
     let range = *device.axes.get(&axis.0)?;
-    let shaping = Shaping {
-        sign: sign(table.direction),
-        offset: table.offset.unwrap_or(0.0),
-        dead_zone: table.dead_zone.unwrap_or_else(|| flat_part(range).clamp(DEAD_ZONE, WIDEST_DEAD_ZONE)),
-        gain: table.gain.unwrap_or(1.0),
-        expo: table.expo.unwrap_or(EXPO),
+    let default = AxisShape::default();
+    let shape = AxisShape {
+        offset: table.offset.unwrap_or(default.offset),
+        // What the device itself calls flat, where that is more.
+        dead_zone: table
+            .dead_zone
+            .unwrap_or_else(|| flat_part(range).clamp(default.dead_zone, WIDEST_DEAD_ZONE)),
+        gain: table.gain.unwrap_or(default.gain),
+        expo: table.expo.unwrap_or(default.expo),
     };
     let bounds = [
-        ("offset", shaping.offset, [-0.5, 0.5]),
-        ("dead_zone", shaping.dead_zone, [0.0, WIDEST_DEAD_ZONE]),
-        ("gain", shaping.gain, [0.0, 1.0]),
-        ("expo", shaping.expo, [0.0, 1.0]),
+        ("offset", shape.offset, [-0.5, 0.5]),
+        ("dead_zone", shape.dead_zone, [0.0, WIDEST_DEAD_ZONE]),
+        ("gain", shape.gain, [0.0, 1.0]),
+        ("expo", shape.expo, [0.0, 1.0]),
     ];
     for (key, value, bounds) in bounds {
         within(format_args!("{what}.{key}"), value, bounds, problems);
     }
-    Some(AxisMap { axis, range, shaping })
+    Some(AxisMap { axis, range, shaping: Shaping { sign: sign(table.direction), shape } })
 }
 
 /// Tables that are made in code haven't been through the file's own checks.

@@ -1,5 +1,7 @@
 //! From a raw axis to a part of the greatest speed.
 
+use omnibase_robot::AxisShape;
+
 use crate::description::AxisRange;
 
 /// How one axis is shaped.
@@ -15,14 +17,8 @@ use crate::description::AxisRange;
 pub struct Shaping {
     /// 1, or −1 where the axis counts against the wished direction.
     pub sign: f64,
-    /// Where it rests, −0.5..0.5.
-    pub offset: f64,
-    /// Part of the half range that counts as rest, 0..0.9.
-    pub dead_zone: f64,
-    /// Speed at the end of the range, above 0 to 1.
-    pub gain: f64,
-    /// From straight (0) to cubic (1).
-    pub expo: f64,
+    /// Offset −0.5..0.5, dead zone 0..0.9, gain 0..1, expo 0..1.
+    pub shape: AxisShape,
 }
 
 impl Shaping {
@@ -33,14 +29,15 @@ impl Shaping {
 
     /// A normalised value, −1..1, as −gain..gain.
     pub fn curve(&self, normalised: f64) -> f64 {
-        let from_rest = self.sign * normalised - self.offset;
-        let centred = (from_rest / if from_rest < 0.0 { 1.0 + self.offset } else { 1.0 - self.offset })
-            .clamp(-1.0, 1.0);
-        let beyond = (centred.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
+        let AxisShape { offset, dead_zone, gain, expo } = self.shape;
+        let from_rest = self.sign * normalised - offset;
+        let centred =
+            (from_rest / if from_rest < 0.0 { 1.0 + offset } else { 1.0 - offset }).clamp(-1.0, 1.0);
+        let beyond = (centred.abs() - dead_zone).max(0.0) / (1.0 - dead_zone);
         let straight = beyond.copysign(centred);
-        let curved = (1.0 - self.expo) * straight + self.expo * straight.powi(3);
+        let curved = (1.0 - expo) * straight + expo * straight.powi(3);
         // Rest is +0, on either side.
-        if curved == 0.0 { 0.0 } else { (self.gain * curved).clamp(-1.0, 1.0) }
+        if curved == 0.0 { 0.0 } else { (gain * curved).clamp(-1.0, 1.0) }
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::description::State;
 use crate::event::{EV_KEY, EV_SYN, RawEvent, SYN_DROPPED, SYN_REPORT};
 use crate::map::Map;
+use omnibase_robot::StickShape;
 use omnibase_robot::config::ButtonCode;
 
 /// The frame in which a stick drives.
@@ -94,7 +95,7 @@ pub struct Stick {
     plugged: Option<Plugged>,
     heard_ns: Option<u64>,
     block: Option<Block>,
-    /// It must be let go once before it drives: after it came, and after it was enabled.
+    /// It must be let go and rest once before it drives: after it came, and after it was enabled.
     must_release: bool,
     frame: StickFrame,
     requests: Requests,
@@ -108,6 +109,21 @@ struct Plugged {
     /// With the events of the report that isn't at its end yet.
     coming: State,
     drops: Drops,
+}
+
+impl Plugged {
+    /// Somebody wants to drive.
+    fn is_held(&self) -> bool {
+        match self.map.dead_man {
+            Some(button) => self.state.pressed.contains(&button.0),
+            None => self.map.twist(&self.state) != [0.0; 3],
+        }
+    }
+
+    /// The dead-man button is up and all axes rest.
+    fn is_let_go(&self) -> bool {
+        !self.is_held() && self.map.is_at_rest(&self.state)
+    }
 }
 
 /// Whether events were lost in this report.
@@ -187,8 +203,10 @@ impl Stick {
             _ => {
                 plugged.coming.take(event, &plugged.map.device);
                 // Who lets go and grasps again within one report has let go.
-                let is_released = event.kind == EV_KEY && event.value == 0;
-                if is_released && plugged.map.dead_man == Some(ButtonCode(event.code)) {
+                let is_released = event.kind == EV_KEY
+                    && event.value == 0
+                    && plugged.map.dead_man == Some(ButtonCode(event.code));
+                if is_released && plugged.map.is_at_rest(&plugged.coming) {
                     self.must_release = false;
                 }
             }
@@ -211,6 +229,14 @@ impl Stick {
         }
     }
 
+    /// Shapes it anew, as a whole. One that nobody holds must not begin to drive by that.
+    pub fn reshape(&mut self, shape: &StickShape) {
+        if let Some(plugged) = &mut self.plugged {
+            self.must_release |= !plugged.is_held();
+            plugged.map.reshape(shape);
+        }
+    }
+
     /// Whoever it drives took the command from it: it is blocked until it is enabled.
     pub fn block(&mut self, why: Block) {
         self.block.get_or_insert(why);
@@ -230,14 +256,10 @@ impl Stick {
         };
         let Some(plugged) = self.plugged.as_ref().filter(|_| is_fresh) else { return command };
         command.presence = Presence::Present;
-        let twist = plugged.map.twist(&plugged.state);
-        let is_held = match plugged.map.dead_man {
-            Some(button) => plugged.state.pressed.contains(&button.0),
-            None => twist != [0.0; 3],
-        };
-        self.must_release &= is_held;
+        let is_held = plugged.is_held();
+        self.must_release &= !plugged.is_let_go();
         if is_held && !self.must_release && self.block.is_none() {
-            (command.hold, command.twist) = (Hold::Held, twist);
+            (command.hold, command.twist) = (Hold::Held, plugged.map.twist(&plugged.state));
         }
         command
     }
@@ -246,6 +268,7 @@ impl Stick {
     fn come_to(&mut self, state: State) {
         let Some(plugged) = &mut self.plugged else { return };
         let before = std::mem::replace(&mut plugged.state, state);
+        self.must_release &= !plugged.is_let_go();
         let (map, state) = (&plugged.map, &plugged.state);
         let went_down = |button: Option<ButtonCode>| {
             button.is_some_and(|ButtonCode(code)| {

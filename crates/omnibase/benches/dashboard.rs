@@ -8,7 +8,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use tungstenite::{Message, WebSocket};
+use tungstenite::Message;
+
+#[path = "../tests/dashboard/socket.rs"]
+mod socket;
 
 const TOKEN: &str = "token-of-the-bench";
 const MEASURED: Duration = Duration::from_secs(8);
@@ -24,22 +27,6 @@ fn cpu_s(process: u32, thread: &str) -> f64 {
         (name.trim() == thread).then_some(ns * 1e-9)
     };
     tasks.flatten().filter_map(of).sum()
-}
-
-type Socket = WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>;
-
-fn connect(address: &str) -> Socket {
-    let request = tungstenite::http::Request::builder()
-        .uri(format!("ws://{address}/api/live"))
-        .header("Host", address)
-        .header("Authorization", format!("Bearer {TOKEN}"))
-        .header("Connection", "Upgrade")
-        .header("Upgrade", "websocket")
-        .header("Sec-WebSocket-Version", "13")
-        .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key())
-        .body(())
-        .unwrap();
-    tungstenite::connect(request).unwrap().0
 }
 
 fn value(address: &str, name: &str, place: usize) -> u64 {
@@ -92,7 +79,8 @@ fn main() {
         let messages = Arc::new(AtomicU64::new(0));
         let mut threads = Vec::new();
         for _ in 0..pages {
-            let (mut socket, ended, messages) = (connect(&address), ended.clone(), messages.clone());
+            let (mut socket, ended, messages) =
+                (socket::connect(&address, TOKEN), ended.clone(), messages.clone());
             threads.push(std::thread::spawn(move || {
                 while !ended.load(Ordering::Relaxed) {
                     if socket.read().is_ok_and(|message| message.is_text()) {
@@ -106,7 +94,7 @@ fn main() {
             threads.push(std::thread::spawn(move || {
                 // It comes again whenever it is cut off.
                 while !ended.load(Ordering::Relaxed) {
-                    let mut socket = connect(&address);
+                    let mut socket = socket::connect(&address, TOKEN);
                     while !ended.load(Ordering::Relaxed)
                         && socket.send(Message::text(r#"{"do":"alive"}"#)).is_ok()
                     {}

@@ -11,10 +11,12 @@ mod file;
 mod guard_check;
 mod guard_tables;
 mod joystick;
+mod joystick_check;
 mod mapping;
 mod plan;
 mod platform;
 mod problem;
+mod ready_maps;
 mod source;
 #[cfg(test)]
 mod tests;

@@ -21,6 +21,7 @@ use crate::signals::{
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
 };
+use crate::stick_shape::StickShape;
 
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
@@ -80,7 +81,7 @@ impl Robot {
             command_age_ns: plan.safety.command_age_ns,
             motion,
             guard: Guard::new(&plan.guard, &plan.limits, period_s),
-            settings: Settings::new(&plan.limits),
+            settings: Settings::new(&plan.limits, StickShape::of(&plan.joystick)),
             record,
         })
     }
@@ -140,9 +141,15 @@ impl Robot {
         self.lifecycle.phase()
     }
 
-    /// What may be set while the robot runs, in the order of its index: the robot's own, then the controller's gains.
+    /// What may be set while the robot runs, in the order of its index: the robot's own, its stick's, then the
+    /// controller's gains.
     pub fn settings(&self) -> impl Iterator<Item = Gain> + '_ {
         (0..).map_while(|index| self.settings.get((&self.guard, &*self.controllers[self.active]), index))
+    }
+
+    /// How its stick is shaped from now on.
+    pub fn stick_shape(&self) -> StickShape {
+        self.settings.stick()
     }
 
     /// The obstacles, where they are after the last cycle.

@@ -4,6 +4,7 @@
 //! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
 //! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: by which name.
 //! - [`config`]: from a robot's file to a [`RobotPlan`], with every problem and its place.
+//! - [`stick_shape`]: [`StickShape`], gains, dead zones and expo of a stick, which change while the robot runs.
 //! - [`guard`]: the footprint stays inside the fence and off obstacles.
 //! - [`devices`], [`estimators`], [`references`], [`controllers`], [`limiter`], [`safety`]: the built-in stages.
 //!
@@ -27,9 +28,11 @@ pub mod safety;
 mod settings;
 pub mod signals;
 pub mod stages;
+pub mod stick_shape;
 
 pub use config::{Problem, RobotFile, RobotPlan};
 pub use cycle::Robot;
 pub use image::{ImageBuffer, ProcessImage};
 pub use registry::{Registry, StageError};
 pub use signals::{CycleRecord, CycleTime, Exchange, Phase, Request, RequestKind};
+pub use stick_shape::{AxisShape, StickShape};

@@ -1,4 +1,4 @@
-//! Values of the whole robot that may change while it runs: how much of its limits is used.
+//! Values of the whole robot that may change while it runs: how much of its limits is used, how its stick is shaped.
 
 use omnibase_platform::Twist2;
 
@@ -6,13 +6,15 @@ use crate::config::{AvoidanceKind, Limits};
 use crate::guard::Guard;
 use crate::signals::{Apply, RequestAnswer};
 use crate::stages::{Controller, Gain};
+use crate::stick_shape::StickShape;
 
 /// Slower than this share of its speed a robot is not asked to go; it is paused instead.
 const LEAST_FACTOR: f64 = 0.01;
 /// Settings that can wait for others.
-const MOST_WAITING: usize = 16;
-/// Settings of the robot itself; those of the controller stand behind them.
+const MOST_WAITING: usize = 48;
+/// Settings of the robot itself; those of its stick, then those of the controller stand behind them.
 const OWN: usize = 6;
+const BEFORE_CONTROLLER: usize = OWN + StickShape::SETTINGS;
 
 /// What may be set while the robot runs.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +25,7 @@ pub(crate) struct Settings {
     speed_m_s: f64,
     turn_speed_rad_s: f64,
     limits: Limits,
+    stick: StickShape,
     waiting: [(usize, f64); MOST_WAITING],
     waiting_count: usize,
     /// One of those that wait was refused: so are all.
@@ -30,19 +33,25 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    pub(crate) fn new(limits: &Limits) -> Self {
+    pub(crate) fn new(limits: &Limits, stick: StickShape) -> Self {
         Settings {
             speed_factor: 1.0,
             speed_m_s: limits.speed_m_s,
             turn_speed_rad_s: limits.turn_speed_rad_s,
             limits: *limits,
+            stick,
             waiting: [(0, 0.0); MOST_WAITING],
             waiting_count: 0,
             is_refused: false,
         }
     }
 
-    /// The setting of a place: first the robot's own, then the controller's.
+    /// How its stick is shaped.
+    pub(crate) fn stick(&self) -> StickShape {
+        self.stick
+    }
+
+    /// The setting of a place: first the robot's own, then its stick's, then the controller's.
     pub(crate) fn get(&self, (guard, controller): (&Guard, &dyn Controller), index: usize) -> Option<Gain> {
         let share =
             |name, value, greatest: f64| Gain { name, value, least: LEAST_FACTOR * greatest, greatest };
@@ -66,7 +75,8 @@ impl Settings {
             5 => {
                 Some(Gain { name: "circulate_1_s", value: guard.circulate_1_s, least: 0.01, greatest: 100.0 })
             }
-            _ => controller.gain(index - OWN),
+            OWN..BEFORE_CONTROLLER => self.stick.setting(index - OWN),
+            _ => controller.gain(index - BEFORE_CONTROLLER),
         }
     }
 
@@ -107,7 +117,8 @@ impl Settings {
                 3 => guard.avoidance = AvoidanceKind::from_code(value).unwrap_or_default(),
                 4 => guard.distance_m = value,
                 5 => guard.circulate_1_s = value,
-                _ => controller.set_gain(index - OWN, value),
+                OWN..BEFORE_CONTROLLER => self.stick.set(index - OWN, value),
+                _ => controller.set_gain(index - BEFORE_CONTROLLER, value),
             }
         }
     }

@@ -3,7 +3,7 @@
 use omnibase_record::run::RunSchema;
 use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
 
-use crate::live::Commander;
+use crate::live::{Commander, StickState};
 use crate::session::Times;
 use crate::supervision::BusFigures;
 use crate::tracking::Errors;
@@ -12,7 +12,7 @@ use crate::truth::TruePlatform;
 /// Beside the robot's own channels: how the cycle went, and how far off it was.
 const TIMING: [&str; 5] = ["round_trip_ns", "wake_up_ns", "compute_ns", "dc_phase_ns", "left_out_cycles"];
 const ERROR: [&str; 3] = ["believed_m", "true_m", "heading_rad"];
-const OPERATOR: [&str; 3] = ["commander", "emergency_stop", "blocked_sticks"];
+const OPERATOR: [&str; 4] = ["commander", "emergency_stop", "blocked_sticks", "joystick"];
 const TRUTH: [&str; 6] =
     ["pose_x_m", "pose_y_m", "pose_heading_rad", "twist_x_m_s", "twist_y_m_s", "twist_heading_rad_s"];
 
@@ -51,6 +51,8 @@ pub struct Say {
     pub is_emergency: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
+    /// What has become of the stick at the robot's computer.
+    pub joystick: StickState,
 }
 
 /// Puts cycles into rows; no allocation after its making.
@@ -119,8 +121,9 @@ impl Rows {
         self.row.extend([phase_ns, periods.saturating_sub(1) as f64]);
         let Errors { believed_m, true_m, heading_rad } = beside.errors;
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
-        let Say { commander, is_emergency, blocked_sticks } = beside.say;
-        self.row.extend([commander.code(), is_emergency.into(), blocked_sticks].map(|code| code as f64));
+        let Say { commander, is_emergency, blocked_sticks, joystick } = beside.say;
+        let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
+        self.row.extend(codes.map(|code| code as f64));
         self.row.extend(beside.bus.values());
         if self.known == Known::Truth {
             let truth = beside.truth.unwrap_or_default();

@@ -13,7 +13,7 @@ pub mod operator;
 pub mod snapshot;
 
 pub use carriers::{Live, LiveEnd, LiveEvent, TracePoint, live};
-pub use command::{Answer, Ask, Client, Commander, Pad, Refusal};
+pub use command::{Answer, Ask, Client, Commander, Pad, Refusal, StickState};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use snapshot::Snapshot;

@@ -260,6 +260,7 @@ impl<'a> Cycle<'a> {
             phase: self.robot.phase(),
             beside,
             settings,
+            stick: self.robot.stick_shape(),
             obstacles: *self.robot.obstacles(),
             cycles: self.cycles,
             lost_frames: self.lost_frames,

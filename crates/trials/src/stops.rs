@@ -211,13 +211,9 @@ impl Stops {
         self.speaking = None;
         self.page_lives = true;
         self.say(Client::Command, Ask::ReleaseEmergencyStop);
-        for client in [Client::Joystick, Client::Page(0)] {
-            self.say(client, Ask::EnablePad);
-            self.say(client, Ask::Pad(Pad::Released));
-        }
         for _ in 0..10_000 {
             match self.trial.robot.phase() {
-                Phase::Holding if self.fastest_rad_s() < STANDING_RAD_S => return,
+                Phase::Holding if self.fastest_rad_s() < STANDING_RAD_S => return self.enable_sticks(),
                 Phase::Fault => self.say(Client::Command, Ask::Robot(RequestKind::Acknowledge)),
                 // Nobody enables drives while wheels roll.
                 Phase::Disabled if self.fastest_rad_s() < STANDING_RAD_S => {
@@ -229,6 +225,15 @@ impl Stops {
         }
         let problems: Vec<_> = self.trial.robot.drive_problems().collect();
         panic!("seed {}: never ready: {:?} {problems:?}", self.seed, self.trial.robot.phase());
+    }
+
+    /// Sticks that are there, let go, and free to drive.
+    fn enable_sticks(&mut self) {
+        for client in [Client::Joystick, Client::Page(0)] {
+            self.say(client, Ask::Pad(Pad::Released));
+            self.say(client, Ask::EnablePad(client));
+            self.say(client, Ask::Pad(Pad::Released));
+        }
     }
 
     fn bring_into(&mut self, state: State) {

@@ -2,6 +2,7 @@
 
 import { Link, read } from "./link.js";
 import { Plots } from "./plots.js";
+import { Settings } from "./settings.js";
 import { Sticks } from "./stick.js";
 import { View } from "./view.js";
 
@@ -11,6 +12,7 @@ const link = new Link();
 const sticks = new Sticks(link, {
   stick: by("stick"), turn: by("turn"), share: by("share"), odom: by("odom"), gamepad: by("gamepad"),
 });
+const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
 let facts = null, plots = null, columns = new Map(), last = null, me = null, bit = null, planned = null, plannedKey = "";
 
 // What is pressed.
@@ -178,13 +180,10 @@ function see(seen) {
   const isBlocked = bit !== null && (BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n;
   sticks.mayDrive = me !== null && !isBlocked;
   by("enable-pad").hidden = !isBlocked;
+  showJoystick(seen.joystick);
   by("stop").classList.toggle("set", seen.emergency_stop);
   by("release").hidden = !seen.emergency_stop;
-  const banner = seen.emergency_stop
-    ? "Emergency stop is set: nothing moves until it is released."
-    : seen.phase === "fault" ? `Fault: ${seen.stop_reason}` : isBlocked ? "The stick was lost: enable it again to drive." : "";
-  by("banner").hidden = !banner;
-  by("banner").textContent = banner;
+  showBanner(seen, isBlocked);
   by("teach").textContent = seen.teaching_since_s === null
     ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
@@ -194,12 +193,39 @@ function see(seen) {
   if (believed) view.add(believed, truth);
   showPose(believed);
   showDrives(seen);
-  showSettings(seen.settings);
+  settings.show(seen.settings, me !== null);
   const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
   by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
   if (seen.values.length) plots.take(seen.time_s, seen.values);
   seen.events.forEach(happened);
   drawPlanned(seen).catch(() => {});
+}
+
+const JOYSTICK = {
+  present: "The joystick at the robot is there. It comes before this page.",
+  lost: "The joystick at the robot is lost. Plug it in again; then it must be enabled, here or by its own button.",
+  blocked: "The joystick at the robot is blocked: it must be enabled, here or by its own button, and let go.",
+};
+
+/** What a person must know wherever on the page they are; the worst of it. */
+function showBanner(seen, isBlocked) {
+  const [text, kind] =
+    seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", ""]
+    : seen.phase === "fault" ? [`Fault: ${seen.stop_reason}`, ""]
+    : isBlocked ? ["The stick was lost: enable it again to drive.", ""]
+    : ["lost", "blocked"].includes(seen.joystick) ? [JOYSTICK[seen.joystick], "warn"]
+    : ["", ""];
+  by("banner").hidden = !text;
+  by("banner").className = `banner ${kind}`;
+  by("banner").textContent = text;
+}
+
+/** The stick at the robot's computer: whoever drives by it must know what became of it, held or not. */
+function showJoystick(state) {
+  by("joystick").hidden = state === "absent";
+  by("joystick").className = `joystick ${state}`;
+  by("joystick-is").textContent = JOYSTICK[state] ?? "";
+  by("enable-joystick").hidden = state !== "blocked";
 }
 
 function showPose(believed) {
@@ -244,41 +270,3 @@ function showDrives(seen) {
   const refused = crowded + denied + malformed + oversized + flooding;
   by("counts").textContent = `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`;
 }
-
-/** Settings as a form: changed together, all or none. */
-function showSettings(settings) {
-  const form = by("settings");
-  const names = settings.map(({ name }) => name).join();
-  if (form.dataset.names !== names) {
-    form.dataset.names = names;
-    const fields = settings.flatMap(({ name, range }) => {
-      const label = document.createElement("label"), input = document.createElement("input");
-      label.textContent = name;
-      label.htmlFor = input.id = `set-${name}`;
-      input.type = "number";
-      input.step = "any";
-      [input.min, input.max] = range;
-      input.title = `${range[0]} to ${range[1]}`;
-      input.disabled = !me;
-      return [label, input];
-    });
-    const button = document.createElement("button");
-    button.textContent = "Set";
-    button.disabled = !me;
-    form.replaceChildren(...fields, button);
-  }
-  for (const { name, value } of settings) {
-    const input = by(`set-${name}`);
-    input.dataset.is = value;
-    if (!input.dataset.changed && document.activeElement !== input) input.value = Number(value.toPrecision(6));
-  }
-}
-
-by("settings").addEventListener("input", ({ target }) => (target.dataset.changed = "yes"));
-by("settings").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const changed = [...event.target.querySelectorAll("input")].filter((input) => input.dataset.changed);
-  const values = Object.fromEntries(changed.map((input) => [input.id.slice(4), Number(input.value)]));
-  await ask({ do: "set", values });
-  for (const input of changed) delete input.dataset.changed;
-});

@@ -4,6 +4,7 @@ use omnibase_joystick::event::{EVENT_BYTES, events_in};
 use omnibase_joystick::{
     AxisRange, Description, Hold, Map, Presence, RawEvent, Recorded, Shaping, State, Stick,
 };
+use omnibase_robot::AxisShape;
 use omnibase_robot::config::JoystickTable;
 use proptest::prelude::*;
 
@@ -27,8 +28,12 @@ fn event() -> impl Strategy<Value = RawEvent> {
 }
 
 fn shaping() -> impl Strategy<Value = Shaping> {
-    (prop_oneof![Just(1.0), Just(-1.0)], -0.5..=0.5, 0.0..=0.9, 0.001..=1.0, 0.0..=1.0)
-        .prop_map(|(sign, offset, dead_zone, gain, expo)| Shaping { sign, offset, dead_zone, gain, expo })
+    (prop_oneof![Just(1.0), Just(-1.0)], -0.5..=0.5, 0.0..=0.9, 0.001..=1.0, 0.0..=1.0).prop_map(
+        |(sign, offset, dead_zone, gain, expo)| Shaping {
+            sign,
+            shape: AxisShape { offset, dead_zone, gain, expo },
+        },
+    )
 }
 
 proptest! {
@@ -117,26 +122,27 @@ proptest! {
 
     #[test]
     fn shaping_rises_is_continuous_and_ends_at_its_gain(shaping in shaping()) {
+        let shape = shaping.shape;
         let at = |normalised: f64| shaping.sign * shaping.curve(normalised);
         let steps = 4000;
         // Slope: 3 at most by expo, 1/(1 − d) by the dead zone, 1/(1 − |o|) by the offset.
-        let steepest = 3.0 / (1.0 - shaping.dead_zone) / (1.0 - shaping.offset.abs());
+        let steepest = 3.0 / (1.0 - shape.dead_zone) / (1.0 - shape.offset.abs());
         let mut last = at(-1.0);
-        prop_assert!((last.abs() - shaping.gain).abs() < 1e-12);
+        prop_assert!((last.abs() - shape.gain).abs() < 1e-12);
         for step in 1..=steps {
             let now = at(-1.0 + 2.0 * f64::from(step) / f64::from(steps));
             prop_assert!(now >= last, "falls");
             prop_assert!(now - last <= steepest * 2.0 / f64::from(steps) + 1e-12, "jumps by {}", now - last);
             last = now;
         }
-        prop_assert!((last - shaping.gain).abs() < 1e-12);
+        prop_assert!((last - shape.gain).abs() < 1e-12);
         // Rest is exactly 0, and the dead zone's edge is where motion begins.
-        let rest = shaping.sign * shaping.offset;
+        let rest = shaping.sign * shape.offset;
         prop_assert_eq!(shaping.curve(rest), 0.0);
-        let edge = shaping.sign * (shaping.offset + shaping.dead_zone * (1.0 - shaping.offset));
+        let edge = shaping.sign * (shape.offset + shape.dead_zone * (1.0 - shape.offset));
         prop_assert!(shaping.curve(edge).abs() < 1e-9);
-        let beyond = shaping.sign * (shaping.offset + (shaping.dead_zone + 0.02) * (1.0 - shaping.offset));
-        if shaping.expo < 0.99 {
+        let beyond = shaping.sign * (shape.offset + (shape.dead_zone + 0.02) * (1.0 - shape.offset));
+        if shape.expo < 0.99 {
             prop_assert!(shaping.curve(beyond) > 0.0);
         }
     }
@@ -144,7 +150,8 @@ proptest! {
 
 #[test]
 fn an_axis_without_a_range_rests() {
-    let shaping = Shaping { sign: 1.0, offset: 0.0, dead_zone: 0.0, gain: 1.0, expo: 0.0 };
+    let shaping =
+        Shaping { sign: 1.0, shape: AxisShape { offset: 0.0, dead_zone: 0.0, gain: 1.0, expo: 0.0 } };
     for range in [
         AxisRange::default(),
         AxisRange { minimum: 5, maximum: -5, flat: 0, fuzz: 0 },

@@ -125,10 +125,23 @@ fn what_is_held_when_the_stick_comes_must_be_let_go_first() {
     let mut stick = omnibase_joystick::Stick::new(AGE_NS);
     stick.plug(0, Map::of(&JoystickTable::default(), &device).expect("a map"), state);
     assert_eq!(stick.command(1).hold, Hold::Released);
-    for (value, held) in [(0, Hold::Released), (1, Hold::Held)] {
-        stick.take(omnibase_joystick::RawEvent::button(0, BTN_TRIGGER, value));
+    let button = |value| omnibase_joystick::RawEvent::button(0, BTN_TRIGGER, value);
+    let forward = |value| omnibase_joystick::RawEvent::axis(0, ABS_Y, value);
+    for (event, held) in [
+        // Let go, but pushed: whoever grasps it then moves nothing.
+        (button(0), Hold::Released),
+        (button(1), Hold::Released),
+        // In the middle, but never let go there.
+        (forward(127), Hold::Released),
+        (forward(0), Hold::Released),
+        (button(0), Hold::Released),
+        (forward(127), Hold::Released),
+        (button(1), Hold::Held),
+        (forward(0), Hold::Held),
+    ] {
+        stick.take(event);
         stick.take(omnibase_joystick::RawEvent::report(0));
-        assert_eq!(stick.command(2).hold, held);
+        assert_eq!(stick.command(2).hold, held, "{event:?}");
     }
 }
 
@@ -171,8 +184,10 @@ fn stop_takes_the_command_away_until_the_stick_is_enabled() {
         .report()
         .wait_ms(100)
         .release(BTN_TRIGGER)
+        .axis(ABS_Y, 127)
         .report()
         .press(BTN_TRIGGER)
+        .axis(ABS_Y, 0)
         .report()
         .wait_ms(100)
         .press(BTN_THUMB)
@@ -186,7 +201,7 @@ fn stop_takes_the_command_away_until_the_stick_is_enabled() {
     // The dead-man button alone doesn't give it back.
     let still = at(&mut port, 200, 290);
     assert_eq!((still.hold, still.block), (Hold::Released, Some(Block::Stopped)));
-    // Enabled with the trigger held: it has to be let go.
+    // Enabled with the trigger held: it has to be let go, in the middle.
     let enabled = at(&mut port, 300, 390);
     assert_eq!((enabled.hold, enabled.block, enabled.requests.enable), (Hold::Released, None, true));
     assert_eq!(at(&mut port, 400, 490).hold, Hold::Held);

@@ -22,6 +22,7 @@ fn an_unplugged_stick_is_found_again_and_stays_blocked_until_a_person_enables_it
         .report()
         .wait_ms(100)
         .release(BTN_TRIGGER)
+        .axis(ABS_Y, 127)
         .report()
         .wait_ms(100)
         .press(BTN_TRIGGER)

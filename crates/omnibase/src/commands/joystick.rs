@@ -100,7 +100,7 @@ fn list(table: &JoystickTable, json: bool, output: &mut dyn Write) -> anyhow::Re
                     continue;
                 }
                 let fit = match &map {
-                    Ok(map) => format!("fits: {}", view::ready_name(map.ready)),
+                    Ok(map) => format!("fits: {}", map.ready.name()),
                     Err(_) => "no map fits".to_owned(),
                 };
                 writeln!(

@@ -44,7 +44,8 @@ pub struct Get {
 /// Changes settings of a running robot: all of them in one cycle, or none.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  omnibase set speed_factor=0.5 kp_x_1_s=10 kp_y_1_s=10")]
+  omnibase set speed_factor=0.5 kp_x_1_s=10 kp_y_1_s=10
+  omnibase set joystick.forward.gain=0.4 joystick.forward.expo=0.6")]
 pub struct Set {
     /// New values.
     #[arg(required = true, value_name = "NAME=VALUE", value_parser = parse_setting)]
@@ -57,6 +58,7 @@ pub struct Set {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "What can be asked:
   enable, acknowledge, track, pause, resume, go_to_start, emergency_stop, release
+  enable_joystick                          the stick at the robot's computer, after it was lost or stopped
   stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
   go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
   controller name=adaptive_torque
@@ -75,7 +77,7 @@ pub struct Call {
     which: Which,
 }
 
-/// Shows a running robot in the terminal: state, who commands, pose, wheels, timing, events.
+/// Shows a running robot in the terminal: state, who commands, the joystick, pose, wheels, timing, events.
 #[derive(Debug, clap::Args)]
 pub struct Top {
     #[command(flatten)]

@@ -1,13 +1,9 @@
 //! A stick that drives by hand, as the robot's file names it: axes, a slider and buttons by their evdev names.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-use super::check::Check;
-use super::problem::ProblemKind;
 
 /// A stick or pad at the robot's computer; what is missing comes from the ready map of the device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -321,51 +317,5 @@ impl JsonSchema for ButtonCode {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         names(&BUTTONS, "A button of evdev.")
-    }
-}
-
-impl Check {
-    /// What a stick's table says against itself; against a device it is checked when that is there.
-    pub(super) fn joystick(&mut self, table: &JoystickTable) {
-        let mut axes = BTreeMap::new();
-        for (name, axis) in table.named_axes() {
-            let setting = format!("joystick.{name}.axis");
-            if let Some(axis) = axis
-                && let Some(other) = axes.insert(axis, setting.clone())
-            {
-                self.report(
-                    ProblemKind::Duplicate,
-                    &setting,
-                    format_args!("{other} has this axis already"),
-                )
-                .value = Some(format!("\"{}\"", axis.name()));
-            }
-        }
-        let mut buttons = BTreeMap::new();
-        for (name, button) in table.buttons.named() {
-            let setting = format!("joystick.buttons.{name}");
-            if let Some(button) = button
-                && let Some(other) = buttons.insert(button, setting.clone())
-            {
-                self.report(
-                    ProblemKind::Duplicate,
-                    &setting,
-                    format_args!("{other} has this button already"),
-                )
-                .value = Some(format!("\"{}\"", button.name()));
-            }
-        }
-        if table.map != Some(ReadyMapName::None) {
-            return;
-        }
-        if table.dead_man != Some(DeadManRule::NotRequired) {
-            let why = "without a ready map nobody else names the dead-man button";
-            self.need(table.buttons.dead_man, "joystick.buttons.dead_man", why);
-        }
-        let why = "a stick that was stopped or lost drives again only after a person enabled it";
-        self.need(table.buttons.enable, "joystick.buttons.enable", why);
-        if table.forward.axis.is_none() && table.left.axis.is_none() && table.turn.axis.is_none() {
-            self.need(None::<AxisCode>, "joystick.forward.axis", "a stick has at least one axis that drives");
-        }
     }
 }

@@ -267,7 +267,7 @@ fn the_shipped_schema_is_the_present_one() {
 fn a_stick_is_read_by_the_names_of_evdev() {
     let text = format!(
         "{BMM}\n[joystick]\nmap = \"xbox\"\nforward = {{ axis = \"ABS_RY\", gain = 0.5 }}\n\
-         buttons = {{ dead_man = \"BTN_A\", stop = \"BTN_EAST\" }}\n"
+         buttons = {{ dead_man = \"BTN_A\", platform_frame = \"BTN_TL\" }}\n"
     );
     let plan = check(&text).unwrap_or_else(|problems| panic!("{}", show(&problems)));
     let stick = &plan.joystick;
@@ -275,7 +275,7 @@ fn a_stick_is_read_by_the_names_of_evdev() {
     assert_eq!((stick.forward.gain, stick.left.axis), (Some(0.5), None));
     // BTN_A is another name of BTN_SOUTH.
     assert_eq!(stick.buttons.dead_man.map(|button| button.name()), Some("BTN_SOUTH".into()));
-    assert_eq!(stick.buttons.stop, Some(ButtonCode(0x131)));
+    assert_eq!(stick.buttons.platform_frame, Some(ButtonCode(0x136)));
     assert_eq!(check(BMM).unwrap().joystick, JoystickTable::default());
 }
 
@@ -302,4 +302,70 @@ fn wrong_settings_of_a_stick_come_with_their_places() {
     }
     assert_eq!(problems.len(), expected.len(), "{}", show(&problems));
     assert!(show(&problems).contains("ABS_THROTTLE"), "{}", show(&problems));
+}
+
+/// The settings, lines and reasons of what is wrong with a stick's table behind the robot's file.
+fn stick_problems(table: &str) -> Vec<(String, ProblemKind, usize, String)> {
+    let first = BMM.lines().count();
+    let told = |problem: Problem| {
+        let line = problem.place.as_ref().expect("a place").line - first;
+        (problem.setting, problem.kind, line, problem.reason)
+    };
+    match check(&format!("{BMM}{table}")) {
+        Ok(_) => Vec::new(),
+        Err(problems) => problems.into_iter().map(told).collect(),
+    }
+}
+
+#[test]
+fn a_task_that_the_ready_map_gave_to_another_button_is_a_problem_with_its_place() {
+    let table = "[joystick]\nmap = \"t_flight_stick_x\"\n[joystick.forward]\naxis = \"ABS_RZ\"\n\
+                 [joystick.buttons]\nstop = \"BTN_BASE6\"\nreset_frame = \"BTN_SOUTH\"\n\
+                 toggle_frame = \"BTN_BASE\"\n";
+    let problems = stick_problems(table);
+    let told: Vec<_> =
+        problems.iter().map(|(setting, kind, line, _)| (setting.as_str(), *kind, *line)).collect();
+    assert_eq!(
+        told,
+        [
+            ("joystick.forward.axis", ProblemKind::Duplicate, 4),
+            ("joystick.buttons.stop", ProblemKind::Duplicate, 6),
+            ("joystick.buttons.reset_frame", ProblemKind::UnknownName, 7),
+        ]
+    );
+    let reason = &problems[1].3;
+    assert_eq!(
+        reason,
+        "the ready map `t_flight_stick_x` has \"BTN_BASE6\" for joystick.buttons.enable: give \
+         joystick.buttons.enable another button too"
+    );
+    assert!(problems[2].3.contains("have no button \"BTN_SOUTH\""), "{problems:?}");
+    // With another button for what it displaces, or without a dead-man button, all is well.
+    let swapped = "[joystick]\nmap = \"t_flight_stick_x\"\n[joystick.buttons]\nstop = \"BTN_BASE6\"\n\
+                   enable = \"BTN_THUMB\"\n";
+    let free =
+        "[joystick]\nmap = \"xbox\"\ndead_man = \"not_required\"\n[joystick.buttons]\nstop = \"BTN_TL\"\n";
+    for table in [swapped, free] {
+        assert_eq!(stick_problems(table), []);
+    }
+}
+
+#[test]
+fn where_no_map_is_named_one_of_the_ready_maps_must_fit() {
+    let buttons = |lines: &str| stick_problems(&format!("[joystick.buttons]\n{lines}\n"));
+    // Free on the T-Flight Stick X; on pads alone.
+    assert_eq!(buttons("toggle_frame = \"BTN_BASE\""), []);
+    assert_eq!(buttons("toggle_frame = \"BTN_MODE\""), []);
+    let problems = buttons("stop = \"BTN_START\"");
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    let (setting, kind, line, reason) = &problems[0];
+    assert_eq!((setting.as_str(), *line), ("joystick.buttons.stop", 2));
+    assert_eq!(*kind, ProblemKind::UnknownName);
+    for part in ["fits no ready map", "`t_flight_stick_x` have no button", "`xbox` has", "`playstation` has"]
+    {
+        assert!(reason.contains(part), "{part} in {reason}");
+    }
+    // Each fits another device: together they fit none.
+    let problems = buttons("toggle_frame = \"BTN_BASE\"\nreset_frame = \"BTN_MODE\"");
+    assert_eq!(problems.iter().map(|(.., line, _)| *line).collect::<Vec<_>>(), [2, 3]);
 }

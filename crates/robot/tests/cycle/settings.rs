@@ -46,7 +46,7 @@ fn several_settings_act_together_or_not_at_all() {
         assert_eq!([value_of(&bench, "kp_x_1_s"), value_of(&bench, "kp_y_1_s")], [3.0, 4.0]);
     }
     // More than can wait are refused together, and the next one starts afresh.
-    for _ in 0..20 {
+    for _ in 0..60 {
         set(&mut bench, x, 7.0, Apply::WithNext);
     }
     assert_eq!(set(&mut bench, y, 7.0, Apply::Now), RequestAnswer::Refused);

@@ -273,6 +273,7 @@ impl LiveEnd {
             commander: self.operator.commander(),
             is_emergency: self.operator.is_emergency(),
             blocked_sticks: self.operator.blocked_bits(),
+            joystick: self.operator.joystick(),
         }
     }
 

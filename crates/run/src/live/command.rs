@@ -35,6 +35,29 @@ pub enum Pad {
     Lost,
     /// Who holds it stopped and gave the command back: it is blocked until it is enabled.
     Withdrawn,
+    /// It is there and wishes nothing, for it waits to be enabled.
+    Blocked,
+}
+
+/// What has become of a stick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StickState {
+    /// None was ever there.
+    #[default]
+    Absent,
+    /// It is there, and may drive.
+    Present,
+    /// It is gone, or silent; when it is back it is blocked.
+    Lost,
+    /// It is there, and blocked until a person enables it.
+    Blocked,
+}
+
+impl StickState {
+    /// The number by which recordings hold it: 0 absent, 1 present, 2 lost, 3 blocked.
+    pub fn code(self) -> u64 {
+        self as u64
+    }
 }
 
 /// What is asked.
@@ -54,8 +77,8 @@ pub enum Ask {
     ReleaseEmergencyStop,
     /// A stick's wish.
     Pad(Pad),
-    /// A stick that was lost may command again.
-    EnablePad,
+    /// The stick of this client, which was lost or withdrawn, may command again once it was let go.
+    EnablePad(Client),
     /// The session is alive.
     Alive,
     /// The session has ended.
@@ -96,6 +119,8 @@ pub enum Refusal {
     NotAPad,
     /// A stop came first, or whoever asked is gone.
     Stopped,
+    /// There is no stick that could be enabled.
+    NoStick,
 }
 
 impl Answer {
@@ -116,6 +141,7 @@ impl Answer {
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
             Answer::Refused(Refusal::NotAPad) => "refused: a velocity comes from a pad",
             Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
+            Answer::Refused(Refusal::NoStick) => "refused: the stick isn't there, so it can't be enabled",
         }
     }
 

@@ -1,12 +1,12 @@
 //! From the stick at the robot's computer to what is asked of the robot.
 
-use omnibase_joystick::{Block, Hold, Presence, Stick, StickCommand, StickFrame};
+use omnibase_joystick::{Block, Hold, Map, Presence, Stick, StickCommand, StickFrame};
 use omnibase_platform::Twist2;
-use omnibase_robot::RequestKind;
-use omnibase_robot::config::Limits;
-use omnibase_robot::signals::{Frame, Phase, StopCategory};
+use omnibase_robot::signals::{Apply, Frame, Phase, StopCategory};
+use omnibase_robot::stages::Gain;
+use omnibase_robot::{RequestKind, RobotPlan, StickShape};
 
-use super::command::{Ask, Pad};
+use super::command::{Ask, Client, Pad};
 use super::snapshot::Snapshot;
 
 /// The joystick among the [blocked sticks](crate::channels::Say::blocked_sticks).
@@ -14,7 +14,6 @@ const JOYSTICK_BIT: u64 = 1;
 
 /// Scales a stick's wish to a robot's limits, turns its fixed frame, and keeps both sides agreed on whether it is
 /// blocked: the [`Operator`](super::Operator) has the last word.
-#[derive(Clone, Debug)]
 pub struct JoystickDriver {
     speed_m_s: f64,
     turn_speed_rad_s: f64,
@@ -24,21 +23,36 @@ pub struct JoystickDriver {
     told: Option<Block>,
     /// Whether the operator blocked it when it was looked at last.
     was_blocked: bool,
+    /// How the robot's file shapes it, before anybody changed that.
+    at_start: StickShape,
+    /// How the robot shaped it when it was looked at last.
+    shape: StickShape,
+    /// Whether a device was there when it was looked at last, or ever before.
+    was_plugged: bool,
+    was_ever_plugged: bool,
+    /// What a device's own map makes of the shape, to be told to the robot.
+    to_tell: Vec<Ask>,
 }
 
 impl JoystickDriver {
     /// A driver within a robot's limits.
-    pub fn new(limits: &Limits) -> Self {
+    pub fn new(plan: &RobotPlan) -> Self {
+        let shape = StickShape::of(&plan.joystick);
         JoystickDriver {
-            speed_m_s: limits.speed_m_s,
-            turn_speed_rad_s: limits.turn_speed_rad_s,
+            speed_m_s: plan.limits.speed_m_s,
+            turn_speed_rad_s: plan.limits.turn_speed_rad_s,
             fixed_heading_rad: 0.0,
             told: None,
             was_blocked: false,
+            at_start: shape,
+            shape,
+            was_plugged: false,
+            was_ever_plugged: false,
+            to_tell: Vec::new(),
         }
     }
 
-    /// Tells the stick what became of it at the robot: blocked there, or enabled by somebody elsewhere.
+    /// Tells the stick what became of it at the robot: blocked there, enabled by somebody elsewhere, shaped anew.
     pub fn agree(&mut self, stick: &mut Stick, seen: &Snapshot) {
         let is_blocked = seen.beside.say.blocked_sticks & JOYSTICK_BIT != 0;
         match (self.was_blocked, is_blocked) {
@@ -47,11 +61,31 @@ impl JoystickDriver {
             _ => {}
         }
         self.was_blocked = is_blocked;
+        // Before its first cycle a robot shows nothing.
+        if seen.cycles > 0 {
+            self.agree_on_shape(stick, seen);
+        }
+    }
+
+    /// What is set at the robot holds for the stick. The first device that comes tells the robot what it asks for
+    /// itself, as its dead zone, wherever neither the file nor a person said otherwise.
+    fn agree_on_shape(&mut self, stick: &mut Stick, seen: &Snapshot) {
+        let own = stick.map().map(Map::shape);
+        let is_new = own.is_some() && !self.was_plugged;
+        match own {
+            Some(own) if is_new && !self.was_ever_plugged => {
+                self.to_tell = differences(&own, &seen.stick, &self.at_start, &seen.settings);
+                self.was_ever_plugged = true;
+            }
+            _ if is_new || seen.stick != self.shape => stick.reshape(&seen.stick),
+            _ => {}
+        }
+        (self.shape, self.was_plugged) = (seen.stick, own.is_some());
     }
 
     /// What to ask, in this order. A wish is repeated with every call: its silence is a loss.
     pub fn asks(&mut self, command: &StickCommand, seen: &Snapshot) -> Vec<Ask> {
-        let mut asks = Vec::new();
+        let mut asks = std::mem::take(&mut self.to_tell);
         if command.requests.stop {
             asks.push(Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)));
         }
@@ -67,7 +101,7 @@ impl JoystickDriver {
             });
         }
         if command.requests.enable {
-            asks.push(Ask::EnablePad);
+            asks.push(Ask::EnablePad(Client::Joystick));
             // A person at the robot asks for torque; what a fault left is acknowledged first.
             asks.extend(match seen.phase {
                 Phase::Fault => Some(Ask::Robot(RequestKind::Acknowledge)),
@@ -79,10 +113,11 @@ impl JoystickDriver {
                 | Phase::QuickStopping => None,
             });
         }
-        if command.block.is_none() && command.presence == Presence::Present {
-            asks.push(Ask::Pad(match command.hold {
-                Hold::Held => self.wish(command),
-                Hold::Released => Pad::Released,
+        if command.presence == Presence::Present {
+            asks.push(Ask::Pad(match (command.block, command.hold) {
+                (Some(_), _) => Pad::Blocked,
+                (None, Hold::Held) => self.wish(command),
+                (None, Hold::Released) => Pad::Released,
             }));
         }
         asks
@@ -103,4 +138,28 @@ impl JoystickDriver {
             }
         }
     }
+}
+
+/// Settings of the robot's that a device asks otherwise for, and nobody changed; they change as a whole.
+fn differences(
+    own: &StickShape,
+    robot: &StickShape,
+    at_start: &StickShape,
+    settings: &[Option<Gain>],
+) -> Vec<Ask> {
+    let value = |shape: &StickShape, place| shape.setting(place).map(|setting| setting.value);
+    let wanted = (0..StickShape::SETTINGS).filter_map(|place| {
+        let setting = own.setting(place)?;
+        let is_free =
+            value(robot, place) == value(at_start, place) && value(robot, place) != Some(setting.value);
+        let index = settings.iter().flatten().position(|known| known.name == setting.name)?;
+        is_free.then_some((index as u32, setting.value))
+    });
+    let wanted: Vec<(u32, f64)> = wanted.collect();
+    let last = wanted.len().saturating_sub(1);
+    let ask = |(n, &(index, value)): (usize, &(u32, f64))| {
+        let apply = if n == last { Apply::Now } else { Apply::WithNext };
+        Ask::Robot(RequestKind::Set { index, value, apply })
+    };
+    wanted.iter().enumerate().map(ask).collect()
 }

@@ -8,7 +8,9 @@ use omnibase_robot::signals::{CycleRecord, Frame, Phase, RequestAnswer, StopCate
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
-use super::command::{Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion};
+use super::command::{
+    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, StickState, begins_motion,
+};
 
 /// Requests that can wait for their cycle.
 const MOST_WAITING: usize = 64;
@@ -52,6 +54,12 @@ struct Stick {
     is_blocked: bool,
     /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
     must_release: bool,
+}
+
+impl Stick {
+    fn is_held(&self) -> bool {
+        matches!(self.wish, Some(Pad::Held { .. }))
+    }
 }
 
 /// One request that waits for its cycle.
@@ -126,6 +134,18 @@ impl Operator {
         self.sticks.iter().enumerate().fold(0, |bits, (n, stick)| bits | u64::from(stick.is_blocked) << n)
     }
 
+    /// What has become of the stick at the robot's computer.
+    pub fn joystick(&self) -> StickState {
+        let stick = &self.sticks[0];
+        match stick.wish {
+            None if stick.is_blocked => StickState::Lost,
+            None => StickState::Absent,
+            Some(Pad::Blocked) => StickState::Blocked,
+            Some(_) if stick.is_blocked => StickState::Blocked,
+            Some(_) => StickState::Present,
+        }
+    }
+
     /// What happened since it was last asked; emptied by reading.
     pub fn notes(&mut self) -> impl Iterator<Item = Note> + '_ {
         self.notes.drain(..)
@@ -153,13 +173,7 @@ impl Operator {
             Ask::Alive => {}
             Ask::Gone => self.gone(client),
             Ask::Pad(pad) => self.pad(now_ns, client, pad),
-            Ask::EnablePad => {
-                if let Some(stick) = stick_of(client) {
-                    let stick = &mut self.sticks[stick];
-                    (stick.is_blocked, stick.must_release) = (false, true);
-                }
-                self.answer(ticket, Answer::Done);
-            }
+            Ask::EnablePad(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
                 if !self.is_emergency {
                     self.say("emergency stop", client);
@@ -225,9 +239,13 @@ impl Operator {
         for number in 0..PADS {
             let client = client_of(number);
             let stick = &mut self.sticks[number];
-            let held = matches!(stick.wish, Some(Pad::Held { .. }));
-            if held && old(stick.heard_ns, self.ages.pad_ns) {
-                self.pad_lost(client, "the stick fell silent: stopped, and blocked until it is enabled");
+            // The joystick repeats that it is there; a page says nothing while nobody holds its stick.
+            let must_speak = match client {
+                Client::Joystick => stick.wish.is_some(),
+                Client::Page(_) | Client::Command => stick.is_held(),
+            };
+            if must_speak && old(stick.heard_ns, self.ages.pad_ns) {
+                self.pad_lost(client, "the stick fell silent: it is blocked until it is enabled");
             }
         }
         for number in 0..MAX_SESSIONS {
@@ -238,11 +256,9 @@ impl Operator {
         }
         // Drives that are taken from under a stick: it must be let go before it drives again.
         if !matches!(phase, Phase::Holding | Phase::Tracking | Phase::Stopping) {
-            self.sticks.iter_mut().filter(|stick| matches!(stick.wish, Some(Pad::Held { .. }))).for_each(
-                |stick| {
-                    stick.must_release = true;
-                },
-            );
+            for stick in self.sticks.iter_mut().filter(|stick| stick.is_held()) {
+                stick.must_release = true;
+            }
         }
     }
 
@@ -266,8 +282,7 @@ impl Operator {
         }
         let drives = |client: &Client| {
             let stick = self.sticks[stick_of(*client)?];
-            let held = matches!(stick.wish, Some(Pad::Held { .. }));
-            (held && !stick.is_blocked && !stick.must_release).then_some(*client)
+            (stick.is_held() && !stick.is_blocked && !stick.must_release).then_some(*client)
         };
         let present = match self.commander {
             Commander::Pad(client) => drives(&client),
@@ -319,8 +334,8 @@ impl Operator {
 
     fn pad(&mut self, now_ns: u64, client: Client, pad: Pad) {
         let Some(number) = stick_of(client) else { return };
-        let stick = &mut self.sticks[number];
         let drives = self.commander == Commander::Pad(client);
+        let stick = &mut self.sticks[number];
         stick.heard_ns = now_ns;
         match pad {
             // What isn't a number is no wish.
@@ -335,21 +350,53 @@ impl Operator {
                     self.stop_with(StopCategory::RampAndHold, client, 0);
                 }
             }
-            Pad::Lost => self.pad_lost(client, "the stick is gone: stopped, and blocked until it is enabled"),
+            Pad::Lost => {
+                self.pad_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled")
+            }
             Pad::Withdrawn => {
                 // Blocked in any case: whoever presses a stop button is to be believed.
                 stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
                 self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
             }
+            Pad::Blocked => {
+                // One that drove a moment ago: what blocked it must have been missed.
+                if stick.is_held() {
+                    self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
+                }
+                self.sticks[number].wish = Some(pad);
+            }
         }
+    }
+
+    /// A person allows a stick that was lost to drive again; it has to be let go first.
+    fn enable(&mut self, client: Client, ticket: u64, of: Client) {
+        let Some(stick) = stick_of(of).map(|number| &mut self.sticks[number]) else {
+            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
+        };
+        // What isn't there isn't enabled either: it would come back free, and nobody would see it happen.
+        if of == Client::Joystick && stick.is_blocked && stick.wish.is_none() {
+            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
+        }
+        if stick.is_blocked {
+            (stick.is_blocked, stick.must_release) = (false, true);
+            self.say(
+                if of == client { "enabled its stick again" } else { "enabled the joystick again" },
+                client,
+            );
+        }
+        self.answer(ticket, Answer::Done);
     }
 
     fn pad_lost(&mut self, client: Client, text: &'static str) {
         let Some(number) = stick_of(client) else { return };
-        let was_held = matches!(self.sticks[number].wish, Some(Pad::Held { .. }));
-        self.sticks[number].wish = None;
-        if was_held || self.commander == Commander::Pad(client) {
-            (self.sticks[number].is_blocked, self.sticks[number].must_release) = (true, true);
+        let drives = self.commander == Commander::Pad(client);
+        let stick = &mut self.sticks[number];
+        // The joystick's loss always counts: a person saw to it that it was there. It is told once.
+        let is_known = stick.is_blocked && stick.wish.is_none();
+        let counts = stick.is_held() || drives || (client == Client::Joystick && !is_known);
+        stick.wish = None;
+        if counts {
+            (stick.is_blocked, stick.must_release) = (true, true);
             self.say(text, client);
         }
         if self.commander == Commander::Pad(client) {

@@ -1,5 +1,6 @@
 //! The latest of everything, for whoever looks at a running robot.
 
+use omnibase_robot::StickShape;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
@@ -7,10 +8,10 @@ use omnibase_robot::stages::Gain;
 use crate::channels::Beside;
 
 /// Settings that a snapshot has room for.
-pub const MAX_SETTINGS: usize = 32;
+pub const MAX_SETTINGS: usize = 48;
 
 /// The latest of everything.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
     /// The cycle.
     pub record: CycleRecord,
@@ -20,6 +21,8 @@ pub struct Snapshot {
     pub beside: Beside,
     /// What may be set, in the order of its index.
     pub settings: [Option<Gain>; MAX_SETTINGS],
+    /// How its stick is shaped.
+    pub stick: StickShape,
     /// Obstacles that are there, where they are now.
     pub obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// The number of the reference that is followed; 0 for the robot file's own.
@@ -32,4 +35,22 @@ pub struct Snapshot {
     pub lost_frames: u64,
     /// Cycles left out.
     pub overruns: u64,
+}
+
+impl Default for Snapshot {
+    fn default() -> Self {
+        Snapshot {
+            record: CycleRecord::default(),
+            phase: Phase::default(),
+            beside: Beside::default(),
+            settings: [None; MAX_SETTINGS],
+            stick: StickShape::default(),
+            obstacles: Default::default(),
+            reference: 0,
+            reference_start: None,
+            cycles: 0,
+            lost_frames: 0,
+            overruns: 0,
+        }
+    }
 }

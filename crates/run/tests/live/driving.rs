@@ -46,7 +46,7 @@ fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
         hands.pad(3.0, 4.0, Client::Joystick, FORWARD);
         hands.at(4.0, |live, seen| {
             assert_eq!(seen.phase, Phase::Holding);
-            live.send(Client::Joystick, Ask::EnablePad);
+            live.send(Client::Joystick, Ask::EnablePad(Client::Joystick));
         });
         // Enabled with the stick in hand: it must be let go first.
         hands.pad(4.0, 5.0, Client::Joystick, FORWARD);

@@ -8,8 +8,8 @@ use omnibase_joystick::{
 };
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::JoystickTable;
-use omnibase_robot::signals::{Frame, Phase};
-use omnibase_run::live::{Client, Commander, JoystickDriver, Snapshot};
+use omnibase_robot::signals::{Apply, Frame, Phase};
+use omnibase_run::live::{Answer, Ask, Client, Commander, JoystickDriver, Refusal, Snapshot, StickState};
 
 const MS: u64 = 1_000_000;
 const ABS_Y: u16 = 1;
@@ -62,20 +62,21 @@ fn recording(changes: &[Change], until_ms: u64) -> Recorded {
     Recorded::from_bytes(&bytes).expect("a recording")
 }
 
-struct Plugs(Vec<Recorded>);
+/// What is there at each search, one after the other.
+struct Plugs(std::vec::IntoIter<Option<Recorded>>);
 
 impl Finder for Plugs {
     fn find(&mut self) -> Option<(Box<dyn Device>, Map)> {
-        let device = (!self.0.is_empty()).then(|| self.0.remove(0))?;
+        let device = self.0.next()??;
         let map = Map::of(&JoystickTable::default(), device.description()).expect("the map fits");
         Some((Box::new(device), map))
     }
 }
 
 /// Gives the stick's port a turn every 10 ms from `from_s` on.
-fn drive(hands: &mut Hands, from_s: f64, recordings: Vec<Recorded>) {
-    let mut port = Port::new(Plugs(recordings), Stick::new(200 * MS));
-    let mut driver = JoystickDriver::new(&plan().limits);
+fn drive(hands: &mut Hands, from_s: f64, found: Vec<Option<Recorded>>) {
+    let mut port = Port::new(Plugs(found.into_iter()), Stick::new(200 * MS));
+    let mut driver = JoystickDriver::new(&plan());
     hands.between(from_s, f64::INFINITY, move |live, seen| {
         let now_ns = seen.record.time.now_ns;
         if !now_ns.is_multiple_of(10 * MS) {
@@ -108,7 +109,7 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
     ];
     let recorded = recording(&changes, 60_000);
     let run = played(6.5, |hands| {
-        drive(hands, 0.1, vec![recorded]);
+        drive(hands, 0.1, vec![Some(recorded)]);
         hands.at(2.4, |_, seen| {
             assert_eq!(seen.phase, Phase::Holding);
             stands(seen);
@@ -141,12 +142,14 @@ fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it()
             (1100, TRIGGER, 1),
             (2500, ENABLE, 1),
             (3000, TRIGGER, 0),
+            (3000, ABS_Y, 128),
             (3100, TRIGGER, 1),
+            (3200, ABS_Y, 0),
         ],
         60_000,
     );
     let run = played(9.5, |hands| {
-        drive(hands, 0.1, vec![first, second]);
+        drive(hands, 0.1, vec![Some(first), Some(second)]);
         hands.at(2.5, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
         // There again at once, but blocked, whatever is held.
         hands.at(4.9, |_, seen| {
@@ -164,17 +167,60 @@ fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it()
 }
 
 #[test]
-fn a_stick_that_was_lost_may_be_enabled_elsewhere() {
+fn a_stick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_drives_only_once_let_go() {
     let first = recording(&[(100, ENABLE, 1), (1500, ABS_Y, 0), (1500, TRIGGER, 1)], 2500);
-    let second = recording(&[(2500, ABS_Y, 0), (2500, TRIGGER, 1)], 60_000);
-    played(8.0, |hands| {
-        drive(hands, 0.1, vec![first, second]);
-        hands.at(4.5, |live, seen| {
-            assert_eq!(seen.beside.say.blocked_sticks, 1);
-            live.send(Client::Joystick, omnibase_run::live::Ask::EnablePad).expect("there is room");
+    // Plugged in again 1 s later: its trigger is held, and it is pushed, while a page enables it at 4.5 s.
+    let second = recording(
+        &[
+            (100, ABS_Y, 0),
+            (200, TRIGGER, 1),
+            // Let go, grasped again while it is pushed: not yet. Then from the middle.
+            (2500, TRIGGER, 0),
+            (2600, TRIGGER, 1),
+            (3500, TRIGGER, 0),
+            (3500, ABS_Y, 128),
+            (3600, TRIGGER, 1),
+            (3700, ABS_Y, 0),
+        ],
+        60_000,
+    );
+    let page = Client::Page(2);
+    let enable = || Ask::EnablePad(Client::Joystick);
+    let state = |seen: &Snapshot| seen.beside.say.joystick;
+    let run = played(9.0, |hands| {
+        drive(hands, 0.1, vec![Some(first), None, Some(second)]);
+        hands.at(0.05, move |_, seen| assert_eq!(state(seen), StickState::Absent));
+        hands.at(2.5, move |_, seen| assert_eq!(state(seen), StickState::Present));
+        hands.at(2.7, move |_, seen| assert_eq!(state(seen), StickState::Lost));
+        hands.ask(2.7, page, enable(), Answer::Refused(Refusal::NoStick));
+        hands.at(4.4, move |_, seen| assert_eq!(state(seen), StickState::Blocked));
+        hands.ask(4.5, page, enable(), Answer::Done);
+        // Enabled, but still held and pushed as when it was plugged in: nothing moves until it was let go.
+        hands.between(4.7, 7.0, move |_, seen| {
+            assert_eq!((state(seen), seen.beside.say.blocked_sticks), (StickState::Present, 0));
+            stands(seen);
         });
-        hands.at(7.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
+        hands.at(8.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
     });
+    let events = run.live.events_after(0);
+    let by_page: Vec<&str> =
+        events.iter().filter(|event| event.client == Some(page)).map(|event| &*event.text).collect();
+    assert_eq!(by_page, ["enabled the joystick again"]);
+}
+
+#[test]
+fn a_stick_that_nobody_holds_is_missed_too() {
+    let recorded = recording(&[(100, ENABLE, 1)], 1500);
+    let run = played(3.0, |hands| {
+        drive(hands, 0.1, vec![Some(recorded)]);
+        hands.at(1.5, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
+        hands.at(2.0, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.joystick), (Phase::Holding, StickState::Lost));
+        });
+    });
+    let told =
+        run.live.events_after(0).iter().filter(|event| event.text.starts_with("the stick is gone")).count();
+    assert_eq!(told, 1);
 }
 
 #[test]
@@ -189,17 +235,26 @@ fn the_stop_button_stops_and_gives_the_command_back() {
         (3200, TRIGGER, 0),
         (3300, TRIGGER, 1),
         (5500, ENABLE, 1),
+        // Let go, but not in the middle: that isn't enough.
         (5600, TRIGGER, 0),
         (5700, TRIGGER, 1),
+        (6500, TRIGGER, 0),
+        (6500, ABS_Y, 128),
+        (6600, TRIGGER, 1),
+        (6700, ABS_Y, 0),
     ];
     let recorded = recording(&changes, 60_000);
-    let run = played(8.0, |hands| {
-        drive(hands, 0.1, vec![recorded]);
+    let run = played(9.0, |hands| {
+        drive(hands, 0.1, vec![Some(recorded)]);
+        hands.at(6.5, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            stands(seen);
+        });
         hands.at(5.0, |_, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
             stands(seen);
         });
-        hands.at(7.9, |_, seen| {
+        hands.at(8.9, |_, seen| {
             assert_eq!(seen.beside.say.blocked_sticks, 0);
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
@@ -227,7 +282,7 @@ fn the_fixed_frame_keeps_its_forward_while_the_platform_turns() {
     ];
     let recorded = recording(&changes, 60_000);
     played(8.5, |hands| {
-        drive(hands, 0.1, vec![recorded]);
+        drive(hands, 0.1, vec![Some(recorded)]);
         hands.at(5.4, |_, seen| {
             let heading_rad = seen.record.state.odom_from_body.heading_rad;
             assert!(heading_rad > 0.3, "{heading_rad}");
@@ -243,4 +298,56 @@ fn the_fixed_frame_keeps_its_forward_while_the_platform_turns() {
             assert!(in_body.vx_m_s > 0.2 && in_body.vy_m_s.abs() < 0.02, "{in_body:?}");
         });
     });
+}
+
+#[test]
+fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows() {
+    let changes = [(100, ENABLE, 1), (1400, ABS_Y, 64), (1500, TRIGGER, 1)];
+    let recorded = recording(&changes, 60_000);
+    let vx_m_s = |seen: &Snapshot| seen.record.state.twist_in_body.vx_m_s;
+    let place = |seen: &Snapshot, name: &str| {
+        let found = seen.settings.iter().flatten().position(|setting| setting.name == name);
+        found.unwrap_or_else(|| panic!("no setting `{name}`"))
+    };
+    let set = move |seen: &Snapshot, name: &str, value: f64, apply: Apply| {
+        Ask::Robot(RequestKind::Set { index: place(seen, name) as u32, value, apply })
+    };
+    // Half of the way, less the device's own dead zone of 15 of 127.5.
+    let beyond = |dead_zone: f64, raw: f64| ((raw / 127.5) - dead_zone) / (1.0 - dead_zone);
+    let curve = |expo: f64, part: f64| (1.0 - expo) * part + expo * part.powi(3);
+    let run = played(8.0, |hands| {
+        drive(hands, 0.1, vec![Some(recorded)]);
+        hands.at(0.05, |_, seen| assert_eq!(seen.stick.axes[0].dead_zone, 0.05));
+        hands.at(3.0, move |live, seen| {
+            // The device asked for more than the file's default, and the robot knows.
+            assert!((seen.stick.axes[0].dead_zone - 15.0 / 127.5).abs() < 1e-12, "{:?}", seen.stick);
+            let expected = curve(0.3, beyond(15.0 / 127.5, 63.5));
+            assert!((vx_m_s(seen) - expected).abs() < 0.01, "{} for {expected}", vx_m_s(seen));
+            for (name, value, apply) in [
+                ("joystick.forward.dead_zone", 0.2, Apply::WithNext),
+                ("joystick.forward.expo", 0.0, Apply::WithNext),
+                ("joystick.forward.gain", 0.5, Apply::Now),
+            ] {
+                live.send(Client::Page(1), set(seen, name, value, apply)).expect("there is room");
+            }
+        });
+        hands.at(5.0, move |live, seen| {
+            let expected = 0.5 * beyond(0.2, 63.5);
+            assert!((vx_m_s(seen) - expected).abs() < 0.01, "{} for {expected}", vx_m_s(seen));
+            // One that is outside of its range takes the other with it.
+            live.send(Client::Command, set(seen, "joystick.forward.gain", 1.0, Apply::WithNext))
+                .expect("room");
+            live.send(Client::Command, set(seen, "joystick.forward.expo", 1.5, Apply::Now)).expect("room");
+        });
+        hands.at(6.0, move |live, seen| {
+            assert_eq!((seen.stick.axes[0].gain, seen.stick.axes[0].expo), (0.5, 0.0));
+            live.send(Client::Command, set(seen, "joystick.forward.gain", f64::NAN, Apply::Now))
+                .expect("room");
+        });
+        hands.at(7.9, move |_, seen| {
+            assert_eq!(seen.stick.axes[0].gain, 0.5);
+            assert!((vx_m_s(seen) - 0.5 * beyond(0.2, 63.5)).abs() < 0.01);
+        });
+    });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
 }

@@ -4,7 +4,7 @@ use omnibase_joystick::port::Happened;
 use omnibase_joystick::{
     Block, Description, Hold, Map, MapProblem, Presence, Stick, StickCommand, StickFrame,
 };
-use omnibase_robot::config::{AxisCode, ButtonCode, Limits, ReadyMapName};
+use omnibase_robot::config::{AxisCode, ButtonCode, Limits};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::Path;
@@ -21,16 +21,6 @@ pub struct View {
     drawn: usize,
     last: Option<StickCommand>,
     asked: &'static str,
-}
-
-/// A ready map's name as the robot's file writes it.
-pub fn ready_name(ready: ReadyMapName) -> &'static str {
-    match ready {
-        ReadyMapName::TFlightStickX => "t_flight_stick_x",
-        ReadyMapName::Xbox => "xbox",
-        ReadyMapName::Playstation => "playstation",
-        ReadyMapName::None => "none",
-    }
 }
 
 /// A device and its map as one line of JSON.
@@ -65,8 +55,8 @@ fn map_json(map: &Map) -> Value {
             let axis = axis?;
             let shaping = axis.shaping;
             let value = json!({
-                "axis": axis.axis.name(), "direction": direction(shaping.sign), "offset": shaping.offset,
-                "dead_zone": shaping.dead_zone, "gain": shaping.gain, "expo": shaping.expo,
+                "axis": axis.axis.name(), "direction": direction(shaping.sign), "offset": shaping.shape.offset,
+                "dead_zone": shaping.shape.dead_zone, "gain": shaping.shape.gain, "expo": shaping.shape.expo,
             });
             Some(((*name).to_owned(), value))
         })
@@ -78,7 +68,7 @@ fn map_json(map: &Map) -> Value {
         .into_iter()
         .filter_map(|(name, button, _)| Some((name.to_owned(), json!(button?.name()))))
         .collect();
-    json!({"ready": ready_name(map.ready), "axes": axes, "speed": slider, "buttons": buttons})
+    json!({"ready": map.ready.name(), "axes": axes, "speed": slider, "buttons": buttons})
 }
 
 fn direction(sign: f64) -> &'static str {
@@ -117,7 +107,7 @@ impl View {
             device.name,
             device.vendor_id,
             device.product_id,
-            ready_name(map.ready)
+            map.ready.name()
         )?;
         for (name, axis) in AXES.iter().zip(map.axes) {
             let Some(axis) = axis else {
@@ -132,10 +122,10 @@ impl View {
                 range.minimum,
                 range.maximum,
                 direction(shaping.sign),
-                shaping.offset,
-                shaping.dead_zone,
-                shaping.gain,
-                shaping.expo
+                shaping.shape.offset,
+                shaping.shape.dead_zone,
+                shaping.shape.gain,
+                shaping.shape.expo
             )?;
         }
         if let Some(slider) = map.slider {

@@ -90,7 +90,7 @@ pub fn show(line: &Wire) -> anyhow::Result<()> {
 fn draw(frame: &mut ratatui::Frame<'_>, view: &View) {
     let drives = view.now["drives"].as_array().map_or(0, Vec::len) as u16;
     let [head, middle, timing, events, foot] = Layout::vertical([
-        Constraint::Length(4),
+        Constraint::Length(5),
         Constraint::Length(drives + 3),
         Constraint::Length(3),
         Constraint::Min(3),
@@ -136,7 +136,19 @@ fn state(view: &View) -> Paragraph<'_> {
     }
     let stopped = word(&now["stop_reason"]);
     let second = if stopped.is_empty() { String::new() } else { format!("last stop: {stopped}") };
-    Paragraph::new(vec![Line::from(first), Line::from(second)]).block(block(word(&view.robot["name"])))
+    let third = Span::styled(joystick(now), Style::new().fg(Color::Yellow));
+    Paragraph::new(vec![Line::from(first), Line::from(second), Line::from(third)])
+        .block(block(word(&view.robot["name"])))
+}
+
+/// What became of the stick at the robot's computer, and what brings it back.
+fn joystick(now: &Value) -> &'static str {
+    match word(&now["joystick"]) {
+        "present" => "joystick: present",
+        "lost" => "joystick: lost; plug it in again, then `omnibase call enable_joystick` or its own button",
+        "blocked" => "joystick: blocked; `omnibase call enable_joystick` or its own button, and let go of it",
+        _ => "",
+    }
 }
 
 fn platform(view: &View) -> Paragraph<'_> {

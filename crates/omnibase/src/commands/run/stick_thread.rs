@@ -33,7 +33,7 @@ impl StickThread {
                 "joystick: none that a map fits is there yet; plug one in (`omnibase joystick --list` shows all)",
             );
         }
-        let (mut port, mut driver) = (source.port(&options.table), JoystickDriver::new(&plan.limits));
+        let (mut port, mut driver) = (source.port(&options.table), JoystickDriver::new(plan));
         let ends = Arc::new(AtomicBool::new(false));
         let is_over = ends.clone();
         let thread = std::thread::Builder::new().name("joystick".into()).spawn(move || {

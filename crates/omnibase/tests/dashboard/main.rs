@@ -1,104 +1,20 @@
 //! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
 
 mod browser;
+mod robot;
+mod socket;
+#[path = "../stick_recording/mod.rs"]
+mod stick_recording;
 
 use browser::Browser;
+use robot::{Robot, TOKEN};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use stick_recording::recording;
 
-const TOKEN: &str = "token-of-the-test";
-const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
+/// The stick's stop button.
+const STOP: u16 = 0x121;
 const SQUARE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/square.dat");
-
-/// A simulated robot with its page.
-struct Robot {
-    process: Child,
-    /// `http://address:port`.
-    at: String,
-    folder: tempfile::TempDir,
-}
-
-impl Robot {
-    fn start(more: &[&str]) -> Robot {
-        let folder = tempfile::tempdir().unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
-            .args(["run", ROBOT, "--dashboard=127.0.0.1:0", "--token", TOKEN, "--json", "--paths"])
-            .arg(folder.path())
-            .args(more)
-            .env("XDG_RUNTIME_DIR", folder.path())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let found = lines
-            .by_ref()
-            .map_while(Result::ok)
-            .find_map(|line| Some(line.strip_prefix("dashboard: ")?.split_once("/?token=")?.0.to_owned()));
-        std::thread::spawn(move || lines.for_each(drop));
-        let robot = Robot { process, at: found.expect("it says where its page is"), folder };
-        robot.wait("its cycle runs", |robot| robot.read("now")["counts"][0].as_u64() > Some(0));
-        robot
-    }
-
-    fn url(&self) -> String {
-        format!("{}/?token={TOKEN}", self.at)
-    }
-
-    fn read(&self, what: &str) -> Value {
-        let mut answer = ureq::get(&format!("{}/api/{what}", self.at)).call().unwrap();
-        serde_json::from_str(&answer.body_mut().read_to_string().unwrap()).unwrap()
-    }
-
-    fn value(&self, name: &str) -> f64 {
-        self.read("now")["values"][name].as_f64().unwrap_or(f64::NAN)
-    }
-
-    fn speed_m_s(&self) -> f64 {
-        self.value("state/twist_in_body_x_m_s").hypot(self.value("state/twist_in_body_y_m_s"))
-    }
-
-    fn wait(&self, what: &str, holds: impl Fn(&Robot) -> bool) {
-        let begin = Instant::now();
-        while !holds(self) {
-            assert!(
-                begin.elapsed() < Duration::from_secs(60),
-                "never came true: {what}: {}",
-                self.read("now")
-            );
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    }
-
-    fn call(&self, call: &Value) -> (u16, Value) {
-        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
-        let request = agent.post(&format!("{}/api/call", self.at));
-        let mut answer =
-            request.header("Authorization", format!("Bearer {TOKEN}")).send(call.to_string()).unwrap();
-        let text = answer.body_mut().read_to_string().unwrap();
-        (answer.status().as_u16(), serde_json::from_str(&text).unwrap_or(json!(text)))
-    }
-
-    /// Ends it as Ctrl-C does; what it says at its end.
-    fn end(mut self) -> Value {
-        let pid = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-        let mut text = String::new();
-        std::io::Read::read_to_string(&mut self.process.stdout.take().unwrap(), &mut text).unwrap();
-        assert!(self.process.wait().unwrap().success());
-        serde_json::from_str(&text).unwrap()
-    }
-}
-
-impl Drop for Robot {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-        let _ = self.folder.path();
-    }
-}
 
 fn browser(width: u32, height: u32) -> Option<Browser> {
     let browser = Browser::start(width, height);
@@ -232,6 +148,7 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
         robot.value("state/pose_x_m") > 1.95
     });
     page.picture("bent");
+    page.whole_picture("bent-whole");
     assert!(bent_m.get() > 0.3, "{} m", bent_m.get());
     robot.end();
 }
@@ -259,6 +176,8 @@ fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
     assert_eq!(status(&[bearer], r#"{"do":"pad","x":1,"y":0,"turn":0}"#), 409);
     assert_eq!(robot.read("now")["phase"], "disabled");
     assert_eq!(status(&[bearer], enable), 200);
+    // To let a joystick drive again is a command like any other.
+    assert_eq!(status(&[], r#"{"do":"enable_joystick"}"#), 403);
     let (code, said) = robot.call(&json!({"do": "set", "values": {"speed_m_s": 0.5, "speed": 1.0}}));
     assert!(code == 409 && said["text"].as_str().unwrap().contains("found `speed`"), "{said}");
     let (code, said) =
@@ -279,17 +198,7 @@ fn a_client_that_floods_is_cut_off_and_the_robot_goes_on() {
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
     assert_eq!(robot.call(&json!({"do": "track"})).0, 200);
     let address = robot.at.strip_prefix("http://").unwrap();
-    let request = tungstenite::http::Request::builder()
-        .uri(format!("ws://{address}/api/live"))
-        .header("Host", address)
-        .header("Authorization", format!("Bearer {TOKEN}"))
-        .header("Connection", "Upgrade")
-        .header("Upgrade", "websocket")
-        .header("Sec-WebSocket-Version", "13")
-        .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key())
-        .body(())
-        .unwrap();
-    let (mut socket, _) = tungstenite::connect(request).unwrap();
+    let mut socket = socket::connect(address, TOKEN);
     let mut sent = 0u32;
     // Until the server has enough of it.
     while sent < 2_000_000 {
@@ -308,15 +217,7 @@ fn a_client_that_floods_is_cut_off_and_the_robot_goes_on() {
 #[test]
 fn the_command_line_reads_sets_and_calls_a_running_robot() {
     let robot = Robot::start(&["--path", SQUARE]);
-    let omnibase = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_omnibase"))
-            .args(arguments)
-            .env("XDG_RUNTIME_DIR", robot.folder.path())
-            .output()
-            .unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        (output.status.code(), text(output.stdout), text(output.stderr))
-    };
+    let omnibase = |arguments: &[&str]| robot.command(arguments);
     assert_eq!(omnibase(&["call", "enable"]).0, Some(0));
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
     assert_eq!(omnibase(&["set", "speed_factor=0.5", "kp_x_1_s=10"]).0, Some(0));
@@ -340,6 +241,55 @@ fn the_command_line_reads_sets_and_calls_a_running_robot() {
     robot.wait("it is disabled", |robot| robot.read("now")["phase"] == "disabled");
     let (code, _, error) = omnibase(&["call", "enable"]);
     assert!(code == Some(1) && error.contains("the emergency stop is set"), "{error}");
+    robot.end();
+}
+
+#[test]
+fn a_joystick_that_was_stopped_or_lost_is_shown_and_enabled_by_a_page_or_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    // Stopped by its own button, and gone at the end.
+    let stick = recording(folder.path(), &[(1000, STOP, 1), (1100, STOP, 0), (20_000, STOP, 0)]);
+    let page = browser(390, 844);
+    let robot = Robot::start(&["--joystick", stick.to_str().unwrap()]);
+    let became = |state: &'static str| {
+        robot.wait(state, move |robot| robot.read("now")["joystick"] == state);
+    };
+    became("blocked");
+    let view = robot.command(&["top", "--once"]).1;
+    assert!(view.contains("joystick: blocked; `omnibase call enable_joystick`"), "{view}");
+    let who = if let Some(mut page) = page {
+        page.open(&robot.url());
+        opened(&mut page);
+        page.wait(
+            "document.getElementById('banner').textContent.includes('joystick at the robot is blocked')",
+        );
+        page.click("#enable-joystick");
+        page.wait("document.getElementById('joystick-is').textContent.includes('comes before this page')");
+        // Its gains are settings like any others.
+        page.wait("document.getElementById('set-joystick.forward.gain')?.value === '1'");
+        page.click("#settings summary");
+        page.whole_picture("phone-joystick");
+        "page 1"
+    } else {
+        assert_eq!(robot.command(&["call", "enable_joystick"]).0, Some(0));
+        "command line"
+    };
+    became("present");
+    let events = robot.read("events").to_string();
+    assert!(events.contains(&format!("enabled the joystick again ({who})")), "{events}");
+    // What isn't there can't be enabled.
+    became("lost");
+    let (code, _, error) = robot.command(&["call", "enable_joystick"]);
+    assert!(code == Some(1) && error.contains("the stick isn't there"), "{error}");
+    let view = robot.command(&["top", "--once"]).1;
+    assert!(view.contains("joystick: lost; plug it in again"), "{view}");
+    assert_eq!(
+        robot.command(&["set", "joystick.turn.gain=0.5", "joystick.forward.dead_zone=0.2"]).0,
+        Some(0)
+    );
+    assert_eq!(robot.command(&["get", "settings/joystick.turn.gain", "--json"]).1.matches("0.5").count(), 1);
+    let (code, _, error) = robot.command(&["set", "joystick.turn.gain=1.5"]);
+    assert!(code == Some(1) && error.contains("joystick.turn.gain: expected 0 to 1, found 1.5"), "{error}");
     robot.end();
 }
 

@@ -125,8 +125,17 @@ impl Browser {
 
     /// A picture of the window, kept where `OMNIBASE_SCREENSHOTS` names a folder.
     pub fn picture(&mut self, name: &str) {
+        self.capture(name, json!({"captureBeyondViewport": false}));
+    }
+
+    /// A picture of the whole page; it takes long, and a page that drives would be missed meanwhile.
+    pub fn whole_picture(&mut self, name: &str) {
+        self.capture(name, json!({"captureBeyondViewport": true}));
+    }
+
+    fn capture(&mut self, name: &str, how: Value) {
         let Some(folder) = std::env::var_os("OMNIBASE_SCREENSHOTS") else { return };
-        let answer = self.ask("Page.captureScreenshot", json!({"captureBeyondViewport": false}));
+        let answer = self.ask("Page.captureScreenshot", how);
         let bytes = decoded(answer["data"].as_str().unwrap());
         std::fs::create_dir_all(&folder).unwrap();
         std::fs::write(std::path::Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
