@@ -60,6 +60,8 @@ pub enum Call {
     },
     /// The stick was let go.
     ReleasePad,
+    /// The stick is gone while it was held, as a gamepad whose cable was pulled.
+    LosePad,
     /// The page's own stick, which was lost, may command again.
     EnablePad,
     /// The stick at the robot's computer, which was lost or stopped, may command again once it was let go.

@@ -104,6 +104,7 @@ impl Desk {
                 return self.send_silently(client, Ask::Pad(Pad::Held { twist, frame: frame.into() }));
             }
             Call::ReleasePad => return self.send_silently(client, Ask::Pad(Pad::Released)),
+            Call::LosePad => return self.send_silently(client, Ask::Pad(Pad::Lost)),
             Call::Alive => return self.send_silently(client, Ask::Alive),
             Call::EnablePad => Ask::EnablePad(client),
             Call::EnableJoystick => Ask::EnablePad(Client::Joystick),

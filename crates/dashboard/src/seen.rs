@@ -79,6 +79,8 @@ pub struct ObstacleSeen {
     pub y: f64,
     /// Radius, m.
     pub radius: f64,
+    /// Speed, m/s.
+    pub velocity: [f64; 2],
 }
 
 /// A value that may be set.
@@ -145,8 +147,8 @@ impl Seen {
         });
         let there = snapshot.obstacles.iter().enumerate();
         let obstacles = there.filter_map(|(index, obstacle)| {
-            let Obstacle { centre_m: [x, y], radius_m: radius, .. } = (*obstacle)?;
-            Some(ObstacleSeen { index, x, y, radius })
+            let Obstacle { centre_m: [x, y], radius_m: radius, velocity_m_s: velocity } = (*obstacle)?;
+            Some(ObstacleSeen { index, x, y, radius, velocity })
         });
         let pose = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
         Seen {

@@ -360,7 +360,8 @@ async fn call(
         }
     };
     // A program that asks and goes can't hold a stick.
-    let is_pad = matches!(call, Call::Pad { .. } | Call::ReleasePad | Call::EnablePad | Call::Alive);
+    let is_pad =
+        matches!(call, Call::Pad { .. } | Call::ReleasePad | Call::LosePad | Call::EnablePad | Call::Alive);
     if is_pad {
         let why = "a stick belongs to a page: expected a WebSocket at /api/live";
         return (StatusCode::CONFLICT, Json(Said::refused(why))).into_response();

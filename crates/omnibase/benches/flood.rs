@@ -99,7 +99,7 @@ fn measured(is_flooded: bool) -> (Value, u64) {
         "run",
         ROBOT,
         "--circle",
-        "radius=0.2,period=10,turns=100",
+        "radius=0.5,period=60",
         "--interface",
         Namespace::NEAR,
         "--dashboard=127.0.0.1:0",

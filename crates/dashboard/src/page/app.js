@@ -1,6 +1,7 @@
 // The page: what is seen goes to its places, what is pressed goes to the robot.
 
 import { Link, read } from "./link.js";
+import { Obstacles } from "./obstacles.js";
 import { Plots } from "./plots.js";
 import { Settings } from "./settings.js";
 import { Sticks } from "./stick.js";
@@ -24,6 +25,11 @@ async function ask(call) {
   return said;
 }
 
+function refuse(text) {
+  by("said").textContent = text;
+  by("said").classList.add("no");
+}
+
 for (const button of document.querySelectorAll("[data-do]")) button.onclick = () => ask({ do: button.dataset.do });
 for (const button of document.querySelectorAll("[data-stop]")) {
   button.onclick = () => ask({ do: "stop", category: button.dataset.stop });
@@ -36,7 +42,6 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   if (!event.repeat) ask({ do: "emergency_stop" });
 });
-by("enable-pad").onclick = () => ask({ do: "enable_pad" });
 by("share").oninput = () => (by("share-is").textContent = `${by("share").value} %`);
 by("controller").onchange = () => ask({ do: "controller", name: by("controller").value });
 by("follow").onclick = () => view.setFollow(!view.follow);
@@ -72,21 +77,13 @@ function picking(button, then) {
 }
 picking(by("go"), ([x, y]) => ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }));
 
-picking(by("obstacle"), ([x, y]) => {
-  const taken = new Set((last?.obstacles ?? []).map(({ index }) => index));
-  const free = [...Array(facts.obstacle_places).keys()].find((index) => !taken.has(index));
-  if (free === undefined) by("said").textContent = "there is no place for another obstacle";
-  else ask({ do: "set_obstacle", index: free, centre_m: [x, y], radius_m: 0.2 });
-});
-let draggedAt = 0;
-view.onDrag = ({ index, x, y, radius }) => {
-  // Often enough to look smooth, and no flood.
-  if (performance.now() - draggedAt < 50) return;
-  draggedAt = performance.now();
-  link.send({ do: "set_obstacle", index, centre_m: [x, y], radius_m: radius });
-};
-view.onDrop = ({ index, x, y, radius }) => ask({ do: "set_obstacle", index, centre_m: [x, y], radius_m: radius });
-view.onRemove = ({ index }) => ask({ do: "remove_obstacle", index });
+picking(by("obstacle"), (place) => obstacles.put(place, facts.obstacle_places));
+const obstacles = new Obstacles(view, by("obstacle-bar"), { ask, send: (call) => link.send(call), refuse });
+
+// The head of the page grows by what a person must know; what stands still below it has to make way.
+new ResizeObserver(([{ target }]) => {
+  document.documentElement.style.setProperty("--head", `${target.offsetHeight}px`);
+}).observe(document.querySelector("header"));
 
 // What is seen.
 
@@ -128,7 +125,6 @@ async function begin() {
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
     if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
   }
-  for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !me);
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
   savedPaths(facts.saved_paths);
@@ -150,6 +146,8 @@ async function begin() {
 async function savedPaths(names) {
   names ??= (await read("robot")).saved_paths;
   by("saved").replaceChildren(...names.map((name) => new Option(name, name)));
+  if (!names.length) by("saved").append(new Option("none yet", ""));
+  by("load").disabled = !me || !names.length;
 }
 
 function happened({ time_s, text }) {
@@ -179,16 +177,19 @@ function see(seen) {
   by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
   const isBlocked = bit !== null && (BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n;
   sticks.mayDrive = me !== null && !isBlocked;
-  by("enable-pad").hidden = !isBlocked;
-  showJoystick(seen.joystick);
   by("stop").classList.toggle("set", seen.emergency_stop);
-  by("release").hidden = !seen.emergency_stop;
   showBanner(seen, isBlocked);
+  showStick(seen, isBlocked);
+  // What comes next, in green.
+  const next = seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
+  for (const button of document.querySelectorAll(".buttons [data-do]")) {
+    button.classList.toggle("go", button.dataset.do === next);
+  }
   by("teach").textContent = seen.teaching_since_s === null
     ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   const [believed, truth] = [pose("state"), facts.simulated ? pose("truth") : null];
-  if (!view.dragged) view.obstacles = seen.obstacles;
+  obstacles.show(seen.obstacles);
   by("view").dataset.obstacles = seen.obstacles.length;
   if (believed) view.add(believed, truth);
   showPose(believed);
@@ -201,32 +202,50 @@ function see(seen) {
   drawPlanned(seen).catch(() => {});
 }
 
+const NEXT = { disabled: "enable", fault: "acknowledge", holding: "track" };
+
 const JOYSTICK = {
   present: "The joystick at the robot is there. It comes before this page.",
   lost: "The joystick at the robot is lost. Plug it in again; then it must be enabled, here or by its own button.",
-  blocked: "The joystick at the robot is blocked: it must be enabled, here or by its own button, and let go.",
+  blocked: "The joystick at the robot is blocked until it is enabled, here or by its own button. Let go of it first.",
 };
 
-/** What a person must know wherever on the page they are; the worst of it. */
+/** What a person must know wherever on the page they are, the worst of it, with what mends it. */
 function showBanner(seen, isBlocked) {
-  const [text, kind] =
-    seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", ""]
-    : seen.phase === "fault" ? [`Fault: ${seen.stop_reason}`, ""]
-    : isBlocked ? ["The stick was lost: enable it again to drive.", ""]
-    : ["lost", "blocked"].includes(seen.joystick) ? [JOYSTICK[seen.joystick], "warn"]
-    : ["", ""];
+  const [text, kind, button] =
+    seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", "", "release"]
+    : seen.phase === "fault" ? [`Fault: ${seen.stop_reason}`, "", "mend"]
+    : isBlocked ? ["The stick was lost: enable it again to drive.", "", "enable-pad"]
+    : seen.joystick === "blocked" ? [JOYSTICK.blocked, "warn", "enable-joystick"]
+    : seen.joystick === "lost" ? [JOYSTICK.lost, "warn", ""]
+    : ["", "", ""];
   by("banner").hidden = !text;
   by("banner").className = `banner ${kind}`;
-  by("banner").textContent = text;
+  by("banner-is").textContent = text;
+  for (const id of ["release", "mend", "enable-pad", "enable-joystick"]) by(id).hidden = id !== button;
 }
 
-/** The stick at the robot's computer: whoever drives by it must know what became of it, held or not. */
-function showJoystick(state) {
-  by("joystick").hidden = state === "absent";
-  by("joystick").className = `joystick ${state}`;
-  by("joystick-is").textContent = JOYSTICK[state] ?? "";
-  by("enable-joystick").hidden = state !== "blocked";
+/** Why the stick on the page drives or doesn't; and what became of the one at the robot's computer. */
+function showStick(seen, isBlocked) {
+  const why =
+    !me ? "Without the token nobody drives."
+    : seen.emergency_stop ? "The emergency stop is set."
+    : isBlocked ? "The stick was lost: enable it again."
+    : seen.by_stick && seen.commander !== me ? `Now drives: ${seen.commander}.`
+    : WHY[seen.phase] ?? "Drag and hold to drive; let go to stop.";
+  by("why").textContent = why;
+  for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !why.startsWith("Drag"));
+  by("joystick-is").hidden = seen.joystick === "absent";
+  by("joystick-is").className = `joystick ${seen.joystick}`;
+  by("joystick-is").textContent = JOYSTICK[seen.joystick] ?? "";
 }
+
+const WHY = {
+  disabled: "The drives are off: enable them first.",
+  enabling: "The drives come up.",
+  fault: "Acknowledge the fault, then enable the drives.",
+  "quick stopping": "The drives brake.",
+};
 
 function showPose(believed) {
   const error = value("error/believed_m");
@@ -268,5 +287,15 @@ function showDrives(seen) {
   });
   const [cycles, lost, overruns] = seen.counts, [crowded, denied, malformed, oversized, flooding] = seen.server;
   const refused = crowded + denied + malformed + oversized + flooding;
+  by("bus").textContent = bus();
   by("counts").textContent = `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`;
+}
+
+/** What the bus counted, in words. */
+function bus() {
+  const count = (name) => value(`bus/${name}`) ?? 0;
+  const unwell = count("unwell") ? `${count("unwell")} not in OP or with an error` : "all devices in OP";
+  const counted = ["losses", "recoveries", "drive_faults", "emergencies", "crc_errors", "link_losses"];
+  const others = counted.filter((name) => count(name)).map((name) => `${count(name)} ${name.replace("_", " ")}`);
+  return `Bus: ${[unwell, ...others].join(", ")}.`;
 }

@@ -61,6 +61,8 @@ export class Sticks {
     this.gamepad = gamepad;
     this.was_held = false;
     this.mayDrive = false;
+    this.couldDrive = false;
+    this.gamepadDrove = false;
     setInterval(() => this.tick(), SEND_MS);
   }
 
@@ -69,7 +71,8 @@ export class Sticks {
     const pad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected);
     this.gamepad.textContent = pad
       ? `${pad.id.slice(0, 40)}: hold a shoulder button to drive.`
-      : "No gamepad. Hold its shoulder button to drive.";
+      : "A gamepad at this device drives too, while its shoulder button is held.";
+    this.hasGamepad = Boolean(pad);
     if (!pad || ![4, 5, 6, 7].some((button) => pad.buttons[button]?.pressed)) return null;
     const axis = (number) => {
       const value = pad.axes[number] ?? 0;
@@ -81,21 +84,30 @@ export class Sticks {
 
   wish() {
     const pad = this.readGamepad();
+    // One that goes while it drives is lost, as any other stick.
+    const isLost = this.gamepadDrove && !this.hasGamepad;
+    this.gamepadDrove = pad !== null;
+    if (isLost) return "lost";
     if (pad) return pad;
     if (!this.stick.held && !this.turn.held) return null;
     return { x: this.stick.y, y: -this.stick.x, turn: -this.turn.x };
   }
 
   tick() {
-    const wish = this.mayDrive && !document.hidden ? this.wish() : null;
-    if (wish) {
+    const wished = this.wish();
+    const wish = this.mayDrive && !document.hidden ? wished : null;
+    if (wish === "lost") {
+      this.link.send({ do: "lose_pad" });
+    } else if (wish) {
       const share = Number(this.share.value) / 100;
       const clamp = (value) => Math.max(-1, Math.min(1, value * share));
       const frame = this.odom.checked ? "odom" : "body";
       this.link.send({ do: "pad", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
-    } else if (this.was_held) {
+    } else if (this.was_held || (this.mayDrive && !this.couldDrive && wished === null)) {
+      // Let go; or enabled again with nothing in hand.
       this.link.send({ do: "release_pad" });
     }
-    this.was_held = wish !== null;
+    this.was_held = wish !== null && wish !== "lost";
+    this.couldDrive = this.mayDrive;
   }
 }

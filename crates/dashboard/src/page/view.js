@@ -22,6 +22,9 @@ export class View {
     this.onDrag = null;
     this.onDrop = null;
     this.onRemove = null;
+    this.onSelect = null;
+    /** The obstacle that is being changed. */
+    this.selected = null;
     this.pointers = new Map();
     this.listen();
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -124,7 +127,7 @@ export class View {
     });
     const end = (event) => {
       if (!this.pointers.delete(event.pointerId)) return;
-      if (this.dragged && this.moved) this.onDrop?.(this.dragged);
+      if (this.dragged && event.type === "pointerup") (this.moved ? this.onDrop : this.onSelect)?.(this.dragged);
       if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)));
       this.dragged = null;
     };
@@ -173,8 +176,11 @@ export class View {
       g.globalAlpha = 0.45;
       g.fill();
       g.globalAlpha = 1;
-      g.strokeStyle = c.warn;
+      g.strokeStyle = o.index === this.selected ? c.ink : c.warn;
+      g.lineWidth = o.index === this.selected ? 3 : 1.5;
       g.stroke();
+      // Where it will be in a second.
+      if (Math.hypot(...o.velocity) > 0) line(g, x, y, ...this.toScreen([o.x + o.velocity[0], o.y + o.velocity[1]]));
     }
     if (this.truth) this.drawRobot(g, this.truth, c.truth, c);
     if (this.pose) this.drawRobot(g, this.pose, c.believed, c);

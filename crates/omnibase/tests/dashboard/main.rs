@@ -73,6 +73,40 @@ fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
 }
 
 #[test]
+fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
+    let Some(mut page) = browser(844, 390) else { return };
+    let robot = Robot::start(&[]);
+    page.open(&robot.url());
+    opened(&mut page);
+    // What the browser would show of a pad: left stick forward, its shoulder button as the test says.
+    page.value(
+        "(() => { window.pad = { connected: true, id: 'a pad', axes: [0, -1, 0, 0], \
+         buttons: Array.from({ length: 16 }, () => ({ pressed: false })) }; \
+         navigator.getGamepads = () => [window.pad]; })()",
+    );
+    page.click("[data-do=enable]");
+    page.wait("document.getElementById('phase').textContent === 'holding'");
+    page.picture("phone-across");
+    page.value("void (window.pad.buttons[4].pressed = true)");
+    robot.wait("it drives", |robot| robot.read("now")["by_stick"] == true && robot.speed_m_s() > 0.2);
+    page.value("void (navigator.getGamepads = () => [])");
+    robot.wait("it stops", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
+    page.wait("document.getElementById('banner').textContent.includes('The stick was lost')");
+    // Back with its button held: not before it is enabled, and then not before it was let go.
+    page.value("void (navigator.getGamepads = () => [window.pad])");
+    page.click("#enable-pad");
+    page.wait("document.getElementById('banner').hidden");
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(robot.read("now")["by_stick"], false);
+    page.value("void (window.pad.buttons[4].pressed = false)");
+    page.wait("document.getElementById('why').textContent.startsWith('Drag')");
+    std::thread::sleep(Duration::from_millis(100));
+    page.value("void (window.pad.buttons[4].pressed = true)");
+    robot.wait("it drives again", |robot| robot.speed_m_s() > 0.2);
+    robot.end();
+}
+
+#[test]
 fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     let Some(mut page) = browser(390, 844) else { return };
     let robot = Robot::start(&[]);
@@ -140,6 +174,17 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     page.mouse("mouseMoved", place(1.0, 0.1));
     page.mouse("mouseReleased", place(1.0, 0.1));
     robot.wait("it was dragged", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() < Some(0.2));
+    // Tapped, it can be changed.
+    for what in ["mousePressed", "mouseReleased"] {
+        page.mouse(what, place(1.0, 0.1));
+    }
+    page.wait("!document.getElementById('obstacle-bar').hidden");
+    page.picture("obstacle");
+    page.value(
+        "(() => { const bar = document.getElementById('obstacle-bar'), { radius } = bar.elements; \
+         radius.value = 0.25; radius.dispatchEvent(new Event('change', { bubbles: true })); })()",
+    );
+    robot.wait("it is larger", |robot| robot.read("now")["obstacles"][0]["radius"] == json!(0.25));
     assert_eq!(robot.call(&json!({"do": "go_to", "pose": [2.0, 0.0, 0.0]})).0, 200);
     let bent_m = std::cell::Cell::new(0.0_f64);
     robot.wait("it is past the obstacle", |robot| {
@@ -150,6 +195,9 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     page.picture("bent");
     page.whole_picture("bent-whole");
     assert!(bent_m.get() > 0.3, "{} m", bent_m.get());
+    page.click("#obstacle-bar [name=remove]");
+    robot.wait("it is gone", |robot| robot.read("now")["obstacles"] == json!([]));
+    page.wait("document.getElementById('obstacle-bar').hidden");
     robot.end();
 }
 
