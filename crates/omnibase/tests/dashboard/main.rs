@@ -96,11 +96,15 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     page.value("void (navigator.getGamepads = () => [window.pad])");
     page.click("#enable-pad");
     page.wait("document.getElementById('banner').hidden");
-    std::thread::sleep(Duration::from_millis(300));
-    assert_eq!(robot.read("now")["by_stick"], false);
+    let cycles = || robot.read("now")["counts"][0].as_u64().unwrap();
+    let then = cycles();
+    robot.wait("it stands", |robot| {
+        assert_eq!(robot.read("now")["by_stick"], false);
+        cycles() > then + 300
+    });
     page.value("void (window.pad.buttons[4].pressed = false)");
-    page.wait("document.getElementById('why').textContent.startsWith('Drag')");
-    std::thread::sleep(Duration::from_millis(100));
+    let then = cycles();
+    robot.wait("the page tells that", |_| cycles() > then + 300);
     page.value("void (window.pad.buttons[4].pressed = true)");
     robot.wait("it drives again", |robot| robot.speed_m_s() > 0.2);
     robot.end();
@@ -174,11 +178,12 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     page.mouse("mouseMoved", place(1.0, 0.1));
     page.mouse("mouseReleased", place(1.0, 0.1));
     robot.wait("it was dragged", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() < Some(0.2));
-    // Tapped, it can be changed.
-    for what in ["mousePressed", "mouseReleased"] {
-        page.mouse(what, place(1.0, 0.1));
+    // Tapped, it can be changed; the page may see a moment later than the robot where it was dropped.
+    while page.value("document.getElementById('obstacle-bar').hidden") == json!(true) {
+        for what in ["mousePressed", "mouseReleased"] {
+            page.mouse(what, place(1.0, 0.1));
+        }
     }
-    page.wait("!document.getElementById('obstacle-bar').hidden");
     page.picture("obstacle");
     page.value(
         "(() => { const bar = document.getElementById('obstacle-bar'), { radius } = bar.elements; \
