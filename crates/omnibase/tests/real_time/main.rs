@@ -9,4 +9,5 @@ mod redundancy;
 mod refusals;
 mod same_end;
 mod support;
+mod system_calls;
 mod watchdog;
