@@ -3,6 +3,7 @@
 use omnibase_platform::Twist2;
 use omnibase_trajectory::LimitsError;
 
+use crate::blind_ramp::BlindRamp;
 use crate::config::RobotPlan;
 use crate::devices::mode_of;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
@@ -14,8 +15,8 @@ use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
 use crate::settings::Settings;
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
-    PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, MAX_WHEELS,
+    Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, WheelCommand,
 };
 use crate::stages::{
@@ -31,8 +32,11 @@ pub struct Robot {
     /// Never empty; the present one is `active`.
     controllers: Vec<Box<dyn Controller>>,
     active: usize,
+    blind_ramp: BlindRamp,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
+    /// What wheels turned that odometry doesn't know of yet, rad.
+    unused_rad: [f64; MAX_WHEELS],
     command_age_ns: u64,
     motion: Motion,
     guard: Guard,
@@ -76,8 +80,10 @@ impl Robot {
             limiter,
             controllers,
             active: 0,
+            blind_ramp: BlindRamp::new(plan),
             safety,
             lifecycle: Lifecycle::new(plan.safety),
+            unused_rad: [0.0; MAX_WHEELS],
             command_age_ns: plan.safety.command_age_ns,
             motion,
             guard: Guard::new(&plan.guard, &plan.limits, period_s),
@@ -187,17 +193,26 @@ impl Robot {
             }
         }
         let record = &mut self.record;
-        if exchange != Exchange::Complete {
-            // Old inputs are no measurement: nothing moved that is known of.
-            record.inputs = Default::default();
-            record.measurements.drives.iter_mut().for_each(|drive| drive.increment_rad = 0.0);
-            return;
-        }
+        // Old inputs are no measurement: nothing moved that is known of.
+        record.inputs = Default::default();
+        record.measurements.drives.iter_mut().for_each(|drive| drive.increment_rad = 0.0);
         let drives = record.measurements.drives.iter_mut().zip(&mut record.inputs);
-        for (wheel, (device, (drive, recorded))) in self.devices.iter_mut().zip(drives).enumerate() {
+        let drives = drives.zip(&mut self.unused_rad);
+        for (wheel, (device, ((drive, recorded), unused_rad))) in
+            self.devices.iter_mut().zip(drives).enumerate()
+        {
+            if !exchange.has_inputs_of(wheel) {
+                continue;
+            }
             let inputs = image.inputs(wheel);
             *recorded = ProcessBytes::of(inputs);
             *drive = device.read(&record.time, inputs);
+            // Odometry needs all wheels: what some turned while others were away counts when those are back.
+            *unused_rad += drive.increment_rad;
+            drive.increment_rad = match exchange {
+                Exchange::Complete => std::mem::take(unused_rad),
+                _ => 0.0,
+            };
         }
     }
 
@@ -390,6 +405,9 @@ impl Robot {
     fn control(&mut self) -> Commands {
         let record = &self.record;
         match self.lifecycle.phase() {
+            Phase::Stopping if self.lifecycle.is_blind() => {
+                self.blind_ramp.next(&record.allowed.commands, &record.setpoint)
+            }
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
                 self.controllers[self.active].update(&record.time, &record.state, &record.setpoint)
             }
@@ -425,7 +443,8 @@ impl Robot {
             exchange: record.exchange,
             measurements: &record.measurements,
             allowed: &record.allowed,
-            setpoint_rests: self.limiter.is_at_rest(),
+            setpoint_rests: self.limiter.is_at_rest()
+                && !(self.lifecycle.is_blind() && record.commands.is_moving()),
             is_finished: self.motion.course() != Course::Velocity
                 && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
             finished_by: if self.motion.is_paused_at_fence() {

@@ -12,6 +12,7 @@
 //! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
 #![forbid(unsafe_code)]
 
+mod blind_ramp;
 pub mod config;
 pub mod controllers;
 mod cycle;

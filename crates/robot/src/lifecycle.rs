@@ -4,12 +4,14 @@ use omnibase_cia402::Wanted;
 
 use crate::config::SafetyPlan;
 use crate::signals::{
-    Allowed, CycleTime, DriveProgress, Exchange, Measurements, Phase, RequestAnswer, RequestKind,
-    SafetyAction, SafetyReason, StopCategory,
+    Allowed, CycleTime, DriveMeasurement, DriveProgress, Exchange, Measurements, Phase, RequestAnswer,
+    RequestKind, SafetyAction, SafetyReason, StopCategory,
 };
 
 /// Slower than this a wheel stands, rad/s.
 const STANDING_RAD_S: f64 = 0.02;
+/// After a ramp without inputs drives that nobody hears get so long to stand, ns: ten times what they lag behind.
+const UNHEARD_NS: u64 = 500_000_000;
 
 /// What the cycle has to do because the phase changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +33,10 @@ pub(crate) struct Lifecycle {
     category: StopCategory,
     reason: SafetyReason,
     where_index: u64,
+    /// The ramp goes on without what the drives say: some of them were lost.
+    is_blind: bool,
+    /// Since when the setpoint of a ramp rests, ns.
+    rests_since_ns: Option<u64>,
 }
 
 /// What is known at the end of a cycle.
@@ -39,7 +45,7 @@ pub(crate) struct Outcome<'a> {
     pub(crate) exchange: Exchange,
     pub(crate) measurements: &'a Measurements,
     pub(crate) allowed: &'a Allowed,
-    /// The setpoint is at rest.
+    /// The setpoint is at rest, and so is what the wheels are told where that isn't the same.
     pub(crate) setpoint_rests: bool,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
@@ -56,6 +62,8 @@ impl Lifecycle {
             category: StopCategory::RampThenRemove,
             reason: SafetyReason::None,
             where_index: 0,
+            is_blind: false,
+            rests_since_ns: None,
         }
     }
 
@@ -70,6 +78,11 @@ impl Lifecycle {
     /// Which wheel or stage the reason is about.
     pub(crate) fn where_index(&self) -> u64 {
         self.where_index
+    }
+
+    /// Whether it ramps down without the inputs of lost drives: nothing that is measured may lead the wheels then.
+    pub(crate) fn is_blind(&self) -> bool {
+        self.is_blind
     }
 
     /// The state in which the drives shall be.
@@ -103,16 +116,10 @@ impl Lifecycle {
                 }
                 taken(Change::None)
             }
-            (RequestKind::Stop(category), Phase::Holding | Phase::Tracking | Phase::Stopping) => {
-                self.stop(time, *category, SafetyReason::Requested);
-                taken(Change::None)
-            }
-            (RequestKind::Stop(_), Phase::Enabling) => {
-                self.reason = SafetyReason::Requested;
-                self.enter(time, Phase::Disabled);
-                taken(Change::None)
-            }
-            (RequestKind::Stop(_), Phase::Disabled | Phase::QuickStopping | Phase::Fault) => {
+            (RequestKind::Stop(category), phase) => {
+                // Drives on their way to operation have nothing to ramp down.
+                let category = if phase == Phase::Enabling { StopCategory::RemoveTorque } else { *category };
+                self.stop(time, SafetyAction::Stop(category), (SafetyReason::Requested, 0));
                 taken(Change::None)
             }
             (RequestKind::Acknowledge, Phase::Fault) => {
@@ -127,10 +134,11 @@ impl Lifecycle {
     /// The phase after a cycle.
     pub(crate) fn advance(&mut self, outcome: &Outcome<'_>) {
         self.obey(outcome);
-        let waited_ns = outcome.time.now_ns.saturating_sub(self.since_ns);
+        let now_ns = outcome.time.now_ns;
+        let waited_ns = now_ns.saturating_sub(self.since_ns);
         let drives = outcome.measurements.present();
-        let is_fresh = outcome.exchange == Exchange::Complete;
-        let stands = is_fresh && drives.iter().all(|drive| drive.speed_rad_s.abs() < STANDING_RAD_S);
+        let stands = stand(drives, outcome.exchange);
+        let has_stopped = outcome.setpoint_rests && self.has_stopped(now_ns, stands);
         match self.phase {
             Phase::Enabling if drives.iter().all(|drive| drive.progress == DriveProgress::Running) => {
                 self.enter(outcome.time, Phase::Holding);
@@ -143,18 +151,19 @@ impl Lifecycle {
                 self.reason = outcome.finished_by;
                 self.enter(outcome.time, Phase::Holding);
             }
-            Phase::Stopping
-                if outcome.setpoint_rests && (stands || self.category == StopCategory::RampAndHold) =>
-            {
-                let next = match (self.category, self.reason) {
-                    (StopCategory::RampAndHold, _) => Phase::Holding,
-                    (_, SafetyReason::Requested) => Phase::Disabled,
-                    _ => Phase::Fault,
+            Phase::Stopping if has_stopped => {
+                let next = match self.category {
+                    StopCategory::RampAndHold => Phase::Holding,
+                    _ if self.ends_in_fault() => Phase::Fault,
+                    _ => Phase::Disabled,
                 };
                 self.enter(outcome.time, next);
             }
             Phase::Stopping if waited_ns > self.plan.stop_timeout_ns => {
-                self.reason = SafetyReason::StopTimeout;
+                // What was lost remains the cause, for whoever waits for its return.
+                if !self.is_blind {
+                    self.reason = SafetyReason::StopTimeout;
+                }
                 self.enter(outcome.time, Phase::QuickStopping);
             }
             // The quick stop is the drives' own; it ends when they stand, or when nothing is heard for too long.
@@ -168,52 +177,97 @@ impl Lifecycle {
         }
     }
 
-    /// What safety decided. A stop is never replaced by a gentler one.
+    /// Whether a ramp is over, its setpoint at rest.
+    fn has_stopped(&mut self, now_ns: u64, stands: bool) -> bool {
+        let since_ns = *self.rests_since_ns.get_or_insert(now_ns);
+        let is_unheard = self.is_blind && now_ns.saturating_sub(since_ns) >= UNHEARD_NS;
+        stands || is_unheard || self.category == StopCategory::RampAndHold
+    }
+
+    /// What safety decided.
     fn obey(&mut self, outcome: &Outcome<'_>) {
         let Allowed { action, reason, where_index, .. } = *outcome.allowed;
-        let reason_before = self.reason;
-        match (action, self.phase) {
-            (
-                SafetyAction::QuickStop,
-                Phase::Enabling | Phase::Holding | Phase::Tracking | Phase::Stopping,
-            ) => {
-                self.reason = reason;
-                self.enter(outcome.time, Phase::QuickStopping);
-            }
+        let action = match (action, self.phase) {
+            (SafetyAction::Pass, _) | (_, Phase::Fault) => return,
+            // A robot without torque has nothing to brake; it isn't enabled any more without a word either.
             (SafetyAction::QuickStop, Phase::Disabled) => {
-                self.reason = reason;
-                self.enter(outcome.time, Phase::Fault);
+                (self.reason, self.where_index) = (reason, where_index);
+                return self.enter(outcome.time, Phase::Fault);
             }
-            (SafetyAction::Stop(category), Phase::Holding | Phase::Tracking) => {
-                self.stop(outcome.time, category, reason);
-            }
-            _ => return,
-        }
-        if self.reason != reason_before {
-            self.where_index = where_index;
+            // Drives on their way to operation have no ramp.
+            (
+                SafetyAction::Stop(StopCategory::RampThenRemove | StopCategory::RampAndHold),
+                Phase::Enabling,
+            ) => SafetyAction::QuickStop,
+            (action, _) => action,
+        };
+        self.stop(outcome.time, action, (reason, where_index));
+        let is_loss = matches!(reason, SafetyReason::DeviceLost | SafetyReason::ExchangeLost);
+        self.is_blind |= is_loss && self.phase == Phase::Stopping;
+    }
+
+    /// The stop that is under way: what is harder takes over.
+    fn present_stop(&self) -> SafetyAction {
+        match self.phase {
+            Phase::Enabling | Phase::Holding | Phase::Tracking => SafetyAction::Pass,
+            Phase::Stopping => SafetyAction::Stop(self.category),
+            Phase::QuickStopping => SafetyAction::QuickStop,
+            Phase::Disabled | Phase::Fault => SafetyAction::Stop(StopCategory::RemoveTorque),
         }
     }
 
-    fn stop(&mut self, time: &CycleTime, category: StopCategory, reason: SafetyReason) {
-        if self.phase == Phase::Stopping {
-            if category.severity() > self.category.severity() {
-                self.category = category;
+    /// Whether the stop that is under way ends in a fault, which a person has to acknowledge.
+    fn ends_in_fault(&self) -> bool {
+        match self.phase {
+            Phase::Stopping => {
+                self.category == StopCategory::RampThenRemove && self.reason != SafetyReason::Requested
             }
-        } else {
-            self.category = category;
-            self.reason = reason;
+            Phase::QuickStopping | Phase::Fault => true,
+            Phase::Disabled | Phase::Enabling | Phase::Holding | Phase::Tracking => false,
         }
-        if category == StopCategory::RemoveTorque {
-            self.reason = reason;
-            let asked = reason == SafetyReason::Requested;
-            self.enter(time, if asked { Phase::Disabled } else { Phase::Fault });
-        } else if self.phase != Phase::Stopping {
-            self.enter(time, Phase::Stopping);
+    }
+
+    /// A stop, in whatever phase: it takes over where it is harder than the present one, and never weakens it.
+    fn stop(&mut self, time: &CycleTime, action: SafetyAction, (reason, where_index): (SafetyReason, u64)) {
+        let present = self.present_stop();
+        let is_asked = reason == SafetyReason::Requested;
+        let is_harder = action.severity() > present.severity();
+        // As hard as what a person asked for, but a fault: it ends as one.
+        let is_cause =
+            action == present && self.phase == Phase::Stopping && self.reason == SafetyReason::Requested;
+        // What a person asks for on top of a fault is no cause: it stays a fault.
+        let stays_fault = is_asked && self.ends_in_fault();
+        if (is_harder || is_cause) && !stays_fault {
+            (self.reason, self.where_index) = (reason, where_index);
+        }
+        if !is_harder {
+            return;
+        }
+        match action {
+            SafetyAction::Pass => {}
+            SafetyAction::QuickStop => self.enter(time, Phase::QuickStopping),
+            SafetyAction::Stop(StopCategory::RemoveTorque) if is_asked && !stays_fault => {
+                self.enter(time, Phase::Disabled);
+            }
+            SafetyAction::Stop(StopCategory::RemoveTorque) => self.enter(time, Phase::Fault),
+            SafetyAction::Stop(category) => {
+                self.category = category;
+                if self.phase != Phase::Stopping {
+                    self.enter(time, Phase::Stopping);
+                }
+            }
         }
     }
 
     fn enter(&mut self, time: &CycleTime, phase: Phase) {
         self.phase = phase;
         self.since_ns = time.now_ns;
+        (self.is_blind, self.rests_since_ns) = (false, None);
     }
+}
+
+/// Whether all wheels stand that were heard in this cycle, and some were.
+fn stand(drives: &[DriveMeasurement], exchange: Exchange) -> bool {
+    let mut heard = drives.iter().enumerate().filter(|(wheel, _)| exchange.has_inputs_of(*wheel)).peekable();
+    heard.peek().is_some() && heard.all(|(_, drive)| drive.speed_rad_s.abs() < STANDING_RAD_S)
 }

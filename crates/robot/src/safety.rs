@@ -12,7 +12,7 @@ const WHEEL_SPEED_MARGIN: f64 = 1.1;
 /// How far a wished speed may lie above its limit: rounding.
 const REFERENCE_MARGIN: f64 = 1.0 + 1e-6;
 
-/// The built-in chain: each check in its order; the first that objects decides.
+/// The built-in chain: of all checks that object the one decides that asks for the hardest stop, and of equals the first.
 #[derive(Clone, Debug)]
 pub struct SafetyChain {
     limits: Limits,
@@ -28,6 +28,8 @@ const CAUGHT_UP_M: f64 = 1e-3;
 
 /// What a check objects to: what to do, why, and about which wheel or stage.
 type Objection = Option<(SafetyAction, SafetyReason, u64)>;
+/// One of the chain's checks.
+type Check = fn(&SafetyChain, &SafetyView<'_>) -> Objection;
 
 impl SafetyChain {
     /// The chain of a robot with so many wheels.
@@ -36,21 +38,26 @@ impl SafetyChain {
     }
 
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {
-        if !is_powered(view.phase) {
-            return None;
-        }
-        if let Exchange::Restarted { wheels } = view.exchange {
+        let chosen = self.plan.lost_device_stop;
+        let at_least_quick = harder(SafetyAction::QuickStop, chosen);
+        let is_too_much = self.lost_in_a_row > self.plan.lost_exchanges_tolerated;
+        match view.exchange {
             // However many lost exchanges are tolerated: nothing is enabled again without a word.
-            let wheel = wheels.trailing_zeros().min(u16::BITS - 1);
-            return Some((SafetyAction::QuickStop, SafetyReason::DeviceLost, wheel.into()));
+            Exchange::Restarted { wheels } => Some((at_least_quick, SafetyReason::DeviceLost, first(wheels))),
+            _ if !is_too_much => None,
+            // A ramp that nobody hears is none.
+            Exchange::Lost | Exchange::Complete => Some((at_least_quick, SafetyReason::ExchangeLost, 0)),
+            Exchange::ShortCount { .. } | Exchange::Without { .. } => {
+                // There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
+                let by_torque = view.commands.quantity == Quantity::Torque;
+                let action = if by_torque { at_least_quick } else { chosen };
+                let wheel = match view.exchange {
+                    Exchange::Without { wheels } => first(wheels),
+                    _ => 0,
+                };
+                Some((action, SafetyReason::DeviceLost, wheel))
+            }
         }
-        let (action, reason) = match view.exchange {
-            Exchange::ShortCount { .. } => (self.plan.lost_device_stop, SafetyReason::DeviceLost),
-            _ => (SafetyAction::QuickStop, SafetyReason::ExchangeLost),
-        };
-        // There is nothing to ramp down while drives are still on their way.
-        let action = if view.phase == Phase::Enabling { SafetyAction::QuickStop } else { action };
-        (self.lost_in_a_row > self.plan.lost_exchanges_tolerated).then_some((action, reason, 0))
     }
 
     fn finite(&self, view: &SafetyView<'_>) -> Objection {
@@ -70,7 +77,7 @@ impl SafetyChain {
 
     /// With one drive gone the others can't steer: all brake.
     fn drives(&self, view: &SafetyView<'_>) -> Objection {
-        if !is_powered(view.phase) {
+        if view.phase == Phase::QuickStopping {
             return None;
         }
         let moving = view.phase != Phase::Enabling;
@@ -120,7 +127,17 @@ impl SafetyChain {
 
 /// Whether drives carry torque, or soon will.
 fn is_powered(phase: Phase) -> bool {
-    matches!(phase, Phase::Enabling | Phase::Holding | Phase::Tracking | Phase::Stopping)
+    !matches!(phase, Phase::Disabled | Phase::Fault)
+}
+
+/// The harder of two stops.
+fn harder(one: SafetyAction, other: SafetyAction) -> SafetyAction {
+    if other.severity() > one.severity() { other } else { one }
+}
+
+/// The first wheel of a set by bits; 0 where it is empty.
+fn first(wheels: u16) -> u64 {
+    if wheels == 0 { 0 } else { wheels.trailing_zeros().into() }
 }
 
 impl Safety for SafetyChain {
@@ -132,31 +149,40 @@ impl Safety for SafetyChain {
     fn apply(&mut self, view: &SafetyView<'_>) -> Allowed {
         self.lost_in_a_row = match view.exchange {
             Exchange::Complete => 0,
-            Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => {
-                self.lost_in_a_row.saturating_add(1)
-            }
+            Exchange::Lost
+            | Exchange::ShortCount { .. }
+            | Exchange::Without { .. }
+            | Exchange::Restarted { .. } => self.lost_in_a_row.saturating_add(1),
         };
         let behind_m = view.setpoint.odom_from_body.distance_m(view.wished.odom_from_body);
         self.gives_way =
             view.guard.limited_by == LimitedBy::Obstacle || self.gives_way && behind_m > CAUGHT_UP_M;
+        let is_powered = is_powered(view.phase);
         let is_tracking = view.phase == Phase::Tracking;
-        let objection = self
-            .exchange(view)
-            .or_else(|| self.finite(view))
-            .or_else(|| self.drives(view))
-            .or_else(|| if is_powered(view.phase) { self.wheel_speed(view) } else { None })
-            .or_else(|| if is_tracking { self.reference_speed(view) } else { None })
-            .or_else(|| if is_tracking || view.phase == Phase::Holding { self.tracking(view) } else { None })
-            .or_else(|| if is_tracking { self.fence(view) } else { None })
-            .or_else(|| if is_tracking { self.command_age(view) } else { None });
+        let is_held = is_tracking || view.phase == Phase::Holding;
+        let checks: [(bool, Check); 8] = [
+            (is_powered, Self::exchange),
+            (true, Self::finite),
+            (is_powered, Self::drives),
+            (is_powered, Self::wheel_speed),
+            (is_tracking, Self::reference_speed),
+            (is_held, Self::tracking),
+            (is_tracking, Self::fence),
+            (is_tracking, Self::command_age),
+        ];
+        let mut objection: Objection = None;
+        for found in checks.iter().filter(|(counts, _)| *counts).filter_map(|(_, check)| check(self, view)) {
+            if objection.is_none_or(|(action, ..)| found.0.severity() > action.severity()) {
+                objection = Some(found);
+            }
+        }
         match objection {
-            Some((SafetyAction::QuickStop, reason, where_index)) => Allowed {
-                // Nothing that was computed is trusted.
-                commands: Commands::default(),
-                action: SafetyAction::QuickStop,
-                reason,
-                where_index,
-            },
+            Some((action, reason, where_index))
+                if action.severity() >= SafetyAction::QuickStop.severity() =>
+            {
+                // Nothing that was computed is needed, or trusted.
+                Allowed { commands: Commands::default(), action, reason, where_index }
+            }
             Some((action, reason, where_index)) => {
                 let commands = within(view.commands, &self.limits, self.wheels);
                 Allowed { commands, action, reason, where_index }

@@ -103,6 +103,7 @@ impl Watch {
             Exchange::Complete => "exchanges are complete again",
             Exchange::Lost => "an exchange was lost",
             Exchange::ShortCount { .. } => "a SubDevice took no part in an exchange",
+            Exchange::Without { .. } => "a SubDevice is away",
             Exchange::Restarted { .. } => "drives that started anew take part again",
         });
         *self = Watch { phase, reason: record.stop_reason, exchange: record.exchange };

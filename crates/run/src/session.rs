@@ -330,6 +330,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             self.bus.steer_clock(leader.time_at(woke));
         }
         // Whoever is away mustn't find an old command when it comes back: all zero disables a drive.
+        let were_away = self.supervisor.away_wheels();
         for wires in self.wiring.iter().filter(|wires| self.supervisor.is_away(wires.position)) {
             self.image.outputs[wires.outputs.clone()].fill(0);
         }
@@ -340,26 +341,23 @@ impl<L: Link, C: Clock> Session<L, C> {
         self.phase_ns = self.plan_next(woke);
         let dc_phase_ns = self.phase_ns;
         let times = Times { periods: 1 + left_out, wake, late_ns, round_trip_ns, dc_phase_ns };
-        Ok((self.robot_exchange(exchange), times))
+        Ok((self.robot_exchange(exchange, were_away), times))
     }
 
-    /// What became of an exchange, as the robot needs to know it.
-    fn robot_exchange(&mut self, exchange: BusExchange) -> Exchange {
-        let expected = self.wiring.len() as u16;
+    /// What became of an exchange, as the robot needs to know it; of some wheels nobody was heard when it began.
+    fn robot_exchange(&mut self, exchange: BusExchange, were_away: u16) -> Exchange {
+        // Whoever is on its way back already answers, but its way isn't over. Whoever was away when the frame left had
+        // its inputs left as they were, even if it is well by now.
+        let wheels = were_away | self.supervisor.away_wheels();
         match exchange {
-            // Whoever is on its way back already answers, but its way isn't over.
-            BusExchange::Complete if self.supervisor.misses_a_wheel() => {
-                Exchange::ShortCount { expected, received: expected.saturating_sub(1) }
-            }
+            BusExchange::Complete if self.supervisor.away_wheels() != 0 => Exchange::Without { wheels },
             BusExchange::Complete => match self.supervisor.take_restarted() {
                 0 => Exchange::Complete,
                 wheels => Exchange::Restarted { wheels },
             },
             BusExchange::Lost { .. } => Exchange::Lost,
             BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
-            BusExchange::Without { unwell } => {
-                Exchange::ShortCount { expected, received: expected.saturating_sub(unwell) }
-            }
+            BusExchange::Without { .. } => Exchange::Without { wheels },
         }
     }
 

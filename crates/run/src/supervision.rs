@@ -399,9 +399,10 @@ impl Supervisor {
         self.all.get(usize::from(position)).is_some_and(Supervised::is_away)
     }
 
-    /// Whether anybody with a wheel is away.
-    pub fn misses_a_wheel(&self) -> bool {
-        self.all.iter().any(|one| one.wheel.is_some() && one.is_away())
+    /// Wheels whose SubDevices are away; bit n for wheel n.
+    pub fn away_wheels(&self) -> u16 {
+        let away = self.all.iter().filter(|one| one.is_away()).filter_map(|one| one.wheel);
+        away.fold(0, |wheels, wheel| wheels | 1 << wheel)
     }
 
     /// Wheels whose drives started anew since this was last asked; bit n for wheel n.

@@ -53,6 +53,11 @@ impl Commands {
         }
     }
 
+    /// Whether any wheel is told anything but 0.
+    pub fn is_moving(&self) -> bool {
+        self.values.iter().any(|value| *value != 0.0)
+    }
+
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.saturation.is_finite() && self.values.iter().all(|value| value.is_finite())
@@ -74,13 +79,9 @@ pub enum StopCategory {
 coded!(StopCategory { RemoveTorque = 0, RampThenRemove = 1, RampAndHold = 2 });
 
 impl StopCategory {
-    /// The greater, the more is taken from the drives.
+    /// The greater, the more is taken from the drives; as [`SafetyAction::severity`].
     pub fn severity(self) -> u8 {
-        match self {
-            StopCategory::RemoveTorque => 2,
-            StopCategory::RampThenRemove => 1,
-            StopCategory::RampAndHold => 0,
-        }
+        SafetyAction::Stop(self).severity()
     }
 }
 
@@ -199,6 +200,17 @@ pub struct Allowed {
 }
 
 impl SafetyAction {
+    /// The greater, the harder the stop; a harder one takes over, whatever else is under way.
+    pub const fn severity(self) -> u8 {
+        match self {
+            SafetyAction::Pass => 0,
+            SafetyAction::Stop(StopCategory::RampAndHold) => 1,
+            SafetyAction::Stop(StopCategory::RampThenRemove) => 2,
+            SafetyAction::QuickStop => 3,
+            SafetyAction::Stop(StopCategory::RemoveTorque) => 4,
+        }
+    }
+
     /// The number by which recordings hold this action.
     pub const fn code(self) -> u64 {
         match self {

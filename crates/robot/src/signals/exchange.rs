@@ -43,6 +43,11 @@ pub enum Exchange {
         /// Working counter that came back.
         received: u16,
     },
+    /// Some SubDevices are known to be away. The inputs of all other wheels are new.
+    Without {
+        /// Wheels whose inputs are missing: bit n for wheel n; 0 where only SubDevices without a wheel are away.
+        wheels: u16,
+    },
     /// Every SubDevice took part, but some drives started anew since they last did: what they count has another
     /// origin. Whatever the robot does, it stops; only then do they count again.
     Restarted {
@@ -52,13 +57,24 @@ pub enum Exchange {
 }
 
 impl Exchange {
-    /// The three numbers by which recordings hold an exchange: sort, expected and received working counter.
+    /// Whether the inputs of a wheel are those of this very cycle.
+    pub fn has_inputs_of(self, wheel: usize) -> bool {
+        match self {
+            Exchange::Complete => true,
+            Exchange::Without { wheels } => u32::from(wheels) >> wheel & 1 == 0,
+            Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => false,
+        }
+    }
+
+    /// The three numbers by which recordings hold an exchange: sort, then expected and received working counter or
+    /// wheels.
     pub fn codes(self) -> [u64; 3] {
         match self {
             Exchange::Complete => [0, 0, 0],
             Exchange::Lost => [1, 0, 0],
             Exchange::ShortCount { expected, received } => [2, expected.into(), received.into()],
             Exchange::Restarted { wheels } => [3, wheels.into(), 0],
+            Exchange::Without { wheels } => [4, wheels.into(), 0],
         }
     }
 
@@ -72,6 +88,7 @@ impl Exchange {
                 received: received.try_into().ok()?,
             },
             [3, wheels, 0] => Exchange::Restarted { wheels: wheels.try_into().ok()? },
+            [4, wheels, 0] => Exchange::Without { wheels: wheels.try_into().ok()? },
             _ => return None,
         })
     }

@@ -6,6 +6,7 @@ mod poison;
 mod promises;
 mod safety;
 mod settings;
+mod stops;
 mod support;
 mod tracking;
 

@@ -110,8 +110,10 @@ impl Bench {
         let period_ns = self.plan.bus.cycle_ns;
         let time = CycleTime::on_grid(self.index, period_ns);
         self.index += 1;
-        if self.exchange == Exchange::Complete {
-            self.servos_read_and_answer();
+        for wheel in 0..self.servos.len() {
+            if self.exchange.has_inputs_of(wheel) {
+                self.servo_reads_and_answers(wheel);
+            }
         }
         if let Some(seed) = self.noise {
             let mut random = Random(seed | 1);
@@ -170,47 +172,45 @@ impl Bench {
         }
     }
 
-    fn servos_read_and_answer(&mut self) {
-        for wheel in 0..self.servos.len() {
-            let control = self.output(wheel, 0x6040) as u16;
-            let mode = self.output(wheel, 0x6060) as i8;
-            let scale = self.plan.drives[wheel].scale;
-            let counts_per_rad =
-                f64::from(scale.counts_per_revolution) * scale.gear_ratio / std::f64::consts::TAU;
-            let servo = &mut self.servos[wheel];
-            let state = servo.status & 0x6F;
-            let reset = control & 0x80 != 0 && !servo.fault_reset;
-            servo.fault_reset = control & 0x80 != 0;
-            let next = match state {
-                _ if servo.fault => 0x08,
-                0x08 if reset => 0x40,
-                0x08 => 0x08,
-                _ if control & 0x02 == 0 => 0x40,
-                0x27 if control & 0x04 == 0 => 0x07,
-                0x07 => 0x07,
-                _ if control & 0x06 == 0x06 => match (state, control & 0x0F) {
-                    (0x40, _) => 0x21,
-                    (0x21, 0x07 | 0x0F) => 0x23,
-                    (0x23, 0x0F) => 0x27,
-                    (now, 0x0F) => now,
-                    (0x27, 0x07) => 0x23,
-                    (_, 0x06) => 0x21,
-                    (now, _) => now,
-                },
-                now => now,
-            };
-            servo.status = 0x0210 | next;
-            servo.mode = mode;
-            let speed = self.wheel_speeds[wheel];
-            let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
-            let (status, mode) = (servo.status, servo.mode);
-            let torque = 1000.0 * self.torques[wheel] / (scale.rated_torque_nm * scale.gear_ratio);
-            self.input(wheel, 0x6041, status.into());
-            self.input(wheel, 0x6061, mode.into());
-            self.input(wheel, 0x6064, counts.into());
-            self.input(wheel, 0x606C, (speed * counts_per_rad).round() as i64);
-            self.input(wheel, 0x6077, torque.round() as i64);
-        }
+    fn servo_reads_and_answers(&mut self, wheel: usize) {
+        let control = self.output(wheel, 0x6040) as u16;
+        let mode = self.output(wheel, 0x6060) as i8;
+        let scale = self.plan.drives[wheel].scale;
+        let counts_per_rad =
+            f64::from(scale.counts_per_revolution) * scale.gear_ratio / std::f64::consts::TAU;
+        let servo = &mut self.servos[wheel];
+        let state = servo.status & 0x6F;
+        let reset = control & 0x80 != 0 && !servo.fault_reset;
+        servo.fault_reset = control & 0x80 != 0;
+        let next = match state {
+            _ if servo.fault => 0x08,
+            0x08 if reset => 0x40,
+            0x08 => 0x08,
+            _ if control & 0x02 == 0 => 0x40,
+            0x27 if control & 0x04 == 0 => 0x07,
+            0x07 => 0x07,
+            _ if control & 0x06 == 0x06 => match (state, control & 0x0F) {
+                (0x40, _) => 0x21,
+                (0x21, 0x07 | 0x0F) => 0x23,
+                (0x23, 0x0F) => 0x27,
+                (now, 0x0F) => now,
+                (0x27, 0x07) => 0x23,
+                (_, 0x06) => 0x21,
+                (now, _) => now,
+            },
+            now => now,
+        };
+        servo.status = 0x0210 | next;
+        servo.mode = mode;
+        let speed = self.wheel_speeds[wheel];
+        let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
+        let (status, mode) = (servo.status, servo.mode);
+        let torque = 1000.0 * self.torques[wheel] / (scale.rated_torque_nm * scale.gear_ratio);
+        self.input(wheel, 0x6041, status.into());
+        self.input(wheel, 0x6061, mode.into());
+        self.input(wheel, 0x6064, counts.into());
+        self.input(wheel, 0x606C, (speed * counts_per_rad).round() as i64);
+        self.input(wheel, 0x6077, torque.round() as i64);
     }
 
     fn move_body(&mut self, period_s: f64) {

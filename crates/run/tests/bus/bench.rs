@@ -15,7 +15,13 @@ pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
 
 /// The plan of the BMM with more text in its file.
 pub fn plan(more: &str) -> RobotPlan {
-    let text = RobotText { text: format!("{BMM}\n{more}"), ..RobotText::default() };
+    plan_changed(more, &[])
+}
+
+/// As [`plan`], with settings changed as the command line does.
+pub fn plan_changed(more: &str, changes: &[&str]) -> RobotPlan {
+    let changes = changes.iter().map(|change| (*change).to_owned()).collect();
+    let text = RobotText { text: format!("{BMM}\n{more}"), changes, ..RobotText::default() };
     text.load(&Registry::with_built_in()).unwrap().plan
 }
 

@@ -1,6 +1,7 @@
 //! A running robot whose bus suffers: devices lose power, cables are pulled, frames are damaged; in virtual time.
 
 mod bench;
+mod lost;
 mod matrix;
 mod recovery;
 mod resume;
