@@ -103,7 +103,8 @@ class Plot {
       }
     }
     if (low > high) [low, high] = [0, 1];
-    const least = Math.max(1e-6, 1e-3 * Math.max(Math.abs(low), Math.abs(high)));
+    // What never changed has no scale of its own.
+    const least = low === high ? Math.max(1, 0.2 * Math.abs(low)) : Math.max(1e-6, 1e-3 * Math.max(Math.abs(low), Math.abs(high)));
     if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
     const room = 0.08 * (high - low);
     [low, high] = [low - room, high + room];

@@ -2,7 +2,7 @@
 
 /** Settings that are choices, by their codes. */
 const CHOICES = { avoidance: ["off", "circulate", "guarded"] };
-const SHUT = "joystick";
+const JOYSTICK = "joystick.";
 
 export class Settings {
   /** `set` gets {name: value} of what was changed. */
@@ -33,17 +33,17 @@ export class Settings {
   }
 
   build(settings, mayChange) {
-    const own = document.createElement("fieldset"), stick = document.createElement("details");
-    const title = document.createElement("summary");
-    title.textContent = "joystick at the robot";
-    stick.append(title);
+    const [own, stick] = [0, 1].map(() => document.createElement("fieldset"));
     for (const setting of settings) {
-      (setting.name.startsWith(SHUT) ? stick : own).append(...field(setting, mayChange));
+      (setting.name.startsWith(JOYSTICK) ? stick : own).append(...field(setting, mayChange));
     }
+    const folded = document.createElement("details"), title = document.createElement("summary");
+    title.textContent = "joystick at the robot";
+    folded.append(title, stick);
     const button = document.createElement("button");
     button.textContent = "Set what was changed";
     button.disabled = !mayChange;
-    this.form.replaceChildren(own, stick, button);
+    this.form.replaceChildren(own, folded, button);
   }
 }
 
@@ -62,7 +62,7 @@ function field({ name, range }, mayChange) {
   input.disabled = !mayChange;
   const label = document.createElement("label"), bounds = document.createElement("small");
   label.htmlFor = input.id;
-  label.textContent = name.replace(/^joystick[.]/, "");
+  label.textContent = name.startsWith(JOYSTICK) ? name.slice(JOYSTICK.length) : name;
   bounds.textContent = choices ? "" : `${range[0]} to ${Number(range[1].toPrecision(4))}`;
   label.append(bounds);
   return [label, input];

@@ -87,6 +87,8 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     page.click("[data-do=enable]");
     page.wait("document.getElementById('phase').textContent === 'holding'");
     page.picture("phone-across");
+    page.value("document.querySelector('.drive').scrollIntoView()");
+    page.picture("phone-across-stick");
     page.value("void (window.pad.buttons[4].pressed = true)");
     robot.wait("it drives", |robot| robot.read("now")["by_stick"] == true && robot.speed_m_s() > 0.2);
     page.value("void (navigator.getGamepads = () => [])");
