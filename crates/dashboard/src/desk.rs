@@ -13,6 +13,7 @@ use omnibase_robot::stages::Reference;
 use omnibase_run::live::{Ask, Client, Live, Pad};
 use omnibase_run::teach::{Sampling, lines, taught};
 use omnibase_trajectory::PathPoints;
+use omnibase_trajectory::path_points::nearest_turn_rad;
 use serde::Serialize;
 
 use crate::about::About;
@@ -262,7 +263,8 @@ impl Desk {
         let snapshot = self.live.snapshot();
         let table = self.table(snapshot.reference);
         let made = reference(&table, &self.about.robot.plan.limits).map_err(|_| "there is no reference")?;
-        made.start_pose().ok_or_else(|| "the path begins where the platform stands".to_owned())
+        let start = made.start_pose().ok_or("the path begins where the platform stands")?;
+        Ok(turned_least(start, &snapshot.record.setpoint.odom_from_body))
     }
 
     /// The path of the present reference, laid where it began, or would begin now.
@@ -286,6 +288,11 @@ impl Desk {
     }
 }
 
+/// A pose with its heading told so that it is the shortest turn: the same heading may be some turns away.
+fn turned_least(pose: Pose2, here: &Pose2) -> Pose2 {
+    Pose2 { heading_rad: nearest_turn_rad(pose.heading_rad, here.heading_rad), ..pose }
+}
+
 fn drawn(made: &mut dyn Reference, time_s: f64) -> [f64; 3] {
     let pose = made.sample(time_s).odom_from_body;
     [pose.x_m, pose.y_m, pose.heading_rad]
@@ -301,5 +308,22 @@ fn path_of(points: &PathPoints) -> ReferenceTable {
         kind: Some("path".to_owned()),
         points: Some(rows.collect()),
         ..ReferenceTable::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn nobody_sees_whole_turns_unwound_on_the_way_to_a_start() {
+        let start = Pose2 { x_m: 1.0, y_m: 2.0, heading_rad: 0.5 };
+        for turns in [-3.0, 0.0, 2.0] {
+            let here = Pose2 { heading_rad: turns * TAU + 0.4, ..Pose2::default() };
+            let target = turned_least(start, &here);
+            assert!((target.heading_rad - here.heading_rad - 0.1).abs() < 1e-9, "{target:?}");
+            assert_eq!((target.x_m, target.y_m), (1.0, 2.0));
+        }
     }
 }

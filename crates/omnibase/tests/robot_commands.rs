@@ -191,6 +191,19 @@ fn a_sound_file_is_checked_to_a_plan_with_units() {
     assert_eq!(plan["problems"], Value::Array(Vec::new()));
     assert_eq!(plan["wheels"].as_array().unwrap().len(), 4);
     assert_eq!(plan["limits"]["speed"]["unit"], "m/s");
+    let folder = Folder::new("resolved");
+    let more = "\n[safety]\non_lost_device = \"ramp\"\n[fence]\nrectangle_m = [-1, -1, 2, 1.5]\n\
+                [[obstacle]]\ncentre_m = [1.2, 0.9]\nradius_m = 0.1\n";
+    let file =
+        folder.file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + more));
+    let text = prints(&["check", &file]);
+    for words in [
+        "on_lost_device       category 1",
+        "fence                (-1, -1) (2, -1) (2, 1.5) (-1, 1.5) m, margin 0.05 m",
+        "obstacle             at (1.2, 0.9) m, radius 0.1 m",
+    ] {
+        assert!(text.contains(words), "{words} in {text}");
+    }
     let schema = json(&["check", "--schema"]);
     let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
     assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");
@@ -297,6 +310,17 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
         assert_eq!(found, Some(code), "{arguments:?}: {says}");
         assert!(says.contains(what), "{arguments:?}: {what} in {says}");
     }
+}
+
+#[test]
+fn a_path_out_of_the_fence_ends_with_that_reason() {
+    let folder = Folder::new("fenced");
+    let fence = "\n[fence]\nrectangle_m = [-1, -1, 1.5, 1]\n";
+    let file = folder
+        .file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + fence));
+    let path = folder.file("out.dat", "(0, 0, 0, 0)\n(5, 2, 0, 0)\n");
+    let (code, says) = refused(&["run", &file, "--path", &path]);
+    assert!(code == Some(1) && says.contains("the way led out of the fence"), "{says}");
 }
 
 #[test]

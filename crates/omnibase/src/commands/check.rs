@@ -3,8 +3,10 @@
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_robot::config::{
-    DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile, json_schema,
+    AvoidanceKind, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile, SafetyPlan,
+    json_schema,
 };
+use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -98,6 +100,68 @@ fn limits(limits: &Limits) -> [(&'static str, f64, &'static str); 8] {
     ]
 }
 
+/// What is watched and kept, and what follows, by the name of its setting.
+fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
+    let SafetyPlan {
+        lost_exchanges_tolerated,
+        lost_device_stop,
+        resume_within_ns,
+        command_age_ns,
+        enabling_timeout_ns,
+        stop_timeout_ns,
+        tracking_error_m,
+        start_distance_m,
+        start_heading_rad,
+        wheel_speed_stop,
+        reference_speed_stop,
+        fence_stop,
+        tracking_error_stop,
+    } = &plan.safety;
+    let ms = |ns: u64| format!("{} ms", ns / 1_000_000);
+    let then = |category: &StopCategory| match category {
+        StopCategory::RemoveTorque => "category 0: torque removed",
+        StopCategory::RampThenRemove => "category 1: ramp, then torque removed",
+        StopCategory::RampAndHold => "category 2: ramp, then hold",
+    };
+    let lost = match lost_device_stop {
+        SafetyAction::Stop(category) => then(category),
+        SafetyAction::QuickStop | SafetyAction::Pass => "quick stop of the drives",
+    };
+    let back = resume_within_ns.map_or("the run ends".to_owned(), |ns| format!("goes on within {}", ms(ns)));
+    let guard = &plan.guard;
+    let corner = |[x, y]: &[f64; 2]| format!("({x}, {y})");
+    let fence = guard.fence.as_ref().map_or("none".to_owned(), |fence| {
+        let corners: Vec<String> = fence.corners_m.iter().map(corner).collect();
+        format!("{} m, margin {} m", corners.join(" "), fence.margin_m)
+    });
+    let kind = match guard.avoidance {
+        AvoidanceKind::Off => "off".to_owned(),
+        AvoidanceKind::Circulate => format!("circulate, {} 1/s", guard.circulate_1_s),
+        AvoidanceKind::Guarded => format!("guarded, distance {} m", guard.distance_m),
+    };
+    let mut rows = vec![
+        ("lost_exchanges", format!("{lost_exchanges_tolerated} in a row tolerated")),
+        ("on_lost_device", lost.to_owned()),
+        ("after_lost_device", back),
+        ("command_age", ms(*command_age_ns)),
+        ("enabling_timeout", ms(*enabling_timeout_ns)),
+        ("stop_timeout", ms(*stop_timeout_ns)),
+        ("tracking_error", format!("{tracking_error_m} m; {}", then(tracking_error_stop))),
+        ("start_distance", format!("{start_distance_m} m, {start_heading_rad} rad")),
+        ("wheel_speed_stop", then(wheel_speed_stop).to_owned()),
+        ("reference_speed_stop", then(reference_speed_stop).to_owned()),
+        ("fence_stop", then(fence_stop).to_owned()),
+        ("fence", fence),
+        ("avoidance", kind),
+    ];
+    rows.extend(guard.obstacles.iter().map(|obstacle| {
+        let [vx, vy] = obstacle.velocity_m_s;
+        let at = corner(&obstacle.centre_m);
+        ("obstacle", format!("at {at} m, radius {} m, speed ({vx}, {vy}) m/s", obstacle.radius_m))
+    }));
+    rows
+}
+
 /// The objects of PDOs with their places: `6040:00` at byte 0, 16 bits.
 fn objects(pdos: &[PdoPlan]) -> Vec<(String, u32, u8)> {
     let mut bit = 0;
@@ -184,6 +248,10 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     for (name, value, unit) in limits(&plan.limits) {
         writeln!(output, "  {name:<20} {value:>8} {unit}")?;
     }
+    writeln!(output, "\nsafety")?;
+    for (name, value) in safety(plan) {
+        writeln!(output, "  {name:<20} {value}")?;
+    }
     Ok(())
 }
 
@@ -225,5 +293,6 @@ fn plan_json(plan: &RobotPlan) -> Value {
         "controllers": plan.controllers().collect::<Vec<_>>(),
         "wheels": wheels.collect::<Vec<_>>(),
         "limits": limits,
+        "safety": safety(plan).into_iter().map(|(name, value)| json!([name, value])).collect::<Vec<_>>(),
     })
 }
