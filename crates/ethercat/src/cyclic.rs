@@ -42,6 +42,7 @@ use batch::{BATCH_FRAMES, Batch};
 use clock::ClockReading;
 use diagnosis::{Diagnosis, Finding, is_process_data};
 use frame::{CyclicFrame, Flight, MOST_DATAGRAMS, Purpose};
+use recovery::Seen;
 use transition::{Progress, Transition, View};
 use wire::Exchanger;
 
@@ -186,8 +187,13 @@ pub struct CyclicBus<L> {
     status_slot: Option<usize>,
     /// Who is being set to the reference's time to become the reference.
     heir: Option<u16>,
+    /// The reference started anew or was away with nobody to lead in its place: its clock is neither read, nor written
+    /// by the host, nor distributed until it has the time that it would show.
+    reference_is_unset: bool,
     /// Who became the reference that way, before its own way was over.
     crowned: Option<u16>,
+    /// Exchanges in a row of which no frame came back.
+    nothing_back: u64,
     status: Option<SegmentStatus>,
     last: Exchange,
 }
@@ -265,7 +271,9 @@ impl<L: Link> CyclicBus<L> {
             steer_slot: slot_of(Role::SteerClock),
             status_slot: slot_of(Role::Status),
             heir: None,
+            reference_is_unset: false,
             crowned: None,
+            nothing_back: 0,
             status: None,
             last: Exchange::Lost { lost: 0, sent: 0 },
             members,
@@ -336,6 +344,7 @@ impl<L: Link> CyclicBus<L> {
         }
         self.read_segment(now);
         let sent = self.planned;
+        self.nothing_back = if back == 0 && sent > 0 { self.nothing_back + 1 } else { 0 };
         if back != sent {
             return Exchange::Lost { lost: (sent - back) as u16, sent: sent as u16 };
         }
@@ -356,6 +365,7 @@ impl<L: Link> CyclicBus<L> {
         }
         if let Some(slot) = self.clock_slot.map(|number| &frame.slots()[number])
             && slot.received > 0
+            && !self.reference_is_unset
         {
             self.clock.take_at(&frame.back[slot.data()], now);
             self.clock_is_new = true;
@@ -453,7 +463,16 @@ impl<L: Link> CyclicBus<L> {
 
     #[cold]
     fn take_acyclic(&mut self, now: HostTime) {
-        let clock = self.clock.last().filter(|_| self.clock_is_new);
+        let time = match self.reference_is_unset {
+            true => self.clock.expected(now),
+            false => self.clock.last().filter(|_| self.clock_is_new),
+        };
+        let seen = Seen {
+            time,
+            is_distributed: self.clock_is_new && self.heir.is_none(),
+            answered: self.status.map(|status| status.answered),
+            expected: self.members.len() as u16,
+        };
         let frame = &mut self.exchanger.frames[self.spare_frame];
         let answered = frame.flight == Flight::Back && {
             frame.read_counters();
@@ -462,9 +481,9 @@ impl<L: Link> CyclicBus<L> {
         match frame.slots().last().copied().filter(|slot| slot.purpose == Purpose::Spare) {
             Some(slot) if answered => {
                 let (working_counter, data) = (slot.received, &frame.back[slot.data()]);
-                self.acyclic.answer(Answer::Returned { working_counter, data }, clock, now);
+                self.acyclic.answer(Answer::Returned { working_counter, data }, seen, now);
             }
-            _ => self.acyclic.answer(Answer::Lost, clock, now),
+            _ => self.acyclic.answer(Answer::Lost, seen, now),
         }
         let kept = frame.slots().iter().take_while(|slot| slot.purpose != Purpose::Spare).count();
         frame.truncate(kept);
@@ -517,6 +536,7 @@ impl<L: Link> CyclicBus<L> {
     pub fn request(&mut self, goal: Goal, options: TransitionOptions, now: HostTime) {
         self.batch.begin(1);
         self.diagnosis.reset(&mut self.exchanger.frames[..self.planned]);
+        self.lead_on();
         self.phase = if self.members.is_empty() {
             Phase::Reached(goal)
         } else {
@@ -533,6 +553,7 @@ impl<L: Link> CyclicBus<L> {
         let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
             return;
         };
+        let time = time.filter(|_| !self.reference_is_unset);
         frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
         let range = frame.slots()[number].data();
         let bytes = time.unwrap_or_default().0.to_le_bytes();

@@ -221,7 +221,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         let wheel_of =
             |one: &SubDevice| wiring.iter().position(|wires: &Wires| wires.position == one.position);
         Ok(Session {
-            supervisor: Supervisor::new(subdevices, wheel_of),
+            supervisor: Supervisor::new(subdevices, plan.safety.lost_exchanges_tolerated, wheel_of),
             counted_before: CycleCounters::default(),
             image: bus.plan().image(),
             wake: clock.now() + cycle,

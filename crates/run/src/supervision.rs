@@ -32,18 +32,20 @@ const COUNTERS: usize = 20;
 const FULL: u8 = 128;
 /// After its way back a SubDevice gets so long until the cycle sees it in OP.
 const SETTLE: Duration = Duration::from_millis(500);
+/// So many exchanges in a row of which nothing comes back are told.
+const SILENCE: u64 = 2;
 /// Pause before another attempt.
 const PAUSE: Duration = Duration::from_millis(500);
 
 /// Where one SubDevice is on its way back.
 #[derive(Clone, Debug, PartialEq)]
 enum Way {
-    /// In OP.
+    /// In OP, or missing for no longer than is tolerated.
     None,
     /// On its way.
     Coming,
     /// Its way ended; the cycle has to see it in OP.
-    Settling { until: HostTime },
+    Settling { until: HostTime, comeback: Comeback },
     /// It failed; the next attempt.
     Waiting { until: HostTime },
 }
@@ -57,6 +59,8 @@ struct Supervised {
     health: Health,
     way: Way,
     since: HostTime,
+    /// Exchanges since it was named.
+    exchanges: u32,
     /// Why the last attempt failed; told once.
     failure: Option<RecoveryError>,
     counters: [u8; COUNTERS],
@@ -87,11 +91,22 @@ pub struct Supervisor {
     restarted: u16,
     reference: Option<u16>,
     ring: RingState,
+    /// Exchanges in a row that may be incomplete before anything is done.
+    tolerated: u32,
+    /// Since when nothing comes back.
+    silent_since: Option<HostTime>,
 }
 
 impl Supervisor {
     /// A supervisor of what set-up found; `wheel_of` tells which wheel a SubDevice drives.
-    pub fn new(subdevices: Vec<SubDevice>, wheel_of: impl Fn(&SubDevice) -> Option<usize>) -> Self {
+    ///
+    /// Who misses up to `tolerated` exchanges in a row is named, but neither are its outputs taken from it nor is it
+    /// brought back.
+    pub fn new(
+        subdevices: Vec<SubDevice>,
+        tolerated: u32,
+        wheel_of: impl Fn(&SubDevice) -> Option<usize>,
+    ) -> Self {
         let supervised = |subdevice: SubDevice| {
             let position = subdevice.position;
             let name = match (&subdevice.config.name, subdevice.name.as_str()) {
@@ -105,6 +120,7 @@ impl Supervisor {
                 health: Health::Well,
                 way: Way::None,
                 since: HostTime(0),
+                exchanges: 0,
                 failure: None,
                 counters: [0; COUNTERS],
                 faulty: false,
@@ -124,6 +140,8 @@ impl Supervisor {
             restarted: 0,
             reference: None,
             ring: RingState::Unknown,
+            tolerated,
+            silent_since: None,
         }
     }
 
@@ -132,6 +150,7 @@ impl Supervisor {
         if bus.phase() != Phase::Reached(Goal::Op) {
             return;
         }
+        self.listen(bus, now);
         self.compare(bus, now);
         while let Some((position, ended)) = bus.poll_recovered() {
             self.came_back(position, ended, now);
@@ -167,50 +186,80 @@ impl Supervisor {
         self.say(words);
     }
 
+    /// Whether anything comes back at all.
+    fn listen<L: Link>(&mut self, bus: &CyclicBus<L>, now: HostTime) {
+        let cycles = bus.nothing_back();
+        if cycles >= SILENCE && self.silent_since.is_none() {
+            self.silent_since = Some(now);
+            self.totals.silences += 1;
+            let first = self.all.first().map_or("SubDevice 0", |one| one.figures.name.as_str());
+            let words = format_args!(
+                "nothing behind the interface answers for {cycles} cycles: {first}, its cable or its power"
+            );
+            self.say(Words::new(words));
+        } else if cycles == 0
+            && let Some(since) = self.silent_since.take()
+        {
+            let after = (now - since).as_secs_f64();
+            self.say(Words::new(format_args!(
+                "something behind the interface answers again after {after:.3} s"
+            )));
+        }
+    }
+
     /// What was lost or came back since the last exchange.
-    fn compare<L: Link>(&mut self, bus: &CyclicBus<L>, now: HostTime) {
+    fn compare<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
         for number in 0..self.all.len() {
             let Some(&health) = bus.health().get(number) else { continue };
             let one = &mut self.all[number];
+            one.exchanges = one.exchanges.saturating_add(1);
             // The cycle may see it in OP a moment before its way is over.
-            if one.health == health || (one.way == Way::Coming && health == Health::Well) {
+            if one.health == health
+                || (one.way == Way::Coming && health == Health::Well && !bus.call_off(one.subdevice.position))
+            {
                 continue;
             }
             let before = std::mem::replace(&mut one.health, health);
             match (before, health) {
                 (Health::Well, _) => {
-                    one.since = now;
+                    (one.since, one.exchanges) = (now, 1);
                     one.figures.losses += 1;
                     self.totals.losses += 1;
                     self.tell(number, format_args!("lost: {}", Ill(health)));
                 }
                 (_, Health::Well) => {
                     // By itself, or at the end of its way.
-                    let settled = matches!(one.way, Way::Settling { .. });
+                    let by_itself = match one.way {
+                        Way::Settling { comeback, .. } => comeback == Comeback::Stayed,
+                        _ => true,
+                    };
                     one.way = Way::None;
                     one.failure = None;
                     let after = now - one.since;
                     one.figures.recoveries += 1;
                     self.totals.recoveries += 1;
-                    let how = if settled { "back in OP" } else { "in OP again by itself" };
+                    let how = if by_itself { "in OP again by itself" } else { "back in OP" };
                     self.tell(number, format_args!("{how} after {:.3} s", after.as_secs_f64()));
                 }
                 _ => {}
             }
         }
-        self.totals.unwell = self.all.iter().filter(|one| one.is_away()).count() as u64;
+        let unwell = self.all.iter().filter(|one| one.is_away() || one.health != Health::Well);
+        self.totals.unwell = unwell.count() as u64;
     }
 
     /// Starts the way back of whoever needs it.
     fn send_for<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
         for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
+            let position = one.subdevice.position;
             let due = match one.way {
-                Way::None => true,
+                // It is named one exchange after the first that it missed.
+                Way::None => one.exchanges >= self.tolerated && bus.is_certain(position),
                 Way::Coming => false,
-                Way::Settling { until } | Way::Waiting { until } => now >= until,
+                Way::Settling { until, .. } | Way::Waiting { until } => now >= until,
             };
-            if due && bus.recover(one.subdevice.position) {
-                one.way = Way::Coming;
+            if due {
+                one.way = if bus.recover(position) { Way::Coming } else { Way::Waiting { until: now } };
             }
         }
     }
@@ -220,10 +269,10 @@ impl Supervisor {
         let Some(one) = self.all.get_mut(number) else { return };
         let error = match ended {
             Ok(comeback) => {
-                one.way = Way::Settling { until: now + SETTLE };
-                one.counters = [0; COUNTERS];
-                if let (Comeback::Restarted, Some(wheel)) = (comeback, one.wheel) {
-                    self.restarted |= 1 << wheel;
+                one.way = Way::Settling { until: now + SETTLE, comeback };
+                if comeback == Comeback::Restarted {
+                    one.counters = [0; COUNTERS];
+                    self.restarted |= one.wheel.map_or(0, |wheel| 1 << wheel);
                 }
                 return;
             }
@@ -423,7 +472,7 @@ impl Supervisor {
 
 impl Supervised {
     fn is_away(&self) -> bool {
-        self.health != Health::Well || self.way != Way::None
+        self.way != Way::None
     }
 }
 

@@ -7,9 +7,9 @@ use core::time::Duration;
 use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ReceivedEmergency};
 use crate::procedure::{Answer, Next, Procedure, Request};
 use crate::subdevice::SubDevice;
-use crate::wire::{DcTime, HostTime};
+use crate::wire::HostTime;
 
-use super::recovery::{Comeback, Recovery, RecoveryError};
+use super::recovery::{Comeback, Place, Recovery, RecoveryError, Seen};
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
 pub const CAPACITY: usize = 64;
@@ -129,6 +129,8 @@ struct Lane {
     register: Option<RegisterJob>,
     /// Its way back, where one was prepared; has the mailbox while it is under way.
     recovery: Option<Recovery>,
+    /// Where it hangs, as far as that is known.
+    parent: Option<u16>,
 }
 
 impl Lane {
@@ -173,6 +175,7 @@ impl Acyclic {
                 tag: None,
                 register: None,
                 recovery: None,
+                parent: None,
             })
             .collect();
         Acyclic {
@@ -208,6 +211,7 @@ impl Acyclic {
     pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
         if let Some(lane) = self.lanes.get_mut(usize::from(subdevice.position)) {
             lane.recovery = Some(Recovery::new(subdevice));
+            lane.parent = subdevice.parent.map(|parent| parent.position);
         }
     }
 
@@ -215,13 +219,15 @@ impl Acyclic {
     pub fn recover(&mut self, position: u16) -> bool {
         // The ends of ways have their room from the start.
         let is_full = self.recovered.len() == self.lanes.len();
+        let place = self.place(position);
         let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
         let Some(recovery) = lane.recovery.as_mut().filter(|one| !is_full && !one.is_under_way()) else {
             return false;
         };
         let mut mailbox = lane.mailbox.take();
         if let Some(mailbox) = &mut mailbox {
-            mailbox.reset();
+            // Its counter goes on: the SubDevice may be in OP and well.
+            mailbox.cancel();
             if let (Some(tag), Next::Done(Some(done))) = (lane.tag.take(), mailbox.next(HostTime(0))) {
                 let work = AcyclicWork::Mailbox(done.request);
                 let result = done.result.map_err(AcyclicError::Mailbox);
@@ -231,11 +237,35 @@ impl Acyclic {
         if let Some(job) = lane.register.take() {
             self.finished.push_back(job.complete());
         }
-        recovery.begin(mailbox);
+        recovery.begin(mailbox, place);
         if !self.active.contains(&position) {
             self.active.push_back(position);
         }
         true
+    }
+
+    /// Whether everybody up to `position` hangs in one line.
+    fn place(&self, position: u16) -> Place {
+        let mut line = self.lanes.iter().take(usize::from(position) + 1).skip(1);
+        let is_line = line.all(|lane| lane.parent.is_some_and(|parent| parent + 1 == lane.position));
+        if is_line { Place::InLine } else { Place::Branched }
+    }
+
+    /// Ends the way back of a SubDevice that has changed nothing yet.
+    pub fn call_off(&mut self, position: u16) -> bool {
+        let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
+        let Some(recovery) = lane.way_back() else { return false };
+        let is_called_off = recovery.call_off();
+        if is_called_off {
+            lane.mailbox = recovery.take_mailbox();
+        }
+        is_called_off
+    }
+
+    /// Whether the clock of a SubDevice was set on the way back that it is on.
+    pub fn has_time(&self, position: u16) -> bool {
+        let lane = self.lanes.get(usize::from(position)).filter(|lane| lane.is_recovering());
+        lane.and_then(|lane| lane.recovery.as_ref()).is_some_and(Recovery::has_time)
     }
 
     pub fn is_recovering(&self, position: u16) -> bool {
@@ -367,7 +397,7 @@ impl Acyclic {
         if !self.queue.is_empty() {
             self.start_queued(now);
         }
-        if self.active.is_empty() && now >= self.next_look {
+        if now >= self.next_look {
             self.look_around(now);
         }
         for _ in 0..self.active.len() {
@@ -446,13 +476,13 @@ impl Acyclic {
     }
 
     /// Takes the answer to the datagram that was in this cycle's frame.
-    pub fn answer(&mut self, answer: Answer<'_>, clock: Option<DcTime>, now: HostTime) {
+    pub fn answer(&mut self, answer: Answer<'_>, seen: Seen, now: HostTime) {
         let Some(lane) = self.in_flight.take().and_then(|position| self.lanes.get_mut(usize::from(position)))
         else {
             return;
         };
         if let Some(recovery) = lane.way_back() {
-            recovery.set_reference_time(clock);
+            recovery.set_seen(seen);
             return recovery.answer(answer, now);
         }
         match (&mut lane.register, &mut lane.mailbox) {

@@ -7,6 +7,7 @@ use core::ops::Range;
 use super::SegmentStatus;
 use super::batch::{Access, Batch, ItemState};
 use super::frame::{CyclicFrame, Purpose};
+use crate::error::Found;
 use crate::image::{FramePlan, Member, Placement, Role};
 use crate::subdevice::Direction;
 use crate::wire::bytes::u16_at;
@@ -14,6 +15,11 @@ use crate::wire::{AlState, AlStatusCode, register};
 
 /// Cycles between two rounds while something stays wrong in the same way.
 const ROUND_INTERVAL: u64 = 100;
+/// A SubDevice that answered none of so many rounds in a row is away; before, frames may have suffered on their way.
+const CERTAIN: u8 = 3;
+
+/// What everybody is asked: AL status and its code.
+const ASKED: Access = Access::Read { register: register::AL_STATUS, length: 6 };
 
 /// How a SubDevice is, as far as the last round of questions tells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,7 +27,8 @@ pub enum Health {
     /// In OP.
     #[default]
     Well,
-    /// It doesn't answer at its station address: without power, cut off, or restarted.
+    /// It doesn't answer at its station address: without power, cut off, or restarted; see
+    /// [`super::CyclicBus::is_certain`].
     Silent,
     /// It answers, but not from OP.
     NotOperational {
@@ -36,6 +43,8 @@ pub enum Health {
 #[derive(Clone, Debug)]
 pub(super) struct Diagnosis {
     health: Vec<Health>,
+    /// Rounds in a row that each left unanswered.
+    unanswered: Vec<u8>,
     unwell: usize,
     asking: bool,
     /// What was wrong when the last round began; `None` asks again at once.
@@ -90,6 +99,7 @@ impl Diagnosis {
     pub fn new(members: usize, input_areas: usize) -> Self {
         Diagnosis {
             health: vec![Health::Well; members],
+            unanswered: vec![0; members],
             unwell: 0,
             asking: false,
             signature: None,
@@ -102,6 +112,21 @@ impl Diagnosis {
 
     pub fn health(&self) -> &[Health] {
         &self.health
+    }
+
+    /// Whether the SubDevice at `position` isn't well beyond doubt: it said so itself, or was asked often enough.
+    pub fn is_certain(&self, position: u16) -> bool {
+        let position = usize::from(position);
+        match self.health.get(position) {
+            None | Some(Health::Well) => false,
+            Some(Health::NotOperational { .. }) => true,
+            Some(Health::Silent) => self.unanswered[position] >= CERTAIN,
+        }
+    }
+
+    /// Whether somebody is taken for silent who wasn't asked often enough.
+    fn is_in_doubt(&self) -> bool {
+        self.unanswered.iter().any(|rounds| (1..CERTAIN).contains(rounds))
     }
 
     /// Bytes of the inputs that belong to SubDevices which aren't well, by rising offset.
@@ -117,6 +142,7 @@ impl Diagnosis {
     /// Forgets everything: another state than OP is no illness.
     pub fn reset(&mut self, frames: &mut [CyclicFrame]) {
         self.health.fill(Health::Well);
+        self.unanswered.fill(0);
         (self.unwell, self.asking, self.signature, self.next_round) = (0, false, None, 0);
         self.held.clear();
         for slot in frames.iter_mut().flat_map(|frame| frame.slots_mut()) {
@@ -151,6 +177,9 @@ impl Diagnosis {
             return;
         }
         if Some(signature) == self.signature && finding.cycle < self.next_round {
+            if self.is_in_doubt() {
+                self.ask_again(finding.members, batch);
+            }
             return;
         }
         self.signature = Some(signature);
@@ -158,15 +187,23 @@ impl Diagnosis {
         self.ask(finding, batch);
     }
 
+    /// Those who didn't answer are asked again at once.
+    fn ask_again(&mut self, members: &[Member], batch: &mut Batch) {
+        self.asking = true;
+        self.rounds += 1;
+        batch.begin(1);
+        for (member, rounds) in members.iter().zip(&self.unanswered) {
+            if (1..CERTAIN).contains(rounds) {
+                batch.add(member.position, member.station, ASKED);
+            }
+        }
+    }
+
     /// Those whom a short datagram touches are asked first: with many SubDevices a round takes several cycles.
     fn ask(&mut self, finding: &Finding<'_>, batch: &mut Batch) {
         self.asking = true;
         self.rounds += 1;
         batch.begin(1);
-        let ask = |batch: &mut Batch, member: &Member| {
-            let access = Access::Read { register: register::AL_STATUS, length: 6 };
-            batch.add(member.position, member.station, access);
-        };
         self.suspects.fill(false);
         for (frame, plan) in finding.frames.iter().zip(finding.plans) {
             for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
@@ -180,18 +217,32 @@ impl Diagnosis {
         for wanted in [true, false] {
             let members = finding.members.iter().zip(&self.suspects);
             for (member, _) in members.filter(|(_, suspect)| **suspect == wanted) {
-                ask(batch, member);
+                batch.add(member.position, member.station, ASKED);
             }
         }
     }
 
     fn judge(&mut self, batch: &Batch) {
         for item in batch.items() {
-            let Some(health) = self.health.get_mut(usize::from(item.position)) else { continue };
+            let position = usize::from(item.position);
+            let (Some(health), Some(unanswered)) =
+                (self.health.get_mut(position), self.unanswered.get_mut(position))
+            else {
+                continue;
+            };
             let status = u16_at(&item.data, 0);
+            if matches!(item.state, ItemState::Answered) {
+                *unanswered = 0;
+            }
             *health = match item.state {
-                ItemState::Open { .. } | ItemState::Sent { .. } => continue,
-                ItemState::Failed { .. } => Health::Silent,
+                // Where no frame came back nothing is known of anybody.
+                ItemState::Open { .. }
+                | ItemState::Sent { .. }
+                | ItemState::Failed { found: Found::Nothing } => continue,
+                ItemState::Failed { .. } => {
+                    *unanswered = unanswered.saturating_add(1);
+                    Health::Silent
+                }
                 ItemState::Answered if status == AlState::Op.bits() => Health::Well,
                 ItemState::Answered => {
                     Health::NotOperational { status, code: AlStatusCode(u16_at(&item.data, 4)) }

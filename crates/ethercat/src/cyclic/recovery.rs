@@ -1,20 +1,27 @@
 //! Bringing one SubDevice back to OP while all others go on: find, address, identify, replay its start-up list.
 
+mod outcome;
+mod parts;
+
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 use core::ops::Range;
 use core::time::Duration;
 
 use super::transition::{signed_difference, start_time, sync0};
-use crate::config::{CyclicControl, DcConfig};
-use crate::eeprom::{EepromError, SiiExtent, SiiReader};
+use crate::config::{DcConfig, Match};
+use crate::eeprom::{SiiExtent, SiiReader};
 use crate::mailbox::Mailbox;
 use crate::procedure::{Answer, Next, Procedure, Request};
-use crate::start_up::{Refusal, StartUpError, StartUpRunner, StartUpStep};
+use crate::start_up::{StartUpRunner, StartUpStep};
 use crate::subdevice::{DcWidth, SubDevice};
 use crate::transaction::Target;
 use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::sii::Identity;
-use crate::wire::{Address, AlState, Command, DcTime, HostTime, register};
+use crate::wire::{Address, AlState, AlStatusCode, Command, DcTime, HostTime, register};
+
+pub use outcome::{Comeback, RecoveryError};
+use parts::{arming, clearing, is_clock, setting_clock};
 
 /// How long a SubDevice is looked for at its place.
 const SEARCH: Duration = Duration::from_secs(5);
@@ -30,77 +37,6 @@ const SYNC_CYCLES: u32 = 10;
 const SYNC_TIMEOUT: Duration = Duration::from_secs(2);
 /// How far ahead of the present the first SYNC0 is put.
 const SYNC_MARGIN: Duration = Duration::from_millis(100);
-
-/// Why a SubDevice could not be brought back.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum RecoveryError {
-    /// Nobody answers at its place.
-    #[error("nobody answers at position {position} after {after:?}")]
-    NotThere {
-        /// Position.
-        position: u16,
-        /// How long it was looked for.
-        after: Duration,
-    },
-    /// Another SubDevice stands at its place.
-    #[error("at position {position} stands station 0x{found:04x}, 0x{expected:04x} was expected")]
-    OtherStation {
-        /// Position.
-        position: u16,
-        /// Station address that it should have, or none.
-        expected: u16,
-        /// Station address that it has.
-        found: u16,
-    },
-    /// It is another product.
-    #[error(
-        "at position {position} is vendor 0x{:08x} product 0x{:08x}, vendor 0x{:08x} product 0x{:08x} was there",
-        .found.0, .found.1, .expected.0, .expected.1
-    )]
-    OtherProduct {
-        /// Position.
-        position: u16,
-        /// Vendor and product that were there at first.
-        expected: (u32, u32),
-        /// Vendor and product now.
-        found: (u32, u32),
-    },
-    /// It is the same product, but another piece: swapped with another, or replaced.
-    #[error("at position {position} is the piece with serial number {found}, {expected} was there")]
-    OtherPiece {
-        /// Position.
-        position: u16,
-        /// Serial number that was there at first.
-        expected: u32,
-        /// Serial number now.
-        found: u32,
-    },
-    /// Its EEPROM can't be read.
-    #[error(transparent)]
-    Eeprom(#[from] EepromError),
-    /// A step of its start-up list failed.
-    #[error(transparent)]
-    StartUp(#[from] StartUpError),
-    /// Its clock did not come near enough to the reference.
-    #[error("the clock of SubDevice {position} is {difference_ns} ns from the reference after {after:?}")]
-    NotLocked {
-        /// Position.
-        position: u16,
-        /// Register 0x092C.
-        difference_ns: i32,
-        /// How long it was tried.
-        after: Duration,
-    },
-}
-
-/// How a SubDevice was found that is in OP again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Comeback {
-    /// It still had its station address: it had power all the time, and what it counted goes on.
-    KeptPower,
-    /// It had to be given its address: it started anew, and so did what it counts.
-    Restarted,
-}
 
 /// Steps of the list that are run together, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,8 +58,12 @@ enum Part {
 enum Stage {
     /// It is not on its way.
     Rest,
-    /// Does it answer at its station address?
+    /// Does it answer at its station address, and is it in OP?
     Find,
+    /// It is in OP with an error: acknowledging that.
+    Acknowledge,
+    /// It kept its station address: is it at its place still? What its clock was told depends on that.
+    Place,
     /// Who stands at its place?
     Look,
     /// Give it its address.
@@ -138,6 +78,35 @@ enum Stage {
     AwaitSync { since: HostTime },
 }
 
+/// Where a SubDevice is, as far as those that answer tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// In an unbranched line from the MainDevice: who is missing stands behind everybody who answers.
+    InLine,
+    /// Behind a branch: who is missing may shift its position.
+    Branched,
+}
+
+/// What the cycle knows of the segment when an answer comes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// The segment's time in the frame with the answer.
+    pub time: Option<DcTime>,
+    /// Whether that time was distributed: then the clocks know how far they are from it.
+    pub is_distributed: bool,
+    /// SubDevices that answered; `None` where nobody could be counted.
+    pub answered: Option<u16>,
+    /// SubDevices that were set up.
+    pub expected: u16,
+}
+
+impl Seen {
+    /// How many there are, against how many there were.
+    fn crowd(&self) -> Option<Ordering> {
+        self.answered.map(|answered| answered.cmp(&self.expected))
+    }
+}
+
 /// The way back of one SubDevice, from whatever happened to it to OP, as often as it is needed.
 ///
 /// All its memory is asked for when it is made: the steps, the buffer of its SDOs, and what is read of its EEPROM.
@@ -145,6 +114,9 @@ enum Stage {
 pub(super) struct Recovery {
     target: Target,
     identity: Identity,
+    /// Its alias, where the configuration knows it by that.
+    alias: Option<u16>,
+    place: Place,
     sync: DcConfig,
     clock: Option<DcWidth>,
     /// Every step, with the mailbox while it is on its way.
@@ -158,83 +130,16 @@ pub(super) struct Recovery {
     reader: SiiReader,
     stage: Stage,
     since: Option<HostTime>,
-    time: Option<DcTime>,
+    seen: Seen,
+    /// Its clock has the segment's time.
+    has_time: bool,
+    /// Why it isn't found, where that is known.
+    doubt: Option<RecoveryError>,
     /// When SYNC0 has come a few times.
     synced_at: Option<DcTime>,
+    /// Until it is back: one that started anew may take several attempts.
     comeback: Comeback,
     outcome: Option<Result<Comeback, RecoveryError>>,
-}
-
-fn registers(what: &'static str, register: u16, data: &[u8], refusal: Refusal) -> StartUpStep {
-    StartUpStep::Registers { register, data: data.to_vec(), what, refusal }
-}
-
-/// To INIT and everything off: what is switched on can't be written, and the list switches on what it needs.
-fn clearing(set_up: &[StartUpStep]) -> Vec<StartUpStep> {
-    let off = |what, register, data: &[u8]| registers(what, register, data, Refusal::IsTolerated);
-    let mut steps = Vec::from([
-        StartUpStep::State { state: AlState::Init, timeout: SEARCH },
-        off("SYNC off", register::DC_ACTIVATION, &[0]),
-        off("taking the EEPROM", register::SII_CONFIG, &[2]),
-        off("taking the EEPROM", register::SII_CONFIG, &[0]),
-    ]);
-    let managers = set_up.iter().filter_map(|step| match step {
-        StartUpStep::Registers { register, data, .. } if (0x0800..0x0880).contains(register) => {
-            Some((*register, data.len() as u16 / register::SM_SIZE))
-        }
-        _ => None,
-    });
-    for (first, count) in managers {
-        for number in 0..count {
-            steps.push(off("a SyncManager off", first + number * register::SM_SIZE + 6, &[0]));
-        }
-    }
-    steps
-}
-
-/// Setting its clock, where the list does.
-fn setting_clock(steps: &[StartUpStep]) -> Vec<StartUpStep> {
-    // Writing the speed counter's start makes the control loop forget what it was told before.
-    let loop_anew = registers(
-        "the clock's control loop",
-        register::DC_SPEED_COUNTER_START,
-        &crate::clock_setup::SPEED_COUNTER_START.to_le_bytes(),
-        Refusal::IsTolerated,
-    );
-    let mut clock: Vec<_> = steps.iter().filter(|step| is_clock(step)).cloned().collect();
-    if !clock.is_empty() {
-        clock.insert(0, loop_anew.clone());
-        // Once more behind the offset: what came between was told to a clock with another time.
-        clock.push(loop_anew);
-    }
-    clock
-}
-
-fn is_clock(step: &StartUpStep) -> bool {
-    matches!(step, StartUpStep::ClockOffset { .. })
-}
-
-/// SYNC0 (and SYNC1) on; the start time, last but one, is still to be filled in.
-fn arming(subdevice: &SubDevice) -> Vec<StartUpStep> {
-    let config = &subdevice.config;
-    let Some((cycle_ns, _)) = sync0(config.dc) else { return Vec::new() };
-    let must = |what, register, data: &[u8]| registers(what, register, data, Refusal::IsError);
-    let mut steps = Vec::from([must("SYNC off", register::DC_ACTIVATION, &[0])]);
-    if config.cyclic_control == CyclicControl::Write {
-        let refusal = Refusal::IsTolerated;
-        steps.push(registers("the SYNC unit", register::DC_CYCLIC_CONTROL, &[0], refusal));
-    }
-    steps.push(must("the SYNC0 cycle", register::DC_SYNC0_CYCLE, &cycle_ns.to_le_bytes()));
-    let mut activation = 3;
-    if let DcConfig::Sync0And1 { sync1_cycle_ns, .. } = config.dc {
-        steps.push(must("the SYNC1 cycle", register::DC_SYNC1_CYCLE, &sync1_cycle_ns.to_le_bytes()));
-        activation = 7;
-    }
-    let is_short = subdevice.dc.is_some_and(|dc| dc.width == DcWidth::Bits32);
-    let length = if is_short { 4 } else { 8 };
-    steps.push(must("the start time", register::DC_START_TIME, &[0; 8][..length]));
-    steps.push(must("SYNC on", register::DC_ACTIVATION, &[activation]));
-    steps
 }
 
 impl Recovery {
@@ -254,6 +159,11 @@ impl Recovery {
         Recovery {
             target: subdevice.target(),
             identity: subdevice.identity,
+            alias: match subdevice.config.place {
+                Some(Match::Alias(alias)) => Some(alias),
+                _ => None,
+            },
+            place: Place::InLine,
             sync: subdevice.config.dc,
             clock: subdevice.dc.map(|dc| dc.width),
             runner: StartUpRunner::new(subdevice.target(), subdevice.application, steps, None),
@@ -263,7 +173,9 @@ impl Recovery {
             reader: SiiReader::new(subdevice.target(), SiiExtent::Fixed),
             stage: Stage::Rest,
             since: None,
-            time: None,
+            seen: Seen { time: None, is_distributed: false, answered: None, expected: 0 },
+            has_time: false,
+            doubt: None,
             synced_at: None,
             comeback: Comeback::KeptPower,
             outcome: None,
@@ -271,11 +183,21 @@ impl Recovery {
     }
 
     /// Sets out; the mailbox is given back by [`Recovery::take_mailbox`] when it is over.
-    pub fn begin(&mut self, mailbox: Option<Mailbox>) {
+    pub fn begin(&mut self, mailbox: Option<Mailbox>, place: Place) {
         *self.runner.mailbox_mut() = mailbox;
-        self.stage = Stage::Find;
-        (self.since, self.time, self.synced_at) = (None, None, None);
-        (self.entered, self.comeback, self.outcome) = (0, Comeback::KeptPower, None);
+        (self.stage, self.place) = (Stage::Find, place);
+        (self.since, self.synced_at) = (None, None);
+        (self.entered, self.has_time) = (0, false);
+        (self.doubt, self.outcome) = (None, None);
+    }
+
+    /// Ends it where nothing was changed yet; `false` where it has to go on.
+    pub fn call_off(&mut self) -> bool {
+        let is_searching = matches!(self.stage, Stage::Find | Stage::Look | Stage::Place);
+        if is_searching {
+            self.stage = Stage::Rest;
+        }
+        is_searching
     }
 
     /// Whether it has begun and isn't over.
@@ -283,10 +205,10 @@ impl Recovery {
         !matches!(self.stage, Stage::Rest)
     }
 
-    /// The segment's time in the frame whose answer is given next.
-    pub fn set_reference_time(&mut self, time: Option<DcTime>) {
-        self.time = time;
-        if let (Stage::Run(_), Some(time)) = (&self.stage, time) {
+    /// The segment as the frame shows it whose answer is given next.
+    pub fn set_seen(&mut self, seen: Seen) {
+        self.seen = seen;
+        if let (Stage::Run(_), Some(time)) = (&self.stage, seen.time) {
             self.runner.set_reference_time(time);
         }
     }
@@ -294,6 +216,11 @@ impl Recovery {
     /// Whether its clock is just being set.
     pub fn is_setting_clock(&self) -> bool {
         matches!(self.stage, Stage::Run(Part::Clock))
+    }
+
+    /// Whether its clock was set on this way: it has the segment's time.
+    pub fn has_time(&self) -> bool {
+        self.has_time
     }
 
     /// Gives the mailbox back.
@@ -313,12 +240,17 @@ impl Recovery {
 
     fn arm(&mut self) -> Option<Stage> {
         let (cycle_ns, shift_ns) = sync0(self.sync)?;
-        let start = start_time(self.time? + SYNC_MARGIN, cycle_ns, shift_ns);
+        let start = start_time(self.seen.time? + SYNC_MARGIN, cycle_ns, shift_ns);
         self.synced_at = Some(start + Duration::from_nanos(u64::from(cycle_ns)) * SYNC_CYCLES);
         let registers = self.runner.registers_mut(self.start_time);
         let length = registers.len().min(8);
         registers[..length].copy_from_slice(&start.0.to_le_bytes()[..length]);
         Some(self.run(Part::Arm))
+    }
+
+    fn succeed(&mut self, comeback: Comeback) {
+        self.outcome = Some(Ok(comeback));
+        self.comeback = Comeback::KeptPower;
     }
 
     fn fail(&mut self, error: RecoveryError) {
@@ -328,12 +260,16 @@ impl Recovery {
     /// The same product, and the same piece where it has a number?
     fn identify(&self) -> Result<(), RecoveryError> {
         let image = Some(self.reader.image()).filter(|image| image.len() >= 32);
-        let [vendor, product, serial] =
-            image.map_or([0; 3], |image| [u32_at(image, 16), u32_at(image, 20), u32_at(image, 28)]);
+        let [vendor, product, revision, serial] =
+            image.map_or([0; 4], |image| [16, 20, 24, 28].map(|at| u32_at(image, at)));
         let position = self.target.position;
         let expected = (self.identity.vendor_id, self.identity.product_code);
         if (vendor, product) != expected {
             return Err(RecoveryError::OtherProduct { position, expected, found: (vendor, product) });
+        }
+        if revision != self.identity.revision {
+            let (expected, found) = (self.identity.revision, revision);
+            return Err(RecoveryError::OtherRevision { position, expected, found });
         }
         // Where neither has a number they can't be told apart.
         if serial != self.identity.serial {
@@ -341,6 +277,68 @@ impl Recovery {
             return Err(RecoveryError::OtherPiece { position, expected, found });
         }
         Ok(())
+    }
+
+    /// It answers at its station address, in this state.
+    fn found(&mut self, status: u16, code: AlStatusCode) {
+        let is_in_op = status & 0x0F == AlState::Op.bits();
+        self.stage = match (is_in_op, status & AlState::ERROR != 0) {
+            (true, false) => {
+                let comeback = match self.comeback {
+                    Comeback::Restarted => Comeback::Restarted,
+                    _ => Comeback::Stayed,
+                };
+                return self.succeed(comeback);
+            }
+            // What runs isn't taken to INIT for an error that it survived.
+            (true, true) => {
+                self.doubt = Some(RecoveryError::InError { position: self.target.position, code });
+                Stage::Acknowledge
+            }
+            (false, _) if self.clock.is_some() => Stage::Place,
+            (false, _) => self.run(Part::Clear),
+        };
+    }
+
+    /// At its place stands `found`, and it answers at its own address.
+    fn placed(&mut self, found: u16) {
+        let Target { position, station: expected } = self.target;
+        self.stage = match self.seen.crowd() {
+            _ if found == expected => self.run(Part::Clear),
+            // Those that are missing may have stood before it.
+            Some(Ordering::Less) => self.run(Part::Clear),
+            None => Stage::Find,
+            Some(_) => return self.fail(RecoveryError::OtherStation { position, expected, found }),
+        };
+    }
+
+    /// At its place stands `found` with this alias, and nobody answers at its address.
+    fn looked(&mut self, found: u16, alias: u16) {
+        let Target { position, station } = self.target;
+        self.stage = Stage::Find;
+        match (self.seen.crowd(), self.seen.answered) {
+            (None, _) | (_, None) => return,
+            (Some(Ordering::Less), _) if self.place == Place::Branched => return,
+            (Some(Ordering::Greater), Some(found)) => {
+                let expected = self.seen.expected;
+                return self.fail(RecoveryError::Crowded { position, expected, found });
+            }
+            _ => {}
+        }
+        if found != 0 && found != station {
+            return self.fail(RecoveryError::OtherStation { position, expected: station, found });
+        }
+        if let Some(expected) = self.alias.filter(|expected| *expected != alias) {
+            let error = RecoveryError::OtherAlias { position, expected, found: alias };
+            // Until its EEPROM is loaded it has none.
+            match alias {
+                0 => self.doubt = Some(error),
+                _ => self.fail(error),
+            }
+            return;
+        }
+        self.comeback = Comeback::Restarted;
+        self.stage = Stage::Address;
     }
 
     /// Goes on behind a stage that is a procedure of its own.
@@ -358,19 +356,24 @@ impl Recovery {
                 Err(error) => return self.fail(error),
             },
             Stage::Run(Part::SetUp) => self.run(Part::Clock),
-            Stage::Run(Part::Clock) if self.clock.is_some() && sync0(self.sync).is_some() => {
+            Stage::Run(Part::Clock)
+                if {
+                    self.has_time = self.clock.is_some();
+                    self.has_time && sync0(self.sync).is_some()
+                } =>
+            {
                 Stage::Lock { good: 0, since: now }
             }
             Stage::Run(Part::Clock | Part::Arm) => self.run(Part::Enter),
             Stage::Run(Part::Enter) => {
                 self.entered += 1;
                 if self.entered >= self.parts[Part::Enter as usize].len() {
-                    self.outcome = Some(Ok(self.comeback));
-                    return;
+                    return self.succeed(self.comeback);
                 }
                 Stage::AwaitSync { since: now }
             }
-            Stage::Rest | Stage::Find | Stage::Look | Stage::Address => return,
+            Stage::Rest | Stage::Find | Stage::Acknowledge | Stage::Place => return,
+            Stage::Look | Stage::Address => return,
             Stage::Lock { .. } | Stage::AwaitSync { .. } => return,
         };
     }
@@ -393,12 +396,13 @@ impl Procedure for Recovery {
                 return self.over(outcome);
             }
             let ended = match &mut self.stage {
-                Stage::Find | Stage::Look if now - since >= SEARCH => {
+                Stage::Find | Stage::Look | Stage::Place | Stage::Acknowledge if now - since >= SEARCH => {
                     let after = now - since;
-                    return self.over(Err(RecoveryError::NotThere { position, after }));
+                    let error = self.doubt.take().unwrap_or(RecoveryError::NotThere { position, after });
+                    return self.over(Err(error));
                 }
                 Stage::AwaitSync { since } => {
-                    let has_come = match (self.synced_at, self.time) {
+                    let has_come = match (self.synced_at, self.seen.time) {
                         (Some(synced_at), Some(time)) => time >= synced_at,
                         (synced_at, _) => synced_at.is_none(),
                     };
@@ -409,12 +413,14 @@ impl Procedure for Recovery {
                     }
                     return Next::Send(Request::read(station, register::AL_STATUS, 2));
                 }
-                Stage::Find => return Next::Send(Request::read(station, register::STATION_ADDRESS, 2)),
-                Stage::Look | Stage::Address => {
-                    let looks = matches!(self.stage, Stage::Look);
-                    let command = if looks { Command::Aprd } else { Command::Apwr };
+                Stage::Find => return Next::Send(Request::read(station, register::AL_STATUS, 6)),
+                Stage::Acknowledge => return Next::Send(Request::write(station, register::AL_CONTROL, 2)),
+                Stage::Look | Stage::Place | Stage::Address => {
+                    let writes = matches!(self.stage, Stage::Address);
+                    // Its alias stands behind its address.
+                    let (command, length) = if writes { (Command::Apwr, 2) } else { (Command::Aprd, 4) };
                     let address = Address::position(position, register::STATION_ADDRESS);
-                    return Next::Send(Request { command, address, length: 2 });
+                    return Next::Send(Request { command, address, length });
                 }
                 Stage::Lock { .. } => {
                     return Next::Send(Request::read(station, register::DC_SYSTEM_TIME_DIFFERENCE, 4));
@@ -439,14 +445,19 @@ impl Procedure for Recovery {
     fn fill(&self, data: &mut [u8]) {
         match &self.stage {
             Stage::Address => data.copy_from_slice(&self.target.station.to_le_bytes()),
+            Stage::Acknowledge => {
+                let word = AlState::Op.bits() | AlState::ERROR;
+                data.copy_from_slice(&word.to_le_bytes());
+            }
             Stage::Identify => self.reader.fill(data),
             Stage::Run(_) => self.runner.fill(data),
-            Stage::Rest | Stage::Find | Stage::Look | Stage::Lock { .. } | Stage::AwaitSync { .. } => {}
+            Stage::Rest | Stage::Find | Stage::Place | Stage::Look => {}
+            Stage::Lock { .. } | Stage::AwaitSync { .. } => {}
         }
     }
 
     fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
-        let Target { position, station } = self.target;
+        let position = self.target.position;
         match &mut self.stage {
             Stage::Identify => return self.reader.answer(answer, now),
             Stage::Run(_) => return self.runner.answer(answer, now),
@@ -454,23 +465,20 @@ impl Procedure for Recovery {
         }
         let Answer::Returned { working_counter, data } = answer else { return };
         match &mut self.stage {
-            Stage::Find => {
-                self.stage = if working_counter == 1 { self.run(Part::Clear) } else { Stage::Look }
+            Stage::Find if working_counter == 1 && data.len() >= 6 => {
+                self.found(u16_at(data, 0), AlStatusCode(u16_at(data, 4)));
             }
-            Stage::Look if working_counter == 1 && data.len() >= 2 => {
-                let found = u16_at(data, 0);
-                if found == 0 || found == station {
-                    self.comeback = Comeback::Restarted;
-                    self.stage = Stage::Address;
-                } else {
-                    self.fail(RecoveryError::OtherStation { position, expected: station, found });
-                }
+            Stage::Find => self.stage = Stage::Look,
+            Stage::Place if working_counter == 1 && data.len() >= 4 => self.placed(u16_at(data, 0)),
+            Stage::Look if working_counter == 1 && data.len() >= 4 => {
+                self.looked(u16_at(data, 0), u16_at(data, 2));
             }
             // It is found at its address, or the whole is begun again.
-            Stage::Look | Stage::Address => self.stage = Stage::Find,
+            Stage::Look | Stage::Place | Stage::Address | Stage::Acknowledge => self.stage = Stage::Find,
             Stage::Lock { good, since } if working_counter == 1 && data.len() >= 4 => {
                 let difference_ns = signed_difference(u32_at(data, 0));
-                *good = if difference_ns.unsigned_abs() < LOCK_LIMIT_NS { *good + 1 } else { 0 };
+                let is_near = difference_ns.unsigned_abs() < LOCK_LIMIT_NS && self.seen.is_distributed;
+                *good = if is_near { *good + 1 } else { 0 };
                 let (good, after) = (*good, now - *since);
                 if good >= LOCK_ROUNDS
                     && let Some(stage) = self.arm()

@@ -8,7 +8,7 @@
 
 use super::diagnosis::Health;
 use super::{CyclicBus, Goal, Phase};
-use crate::image::ClockUse;
+use crate::image::{ClockUse, Member};
 use crate::wire::{Address, Command, Link, register};
 
 impl<L: Link> CyclicBus<L> {
@@ -21,15 +21,28 @@ impl<L: Link> CyclicBus<L> {
         // One that answers keeps the time whatever its state. One that is on its way back serves from the moment at which it has its time.
         let is_lost = self.health_of(reference) == Health::Silent
             && !(self.crowned == Some(reference) && self.acyclic.is_recovering(reference));
-        if is_lost {
-            let well = self.members.iter().find(|member| {
+        if is_lost || self.reference_is_unset {
+            let led = |member: &&Member| {
+                let position = member.position;
+                let is_on_its_way = self.acyclic.is_recovering(position);
+                let is_well = self.health_of(position) == Health::Well && !is_on_its_way;
                 member.clock.is_some()
-                    && self.health_of(member.position) == Health::Well
-                    && !self.acyclic.is_recovering(member.position)
-            });
-            self.crowned = None;
-            if let Some(position) = well.map(|member| member.position) {
-                self.set_reference(position);
+                    && (is_well || (self.reference_is_unset && self.acyclic.has_time(position)))
+            };
+            match self.members.iter().find(led).map(|member| member.position) {
+                Some(position) => {
+                    self.crowned = Some(position).filter(|position| self.acyclic.is_recovering(*position));
+                    self.heir = None;
+                    self.set_reference(position);
+                    self.lead_on();
+                }
+                None if !self.reference_is_unset => {
+                    self.reference_is_unset = true;
+                    (self.crowned, self.heir) = (None, None);
+                    self.command_clock(Command::Fprd);
+                    self.steer_clock(None);
+                }
+                None => {}
             }
             return;
         }
@@ -50,6 +63,12 @@ impl<L: Link> CyclicBus<L> {
             }
             _ => {}
         }
+    }
+
+    /// The reference is read and distributed, whatever was before.
+    pub(super) fn lead_on(&mut self) {
+        (self.reference_is_unset, self.heir) = (false, None);
+        self.command_clock(Command::Frmw);
     }
 
     fn health_of(&self, position: u16) -> Health {

@@ -46,6 +46,17 @@ impl<L> CyclicBus<L> {
         self.diagnosis.health()
     }
 
+    /// Whether the SubDevice at `position` isn't well beyond doubt: it said so itself, or left several rounds of
+    /// questions unanswered. Before, the frames that it missed may have suffered on their way.
+    pub fn is_certain(&self, position: u16) -> bool {
+        self.diagnosis.is_certain(position)
+    }
+
+    /// Exchanges in a row of which no frame came back at all.
+    pub fn nothing_back(&self) -> u64 {
+        self.nothing_back
+    }
+
     /// Rounds of questions that wrong counters or states led to.
     pub fn diagnosis_rounds(&self) -> u64 {
         self.diagnosis.rounds
@@ -145,6 +156,14 @@ impl<L> CyclicBus<L> {
         let begun = self.acyclic.recover(position);
         self.set_leeway();
         begun
+    }
+
+    /// Ends a way back on which nothing was changed yet: the SubDevice is well again by itself. `false` where there is
+    /// none, or where it has to go on to its end.
+    pub fn call_off(&mut self, position: u16) -> bool {
+        let is_called_off = self.acyclic.call_off(position);
+        self.set_leeway();
+        is_called_off
     }
 
     /// Takes the end of a way back: the SubDevice's position, and how it was found or why it isn't in OP again.

@@ -4,5 +4,6 @@
 mod echo;
 mod faults;
 mod operation;
+mod returns;
 mod ring;
 mod runner;

@@ -107,6 +107,13 @@ impl Runner {
         exchange
     }
 
+    /// So many cycles, whatever becomes of them.
+    pub fn cycles(&mut self, count: usize) {
+        for _ in 0..count {
+            self.cycle();
+        }
+    }
+
     pub fn segment(&mut self) -> &mut Segment {
         self.bus.link_mut().segment()
     }

@@ -39,11 +39,13 @@ pub struct BusFigures {
     pub reference_changes: u64,
     /// Breaks of a ring.
     pub ring_breaks: u64,
+    /// Times at which nothing came back from the segment for several cycles.
+    pub silences: u64,
 }
 
 impl BusFigures {
     /// Names of the channels, in the order of [`BusFigures::values`].
-    pub const CHANNELS: [&'static str; 17] = [
+    pub const CHANNELS: [&'static str; 18] = [
         "frames_lost",
         "frames_late",
         "frames_short",
@@ -61,10 +63,11 @@ impl BusFigures {
         "link_losses",
         "reference_changes",
         "ring_breaks",
+        "silences",
     ];
 
     /// The figures as numbers.
-    pub fn values(&self) -> [f64; 17] {
+    pub fn values(&self) -> [f64; 18] {
         [
             self.frames_lost as f64,
             self.frames_late as f64,
@@ -83,6 +86,7 @@ impl BusFigures {
             self.link_losses as f64,
             self.reference_changes as f64,
             self.ring_breaks as f64,
+            self.silences as f64,
         ]
     }
 }

@@ -25,6 +25,13 @@ pub fn plan_changed(more: &str, changes: &[&str]) -> RobotPlan {
     text.load(&Registry::with_built_in()).unwrap().plan
 }
 
+/// The plan of the BMM with other settings, as on a command line.
+pub fn plan_with(changes: &[&str]) -> RobotPlan {
+    let changes = changes.iter().map(|change| (*change).to_owned()).collect();
+    let text = RobotText { text: BMM.to_owned(), changes, ..RobotText::default() };
+    text.load(&Registry::with_built_in()).unwrap().plan
+}
+
 /// A link that a test can reach while somebody else owns it.
 #[derive(Clone)]
 pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>);
@@ -129,6 +136,14 @@ impl Bench {
     pub fn clock_ns(&self, position: usize) -> u32 {
         let bytes = self.peek(position, 0x092C, 4);
         u32::from_le_bytes(bytes.try_into().unwrap()) & 0x7FFF_FFFF
+    }
+
+    /// What the clock of a simulated SubDevice shows, and the virtual time, ns.
+    pub fn dc_and_host_ns(&self, position: usize) -> (u64, u64) {
+        let link = self.link.0.borrow();
+        let segment = link.inner().segment();
+        let time = segment.sub_devices()[position].esc().system_time(segment.now());
+        (time.expect("it has a clock").0, segment.now().0)
     }
 
     /// Events with these words, by cycle.

@@ -1,6 +1,8 @@
 //! A running robot whose bus suffers: devices lose power, cables are pulled, frames are damaged; in virtual time.
 
 mod bench;
+mod clocks;
+mod disturbances;
 mod lost;
 mod matrix;
 mod recovery;

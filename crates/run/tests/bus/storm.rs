@@ -6,7 +6,7 @@ use omnibase_ethercat_sim::Fault;
 use omnibase_robot::signals::Phase;
 use omnibase_robot::{Exchange, RequestKind};
 
-use crate::bench::{Bench, plan};
+use crate::bench::{Bench, plan_with};
 
 /// The next random number (splitmix64).
 fn random(state: &mut u64) -> u64 {
@@ -18,8 +18,8 @@ fn random(state: &mut u64) -> u64 {
 }
 
 /// So many power cycles and pulled cables; nothing may end in a wrong state.
-fn storm(seed: u64, faults: u32) {
-    let mut bench = Bench::new(&plan(""));
+fn storm(clock_source: &str, seed: u64, faults: u32) {
+    let mut bench = Bench::new(&plan_with(&[&format!("bus.clock_source = \"{clock_source}\"")]));
     let mut state = seed;
     bench.enable();
     let mut longest = 0;
@@ -85,5 +85,10 @@ fn storm(seed: u64, faults: u32) {
 
 #[test]
 fn random_power_cycles_and_pulled_cables_end_in_op() {
-    storm(7, 1000);
+    storm("distributed_clock", 7, 1000);
+}
+
+#[test]
+fn they_do_where_the_host_leads_the_clocks() {
+    storm("host", 8, 300);
 }

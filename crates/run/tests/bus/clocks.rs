@@ -1,0 +1,74 @@
+//! Clocks that lead and follow, in both directions.
+
+use std::time::Duration;
+
+use omnibase_ethercat_sim::Fault;
+use omnibase_robot::Exchange;
+
+use crate::bench::{Bench, plan_with};
+
+const OP: u8 = 8;
+const SOURCES: [&str; 2] = ["distributed_clock", "host"];
+
+fn led_by(source: &str) -> Bench {
+    let mut bench = Bench::new(&plan_with(&[&format!("bus.clock_source = \"{source}\"")]));
+    bench.enable();
+    bench.run(2000);
+    bench
+}
+
+#[test]
+fn whoever_is_power_cycled_comes_back_whoever_leads() {
+    for source in SOURCES {
+        for position in 0..3 {
+            let name = format!("{source}, SubDevice {position}");
+            let mut bench = led_by(source);
+            let off_for = Duration::from_millis(100);
+            bench.inject(position, Fault::PowerCycle { off_for });
+            bench.run(110);
+            let back = (0..5000).find(|_| bench.cycle(None) == Exchange::Complete);
+            assert!(back.is_some_and(|cycles| cycles < 3000), "{name}: {back:?}, {:?}", bench.events);
+            bench.run(2000);
+            for one in 0..3 {
+                assert_eq!(bench.al_status(one), OP, "{name}: {:?}", bench.events);
+                assert!(bench.clock_ns(one) < 1000, "{name}: {} ns", bench.clock_ns(one));
+            }
+            assert!(bench.told("not taken back").is_empty(), "{name}: {:?}", bench.events);
+        }
+    }
+}
+
+#[test]
+fn a_reference_that_started_anew_leads_on_where_it_was() {
+    for source in SOURCES {
+        let mut bench = led_by(source);
+        let (dc, host) = bench.dc_and_host_ns(0);
+        bench.inject(0, Fault::PowerCycle { off_for: Duration::from_millis(100) });
+        bench.run(5000);
+        let (later_dc, later_host) = bench.dc_and_host_ns(0);
+        let (passed, expected) = (later_dc.wrapping_sub(dc), later_host - host);
+        // The host's clock led for 0.6 s; quartzes drift apart by less than 100 ppm.
+        assert!(passed.abs_diff(expected) < 500_000, "{source}: {passed} ns in {expected} ns");
+    }
+}
+
+#[test]
+fn the_reference_clock_goes_and_comes_whoever_leads() {
+    for source in SOURCES {
+        let mut bench = led_by(source);
+        // So quick that the links behind it are up again: only the reference clock is gone.
+        bench.inject(0, Fault::PowerOff);
+        bench.inject(0, Fault::PowerOn);
+        let mut worst = 0;
+        for cycle in 0..6000 {
+            bench.cycle(None);
+            for other in [1, 2] {
+                assert_eq!(bench.al_status(other), OP, "{source}: drive {other} in cycle {cycle}");
+                worst = worst.max(bench.clock_ns(other));
+            }
+        }
+        assert!(worst < 3000, "{source}: {worst} ns");
+        assert_eq!(bench.told("(SubDevice 0): is the reference clock").len(), 1, "{:?}", bench.events);
+        assert!((0..3).all(|position| bench.al_status(position) == OP), "{source}: {:?}", bench.events);
+    }
+}
