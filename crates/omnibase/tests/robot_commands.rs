@@ -289,7 +289,13 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
         (vec!["run", robot], 1, "nothing to follow"),
         (vec!["run", robot, "--path", &letters], 1, "line 2, column 8: expected a number (y), found \"x\""),
         (vec!["run", robot, "--path", &fast], 1, "the limit is 1 m/s; it needs 3.000 s"),
+        (vec!["run", robot, "--path", &fast], 1, "fast.dat\": "),
         (vec!["run", robot, "--path", "no-such.dat"], 1, "no-such.dat"),
+        (
+            vec!["run", robot, "--joystick", "no-such"],
+            1,
+            "error: no-such: No such file or directory (os error 2)\n",
+        ),
         (vec!["run", robot, "--circle", "step=1"], 2, "--circle takes radius, period, turns, heading"),
         (
             vec!["run", robot, "--circle", "radius=0.5", "--controller", "open_lop"],

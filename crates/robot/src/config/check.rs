@@ -313,7 +313,9 @@ impl Check {
                 (key, Some(_)) if key.starts_with("points") => "reference.points_file".to_string(),
                 (key, _) => format!("reference.{key}"),
             };
-            self.report(ProblemKind::OutOfRange, &setting, refusal.reason);
+            let file = reference.points_file.as_ref().filter(|_| setting == "reference.points_file");
+            self.report(ProblemKind::OutOfRange, &setting, refusal.reason).value =
+                file.map(|name| format!("\"{name}\""));
         }
     }
 
