@@ -100,7 +100,7 @@ pub struct Supervisor {
 impl Supervisor {
     /// A supervisor of what set-up found; `wheel_of` tells which wheel a SubDevice drives.
     ///
-    /// Who misses up to `tolerated` exchanges in a row is named, but neither are its outputs taken from it nor is it
+    /// Who is silent in up to `tolerated` exchanges in a row is named, but neither are its outputs taken from it nor is it
     /// brought back.
     pub fn new(
         subdevices: Vec<SubDevice>,
@@ -253,8 +253,12 @@ impl Supervisor {
         for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
             let position = one.subdevice.position;
             let due = match one.way {
-                // It is named one exchange after the first that it missed.
-                Way::None => one.exchanges >= self.tolerated && bus.is_certain(position),
+                // Who says itself that it isn't in OP has left it, whatever is tolerated. Who is silent is named one
+                // exchange after the first that it missed.
+                Way::None => {
+                    let is_tolerated = one.health == Health::Silent && one.exchanges < self.tolerated;
+                    !is_tolerated && bus.is_certain(position)
+                }
                 Way::Coming => false,
                 Way::Settling { until, .. } | Way::Waiting { until } => now >= until,
             };
