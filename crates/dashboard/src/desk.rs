@@ -5,10 +5,10 @@ use std::path::Path;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
-use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::config::{Limits, ReferenceTable};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::references::reference;
-use omnibase_robot::signals::{Apply, Setpoint};
+use omnibase_robot::signals::Setpoint;
 use omnibase_robot::stages::Reference;
 use omnibase_run::live::{Ask, Client, Live, Pad};
 use omnibase_run::teach::{Sampling, lines, taught};
@@ -100,8 +100,7 @@ impl Desk {
                 if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
                     return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
                 }
-                let twist =
-                    Twist2::new(x * limits.speed_m_s, y * limits.speed_m_s, turn * limits.turn_speed_rad_s);
+                let twist = wish([x, y, turn], limits);
                 return self.send_silently(client, Ask::Pad(Pad::Held { twist, frame: frame.into() }));
             }
             Call::ReleasePad => return self.send_silently(client, Ask::Pad(Pad::Released)),
@@ -159,14 +158,11 @@ impl Desk {
             }
             changes.push((index as u32, *value));
         }
-        let Some((&(index, value), others)) = changes.split_last() else {
+        if changes.is_empty() {
             return Err("expected at least one value".to_owned());
-        };
-        for &(index, value) in others {
-            let kind = RequestKind::Set { index, value, apply: Apply::WithNext };
-            self.live.send(client, Ask::Robot(kind)).ok_or("too much was asked at once")?;
         }
-        self.send(client, Ask::Robot(RequestKind::Set { index, value, apply: Apply::Now }), "set")
+        let ticket = self.live.set(client, &changes).ok_or("too much was asked at once")?;
+        Ok(Reply::Ticket(ticket, "set".to_owned()))
     }
 
     fn load(&self, client: Client, table: ReferenceTable, text: &str) -> Result<Reply, String> {
@@ -298,6 +294,12 @@ fn drawn(made: &mut dyn Reference, time_s: f64) -> [f64; 3] {
     [pose.x_m, pose.y_m, pose.heading_rad]
 }
 
+/// A stick's wish: full speed is full speed in every direction, though the stick may reach further in its corners.
+fn wish([x, y, turn]: [f64; 3], limits: &Limits) -> Twist2 {
+    let speed_m_s = limits.speed_m_s / x.hypot(y).max(1.0);
+    Twist2::new(x * speed_m_s, y * speed_m_s, turn * limits.turn_speed_rad_s)
+}
+
 /// Points as a reference, by the rules that a robot's file has where it says nothing.
 fn path_of(points: &PathPoints) -> ReferenceTable {
     let rows = points.as_slice().iter().map(|point| {
@@ -314,6 +316,8 @@ fn path_of(points: &PathPoints) -> ReferenceTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use omnibase_robot::Registry;
+    use omnibase_run::RobotText;
     use std::f64::consts::TAU;
 
     #[test]
@@ -324,6 +328,27 @@ mod tests {
             let target = turned_least(start, &here);
             assert!((target.heading_rad - here.heading_rad - 0.1).abs() < 1e-9, "{target:?}");
             assert_eq!((target.x_m, target.y_m), (1.0, 2.0));
+        }
+    }
+
+    #[test]
+    fn a_stick_in_its_corner_wishes_full_speed_and_no_more() {
+        // The robot's file says 1 m/s and 1.5 rad/s.
+        let text = include_str!("../../../robots/bmm.toml").into();
+        let robot = RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap();
+        let limits = robot.plan.limits;
+        for (shares, speed_m_s) in [
+            ([1.0, 1.0, 1.0], 1.0),
+            ([-1.0, 0.5, -1.0], 1.0),
+            ([0.0, -1.0, 1.0], 1.0),
+            ([0.3, 0.4, 0.0], 0.5),
+            ([0.0, 0.0, 0.5], 0.0),
+        ] {
+            let [x, y, turn] = shares;
+            let twist = wish(shares, &limits);
+            assert!((twist.speed_m_s() - speed_m_s).abs() < 1e-12, "{shares:?}: {twist:?}");
+            assert!((twist.vx_m_s * y - twist.vy_m_s * x).abs() < 1e-12, "another direction: {twist:?}");
+            assert_eq!(twist.w_rad_s, 1.5 * turn);
         }
     }
 }

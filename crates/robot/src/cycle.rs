@@ -234,9 +234,9 @@ impl Robot {
             return RequestAnswer::TooOld;
         }
         match request.kind {
-            RequestKind::Set { index, value, apply } => {
+            RequestKind::Set { index, value, batch } => {
                 let controller = &mut *self.controllers[self.active];
-                return self.settings.set((&mut self.guard, controller), (index as usize, value), apply);
+                return self.settings.set((&mut self.guard, controller), (index as usize, value), batch);
             }
             RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
             RequestKind::Velocity { twist, .. } => {
@@ -320,6 +320,8 @@ impl Robot {
         if index != self.active {
             controller.reset();
             self.active = index;
+            // What waits was meant for the other one.
+            self.settings.drop_waiting();
         }
         RequestAnswer::Taken
     }

@@ -4,7 +4,7 @@ use omnibase_platform::Twist2;
 
 use crate::config::{AvoidanceKind, Limits};
 use crate::guard::Guard;
-use crate::signals::{Apply, RequestAnswer};
+use crate::signals::{Batch, RequestAnswer};
 use crate::stages::{Controller, Gain};
 use crate::stick_shape::StickShape;
 
@@ -28,8 +28,8 @@ pub(crate) struct Settings {
     stick: StickShape,
     waiting: [(usize, f64); MOST_WAITING],
     waiting_count: usize,
-    /// One of those that wait was refused: so are all.
-    is_refused: bool,
+    /// The one that must come next for those that wait to act; `None` where none does, or one of them was refused.
+    next: Option<Batch>,
 }
 
 impl Settings {
@@ -42,7 +42,7 @@ impl Settings {
             stick,
             waiting: [(0, 0.0); MOST_WAITING],
             waiting_count: 0,
-            is_refused: false,
+            next: None,
         }
     }
 
@@ -80,32 +80,39 @@ impl Settings {
         }
     }
 
-    /// Sets one, with those that waited for it; all of them or none.
+    /// Takes one; the last of a batch sets all of it. A batch of which one was refused, or is missing, sets nothing.
     pub(crate) fn set(
         &mut self,
         (guard, controller): (&mut Guard, &mut dyn Controller),
         (index, value): (usize, f64),
-        apply: Apply,
+        batch: Batch,
     ) -> RequestAnswer {
         let fits = |gain: Gain| {
             let is_choice = gain.name != "avoidance" || AvoidanceKind::from_code(value).is_some();
             (gain.least..=gain.greatest).contains(&value) && is_choice
         };
-        let has_room = self.waiting_count < MOST_WAITING;
-        if has_room && self.get((guard, controller), index).is_some_and(fits) {
-            self.waiting[self.waiting_count] = (index, value);
-            self.waiting_count += 1;
-        } else {
-            self.is_refused = true;
+        let follows = batch.place() == 0 || self.next == Some(batch);
+        if batch.place() == 0 {
+            self.drop_waiting();
         }
-        let answer = if self.is_refused { RequestAnswer::Refused } else { RequestAnswer::Taken };
-        if apply == Apply::Now {
-            if !self.is_refused {
-                self.put(guard, controller);
-            }
-            (self.waiting_count, self.is_refused) = (0, false);
+        let has_room = usize::from(batch.size()) <= MOST_WAITING;
+        if !follows || !has_room || !self.get((guard, controller), index).is_some_and(fits) {
+            self.drop_waiting();
+            return RequestAnswer::Refused;
         }
-        answer
+        self.waiting[self.waiting_count] = (index, value);
+        self.waiting_count += 1;
+        self.next = batch.next();
+        if self.next.is_none() {
+            self.put(guard, controller);
+            self.drop_waiting();
+        }
+        RequestAnswer::Taken
+    }
+
+    /// What waits for the rest of its batch is forgotten, and the rest will be refused.
+    pub(crate) fn drop_waiting(&mut self) {
+        (self.waiting_count, self.next) = (0, None);
     }
 
     fn put(&mut self, guard: &mut Guard, controller: &mut dyn Controller) {

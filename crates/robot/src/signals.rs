@@ -21,7 +21,7 @@ pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;
 pub use phase::Phase;
 pub use record::{Channel, CycleRecord, ProcessBytes, Value, ValueKind};
-pub use request::{Apply, Frame, Request, RequestAnswer, RequestKind};
+pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
 
 /// Bytes of process data that one drive can send or receive in a cycle.
 pub const MAX_PROCESS_BYTES: usize = 64;

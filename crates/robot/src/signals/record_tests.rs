@@ -82,8 +82,8 @@ fn every_request_comes_back() {
         RequestKind::Track,
         RequestKind::Stop(StopCategory::RampThenRemove),
         RequestKind::Acknowledge,
-        RequestKind::Set { index: 4, value: 2.5, apply: Apply::WithNext },
-        RequestKind::Set { index: 5, value: -2.5, apply: Apply::Now },
+        RequestKind::Set { index: 4, value: 2.5, batch: Batch::new(9, 3).and_then(Batch::next).unwrap() },
+        RequestKind::Set { index: 5, value: -2.5, batch: Batch::ALONE },
         RequestKind::Pause,
         RequestKind::Resume,
         RequestKind::GoTo { odom_from_body: Pose2 { x_m: 1.0, y_m: -2.0, heading_rad: 7.0 } },
@@ -94,6 +94,11 @@ fn every_request_comes_back() {
         let request = Some(Request::lasting(kind));
         let (codes, values) = Request::codes(request);
         assert_eq!(Request::from_codes(codes, values), Some(request));
+    }
+    for [number, place, size] in
+        [[0.0, 0.0, 0.0], [1.0, 2.0, 2.0], [1.5, 0.0, 1.0], [65536.0, 0.0, 1.0], [f64::NAN, 0.0, 1.0]]
+    {
+        assert_eq!(Request::from_codes([6, 0, 1], [0.5, number, place, size, 0.0, 0.0]), None);
     }
     assert_eq!(Request::from_codes([0; 3], [0.0; 6]), Some(None));
     assert_eq!(Request::from_codes([99, 0, 0], [0.0; 6]), None);

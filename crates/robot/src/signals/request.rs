@@ -47,7 +47,7 @@ pub enum RequestKind {
         /// Its new value.
         value: f64,
         /// With which others.
-        apply: Apply,
+        batch: Batch,
     },
     /// Let the reference come to a halt on its path.
     Pause,
@@ -77,17 +77,51 @@ pub enum RequestKind {
     },
 }
 
-/// When a changed setting acts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Apply {
-    /// In this cycle, with all that waited for it: all of them, or none where one of them is refused.
-    #[default]
-    Now,
-    /// With the next one that acts.
-    WithNext,
+/// Which changes of settings belong together: they act in the cycle of the last one, all of them or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Batch {
+    number: u16,
+    /// Below `size`.
+    place: u8,
+    size: u8,
 }
 
-coded!(Apply { Now = 0, WithNext = 1 });
+impl Batch {
+    /// A single change.
+    pub const ALONE: Batch = Batch { number: 0, place: 0, size: 1 };
+
+    /// The first of so many changes; batches that may meet have different numbers. `None` for a batch of none.
+    pub fn new(number: u16, size: u8) -> Option<Self> {
+        (size > 0).then_some(Batch { number, place: 0, size })
+    }
+
+    /// The next change of it; `None` after the last one.
+    pub fn next(self) -> Option<Self> {
+        let place = self.place + 1;
+        (place < self.size).then_some(Batch { place, ..self })
+    }
+
+    /// Which of its changes this is, from 0.
+    pub fn place(self) -> u8 {
+        self.place
+    }
+
+    /// How many changes there are.
+    pub fn size(self) -> u8 {
+        self.size
+    }
+
+    /// Number, place and size, as recordings hold them.
+    fn codes(self) -> [f64; 3] {
+        [f64::from(self.number), f64::from(self.place), f64::from(self.size)]
+    }
+
+    fn from_codes([number, place, size]: [f64; 3]) -> Option<Self> {
+        // What is no whole number, or too large, is another one after the way there and back.
+        let batch = Batch { number: number as u16, place: place as u8, size: size as u8 };
+        (batch.codes() == [number, place, size] && batch.place < batch.size).then_some(batch)
+    }
+}
 
 /// A request and how long it counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,8 +149,9 @@ impl Request {
             RequestKind::Velocity { twist, frame } => {
                 (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s, 0.0, 0.0, 0.0])
             }
-            RequestKind::Set { index, value, apply } => {
-                (6, u64::from(index) | apply.code() << 32, [value, 0.0, 0.0, 0.0, 0.0, 0.0])
+            RequestKind::Set { index, value, batch } => {
+                let [number, place, size] = batch.codes();
+                (6, index.into(), [value, number, place, size, 0.0, 0.0])
             }
             RequestKind::SwitchController { index } => (7, index.into(), [0.0; 6]),
             RequestKind::Pause => (8, 0, [0.0; 6]),
@@ -153,9 +188,9 @@ impl Request {
                 }
             }
             6 => RequestKind::Set {
-                index: argument as u32,
+                index: argument.try_into().ok()?,
                 value: values[0],
-                apply: Apply::from_code(argument >> 32)?,
+                batch: Batch::from_codes([values[1], values[2], values[3]])?,
             },
             7 => RequestKind::SwitchController { index: argument.try_into().ok()? },
             8 => RequestKind::Pause,

@@ -4,7 +4,7 @@ use super::support::{BMM, Bench, plan};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{PathFrame, ReferenceTable};
 use omnibase_robot::references;
-use omnibase_robot::signals::{Apply, Course, CycleRecord, Frame, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{Batch, Course, CycleRecord, Frame, RequestAnswer, StopCategory};
 use omnibase_robot::{Phase, RequestKind};
 
 const CIRCLE: &str = "[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 10.0\n\n[safety]\n";
@@ -122,7 +122,8 @@ fn a_pause_stands_on_the_path_and_goes_on_from_there() {
 #[test]
 fn a_slower_robot_keeps_to_its_path() {
     let (mut bench, mut smooth) = circling();
-    let record = smooth.step(&mut bench, Some(RequestKind::Set { index: 0, value: 0.25, apply: Apply::Now }));
+    let record =
+        smooth.step(&mut bench, Some(RequestKind::Set { index: 0, value: 0.25, batch: Batch::ALONE }));
     assert_eq!(record.answer, RequestAnswer::Taken);
     for _ in 0..2000 {
         smooth.step(&mut bench, None);
@@ -164,7 +165,7 @@ fn the_way_to_a_pose_keeps_to_what_is_set() {
         bench.enable();
         let mut smooth = Smooth::new();
         for (index, value) in settings.into_iter().enumerate() {
-            let kind = RequestKind::Set { index: index as u32, value, apply: Apply::Now };
+            let kind = RequestKind::Set { index: index as u32, value, batch: Batch::ALONE };
             assert_eq!(smooth.step(&mut bench, Some(kind)).answer, RequestAnswer::Taken);
         }
         let there = Pose2 { x_m: 1.0, y_m: 0.0, heading_rad: 0.0 };
@@ -176,7 +177,7 @@ fn the_way_to_a_pose_keeps_to_what_is_set() {
             assert!(bench.index < 40_000);
             // Faster on the way: the rate rises within the limits, and no further.
             if settings[0] < 1.0 && bench.index == 3000 {
-                let faster = RequestKind::Set { index: 0, value: 0.25, apply: Apply::Now };
+                let faster = RequestKind::Set { index: 0, value: 0.25, batch: Batch::ALONE };
                 smooth.step(&mut bench, Some(faster));
             }
         }

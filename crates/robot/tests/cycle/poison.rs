@@ -225,7 +225,7 @@ fn requests_that_are_no_numbers_are_refused_and_change_nothing() {
                 let record = bench.step(Some(RequestKind::Set {
                     index,
                     value: wrong,
-                    apply: omnibase_robot::signals::Apply::Now,
+                    batch: omnibase_robot::signals::Batch::ALONE,
                 }));
                 assert_eq!(record.answer, RequestAnswer::Refused);
                 assert!(bench.robot.settings().map(|gain| gain.value).eq(before));

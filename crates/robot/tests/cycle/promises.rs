@@ -18,7 +18,7 @@ fn life(bench: &mut Bench) -> Vec<CycleRecord> {
                 Some(RequestKind::Velocity { twist, frame: Frame::Body })
             }
             1600 => {
-                Some(RequestKind::Set { index: 3, value: 5.0, apply: omnibase_robot::signals::Apply::Now })
+                Some(RequestKind::Set { index: 3, value: 5.0, batch: omnibase_robot::signals::Batch::ALONE })
             }
             2500 => Some(RequestKind::Stop(omnibase_robot::signals::StopCategory::RampThenRemove)),
             _ => None,

@@ -1,12 +1,13 @@
 //! What crosses between the cycle's thread and everybody else; nothing of it ever waits in the cycle.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use omnibase_record::run::RunDescriber;
+use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
-use omnibase_robot::signals::Phase;
+use omnibase_robot::signals::{Batch, Phase};
 use omnibase_robot::stages::Reference;
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, triple_buffer};
@@ -20,6 +21,8 @@ use crate::events::Words;
 
 /// Commands on their way.
 const COMMANDS: usize = 256;
+/// Of them, those that only stops and ends of sessions may take.
+const KEPT_FOR_STOPS: usize = 32;
 /// Answers, notes and points of the trace on their way.
 const BACK: usize = 4096;
 /// Between two points of the trace, ns.
@@ -87,6 +90,7 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
         describer: Mutex::new(None),
         next_reference: AtomicU32::new(1),
         next_ticket: AtomicU64::new(1),
+        next_batch: AtomicU16::new(0),
         sessions: Mutex::new([false; MAX_SESSIONS]),
     };
     let end = LiveEnd {
@@ -115,6 +119,7 @@ struct Shared {
     describer: Mutex<Option<RunDescriber>>,
     next_reference: AtomicU32,
     next_ticket: AtomicU64,
+    next_batch: AtomicU16,
     sessions: Mutex<[bool; MAX_SESSIONS]>,
 }
 
@@ -137,8 +142,10 @@ impl Live {
     pub fn begin_session(&self) -> Option<Client> {
         let mut sessions = lock(&self.shared.sessions);
         let number = sessions.iter().position(|taken| !taken)?;
+        let client = Client::Page(number as u8);
+        self.send(client, Ask::Begun)?;
         sessions[number] = true;
-        Some(Client::Page(number as u8))
+        Some(client)
     }
 
     /// Ends a session: the motion that it commands stops.
@@ -153,9 +160,39 @@ impl Live {
 
     /// Sends a command; the ticket by which its answer will be found, or `None` where the cycle takes no more.
     pub fn send(&self, client: Client, ask: Ask) -> Option<u64> {
-        let ticket = self.shared.next_ticket.fetch_add(1, Ordering::Relaxed);
-        lock(&self.shared.commands).push(Command { client, ticket, ask }).ok()?;
+        let ticket = self.ticket();
+        let mut commands = lock(&self.shared.commands);
+        // However much is asked: a stop finds room.
+        if commands.slots() <= KEPT_FOR_STOPS && !ask.stops() {
+            return None;
+        }
+        commands.push(Command { client, ticket, ask }).ok()?;
         Some(ticket)
+    }
+
+    /// Sends settings, by their index, that are to act in one cycle, all of them or none; the ticket of their answer,
+    /// or `None` where the cycle takes no more, or there are none or too many of them.
+    pub fn set(&self, client: Client, values: &[(u32, f64)]) -> Option<u64> {
+        let number = self.shared.next_batch.fetch_add(1, Ordering::Relaxed);
+        // Nobody's command comes between them.
+        let mut commands = lock(&self.shared.commands);
+        if commands.slots() < values.len() + KEPT_FOR_STOPS {
+            return None;
+        }
+        let mut batch = Some(Batch::new(number, values.len().try_into().ok()?)?);
+        let mut ticket = 0;
+        for &(index, value) in values {
+            let ask = Ask::Robot(RequestKind::Set { index, value, batch: batch? });
+            batch = batch?.next();
+            // The last one's answer is that of all.
+            ticket = if batch.is_none() { self.ticket() } else { 0 };
+            commands.push(Command { client, ticket, ask }).ok()?;
+        }
+        Some(ticket)
+    }
+
+    fn ticket(&self) -> u64 {
+        self.shared.next_ticket.fetch_add(1, Ordering::Relaxed)
     }
 
     /// Sends a reference with the table it was made of, which recordings keep; its number and ticket.
@@ -289,7 +326,6 @@ impl LiveEnd {
 
     /// Shows the latest.
     pub fn show(&mut self, snapshot: &Snapshot) {
-        use omnibase_robot::RequestKind;
         use omnibase_robot::signals::RequestAnswer;
         let record = &snapshot.record;
         let taken = record.request.filter(|_| record.answer == RequestAnswer::Taken);

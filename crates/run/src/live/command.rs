@@ -81,8 +81,23 @@ pub enum Ask {
     EnablePad(Client),
     /// The session is alive.
     Alive,
+    /// A session begins under this number.
+    Begun,
     /// The session has ended.
     Gone,
+}
+
+impl Ask {
+    /// Whether it ends a motion, and begins none.
+    pub(super) fn stops(&self) -> bool {
+        matches!(
+            self,
+            Ask::EmergencyStop
+                | Ask::Gone
+                | Ask::Robot(RequestKind::Stop(_))
+                | Ask::Pad(Pad::Released | Pad::Lost | Pad::Withdrawn)
+        )
+    }
 }
 
 /// A command on its way to the cycle.

@@ -2,7 +2,7 @@
 
 use omnibase_joystick::{Block, Hold, Map, Presence, Stick, StickCommand, StickFrame};
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Apply, Frame, Phase, StopCategory};
+use omnibase_robot::signals::{Frame, Phase, StopCategory};
 use omnibase_robot::stages::Gain;
 use omnibase_robot::{RequestKind, RobotPlan, StickShape};
 
@@ -31,7 +31,7 @@ pub struct JoystickDriver {
     was_plugged: bool,
     was_ever_plugged: bool,
     /// What a device's own map makes of the shape, to be told to the robot.
-    to_tell: Vec<Ask>,
+    to_tell: Vec<(u32, f64)>,
 }
 
 impl JoystickDriver {
@@ -83,9 +83,14 @@ impl JoystickDriver {
         (self.shape, self.was_plugged) = (seen.stick, own.is_some());
     }
 
+    /// What the device asks to be set, by the settings' indices: for [`Live::set`](super::Live::set).
+    pub fn changes(&mut self) -> Vec<(u32, f64)> {
+        std::mem::take(&mut self.to_tell)
+    }
+
     /// What to ask, in this order. A wish is repeated with every call: its silence is a loss.
     pub fn asks(&mut self, command: &StickCommand, seen: &Snapshot) -> Vec<Ask> {
-        let mut asks = std::mem::take(&mut self.to_tell);
+        let mut asks = Vec::new();
         if command.requests.stop {
             asks.push(Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)));
         }
@@ -146,7 +151,7 @@ fn differences(
     robot: &StickShape,
     at_start: &StickShape,
     settings: &[Option<Gain>],
-) -> Vec<Ask> {
+) -> Vec<(u32, f64)> {
     let value = |shape: &StickShape, place| shape.setting(place).map(|setting| setting.value);
     let wanted = (0..StickShape::SETTINGS).filter_map(|place| {
         let setting = own.setting(place)?;
@@ -155,11 +160,5 @@ fn differences(
         let index = settings.iter().flatten().position(|known| known.name == setting.name)?;
         is_free.then_some((index as u32, setting.value))
     });
-    let wanted: Vec<(u32, f64)> = wanted.collect();
-    let last = wanted.len().saturating_sub(1);
-    let ask = |(n, &(index, value)): (usize, &(u32, f64))| {
-        let apply = if n == last { Apply::Now } else { Apply::WithNext };
-        Ask::Robot(RequestKind::Set { index, value, apply })
-    };
-    wanted.iter().enumerate().map(ask).collect()
+    wanted.collect()
 }

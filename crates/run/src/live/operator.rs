@@ -4,7 +4,7 @@
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{CycleRecord, Frame, Phase, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{Batch, CycleRecord, Frame, Phase, RequestAnswer, StopCategory};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
@@ -86,6 +86,8 @@ pub struct Operator {
     is_emergency: bool,
     stop: Option<(StopCategory, Client, u64)>,
     waiting: std::collections::VecDeque<Waiting>,
+    /// The next of the values that were heard last and belong together.
+    next_of_batch: Option<Batch>,
     asked: Option<(Client, u64, RequestKind)>,
     answers: Vec<(u64, Answer)>,
     notes: Vec<Note>,
@@ -106,6 +108,7 @@ impl Operator {
             is_emergency: false,
             stop: None,
             waiting: std::collections::VecDeque::with_capacity(MOST_WAITING),
+            next_of_batch: None,
             asked: None,
             answers: Vec::with_capacity(MOST_ANSWERS),
             notes: Vec::with_capacity(MOST_NOTES),
@@ -171,7 +174,11 @@ impl Operator {
         }
         match ask {
             Ask::Alive => {}
-            Ask::Gone => self.gone(client),
+            Ask::Begun => self.begun(now_ns, client),
+            Ask::Gone => {
+                self.gone(client);
+                self.forget_stick(client);
+            }
             Ask::Pad(pad) => self.pad(now_ns, client, pad),
             Ask::EnablePad(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
@@ -179,7 +186,7 @@ impl Operator {
                     self.say("emergency stop", client);
                 }
                 self.is_emergency = true;
-                self.stop_with(self.emergency_category, client, ticket);
+                self.stop_asked(self.emergency_category, client, ticket);
             }
             Ask::ReleaseEmergencyStop => {
                 if self.is_emergency {
@@ -188,7 +195,7 @@ impl Operator {
                 self.is_emergency = false;
                 self.answer(ticket, Answer::Done);
             }
-            Ask::Robot(RequestKind::Stop(category)) => self.stop_with(category, client, ticket),
+            Ask::Robot(RequestKind::Stop(category)) => self.stop_asked(category, client, ticket),
             Ask::Robot(RequestKind::Velocity { .. }) => {
                 self.answer(ticket, Answer::Refused(Refusal::NotAPad));
             }
@@ -255,10 +262,15 @@ impl Operator {
             }
         }
         // Drives that are taken from under a stick: it must be let go before it drives again.
-        if !matches!(phase, Phase::Holding | Phase::Tracking | Phase::Stopping) {
-            for stick in self.sticks.iter_mut().filter(|stick| stick.is_held()) {
-                stick.must_release = true;
-            }
+        if self.is_emergency || !matches!(phase, Phase::Holding | Phase::Tracking | Phase::Stopping) {
+            self.ask_to_let_go();
+        }
+    }
+
+    /// Sticks that are held must be let go before they drive again.
+    fn ask_to_let_go(&mut self) {
+        for stick in self.sticks.iter_mut().filter(|stick| stick.is_held()) {
+            stick.must_release = true;
         }
     }
 
@@ -325,11 +337,24 @@ impl Operator {
     }
 
     fn ask(&mut self, waiting: Waiting) {
-        if self.waiting.len() == MOST_WAITING {
-            self.refuse(waiting, Refusal::Busy);
-        } else {
+        let has_room = match waiting.kind {
+            RequestKind::Set { batch, .. } => self.has_room_for(batch),
+            _ => self.waiting.len() < MOST_WAITING,
+        };
+        if has_room {
             self.waiting.push_back(waiting);
+        } else {
+            self.refuse(waiting, Refusal::Busy);
         }
+    }
+
+    /// Values that belong together wait together, or none of them does.
+    fn has_room_for(&mut self, batch: Batch) -> bool {
+        let wanted = if batch.place() == 0 { usize::from(batch.size()) } else { 1 };
+        let follows = batch.place() == 0 || self.next_of_batch == Some(batch);
+        let has_room = follows && self.waiting.len() + wanted <= MOST_WAITING;
+        self.next_of_batch = batch.next().filter(|_| has_room);
+        has_room
     }
 
     fn pad(&mut self, now_ns: u64, client: Client, pad: Pad) {
@@ -357,6 +382,7 @@ impl Operator {
                 // Blocked in any case: whoever presses a stop button is to be believed.
                 stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
                 self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
+                self.stop_asked(StopCategory::RampAndHold, client, 0);
             }
             Pad::Blocked => {
                 // One that drove a moment ago: what blocked it must have been missed.
@@ -404,20 +430,43 @@ impl Operator {
         }
     }
 
-    /// A session ends: its stick is lost, and the motion that it asked for ends.
+    /// A session begins: whatever had its number before is gone, and what is in hand now must be let go first.
+    fn begun(&mut self, now_ns: u64, client: Client) {
+        self.gone(client);
+        self.forget_stick(client);
+        if let Client::Page(number) = client
+            && let Some(session) = self.sessions.get_mut(usize::from(number))
+        {
+            *session = Some(now_ns);
+        }
+    }
+
+    /// Whoever has this number next is another one.
+    fn forget_stick(&mut self, client: Client) {
+        if let Some(number) = stick_of(client) {
+            self.sticks[number] = Stick { must_release: true, ..Stick::default() };
+        }
+    }
+
+    /// A page is silent or has ended: its stick is lost, and the motion that it asked for ends. Its stick stays
+    /// blocked: after a stalled line the same page comes back, perhaps with the finger still down.
     fn gone(&mut self, client: Client) {
         let Client::Page(number) = client else { return };
         let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
         *session = None;
         self.pad_lost(client, "the page that drove is gone: stopped");
-        // The next page with this number is another one.
-        self.sticks[1 + usize::from(number)] = Stick::default();
         self.drop_waiting(|waiting| waiting.client == client);
         let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));
         if self.commander == Commander::Reference(client) || asked_now {
             self.say("the page that asked for this motion is gone: stopped", client);
             self.stop_with(StopCategory::RampAndHold, client, 0);
         }
+    }
+
+    /// Somebody stops the robot: it stays so, whoever holds a stick.
+    fn stop_asked(&mut self, category: StopCategory, client: Client, ticket: u64) {
+        self.ask_to_let_go();
+        self.stop_with(category, client, ticket);
     }
 
     /// The most severe stop counts.

@@ -10,7 +10,7 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_platform::Twist2;
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
-use omnibase_robot::signals::{Apply, Frame, StopCategory};
+use omnibase_robot::signals::{Batch, Frame, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, Pad, live};
@@ -140,7 +140,7 @@ fn hands(live: &Live) -> Vec<(u64, Deed)> {
         (3500, send(|| Ask::Robot(RequestKind::Pause))),
         (4000, send(|| Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)))),
         // Refused: there is no such setting.
-        (4500, send(|| Ask::Robot(RequestKind::Set { index: 9999, value: 1.0, apply: Apply::Now }))),
+        (4500, send(|| Ask::Robot(RequestKind::Set { index: 9999, value: 1.0, batch: Batch::ALONE }))),
         (5000, Deed::Stop),
     ]);
     deeds

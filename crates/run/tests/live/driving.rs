@@ -1,5 +1,7 @@
 //! Sticks, pages, stops, settings and floods.
 
+use std::cell::Cell;
+use std::rc::Rc;
 use std::sync::atomic::Ordering;
 
 use crate::hands::{Hands, played};
@@ -7,8 +9,8 @@ use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::references::reference;
-use omnibase_robot::signals::{Apply, Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
-use omnibase_run::live::{Answer, Ask, Client, Commander, Pad, Refusal};
+use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
+use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Pad, Refusal, Snapshot};
 
 const FORWARD: Pad =
     Pad::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
@@ -57,6 +59,83 @@ fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
         hands.pad(5.1, 6.0, Client::Joystick, FORWARD);
         hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
     });
+}
+
+#[test]
+fn a_page_that_comes_back_after_a_silence_stays_blocked_with_the_finger_still_down() {
+    let page = Client::Page(0);
+    let run = played(9.0, |hands: &mut Hands| {
+        hands.send(0.5, page, robot(RequestKind::Enable));
+        hands.pad(1.0, 2.0, page, FORWARD);
+        // Silent for longer than a session may be, then there again under the same number: the line stalled.
+        hands.pad(3.6, 5.0, page, FORWARD);
+        hands.at(5.0, move |live, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 2));
+            live.send(page, Ask::EnablePad(page));
+        });
+        // Enabled with the finger down: nothing yet.
+        hands.pad(5.0, 6.0, page, FORWARD);
+        hands.at(6.0, move |live, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            live.send(page, Ask::Pad(Pad::Released));
+        });
+        hands.pad(6.1, 7.0, page, FORWARD);
+        hands.at(6.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+    });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
+#[test]
+fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
+    played(7.0, |hands: &mut Hands| {
+        let page = Client::Page(0);
+        hands.at(0.5, move |live, _| {
+            assert_eq!(live.begin_session(), Some(page));
+            live.send(page, robot(RequestKind::Enable));
+            live.send(page, Ask::Pad(Pad::Released));
+        });
+        hands.pad(1.0, 2.0, page, FORWARD);
+        hands.at(1.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+        // Its line breaks, and it is back at once with the finger still down.
+        hands.at(2.0, move |live, _| {
+            live.end_session(page);
+            assert_eq!(live.begin_session(), Some(page));
+        });
+        hands.pad(2.001, 4.0, page, FORWARD);
+        hands.at(4.0, move |live, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            live.send(page, Ask::Pad(Pad::Released));
+        });
+        hands.pad(4.1, 6.0, page, FORWARD);
+        hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+    });
+}
+
+#[test]
+fn a_stop_holds_until_every_stick_was_let_go() {
+    let stops: [fn() -> Ask; 2] =
+        [|| robot(RequestKind::Stop(StopCategory::RampAndHold)), || Ask::Pad(Pad::Withdrawn)];
+    for (stop, by) in stops.into_iter().zip([Client::Page(1), Client::Joystick]) {
+        for driver in [Client::Page(0), Client::Joystick] {
+            played(7.0, |hands: &mut Hands| {
+                hands.send(0.5, Client::Command, robot(RequestKind::Enable));
+                hands.pad(1.0, 4.0, driver, FORWARD);
+                hands.at(2.0, move |live, seen| {
+                    assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
+                    live.send(by, stop());
+                });
+                hands.between(2.5, 4.0, move |_, seen| {
+                    let speed_m_s = seen.record.state.twist_in_body.speed_m_s();
+                    assert!(seen.record.time.now_ns < 3_000_000_000 || speed_m_s < 1e-3, "{speed_m_s} m/s");
+                    assert_eq!(seen.beside.say.commander, Commander::Nobody, "{driver:?}, stopped by {by:?}");
+                });
+                hands.send(4.0, driver, Ask::EnablePad(driver));
+                hands.send(4.1, driver, Ask::Pad(Pad::Released));
+                hands.pad(4.2, 6.0, driver, FORWARD);
+                hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+            });
+        }
+    }
 }
 
 #[test]
@@ -132,30 +211,95 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
     assert!(run.replayed.difference.is_none(), "a loaded reference replays too: {:?}", run.replayed);
 }
 
+fn place(live: &Live, name: &str) -> u32 {
+    let found = live.snapshot().settings.iter().flatten().position(|setting| setting.name == name);
+    found.unwrap_or_else(|| panic!("no setting `{name}`")) as u32
+}
+
+fn speeds(live: &Live, seen: &Snapshot) -> [Option<f64>; 2] {
+    ["speed_m_s", "turn_speed_rad_s"]
+        .map(|name| seen.settings[place(live, name) as usize].map(|setting| setting.value))
+}
+
 #[test]
 fn settings_change_as_a_whole_and_bad_ones_change_nothing() {
-    played(4.0, |hands: &mut Hands| {
-        let place = |live: &omnibase_run::live::Live, name: &str| {
-            let found = live.snapshot().settings.iter().flatten().position(|setting| setting.name == name);
-            found.unwrap_or_else(|| panic!("no setting `{name}`")) as u32
-        };
-        let set = |index, value, apply| robot(RequestKind::Set { index, value, apply });
+    let run = played(4.0, |hands: &mut Hands| {
         hands.at(1.0, move |live, _| {
             let (speed, turn) = (place(live, "speed_m_s"), place(live, "turn_speed_rad_s"));
-            live.send(Client::Command, set(speed, 0.4, Apply::WithNext));
-            live.send(Client::Command, set(turn, 0.6, Apply::Now));
+            assert!(live.set(Client::Command, &[(speed, 0.4), (turn, 0.6)]).is_some());
+            assert!(live.set(Client::Command, &[]).is_none());
         });
         hands.at(1.5, move |live, seen| {
-            let value = |name| seen.settings[place(live, name) as usize].map(|setting| setting.value);
-            assert_eq!((value("speed_m_s"), value("turn_speed_rad_s")), (Some(0.4), Some(0.6)));
-            live.send(Client::Command, set(place(live, "speed_m_s"), 0.7, Apply::WithNext));
-            live.send(Client::Command, set(place(live, "turn_speed_rad_s"), f64::NAN, Apply::Now));
+            assert_eq!(speeds(live, seen), [Some(0.4), Some(0.6)]);
+            let (speed, turn) = (place(live, "speed_m_s"), place(live, "turn_speed_rad_s"));
+            live.set(Client::Command, &[(speed, 0.7), (turn, f64::NAN)]);
+        });
+        hands.at(2.0, move |live, seen| assert_eq!(speeds(live, seen), [Some(0.4), Some(0.6)]));
+    });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
+#[test]
+fn a_page_that_goes_amid_its_changes_changes_nothing_and_nothing_of_it_comes_later() {
+    let run = played(4.0, |hands: &mut Hands| {
+        let page = Client::Page(0);
+        hands.at(1.0, move |live, _| {
+            assert_eq!(live.begin_session(), Some(page));
+            let (speed, turn) = (place(live, "speed_m_s"), place(live, "turn_speed_rad_s"));
+            live.set(page, &[(speed, 0.4), (turn, 0.6)]);
+        });
+        // One cycle later one of the two was taken.
+        hands.at(1.001, move |live, seen| {
+            let request = seen.record.request.expect("it is under way").kind;
+            assert!(matches!(request, RequestKind::Set { batch, .. } if batch.place() == 0), "{request:?}");
+            live.end_session(page);
         });
         hands.at(2.0, move |live, seen| {
-            let value = |name| seen.settings[place(live, name) as usize].map(|setting| setting.value);
-            assert_eq!((value("speed_m_s"), value("turn_speed_rad_s")), (Some(0.4), Some(0.6)));
+            assert_eq!(speeds(live, seen), [Some(1.0), Some(1.5)]);
+            live.set(Client::Command, &[(place(live, "speed_factor"), 0.5)]);
+        });
+        hands.at(2.5, move |live, seen| {
+            assert_eq!(speeds(live, seen), [Some(1.0), Some(1.5)]);
+            assert_eq!(seen.settings[place(live, "speed_factor") as usize].unwrap().value, 0.5);
         });
     });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
+#[test]
+fn changes_for_which_there_is_no_room_are_refused_as_a_whole() {
+    played(4.0, |hands: &mut Hands| {
+        let ticket = Rc::new(Cell::new(0));
+        let sent = ticket.clone();
+        hands.at(1.0, move |live, _| {
+            // All but one of the places in which requests wait for their cycle are taken.
+            for _ in 0..63 {
+                live.send(Client::Command, robot(RequestKind::Pause));
+            }
+            let (speed, turn) = (place(live, "speed_m_s"), place(live, "turn_speed_rad_s"));
+            sent.set(live.set(Client::Command, &[(speed, 0.4), (turn, 0.6)]).expect("it is on its way"));
+        });
+        hands.at(1.5, move |live, seen| {
+            assert_eq!(live.answer(ticket.get()), Some(Answer::Refused(Refusal::Busy)));
+            assert_eq!(speeds(live, seen), [Some(1.0), Some(1.5)]);
+            live.set(Client::Command, &[(place(live, "speed_factor"), 0.5)]);
+        });
+        hands.at(2.0, move |live, seen| assert_eq!(speeds(live, seen), [Some(1.0), Some(1.5)]));
+    });
+}
+
+#[test]
+fn a_stop_finds_room_however_much_is_asked() {
+    let run = played(4.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Command, robot(RequestKind::Enable));
+        hands.pad(1.0, 1.999, Client::Page(0), FORWARD);
+        hands.at(2.0, |live, _| {
+            while live.send(Client::Page(1), Ask::Alive).is_some() {}
+            assert!(live.send(Client::Page(1), Ask::EmergencyStop).is_some());
+        });
+        hands.at(2.005, |_, seen| assert!(seen.beside.say.is_emergency));
+    });
+    assert_eq!(run.last.phase, Phase::Disabled);
 }
 
 #[test]

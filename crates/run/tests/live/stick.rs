@@ -8,8 +8,10 @@ use omnibase_joystick::{
 };
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::JoystickTable;
-use omnibase_robot::signals::{Apply, Frame, Phase};
-use omnibase_run::live::{Answer, Ask, Client, Commander, JoystickDriver, Refusal, Snapshot, StickState};
+use omnibase_robot::signals::{Frame, Phase};
+use omnibase_run::live::{
+    Answer, Ask, Client, Commander, JoystickDriver, Live, Refusal, Snapshot, StickState,
+};
 
 const MS: u64 = 1_000_000;
 const ABS_Y: u16 = 1;
@@ -84,6 +86,10 @@ fn drive(hands: &mut Hands, from_s: f64, found: Vec<Option<Recorded>>) {
         }
         driver.agree(port.stick_mut(), seen);
         let (command, _) = port.turn(now_ns);
+        let changes = driver.changes();
+        if !changes.is_empty() {
+            live.set(Client::Joystick, &changes).expect("there is room");
+        }
         for ask in driver.asks(&command, seen) {
             live.send(Client::Joystick, ask).expect("there is room");
         }
@@ -309,8 +315,10 @@ fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows
         let found = seen.settings.iter().flatten().position(|setting| setting.name == name);
         found.unwrap_or_else(|| panic!("no setting `{name}`"))
     };
-    let set = move |seen: &Snapshot, name: &str, value: f64, apply: Apply| {
-        Ask::Robot(RequestKind::Set { index: place(seen, name) as u32, value, apply })
+    let set = move |live: &Live, seen: &Snapshot, client: Client, values: &[(&str, f64)]| {
+        let values: Vec<(u32, f64)> =
+            values.iter().map(|&(name, value)| (place(seen, name) as u32, value)).collect();
+        live.set(client, &values).expect("there is room");
     };
     // Half of the way, less the device's own dead zone of 15 of 127.5.
     let beyond = |dead_zone: f64, raw: f64| ((raw / 127.5) - dead_zone) / (1.0 - dead_zone);
@@ -323,26 +331,23 @@ fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows
             assert!((seen.stick.axes[0].dead_zone - 15.0 / 127.5).abs() < 1e-12, "{:?}", seen.stick);
             let expected = curve(0.3, beyond(15.0 / 127.5, 63.5));
             assert!((vx_m_s(seen) - expected).abs() < 0.01, "{} for {expected}", vx_m_s(seen));
-            for (name, value, apply) in [
-                ("joystick.forward.dead_zone", 0.2, Apply::WithNext),
-                ("joystick.forward.expo", 0.0, Apply::WithNext),
-                ("joystick.forward.gain", 0.5, Apply::Now),
-            ] {
-                live.send(Client::Page(1), set(seen, name, value, apply)).expect("there is room");
-            }
+            let values = [
+                ("joystick.forward.dead_zone", 0.2),
+                ("joystick.forward.expo", 0.0),
+                ("joystick.forward.gain", 0.5),
+            ];
+            set(live, seen, Client::Page(1), &values);
         });
         hands.at(5.0, move |live, seen| {
             let expected = 0.5 * beyond(0.2, 63.5);
             assert!((vx_m_s(seen) - expected).abs() < 0.01, "{} for {expected}", vx_m_s(seen));
             // One that is outside of its range takes the other with it.
-            live.send(Client::Command, set(seen, "joystick.forward.gain", 1.0, Apply::WithNext))
-                .expect("room");
-            live.send(Client::Command, set(seen, "joystick.forward.expo", 1.5, Apply::Now)).expect("room");
+            let values = [("joystick.forward.gain", 1.0), ("joystick.forward.expo", 1.5)];
+            set(live, seen, Client::Command, &values);
         });
         hands.at(6.0, move |live, seen| {
             assert_eq!((seen.stick.axes[0].gain, seen.stick.axes[0].expo), (0.5, 0.0));
-            live.send(Client::Command, set(seen, "joystick.forward.gain", f64::NAN, Apply::Now))
-                .expect("room");
+            set(live, seen, Client::Command, &[("joystick.forward.gain", f64::NAN)]);
         });
         hands.at(7.9, move |_, seen| {
             assert_eq!(seen.stick.axes[0].gain, 0.5);

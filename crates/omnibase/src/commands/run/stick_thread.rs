@@ -48,6 +48,10 @@ impl StickThread {
                     (Some(Happened::Unplugged), _) => note("joystick: gone"),
                     _ => {}
                 }
+                let changes = driver.changes();
+                if !changes.is_empty() {
+                    tickets.extend(live.set(Client::Joystick, &changes));
+                }
                 for ask in driver.asks(&command, &seen) {
                     let is_asked_once = !matches!(ask, Ask::Pad(_));
                     let ticket = live.send(Client::Joystick, ask);
