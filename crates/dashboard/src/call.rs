@@ -115,6 +115,13 @@ pub enum Call {
     Alive,
 }
 
+impl Call {
+    /// Whether it ends a motion, and begins none.
+    pub(crate) fn stops(&self) -> bool {
+        matches!(self, Call::Stop { .. } | Call::EmergencyStop)
+    }
+}
+
 /// In which frame a stick's wish is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

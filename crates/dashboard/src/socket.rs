@@ -20,6 +20,8 @@ const BURST: f64 = 400.0;
 const MOST_DROPPED: u32 = 5000;
 /// Calls of one page that may wait for their answers.
 const WAITING: usize = 32;
+/// The longest message that asks for a stop, bytes.
+const LONGEST_STOP: usize = 128;
 /// A page that takes nothing for so long is gone.
 const STUCK: Duration = Duration::from_secs(3);
 
@@ -41,10 +43,24 @@ struct Answer {
 
 #[derive(Serialize)]
 struct Welcome {
-    /// The page's own name, as others see it; none where it may only read.
+    /// The page's own name, as others see it; none where it has no session.
     you: Option<String>,
     /// The bit of its stick among the blocked ones.
     stick_bit: Option<u8>,
+    /// What it may do.
+    may: May,
+}
+
+/// What a page may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum May {
+    /// Look.
+    Look,
+    /// Look and stop the robot: it might command, but all sessions are taken.
+    Stop,
+    /// Everything.
+    Command,
 }
 
 /// How much a page may still send.
@@ -78,6 +94,28 @@ struct Session {
     client: Client,
 }
 
+impl Session {
+    /// A session, where one is free.
+    fn begin(shared: &Shared) -> Option<Session> {
+        Some(Session { shared: shared.clone(), client: shared.live.begin_session()? })
+    }
+}
+
+/// What a page is told of itself.
+fn welcome(session: Option<&Session>, right: Right) -> Welcome {
+    let client = session.map(|session| session.client);
+    let may = match (client, right) {
+        (Some(_), _) => May::Command,
+        (None, Right::Command) => May::Stop,
+        (None, Right::Read) => May::Look,
+    };
+    let stick_bit = match client {
+        Some(Client::Page(number)) => Some(1 + number),
+        _ => None,
+    };
+    Welcome { you: client.map(crate::seen::client_name), stick_bit, may }
+}
+
 impl Drop for Session {
     fn drop(&mut self) {
         self.shared.live.end_session(self.client);
@@ -86,24 +124,11 @@ impl Drop for Session {
 
 /// Talks with a page until it is gone.
 pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
-    let session = match right {
-        Right::Read => None,
-        Right::Command => match shared.live.begin_session() {
-            Some(client) => Some(Session { shared: shared.clone(), client }),
-            // Seen, but not heard: all sessions are taken.
-            None => {
-                Counters::count(&shared.counters.crowded);
-                None
-            }
-        },
-    };
-    let client = session.as_ref().map(|session| session.client);
-    let stick_bit = match client {
-        Some(Client::Page(number)) => Some(1 + number),
-        _ => None,
-    };
-    let welcome = Welcome { you: client.map(crate::seen::client_name), stick_bit };
-    if say(&mut socket, &welcome).await.is_none() {
+    let mut session = (right == Right::Command).then(|| Session::begin(&shared)).flatten();
+    if right == Right::Command && session.is_none() {
+        Counters::count(&shared.counters.crowded);
+    }
+    if say(&mut socket, &welcome(session.as_ref(), right)).await.is_none() {
         return;
     }
     let mut message = shared.subscribe();
@@ -147,19 +172,64 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                     if allowance.dropped > MOST_DROPPED {
                         return;
                     }
-                    continue;
+                    // A page gone wild may still be stopped by the person before it.
+                    if !is_stop(&text) {
+                        continue;
+                    }
                 }
-                hear(&text, client, &shared, &answers).await;
+                if right == Right::Command && session.is_none() {
+                    session = Session::begin(&shared);
+                    if session.is_some() && say(&mut socket, &welcome(session.as_ref(), right)).await.is_none() {
+                        return;
+                    }
+                }
+                let caller = match (&session, right) {
+                    (Some(session), _) => Caller::Page(session.client),
+                    (None, Right::Command) => Caller::Crowded,
+                    (None, Right::Read) => Caller::Reader,
+                };
+                hear(&text, caller, &shared, &answers);
             }
         }
     }
 }
 
+/// Who calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Caller {
+    /// A page with a session.
+    Page(Client),
+    /// A page that might command, where all sessions are taken: its stops count.
+    Crowded,
+    /// A page without the right to command.
+    Reader,
+}
+
+impl Caller {
+    /// As whom it calls, or why it may not.
+    fn client(self, call: &Call) -> Result<Client, &'static str> {
+        match self {
+            Caller::Page(client) => Ok(client),
+            Caller::Crowded if call.stops() => Ok(Client::Command),
+            Caller::Crowded => Err("refused: all sessions are taken; only stops are heard from here"),
+            Caller::Reader => Err(Denied::Token.text()),
+        }
+    }
+}
+
+fn read(text: &str) -> serde_json::Result<(u64, Call)> {
+    let Numbered { number, call } = serde_json::from_str(text)?;
+    Ok((number, serde_json::from_value(call)?))
+}
+
+/// Whether a message asks for a stop. Longer ones aren't looked at: what comes too often costs as good as nothing.
+fn is_stop(text: &str) -> bool {
+    text.len() <= LONGEST_STOP && read(text).is_ok_and(|(_, call)| call.stops())
+}
+
 /// Takes one message in; its answer comes by the channel.
-async fn hear(text: &str, client: Option<Client>, shared: &Shared, answers: &mpsc::Sender<Answer>) {
-    let read = serde_json::from_str::<Numbered>(text)
-        .and_then(|numbered| Ok((numbered.number, serde_json::from_value::<Call>(numbered.call)?)));
-    let (number, call) = match read {
+fn hear(text: &str, caller: Caller, shared: &Shared, answers: &mpsc::Sender<Answer>) {
+    let (number, call) = match read(text) {
         Ok(read) => read,
         Err(error) => {
             Counters::count(&shared.counters.malformed);
@@ -167,13 +237,16 @@ async fn hear(text: &str, client: Option<Client>, shared: &Shared, answers: &mps
             return;
         }
     };
-    let Some(client) = client else {
-        if call != Call::Alive {
-            Counters::count(&shared.counters.denied);
-            let said = Said { done: false, text: Denied::Token.text().to_owned() };
-            let _ = answers.try_send(Answer { answer: number, said });
+    let client = match caller.client(&call) {
+        Ok(client) => client,
+        Err(why) => {
+            if call != Call::Alive {
+                Counters::count(&shared.counters.denied);
+                let said = Said { done: false, text: why.to_owned() };
+                let _ = answers.try_send(Answer { answer: number, said });
+            }
+            return;
         }
-        return;
     };
     // Sticks and stops in the order in which they came; what waits for an answer waits beside.
     let shared = shared.clone();

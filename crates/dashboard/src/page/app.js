@@ -14,7 +14,7 @@ const sticks = new Sticks(link, {
   stick: by("stick"), turn: by("turn"), share: by("share"), odom: by("odom"), gamepad: by("gamepad"),
 });
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
-let facts = null, plots = null, columns = new Map(), last = null, me = null, bit = null, planned = null, plannedKey = "";
+let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, planned = null, plannedKey = "";
 
 // What is pressed.
 
@@ -107,6 +107,7 @@ link.addEventListener("lost", () => {
 link.addEventListener("welcome", async ({ detail }) => {
   me = detail.you;
   bit = detail.stick_bit;
+  may = detail.may;
   try {
     await begin();
   } catch (error) {
@@ -120,11 +121,14 @@ async function begin() {
   document.title = `${facts.name} · omnibase`;
   by("name").textContent = facts.name + (facts.simulated ? " (simulated)" : "");
   by("truth-key").hidden = !facts.simulated;
-  by("link").textContent = me ? `you are ${me}` : "you may look: open the address with its token to command";
+  by("link").textContent = me ? `you are ${me}` : may === "stop"
+    ? "all sessions are taken: you may look, and stop"
+    : "you may look: open the address with its token to command";
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
     if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
   }
+  for (const stop of [by("stop"), ...document.querySelectorAll("[data-stop]")]) stop.disabled = may === "look";
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
   savedPaths(facts.saved_paths);

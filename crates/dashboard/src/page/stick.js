@@ -51,6 +51,12 @@ class Knob {
   }
 }
 
+/** Full speed is full speed in every direction: many pads reach further in their corners. */
+function within({ x, y, turn }) {
+  const far = Math.max(1, Math.hypot(x, y));
+  return { x: x / far, y: y / far, turn };
+}
+
 export class Sticks {
   constructor(link, { stick, turn, share, odom, gamepad }) {
     this.link = link;
@@ -79,7 +85,7 @@ export class Sticks {
       const far = Math.max(0, Math.abs(value) - DEAD_ZONE) / (1 - DEAD_ZONE);
       return Math.sign(value) * Math.min(1, far);
     };
-    return { x: -axis(1), y: -axis(0), turn: -axis(2) };
+    return within({ x: -axis(1), y: -axis(0), turn: -axis(2) });
   }
 
   wish() {
@@ -104,7 +110,7 @@ export class Sticks {
       const frame = this.odom.checked ? "odom" : "body";
       this.link.send({ do: "pad", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
     } else if (this.was_held || (this.mayDrive && !this.couldDrive && wished === null)) {
-      // Let go; or enabled again with nothing in hand.
+      // Let go; or enabled again, or a new session, with nothing in hand: the robot waits for that word.
       this.link.send({ do: "release_pad" });
     }
     this.was_held = wish !== null && wish !== "lost";
