@@ -1,12 +1,19 @@
 //! Robots that run on this machine: where their dashboards listen, and the token that lets their user command them.
+//!
+//! Each holds a lock on the file in which it says so. The kernel lets go of it however the robot ends: a token whose
+//! lock is free is shown to nobody, for its port may be somebody else's by now.
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::Write;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// The longest wait for a robot of this machine to take a connection.
+const CONNECT: Duration = Duration::from_millis(500);
 
 /// What is known of a running robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,6 +29,8 @@ pub struct Found {
 /// Says that a robot runs, as long as it lives; only the same user can read it.
 pub struct RunningRobot {
     path: PathBuf,
+    /// Locked.
+    _file: fs::File,
 }
 
 impl RunningRobot {
@@ -33,11 +42,15 @@ impl RunningRobot {
         let own = owner.uid() == rustix::process::getuid().as_raw() && owner.mode() & 0o077 == 0;
         anyhow::ensure!(own, "{}: expected a folder of this user alone", folder.display());
         let path = folder.join(format!("{}.json", address.port()));
-        let _ = fs::remove_file(&path);
-        let mut file = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path)?;
+        // Nobody sees it before it is locked.
+        let unseen = folder.join(format!("{}.new", std::process::id()));
+        let _ = fs::remove_file(&unseen);
+        let mut file = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&unseen)?;
+        file.lock()?;
         let found = Found { robot: robot.to_owned(), address, token: token.to_owned() };
         file.write_all(serde_json::to_string(&found)?.as_bytes())?;
-        Ok(RunningRobot { path })
+        fs::rename(&unseen, &path)?;
+        Ok(RunningRobot { path, _file: file })
     }
 }
 
@@ -47,17 +60,31 @@ impl Drop for RunningRobot {
     }
 }
 
-/// The robots that said so, the latest first; some may have died without a word.
+/// The robots that said so and live, the latest first.
 pub fn robots() -> Vec<Found> {
     let Ok(entries) = fs::read_dir(folder()) else { return Vec::new() };
     let read = |entry: fs::DirEntry| {
+        let path = entry.path();
         let changed = entry.metadata().ok()?.modified().ok()?;
-        let found: Found = serde_json::from_str(&fs::read_to_string(entry.path()).ok()?).ok()?;
-        Some((changed, found))
+        let found: Found = serde_json::from_str(&fs::read_to_string(&path).ok()?).ok()?;
+        lives(&path).then_some((changed, found))
     };
     let mut found: Vec<_> = entries.flatten().filter_map(read).collect();
     found.sort_by_key(|(changed, _)| std::cmp::Reverse(*changed));
     found.into_iter().map(|(_, found)| found).collect()
+}
+
+/// Whether the robot that wrote this file lives; what is left of a dead one is removed.
+fn lives(path: &Path) -> bool {
+    let Ok(file) = fs::File::open(path) else { return false };
+    if file.try_lock_shared().is_err() {
+        return true;
+    }
+    let is_same = |there: fs::Metadata| file.metadata().is_ok_and(|here| here.ino() == there.ino());
+    if fs::metadata(path).is_ok_and(is_same) {
+        let _ = fs::remove_file(path);
+    }
+    false
 }
 
 /// Where running robots are announced: of this user alone.
@@ -77,10 +104,17 @@ pub fn robot(address: Option<SocketAddr>, token: Option<&str>) -> anyhow::Result
             .find(|found| found.address.port() == address.port() && address.ip().is_loopback())
             .map(|found| Found { address, ..found })
             .unwrap_or(Found { robot: String::new(), address, token: String::new() }),
-        None => known.into_iter().next().context(
-            "no robot runs on this machine under this user: start one by `omnibase run <robot.toml> --dashboard`, \
-             or say where by --at ADDRESS and --token TOKEN",
-        )?,
+        None => {
+            anyhow::ensure!(
+                !known.is_empty(),
+                "no robot runs on this machine under this user: start one by `omnibase run <robot.toml> \
+                 --dashboard`, or say where by --at ADDRESS and --token TOKEN"
+            );
+            let places: Vec<_> = known.iter().map(|found| found.address.to_string()).collect();
+            let answers = |found: &Found| TcpStream::connect_timeout(&found.address, CONNECT).is_ok();
+            let found = known.into_iter().find(answers);
+            found.with_context(|| format!("no robot answers at {}", places.join(", nor at ")))?
+        }
     };
     Ok(Found { token: token.map_or(found.token, str::to_owned), ..found })
 }
