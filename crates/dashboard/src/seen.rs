@@ -33,6 +33,8 @@ pub struct Seen {
     pub reference: u32,
     /// Where that began: x m, y m, heading rad.
     pub reference_start: Option<[f64; 3]>,
+    /// Where it goes by the straight way: x m, y m, heading rad; nothing where it doesn't.
+    pub goal: Option<[f64; 3]>,
     /// Its own time, s.
     pub reference_time_s: f64,
     /// It was begun and isn't at its end.
@@ -172,6 +174,7 @@ impl Seen {
             },
             reference: snapshot.reference,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
+            goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,
             teaching_since_s: None,

@@ -194,6 +194,7 @@ function see(seen) {
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   const [believed, truth] = [pose("state"), facts.simulated ? pose("truth") : null];
   obstacles.show(seen.obstacles);
+  view.goal = seen.goal;
   by("view").dataset.obstacles = seen.obstacles.length;
   if (believed) view.add(believed, truth);
   showPose(believed);

@@ -11,6 +11,8 @@ export class View {
     this.scale = 120;
     this.follow = true;
     this.planned = [];
+    /** Where it goes by the straight way. */
+    this.goal = null;
     this.trail = [];
     this.obstacles = [];
     this.wheels = [];
@@ -165,7 +167,9 @@ export class View {
     if (this.fence.length) this.drawLine(g, [...this.fence, this.fence[0]], c.bad, 2);
     g.setLineDash([7, 5]);
     this.drawLine(g, this.planned, c.planned, 2);
+    if (this.goal && this.pose) this.drawLine(g, [this.pose, this.goal], c.planned, 2);
     g.setLineDash([]);
+    if (this.goal) this.drawGoal(g, c);
     this.drawLine(g, this.trail.map(([, truth]) => truth).filter(Boolean), c.truth, 4);
     this.drawLine(g, this.trail.map(([pose]) => pose), c.believed, 2);
     for (const o of this.obstacles) {
@@ -215,6 +219,17 @@ export class View {
     g.strokeStyle = colour;
     g.lineWidth = width;
     g.lineJoin = "round";
+    g.stroke();
+  }
+
+  drawGoal(g, c) {
+    const [x, y] = this.toScreen(this.goal);
+    g.strokeStyle = c.planned;
+    g.lineWidth = 2;
+    line(g, x - 8, y, x + 8, y);
+    line(g, x, y - 8, x, y + 8);
+    g.beginPath();
+    g.arc(x, y, 5, 0, 2 * Math.PI);
     g.stroke();
   }
 

@@ -64,6 +64,8 @@ pub struct Set {
   controller name=adaptive_torque
   teach, teach_end name=round              remember where it is driven; save it as a path
   load_saved name=round
+  set_obstacle index=0 centre_m=[1.5,0.2] radius_m=0.3 velocity_m_s=[0,-0.1]
+  remove_obstacle index=0
   load reference={\"kind\":\"circle\",\"radius_m\":0.5}
 
 What a command begins goes on when the command has ended; `omnibase call emergency_stop` ends it.")]

@@ -100,6 +100,7 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
         snapshot: input,
         reference: 0,
         reference_start: None,
+        goal: None,
         last_trace_ns: None,
         unsent: None,
     };
@@ -278,6 +279,7 @@ pub struct LiveEnd {
     snapshot: Input<Snapshot>,
     reference: u32,
     reference_start: Option<omnibase_robot::signals::Setpoint>,
+    goal: Option<omnibase_platform::Pose2>,
     last_trace_ns: Option<u64>,
     /// A reference for which there was no room on the way back; kept, for dropping it would free memory.
     unsent: Option<Box<dyn Reference>>,
@@ -334,10 +336,15 @@ impl LiveEnd {
             Some(RequestKind::UseReference { number }) => {
                 (self.reference, self.reference_start) = (number, None);
             }
+            Some(RequestKind::GoTo { odom_from_body }) => self.goal = Some(odom_from_body),
             _ => {}
         }
-        *self.snapshot.input_buffer_mut() =
-            Snapshot { reference: self.reference, reference_start: self.reference_start, ..*snapshot };
+        *self.snapshot.input_buffer_mut() = Snapshot {
+            reference: self.reference,
+            reference_start: self.reference_start,
+            goal: self.goal,
+            ..*snapshot
+        };
         self.snapshot.publish();
         let now_ns = record.time.now_ns;
         if self.last_trace_ns.is_none_or(|last_ns| now_ns >= last_ns + TRACE_NS) {

@@ -1,5 +1,6 @@
 //! The latest of everything, for whoever looks at a running robot.
 
+use omnibase_platform::Pose2;
 use omnibase_robot::StickShape;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
@@ -29,6 +30,8 @@ pub struct Snapshot {
     pub reference: u32,
     /// Where that began when it was last started.
     pub reference_start: Option<Setpoint>,
+    /// Where it was told to go last.
+    pub goal: Option<Pose2>,
     /// Cycles in OP.
     pub cycles: u64,
     /// Frames that weren't back at their deadline.
@@ -48,6 +51,7 @@ impl Default for Snapshot {
             obstacles: Default::default(),
             reference: 0,
             reference_start: None,
+            goal: None,
             cycles: 0,
             lost_frames: 0,
             overruns: 0,
