@@ -6,8 +6,11 @@
 //! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction.
 
 mod braking;
+mod retreat;
 pub(crate) mod shape;
 mod shaping;
+#[cfg(test)]
+mod tests;
 
 use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
 
@@ -15,21 +18,20 @@ use crate::config::{AvoidanceKind, FencePlan, GuardPlan, Limits};
 use crate::limiter::Limiter;
 use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
 use braking::Braking;
+use retreat::Retreat;
 use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
 use shaping::Detour;
 
 /// Most obstacles at a time.
 pub const MAX_OBSTACLES: usize = 16;
-/// No obstacle is larger, faster or further away, m and m/s.
-const GREATEST: f64 = 1e6;
+/// Nothing on the floor is larger, faster or further away, m and m/s.
+pub(crate) const GREATEST: f64 = 1e6;
 /// By how much less room than must be kept counts as kept: rounding, m.
 const ROUNDING_M: f64 = 1e-9;
 /// By how much less counts as being inside of what must be kept, from where only the way out is open, m.
 const INSIDE_M: f64 = 1e-4;
 /// What rounding may add to a speed.
 const SPEED_ROUNDING: f64 = 1.0 + 1e-9;
-/// Places along a stop that are looked at on the way out.
-const LOOKS: u32 = 4;
 /// A lag behind the plan up to which its time goes on at its rate, m.
 const LAG_ALLOWED_M: f64 = 0.1;
 /// A lag at which it waits, m.
@@ -206,8 +208,12 @@ impl Guard {
             Drive::Stop => Twist2::default(),
         };
         let here = limiter.setpoint();
-        if self.is_idle() || !wish.is_finite() || !here.is_finite() || !state.is_finite() {
+        if self.is_idle() {
             return limiter.toward(wish);
+        }
+        if !wish.is_finite() || !here.is_finite() || !state.is_finite() {
+            // Nothing is known of any motion but of the stop that was let through before.
+            return limiter.brake();
         }
         let now = self.now(&here, state);
         let (shaped, cause) = self.shape(&here, drive, (wish, &now));
@@ -221,7 +227,7 @@ impl Guard {
         for candidate in [shaped, half, straight, turning, Twist2::default()] {
             let mut tried = limiter.clone();
             let next = tried.toward(candidate);
-            match self.check(&next, &now) {
+            match self.check([&here, &next], &now) {
                 Ok(()) => {
                     *limiter = tried;
                     self.limited_by = cause;
@@ -251,7 +257,7 @@ impl Guard {
     }
 
     /// Whether the stop after a cycle's motion is known to keep off fence and obstacles; `Err` says what it may meet.
-    fn check(&self, next: &Setpoint, now: &Now) -> Result<(), LimitedBy> {
+    fn check(&self, [here, next]: [&Setpoint; 2], now: &Now) -> Result<(), LimitedBy> {
         let sweep = self.braking.of(next);
         if sweep.fastest_m_s > self.limits.speed_m_s * SPEED_ROUNDING {
             // The stop itself must keep the limit on speed.
@@ -266,22 +272,11 @@ impl Guard {
         let around_m = sweep.bend_m
             + self.radius_m * 0.5 * (greatest - least)
             + 0.5 * self.period_s * (twist.speed_m_s() + self.radius_m * twist.w_rad_s.abs());
-        let far_turn = if greatest > -least { greatest } else { least };
-        // The way out, place by place; never nearer than now.
-        let leads_out = |room: &dyn Fn(&Corners) -> f64, room_now: f64| {
-            (0..=LOOKS).all(|look| {
-                let part = f64::from(look) / f64::from(LOOKS);
-                let at = Pose2::new(
-                    pose.x_m + sweep.way[0] * part,
-                    pose.y_m + sweep.way[1] * part,
-                    pose.heading_rad + far_turn * part,
-                );
-                room(&Corners::placed(&self.footprint, &at)) >= room_now - ROUNDING_M
-            })
-        };
+        let retreat = || Retreat::new((&now.body, &self.footprint), [here, next], &sweep);
+        let reach_m = length(sweep.way) + 2.0 * around_m;
         if let Some(fence) = &self.fence {
             let is_free = if now.fence_m < now.fence_need_m - INSIDE_M {
-                leads_out(&|body| room_m(&fence.corners_m, body), now.fence_m)
+                retreat().leaves_fence(&fence.corners_m, [now.fence_need_m, reach_m])
             } else {
                 let need_m = now.fence_need_m.min(now.fence_m) - ROUNDING_M;
                 let needed_m = need_m + around_m;
@@ -294,7 +289,7 @@ impl Guard {
         if !self.heeds_obstacles() {
             return Ok(());
         }
-        let reach_m = length(sweep.way) + around_m + self.radius_m;
+        let reach_m = reach_m + self.radius_m;
         for (obstacle, room_now) in self.obstacles.iter().zip(now.obstacles_m) {
             let Some(obstacle) = obstacle else { continue };
             let lasting_s = sweep.duration_s + self.period_s;
@@ -307,11 +302,8 @@ impl Guard {
             // What moves comes nearer by itself, not by rounding.
             let rounding_m = if obstacle.velocity_m_s == [0.0; 2] { INSIDE_M } else { ROUNDING_M };
             let is_free = if room_now < now.obstacle_need_m - rounding_m {
-                // Wherever the obstacle is meanwhile: never nearer than a robot that stays.
-                [0.0, 0.5, 1.0].into_iter().all(|part| {
-                    let then = Obstacle { centre_m: plus(obstacle.centre_m, moves, part), ..*obstacle };
-                    leads_out(&|body| distance_m(body, &then), distance_m(&now.body, &then))
-                })
+                // The cycle that is being computed is driven after this one.
+                retreat().leaves(obstacle.centre_m, plus(moves, obstacle.velocity_m_s, self.period_s))
             } else {
                 let need_m = now.obstacle_need_m.min(room_now) - ROUNDING_M;
                 let across = [-sweep.way[0], -sweep.way[1]];

@@ -1,6 +1,7 @@
 //! Approaches to fences and obstacles at all speeds, directions, frames and sources, in virtual time.
 //!
-//! `cargo run --release -p omnibase-trials --example approaches [-- <cases> [<first seed>]]`; 100,000 cases by default.
+//! `cargo run --release -p omnibase-trials --example approaches [-- [<cases> [<first seed>]] [guarded|circulate]]`:
+//! 100,000 cases from seed 1, first `guarded`, then `circulate` on the same ones, where nothing else is said.
 
 use omnibase_robot::Registry;
 use omnibase_robot::config::AvoidanceKind;
@@ -8,13 +9,19 @@ use omnibase_trials::approaches::{Approach, register_kinematic, run};
 use omnibase_trials::{plan_of, robots};
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).filter_map(|argument| argument.parse::<u64>().ok());
-    let cases = arguments.next().unwrap_or(100_000);
-    let first = arguments.next().unwrap_or(1);
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let mut numbers = words.iter().filter_map(|word| word.parse::<u64>().ok());
+    let cases = numbers.next().unwrap_or(100_000);
+    let first = numbers.next().unwrap_or(1);
+    let kinds: &[AvoidanceKind] = match words.last().map(String::as_str) {
+        Some("guarded") => &[AvoidanceKind::Guarded],
+        Some("circulate") => &[AvoidanceKind::Circulate],
+        _ => &[AvoidanceKind::Guarded, AvoidanceKind::Circulate],
+    };
     let mut registry = Registry::with_built_in();
     register_kinematic(&mut registry);
     let bases = [plan_of(robots::BMM), plan_of(robots::MECANUM)];
-    for kind in [AvoidanceKind::Guarded, AvoidanceKind::Circulate] {
+    for &kind in kinds {
         let run_one = |seed: u64| (seed, run(&bases[(seed % 2) as usize], &registry, seed, kind));
         let results: Vec<(u64, Approach)> = (first..first + cases).map(run_one).collect();
         println!("\n## {kind:?}: {cases} approaches, seeds {first} to {}", first + cases - 1);
@@ -60,6 +67,10 @@ fn distribution(name: &str, results: &[(u64, Approach)], of: impl Fn(&Approach) 
         at(0.5),
         at(0.99),
     );
+    if crossed > 0 {
+        let seeds: Vec<String> = sorted[..crossed.min(8)].iter().map(|(_, seed)| seed.to_string()).collect();
+        println!("  below 0, the deepest first: seeds {}", seeds.join(", "));
+    }
     let edges = [f64::NEG_INFINITY, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, f64::INFINITY];
     for pair in edges.windows(2) {
         let count = sorted.iter().filter(|(value, _)| (pair[0]..pair[1]).contains(value)).count();

@@ -31,8 +31,8 @@ pub struct Approach {
     pub standing_m: f64,
     /// Least distance to a moving one, m: it may drive into a robot that stands.
     pub moving_m: f64,
-    /// Least distance to any obstacle after a motion of the robot that brought it nearer, m; not to those that had come
-    /// too near to it while it stood.
+    /// Least distance to any obstacle in a cycle whose motion brought it nearer, m: with the same motion of the
+    /// obstacle, a robot that stays would have been further away.
     pub own_m: f64,
     /// Least part of the distance that is to be kept, likewise.
     pub own_share: f64,
@@ -70,9 +70,7 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
         limited: 0,
     };
     let mut acceleration = Twist2::default();
-    let mut moved = Twist2::default();
-    let mut pose_before = Pose2::default();
-    let mut came_by_itself = [false; 16];
+    let mut setpoint_before = Pose2::default();
     for index in 0..world.cycles + 8 {
         let request = match index {
             1 => Some(RequestKind::Enable),
@@ -87,7 +85,7 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
         let request = request.map(|kind| Request { kind, valid_until_ns });
         let record = *robot.compute(time, Exchange::Complete, request, &mut image);
         let pose = record.state.odom_from_body;
-        let is_moving = moved != Twist2::default();
+        let setpoint = record.setpoint.odom_from_body;
         if let Some(fence) = &world.plan.guard.fence {
             let room_m = room_in_fence_m(&world.plan.guard.footprint_m, &pose, &fence.corners_m);
             result.fence_m = result.fence_m.min(room_m);
@@ -105,17 +103,13 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
             let stands = obstacle.velocity_m_s.iter().all(|speed| *speed == 0.0);
             let least_m = if stands { &mut result.standing_m } else { &mut result.moving_m };
             *least_m = least_m.min(distance_m);
-            // What comes too near to a robot that stands is no longer the robot's doing.
-            came_by_itself[number] |= distance_m < world.plan.guard.distance_m && !is_moving;
-            // An obstacle that catches up with a robot which makes way for it is the obstacle's doing, too.
-            let brought_nearer = is_moving && distance_m < distance(&pose_before) - ROUNDING_M;
-            if brought_nearer && !came_by_itself[number] {
+            // The body follows the setpoint a cycle later, while the obstacle drives on.
+            if distance(&setpoint) < distance(&setpoint_before) - ROUNDING_M {
                 result.own_m = result.own_m.min(distance_m);
                 result.own_share = result.own_share.min(distance_m / world.plan.guard.distance_m);
             }
         }
-        moved = record.setpoint.twist_in_odom;
-        pose_before = pose;
+        setpoint_before = setpoint;
     }
     result
 }

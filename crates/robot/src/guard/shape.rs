@@ -88,6 +88,40 @@ impl Corners {
         if is_inside { -square.sqrt() } else { square.sqrt() }
     }
 
+    /// Where a point lies as seen from the body.
+    pub(crate) fn sight(&self, point: Point) -> Sight {
+        // Inside, the side through which it is soonest out.
+        let mut inner = (f64::NEG_INFINITY, Sight { normal: [0.0; 2], part: 0 });
+        let mut outer = (f64::INFINITY, inner.1);
+        for (number, (from, to)) in self.sides().enumerate() {
+            let side = plus(to, from, -1.0);
+            let outward = [side[1] / length(side), -side[0] / length(side)];
+            let part = dot(plus(point, from, -1.0), side) / dot(side, side);
+            let from_plane = dot(outward, plus(point, from, -1.0));
+            if from_plane > inner.0 {
+                inner = (from_plane, Sight { normal: outward, part: 2 * number });
+            }
+            let away = plus(point, plus(from, side, part.clamp(0.0, 1.0)), -1.0);
+            let distance = length(away);
+            if distance < outer.0 {
+                let sight = match part {
+                    part if part <= 0.0 => Sight { normal: away, part: 2 * number + 1 },
+                    part if part >= 1.0 => Sight { normal: away, part: (2 * number + 3) % (2 * self.count) },
+                    _ => Sight { normal: outward, part: 2 * number },
+                };
+                outer = (distance, sight);
+            }
+        }
+        let (distance, sight) = outer;
+        if inner.0 <= 0.0 || distance == 0.0 {
+            inner.1
+        } else if sight.part % 2 == 0 {
+            sight
+        } else {
+            Sight { normal: [sight.normal[0] / distance, sight.normal[1] / distance], ..sight }
+        }
+    }
+
     /// A circle around all corners: centre and radius, m.
     fn circle(&self) -> (Point, f64) {
         let part = 1.0 / self.count.max(1) as f64;
@@ -148,6 +182,15 @@ impl Corners {
         }
         least
     }
+}
+
+/// Where a point lies as seen from a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sight {
+    /// The direction in which its distance grows.
+    pub(crate) normal: Point,
+    /// The part of the body that is nearest: twice the number of a side, or one more: the corner where it begins.
+    pub(crate) part: usize,
 }
 
 /// A parallelogram: a point, a side of a fence or an obstacle's centre, moved along one or two straight ways.
@@ -238,18 +281,23 @@ pub(crate) fn hull(points: &[Point]) -> Vec<Point> {
     hull
 }
 
-/// Two sides of a polygon that cross or touch although they aren't neighbours.
+/// Two sides of a polygon that cross or touch; neighbours where they share more than their corner.
 pub(crate) fn crossing(polygon: &[Point]) -> Option<(usize, usize)> {
     let count = polygon.len();
     let side = |i: usize| (polygon[i], polygon[(i + 1) % count]);
+    let on = |from, to, point| length(plus(point, nearest_on(from, to, point), -1.0)) < 1e-9;
     let meet = |(a, b): (Point, Point), (c, d): (Point, Point)| {
         let turn = |a: Point, b: Point, c: Point| cross(plus(b, a, -1.0), plus(c, a, -1.0));
-        let on = |from, to, point| length(plus(point, nearest_on(from, to, point), -1.0)) < 1e-9;
         let apart = turn(a, b, c) * turn(a, b, d) < 0.0 && turn(c, d, a) * turn(c, d, b) < 0.0;
         apart || on(a, b, c) || on(a, b, d) || on(c, d, a) || on(c, d, b)
     };
-    let pairs = (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
-    pairs.filter(|(i, j)| j - i > 1 && (*i, *j) != (0, count - 1)).find(|(i, j)| meet(side(*i), side(*j)))
+    let folds = |(a, b): (Point, Point), (_, c): (Point, Point)| on(a, b, c) || on(b, c, a);
+    let mut pairs = (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
+    pairs.find(|(i, j)| match (*i, *j) {
+        (i, j) if j == i + 1 => folds(side(i), side(j)),
+        (0, j) if j == count - 1 => folds(side(j), side(0)),
+        (i, j) => meet(side(i), side(j)),
+    })
 }
 
 /// Twice a polygon's area; positive where it goes counter-clockwise.

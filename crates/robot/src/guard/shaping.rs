@@ -116,28 +116,35 @@ impl Constraints {
         })
     }
 
-    /// A speed within all constraints and near to the wished one, by projection on one after the other.
+    /// A speed within all constraints and near to the wished one.
     fn within(&self, wish: Point, w_rad_s: f64) -> Point {
+        // In a pocket that closes not everything can be left at once; then it is enough to come nearer to nothing.
+        let leaving = self.projected(wish, w_rad_s, f64::NEG_INFINITY);
+        leaving.or_else(|| self.projected(wish, w_rad_s, 0.0)).unwrap_or_default()
+    }
+
+    /// By projection on one constraint after the other, none of them stricter than `least_m_s`; `None` where that
+    /// doesn't end within all of them.
+    fn projected(&self, wish: Point, w_rad_s: f64, least_m_s: f64) -> Option<Point> {
+        let excess_of = |constraint: &Constraint, speed: Point| {
+            let most = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
+            dot(constraint.normal, speed) - most
+        };
         let mut speed = wish;
         for _ in 0..ROUNDS {
             let mut held = true;
             for constraint in self.all() {
-                let most = constraint.most_m_s - w_rad_s * constraint.moment_m;
-                let excess = dot(constraint.normal, speed) - most;
+                let excess = excess_of(constraint, speed);
                 if excess > 1e-12 {
                     speed = plus(speed, constraint.normal, -excess);
-                    held = excess < 1e-9;
+                    held &= excess < 1e-9;
                 }
             }
             if held {
-                return speed;
+                return Some(speed);
             }
         }
-        let fits = |constraint: &Constraint| {
-            dot(constraint.normal, speed) + w_rad_s * constraint.moment_m < constraint.most_m_s + 1e-3
-        };
-        // A pocket that closes: nothing fits, so nothing is wished.
-        if self.all().iter().all(fits) { speed } else { [0.0; 2] }
+        self.all().iter().all(|constraint| excess_of(constraint, speed) < 1e-3).then_some(speed)
     }
 }
 
@@ -250,14 +257,7 @@ impl Guard {
         if self.heeds_obstacles() {
             for (obstacle, room_m) in self.obstacles.iter().zip(now.obstacles_m) {
                 let Some(obstacle) = obstacle else { continue };
-                let on = body.nearest(obstacle.centre_m);
-                let is_within = is_inside(body.points(), obstacle.centre_m);
-                let towards = plus(obstacle.centre_m, if is_within { origin } else { on }, -1.0);
-                let size = length(towards);
-                if size == 0.0 {
-                    continue;
-                }
-                let normal = [towards[0] / size, towards[1] / size];
+                let normal = body.sight(obstacle.centre_m).normal;
                 // While the platform stops, an obstacle that comes nearer comes nearer.
                 let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
                 let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
@@ -270,7 +270,7 @@ impl Guard {
                     most_m_s = (most_m_s - comes).max(most_m_s.min(0.0));
                 }
                 if most_m_s < fastest {
-                    let moment_m = cross(plus(on, origin, -1.0), normal);
+                    let moment_m = cross(plus(obstacle.centre_m, origin, -1.0), normal);
                     let around = plus(origin, obstacle.centre_m, -1.0);
                     constraints.push(Constraint {
                         normal,

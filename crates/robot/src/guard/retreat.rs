@@ -1,0 +1,156 @@
+//! Ways out: whether a motion and the stop after it lead away from what is too near already.
+//!
+//! Away means: at no moment nearer than a robot that stays where it is now, wherever a moving obstacle is meanwhile.
+//!
+//! The distance from a convex body to a point is a convex function of the point's place, seen from the body. So with n,
+//! its direction of growth, the point is no nearer wherever it has moved along n, and that is all that is asked:
+//!
+//! 1. The velocities of the rest of the motion lie between three of them (see [`Braking`](super::braking)), so it is
+//!    enough that none of these leads along n, for n turned with the body by the ends of its turn.
+//! 2. A turn moves the point along n at a rate that is a sine of the angle, so that it keeps its sign between two angles
+//!    where it has the same; and so for the corner of a body that turns before something that stands.
+//! 3. While an obstacle drives straight on, n turns monotonously from its first value to its last one; where it stays
+//!    next to the same corner or side, what is linear in n and its place is bounded by the ends, too. Else no turn.
+//!
+//! Translation and turn must each lead away for themselves, for one of them may end before the other.
+
+use omnibase_platform::Pose2;
+
+use super::braking::Sweep;
+use super::shape::{Corners, Point, cross, dot, double_area, is_inside, length, nearest_on, plus, sides};
+use crate::signals::Setpoint;
+
+/// What rounding may add to a way or a speed that leads away, m and m/s.
+const ROUNDING: f64 = 1e-9;
+
+/// The rest of a motion from where the body is now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Retreat<'a> {
+    /// The body as it stands now, and its origin.
+    body: &'a Corners,
+    origin: Point,
+    /// The body at the end of the stop, and its origin there.
+    end: Corners,
+    end_origin: Point,
+    /// All velocities lie between these and 0, but for a factor.
+    directions: [Point; 3],
+    /// The heading lies between these two, rad from now.
+    turn_rad: [f64; 2],
+}
+
+/// What a normal belongs to.
+#[derive(Clone, Copy, Debug)]
+enum Carrier {
+    Body,
+    Floor,
+}
+
+impl<'a> Retreat<'a> {
+    /// From a place to the next cycle's, and the stop after it; the body and its footprint.
+    pub(super) fn new(
+        (body, footprint): (&'a Corners, &[Point]),
+        [here, next]: [&Setpoint; 2],
+        sweep: &Sweep,
+    ) -> Self {
+        let speed = |at: &Setpoint| [at.twist_in_odom.vx_m_s, at.twist_in_odom.vy_m_s];
+        let (from, to) = (here.odom_from_body, next.odom_from_body);
+        let step_rad = to.heading_rad - from.heading_rad;
+        let [least, greatest] = sweep.turn_rad;
+        let far_rad = if greatest > -least { greatest } else { least };
+        let end_origin = plus([to.x_m, to.y_m], sweep.way, 1.0);
+        let end = Pose2::new(end_origin[0], end_origin[1], to.heading_rad + far_rad);
+        Retreat {
+            body,
+            origin: [from.x_m, from.y_m],
+            end: Corners::placed(footprint, &end),
+            end_origin,
+            directions: [speed(here), speed(next), sweep.way],
+            turn_rad: [(step_rad + least).min(0.0), (step_rad + greatest).max(0.0)],
+        }
+    }
+
+    fn turns(&self) -> bool {
+        self.turn_rad != [0.0; 2]
+    }
+
+    fn goes_along(&self, normal: Point) -> bool {
+        self.directions.iter().any(|way| dot(*way, normal) > ROUNDING)
+    }
+
+    /// Whether any part of it leads the end of an arm along a normal, or a side with that normal towards that end.
+    fn leads_along(&self, arm: Point, normal: Point, carrier: Carrier) -> bool {
+        let seen = |turn_rad: f64| {
+            // The body's side turns with it; seen from a turned arm, what stands turns back.
+            let (sin, cos) = match carrier {
+                Carrier::Body => turn_rad.sin_cos(),
+                Carrier::Floor => (-turn_rad).sin_cos(),
+            };
+            [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]]
+        };
+        let turns = |end_rad: f64| {
+            [0.0, end_rad].into_iter().any(|turn_rad| {
+                let normal = seen(turn_rad);
+                let moved_m = match carrier {
+                    Carrier::Body => (-end_rad * cross(self.directions[2], normal)).max(0.0),
+                    Carrier::Floor => 0.0,
+                };
+                end_rad * cross(arm, normal) + moved_m > ROUNDING
+            })
+        };
+        let moves = match carrier {
+            Carrier::Body => self.turn_rad.iter().any(|turn_rad| self.goes_along(seen(*turn_rad))),
+            Carrier::Floor => false,
+        };
+        self.goes_along(normal) || moves || self.turn_rad.into_iter().any(turns)
+    }
+
+    /// Whether it leads away from a point that moves along a straight course.
+    pub(super) fn leaves(&self, from: Point, along: Point) -> bool {
+        let ends = [0.0, 0.5, 1.0].map(|part| plus(from, along, part));
+        let sights = ends.map(|point| self.body.sight(point));
+        if self.turns() && sights.iter().any(|sight| sight.part != sights[0].part) {
+            return false;
+        }
+        let begins = ends.iter().zip(sights).all(|(point, sight)| {
+            !self.leads_along(plus(*point, self.origin, -1.0), sight.normal, Carrier::Body)
+        });
+        // What was gained isn't given back at the end, either, where another part of the body may be the nearest.
+        begins && {
+            let (point, normal) = (ends[2], self.end.sight(ends[2]).normal);
+            let moment_m = cross(plus(point, self.end_origin, -1.0), normal);
+            !self.goes_along(normal) && !self.turn_rad.iter().any(|turn| turn * moment_m > ROUNDING)
+        }
+    }
+
+    /// Whether it leads away from all of a fence that it may come nearer to than `need_m` by a way of `reach_m`.
+    pub(super) fn leaves_fence(&self, fence: &[Point], [need_m, reach_m]: [f64; 2]) -> bool {
+        let near_m = need_m + reach_m;
+        let out = if double_area(fence) > 0.0 { 1.0 } else { -1.0 };
+        let corner_leaves = |corner: &Point| {
+            let inside = is_inside(fence, *corner);
+            let from_side = |(from, to)| plus(nearest_on(from, to, *corner), *corner, -1.0);
+            let nearest_m = sides(fence).map(|side| length(from_side(side))).fold(f64::INFINITY, f64::min);
+            let within_m = if inside { near_m } else { nearest_m + reach_m };
+            sides(fence).all(|(from, to)| {
+                let (towards, side) = (from_side((from, to)), plus(to, from, -1.0));
+                let distance_m = length(towards);
+                let outward = [out * side[1] / length(side), -out * side[0] / length(side)];
+                if distance_m > within_m || (!inside && dot(outward, plus(*corner, from, -1.0)) < 0.0) {
+                    return true;
+                }
+                let is_clear = inside && distance_m > 1e-6;
+                let normal =
+                    if is_clear { [towards[0] / distance_m, towards[1] / distance_m] } else { outward };
+                let arm = plus(*corner, self.origin, -1.0);
+                !self.leads_along(arm, normal, Carrier::Floor)
+            })
+        };
+        let count = fence.len();
+        let vertex_leaves = |(number, vertex): (usize, &Point)| {
+            let (before, after) = (fence[(number + count - 1) % count], fence[(number + 1) % count]);
+            let points_inwards = out * cross(plus(*vertex, before, -1.0), plus(after, *vertex, -1.0)) < 0.0;
+            !points_inwards || self.body.distance_to_m(*vertex) > near_m || self.leaves(*vertex, [0.0; 2])
+        };
+        self.body.points().iter().all(corner_leaves) && fence.iter().enumerate().all(vertex_leaves)
+    }
+}
