@@ -78,7 +78,8 @@ impl Check {
         value
     }
 
-    fn refused(&self, setting: &str) -> bool {
+    /// Whether something was said about a setting already.
+    pub(super) fn refused(&self, setting: &str) -> bool {
         let (table, key) = setting.rsplit_once('.').unwrap_or(("", setting));
         self.problems.iter().any(|problem| {
             let of_table = problem.setting.rsplit_once('.').map_or("", |(table, _)| table) == table;

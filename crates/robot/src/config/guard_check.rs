@@ -8,7 +8,10 @@ use super::guard_tables::FenceTable;
 use super::plan::{FencePlan, FootprintSource, GuardPlan};
 use super::problem::ProblemKind;
 use crate::guard::shape::{self, Corners, MAX_FENCE_CORNERS, MAX_FOOTPRINT_CORNERS, Point};
-use crate::guard::{MAX_OBSTACLES, Obstacle};
+use crate::guard::{GREATEST, MAX_OBSTACLES, Obstacle};
+
+#[cfg(test)]
+mod tests;
 
 /// What a footprint keeps from the fence, m.
 const FENCE_MARGIN_M: f64 = 0.05;
@@ -33,6 +36,8 @@ pub(super) fn resolve(
         None => None,
     };
     let (footprint_m, footprint_source) = footprint?;
+    let obstacles = obstacles?;
+    stand_outside(check, &footprint_m, &obstacles)?;
     Some(GuardPlan {
         footprint_m,
         footprint_source,
@@ -40,13 +45,16 @@ pub(super) fn resolve(
         avoidance: file.avoidance.kind.unwrap_or_default(),
         distance_m: file.avoidance.distance_m.unwrap_or(OBSTACLE_DISTANCE_M),
         circulate_1_s: file.avoidance.circulate_1_s.unwrap_or(CIRCULATE_1_S),
-        obstacles: obstacles?,
+        obstacles,
     })
 }
 
 fn given_footprint(check: &mut Check, corners: &[Point]) -> Option<Vec<Point>> {
     let setting = "platform.footprint_m";
-    all_finite(check, setting, corners)?;
+    if check.refused(setting) {
+        return None;
+    }
+    all_possible(check, setting, corners)?;
     let hull = shape::hull(corners);
     if hull.len() < 3 {
         let problem = check.report(ProblemKind::Contradiction, setting, "a footprint covers some floor");
@@ -61,7 +69,9 @@ fn given_footprint(check: &mut Check, corners: &[Point]) -> Option<Vec<Point>> {
         return None;
     }
     if let Some((one, other)) = shape::crossing(corners) {
-        let reason = format!("its sides {one} and {other}, from 0, cross: are the corners in order?");
+        let reason = format!(
+            "its sides {one} and {other}, from 0, cross or touch: are the corners in order, each once?"
+        );
         check.report(ProblemKind::Contradiction, setting, reason);
         return None;
     }
@@ -88,6 +98,10 @@ fn footprint_of_wheels(kinematics: &Kinematics) -> Vec<Point> {
 }
 
 fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> Option<FencePlan> {
+    // What couldn't be read is missing here, and was told about.
+    if check.refused("fence.rectangle_m") || check.refused("fence.polygon_m") {
+        return None;
+    }
     let (setting, corners_m) = match (&table.rectangle_m, &table.polygon_m) {
         (Some([x_min, y_min, x_max, y_max]), None) => {
             let setting = "fence.rectangle_m";
@@ -101,6 +115,9 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
             (setting, vec![[*x_min, *y_min], [*x_max, *y_min], [*x_max, *y_max], [*x_min, *y_max]])
         }
         (None, Some(corners)) => ("fence.polygon_m", corners.clone()),
+        (None, None) if check.refused("fence.rectangle_m") || check.refused("fence.polygon_m") => {
+            return None;
+        }
         (None, None) => {
             check.report(ProblemKind::Missing, "fence", "must say `rectangle_m` or `polygon_m`");
             return None;
@@ -111,7 +128,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
             return None;
         }
     };
-    all_finite(check, setting, &corners_m)?;
+    all_possible(check, setting, &corners_m)?;
     if !(3..=MAX_FENCE_CORNERS).contains(&corners_m.len()) {
         let problem = check.report(ProblemKind::OutOfRange, setting, "a fence has corners, not too many");
         problem.value = Some(format!("{} corners", corners_m.len()));
@@ -119,7 +136,9 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
         return None;
     }
     if let Some((one, other)) = shape::crossing(&corners_m) {
-        let reason = format!("its sides {one} and {other}, from 0, cross or touch");
+        let reason = format!(
+            "its sides {one} and {other}, from 0, cross or touch: are the corners in order, each once?"
+        );
         check.report(ProblemKind::Contradiction, setting, reason);
         return None;
     }
@@ -156,7 +175,9 @@ fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {
         let obstacle = Obstacle { centre_m, radius_m, velocity_m_s: table.velocity_m_s.unwrap_or_default() };
         if !obstacle.is_possible() {
             let reason = "its numbers must be finite, its radius not negative";
-            check.report(ProblemKind::OutOfRange, &format!("obstacle[{index}]"), reason);
+            let problem = check.report(ProblemKind::OutOfRange, &format!("obstacle[{index}]"), reason);
+            problem.value = Some(format!("{centre_m:?}, {radius_m:?}, {:?}", obstacle.velocity_m_s));
+            problem.limit = Some(format!("numbers up to {GREATEST:?}, a radius from 0"));
             list = None;
         } else if let Some(list) = &mut list {
             list.push(obstacle);
@@ -165,13 +186,29 @@ fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {
     list
 }
 
-fn all_finite(check: &mut Check, setting: &str, corners: &[Point]) -> Option<()> {
-    let wrong = corners.iter().position(|corner| !corner.iter().all(|value| value.is_finite()));
-    match wrong {
-        Some(corner) => {
-            check.report(ProblemKind::OutOfRange, &format!("{setting}[{corner}]"), "must be finite");
-            None
+/// An obstacle that is there from the start and in the robot is a slip of the pen.
+fn stand_outside(check: &mut Check, footprint: &[Point], obstacles: &[Obstacle]) -> Option<()> {
+    let start = Corners::placed(footprint, &Pose2::default());
+    let mut all = Some(());
+    for (index, obstacle) in obstacles.iter().enumerate() {
+        let distance_m = start.distance_to_m(obstacle.centre_m) - obstacle.radius_m;
+        if distance_m < 0.0 {
+            let reason = "it must not reach into the footprint at start, the origin of odom";
+            let problem = check.report(ProblemKind::Contradiction, &format!("obstacle[{index}]"), reason);
+            problem.value = Some(format!("{:.3} m into the footprint", -distance_m));
+            problem.limit = Some("a distance from 0".into());
+            all = None;
         }
-        None => Some(()),
     }
+    all
+}
+
+fn all_possible(check: &mut Check, setting: &str, corners: &[Point]) -> Option<()> {
+    let possible = |corner: &Point| corner.iter().all(|value| value.abs() <= GREATEST);
+    let Some(wrong) = corners.iter().position(|corner| !possible(corner)) else { return Some(()) };
+    let problem =
+        check.report(ProblemKind::OutOfRange, &format!("{setting}[{wrong}]"), "a corner is a place");
+    problem.value = Some(format!("{:?}", corners[wrong]));
+    problem.limit = Some(format!("numbers from -{GREATEST:?} to {GREATEST:?}"));
+    None
 }
