@@ -1,6 +1,7 @@
 //! The same run gives the same bits, and a record computes to the same bits again.
 
-use omnibase_robot::signals::Value;
+use omnibase_robot::guard::Obstacle;
+use omnibase_robot::signals::{LimitedBy, RequestAnswer, Value};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
 use omnibase_trials::{Trial, plan_of, robots};
 
@@ -16,18 +17,25 @@ fn bits(record: &CycleRecord) -> Vec<u64> {
 
 /// Every cycle of enabling and a circle, and where the body ended.
 fn life(text: &str) -> (Vec<CycleRecord>, [u64; 3]) {
+    let asked = |index| match index {
+        20 => Some(RequestKind::Enable),
+        500 => Some(RequestKind::Track),
+        _ => None,
+    };
+    let (records, pose) = life_of(text, 12_000, &asked);
+    assert_eq!(records.last().map(|record| record.phase), Some(Phase::Holding));
+    (records, pose)
+}
+
+/// Every cycle of so many, and where the body ended.
+fn life_of(
+    text: &str,
+    cycles: u64,
+    asked: &dyn Fn(u64) -> Option<RequestKind>,
+) -> (Vec<CycleRecord>, [u64; 3]) {
     let mut trial = Trial::new(plan_of(text));
-    let mut records = Vec::new();
-    for index in 0..12_000 {
-        let kind = match (index, trial.robot.phase()) {
-            (20, _) => Some(RequestKind::Enable),
-            (500, _) => Some(RequestKind::Track),
-            _ => None,
-        };
-        records.push(*trial.step(kind));
-    }
+    let records: Vec<CycleRecord> = (0..cycles).map(|index| *trial.step(asked(index))).collect();
     assert!(records.iter().any(|record| record.phase == Phase::Tracking));
-    assert_eq!(trial.robot.phase(), Phase::Holding);
     let pose = trial.pose();
     (records, [pose.x_m.to_bits(), pose.y_m.to_bits(), pose.heading_rad.to_bits()])
 }
@@ -57,4 +65,47 @@ fn same_run_same_bits_and_a_record_computes_again() {
             assert_eq!(bits(robot.replay(record, &mut buffer)), bits(record), "{law} {}", record.time.index);
         }
     }
+}
+
+/// Obstacles are put, dragged, refused and taken away while a circle is followed inside a fence; then the record alone
+/// computes to the same bits.
+#[test]
+fn a_record_with_obstacles_that_were_moved_computes_again() {
+    let fence = "\n[fence]\nrectangle_m = [-2.5, -2.5, 2.5, 2.5]\n\
+                 [[obstacle]]\ncentre_m = [2.0, -1.5]\nradius_m = 0.1\nvelocity_m_s = [-0.02, 0.01]\n";
+    let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 10.0\n";
+    let put = |index, x: f64, y: f64, radius_m| RequestKind::SetObstacle {
+        index,
+        obstacle: Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [0.01, -0.02] },
+    };
+    let asked = |index: u64| match index {
+        20 => Some(RequestKind::Enable),
+        500 => Some(RequestKind::Track),
+        // On its way, dragged thirty times a second.
+        2000..5000 if index.is_multiple_of(33) => Some(put(3, 0.6, 1.2 - 1e-4 * (index - 2000) as f64, 0.2)),
+        5000 => Some(put(15, -1.0, 0.3, 0.15)),
+        5500 => Some(put(16, 0.0, 0.0, 0.1)),
+        5600 => Some(put(4, f64::NAN, 0.0, 0.1)),
+        6000 => Some(RequestKind::RemoveObstacle { index: 3 }),
+        _ => None,
+    };
+    let text = format!("{}{circle}{fence}", robots::BMM);
+    let ((first, pose), (second, pose_again)) = (life_of(&text, 9000, &asked), life_of(&text, 9000, &asked));
+    assert!(first.iter().zip(&second).all(|(a, b)| bits(a) == bits(b)));
+    assert_eq!(pose, pose_again);
+    // They were heeded, and what can't be was refused.
+    assert!(first.iter().any(|record| record.guard.limited_by == LimitedBy::Obstacle));
+    assert!(
+        [1, 4, 16].iter().all(|number| first.iter().any(|record| record.guard.nearest_obstacle == *number))
+    );
+    assert_eq!(first[5500].answer, RequestAnswer::Refused);
+    assert_eq!(first[5600].answer, RequestAnswer::Refused);
+    let plan = plan_of(&text);
+    let mut robot = Robot::build(&plan, &Registry::with_built_in()).unwrap_or_else(|error| panic!("{error}"));
+    let mut buffer = ImageBuffer::new(&plan);
+    for record in &first {
+        assert_eq!(bits(robot.replay(record, &mut buffer)), bits(record), "{}", record.time.index);
+    }
+    assert_eq!(robot.obstacles()[3], None);
+    assert!(robot.obstacles()[15].is_some());
 }

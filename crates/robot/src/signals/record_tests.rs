@@ -4,6 +4,7 @@ use omnibase_cia402::StatusWord;
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::*;
+use crate::guard::Obstacle;
 
 fn full(wheels: usize) -> CycleRecord {
     let mut record = CycleRecord {
@@ -89,6 +90,8 @@ fn every_request_comes_back() {
         RequestKind::GoTo { odom_from_body: Pose2 { x_m: 1.0, y_m: -2.0, heading_rad: 7.0 } },
         RequestKind::UseReference { number: 3 },
         RequestKind::SwitchController { index: 1 },
+        RequestKind::SetObstacle { index: 15, obstacle: OBSTACLE },
+        RequestKind::RemoveObstacle { index: 3 },
     ];
     for kind in kinds {
         let request = Some(Request::lasting(kind));
@@ -102,4 +105,31 @@ fn every_request_comes_back() {
     }
     assert_eq!(Request::from_codes([0; 3], [0.0; 6]), Some(None));
     assert_eq!(Request::from_codes([99, 0, 0], [0.0; 6]), None);
+}
+
+const OBSTACLE: Obstacle = Obstacle { centre_m: [1.5, -2.5], radius_m: 0.25, velocity_m_s: [-0.125, 0.5] };
+
+#[test]
+fn requests_about_obstacles_are_12_and_13_and_come_back_through_a_record() {
+    let set = Request { kind: RequestKind::SetObstacle { index: 15, obstacle: OBSTACLE }, valid_until_ns: 7 };
+    assert_eq!(Request::codes(Some(set)), ([12, 15, 7], [1.5, -2.5, 0.25, -0.125, 0.5, 0.0]));
+    let remove = Request::lasting(RequestKind::RemoveObstacle { index: 3 });
+    assert_eq!(Request::codes(Some(remove)), ([13, 3, u64::MAX], [0.0; 6]));
+    for request in [set, remove] {
+        let mut record = CycleRecord { request: Some(request), ..full(3) };
+        record.guard = GuardReport {
+            fence_margin_m: Some(-0.25),
+            obstacle_distance_m: Some(0.5),
+            nearest_obstacle: 16,
+            limited_by: LimitedBy::Obstacle,
+        };
+        let mut values = Vec::new();
+        record.values(&mut values);
+        assert_eq!(CycleRecord::from_values(3, &values), Some(record));
+    }
+    // A place that no number of 32 bits holds is no request.
+    for sort in [12, 13] {
+        assert_eq!(Request::from_codes([sort, 1 << 32, 0], [0.0; 6]), None);
+    }
+    assert_eq!(Request::from_codes([14, 0, 0], [0.0; 6]), None);
 }
