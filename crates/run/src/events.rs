@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 use std::ops::Deref;
 
-use omnibase_robot::signals::{CycleRecord, Exchange, Phase, SafetyReason};
+use omnibase_robot::signals::{CycleRecord, Exchange, LimitedBy, Phase, SafetyReason};
 use serde::Serialize;
 
 /// Something that happened.
@@ -83,17 +83,32 @@ pub struct Watch {
     phase: Phase,
     reason: SafetyReason,
     exchange: Exchange,
+    /// What was told last of what holds the motion back, when that was, and when anything last did, ns.
+    held_by: LimitedBy,
+    told_ns: u64,
+    held_ns: u64,
 }
+
+/// So long nothing must have held the motion back before that is told, and so long passes between two that hold it, ns:
+/// one who slides along a fence is not to be told so at each of its touches.
+const FREE_NS: u64 = 1_000_000_000;
 
 impl Default for Watch {
     fn default() -> Self {
-        Watch { phase: Phase::Disabled, reason: SafetyReason::None, exchange: Exchange::Complete }
+        Watch {
+            phase: Phase::Disabled,
+            reason: SafetyReason::None,
+            exchange: Exchange::Complete,
+            held_by: LimitedBy::Nothing,
+            told_ns: 0,
+            held_ns: 0,
+        }
     }
 }
 
 impl Watch {
     /// What changed with this cycle, in words that cost no allocation; `phase` is that after it.
-    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 3] {
+    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 4] {
         // Every run ends by a stop; whoever asks for one earlier says so.
         let is_own = matches!(record.stop_reason, SafetyReason::None | SafetyReason::Requested);
         let reason = (record.stop_reason != self.reason && !is_own).then(|| record.stop_reason.text());
@@ -106,8 +121,30 @@ impl Watch {
             Exchange::Without { .. } => "a SubDevice is away",
             Exchange::Restarted { .. } => "drives that started anew take part again",
         });
-        *self = Watch { phase, reason: record.stop_reason, exchange: record.exchange };
-        [exchange, reason, phase_change]
+        let held = self.held(record.guard.limited_by, record.time.now_ns);
+        (self.phase, self.reason, self.exchange) = (phase, record.stop_reason, record.exchange);
+        [exchange, held, reason, phase_change]
+    }
+
+    /// What began to hold the motion back, or no longer does.
+    fn held(&mut self, by: LimitedBy, now_ns: u64) -> Option<&'static str> {
+        let since_ns = match (self.held_by, by) {
+            (_, LimitedBy::Nothing) => self.held_ns,
+            (LimitedBy::Nothing, _) => 0,
+            _ => self.told_ns,
+        };
+        if by != LimitedBy::Nothing {
+            self.held_ns = now_ns;
+        }
+        if by == self.held_by || (since_ns > 0 && now_ns.saturating_sub(since_ns) < FREE_NS) {
+            return None;
+        }
+        (self.held_by, self.told_ns) = (by, now_ns);
+        Some(match by {
+            LimitedBy::Nothing => "neither fence nor obstacle holds the motion back any longer",
+            LimitedBy::Fence => "the fence holds the motion back",
+            LimitedBy::Obstacle => "an obstacle holds the motion back",
+        })
     }
 }
 
@@ -127,6 +164,47 @@ pub fn phase_words(phase: Phase) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is told in a cycle of 1 ms.
+    fn told(watch: &mut Watch, at_ms: u64, change: impl Fn(&mut CycleRecord)) -> Vec<&'static str> {
+        let mut record =
+            CycleRecord { phase: Phase::Tracking, exchange: Exchange::Complete, ..Default::default() };
+        record.time.now_ns = at_ms * 1_000_000;
+        change(&mut record);
+        watch.look(&record, record.phase).into_iter().flatten().collect()
+    }
+
+    #[test]
+    fn what_holds_a_motion_back_is_told_once_and_when_it_ends() {
+        let mut watch = Watch::default();
+        assert_eq!(told(&mut watch, 0, |_| {}), ["tracking the reference"]);
+        let by = |by| move |record: &mut CycleRecord| record.guard.limited_by = by;
+        assert_eq!(told(&mut watch, 10, by(LimitedBy::Fence)), ["the fence holds the motion back"]);
+        // Sliding along it: now it holds, now it doesn't.
+        let touches = [LimitedBy::Fence, LimitedBy::Nothing, LimitedBy::Obstacle];
+        for at_ms in 11..1010 {
+            assert!(told(&mut watch, at_ms, by(touches[at_ms as usize % 3])).is_empty(), "{at_ms}");
+        }
+        assert_eq!(told(&mut watch, 1010, by(LimitedBy::Obstacle)), ["an obstacle holds the motion back"]);
+        assert!(told(&mut watch, 2009, |_| {}).is_empty());
+        let free = ["neither fence nor obstacle holds the motion back any longer"];
+        assert_eq!(told(&mut watch, 2010, |_| {}), free);
+        assert!(told(&mut watch, 2011, |_| {}).is_empty());
+        assert_eq!(told(&mut watch, 2012, by(LimitedBy::Fence)), ["the fence holds the motion back"]);
+    }
+
+    #[test]
+    fn a_plan_that_led_out_of_the_fence_is_told_with_its_reason() {
+        let mut watch = Watch::default();
+        told(&mut watch, 0, |_| {});
+        let stopping = |record: &mut CycleRecord| {
+            record.guard.limited_by = LimitedBy::Fence;
+            (record.stop_reason, record.phase) = (SafetyReason::Fence, Phase::Stopping);
+        };
+        let expected = ["the fence holds the motion back", "the way led out of the fence", "ramping down"];
+        assert_eq!(told(&mut watch, 1, stopping), expected);
+        assert!(told(&mut watch, 2, stopping).is_empty());
+    }
 
     #[test]
     fn words_that_are_too_long_are_cut_between_letters() {
