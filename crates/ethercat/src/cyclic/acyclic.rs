@@ -15,6 +15,8 @@ use super::recovery::{Comeback, Place, Recovery, RecoveryError, Seen};
 pub const CAPACITY: usize = 64;
 /// Time between two looks at mailboxes for messages that nobody asked for.
 const LOOK_INTERVAL: Duration = Duration::from_millis(10);
+/// The same while somebody is on its way back, whose way takes nearly all spare datagrams.
+const LOOK_INTERVAL_BESIDE: Duration = Duration::from_millis(40);
 /// How long a register access is repeated.
 const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
 
@@ -366,7 +368,8 @@ impl Acyclic {
     }
 
     fn look_around(&mut self, now: HostTime) {
-        self.next_look = now + LOOK_INTERVAL;
+        let is_beside = self.active.iter().any(|position| self.lanes[usize::from(*position)].is_recovering());
+        self.next_look = now + if is_beside { LOOK_INTERVAL_BESIDE } else { LOOK_INTERVAL };
         for _ in 0..self.lanes.len() {
             let at = self.next_look_at;
             self.next_look_at = (at + 1) % self.lanes.len();

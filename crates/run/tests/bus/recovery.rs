@@ -7,7 +7,7 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_robot::signals::{Phase, SafetyReason};
 use omnibase_robot::{Exchange, RequestKind};
 
-use crate::bench::{Bench, plan};
+use crate::bench::{Bench, changed, plan};
 
 const OP: u8 = 8;
 /// SYNC0 of the simulated drives has its place when the clocks agree to so many ns.
@@ -61,6 +61,18 @@ fn a_power_cycled_sgdv_is_named_within_two_cycles_and_back_in_op_within_three_se
     assert_eq!(bench.robot.phase(), Phase::Holding);
     let pose = bench.robot.record().state.odom_from_body;
     assert!(pose.x_m.abs() < 1e-3 && pose.y_m.abs() < 1e-3, "the new origin moved nothing: {pose:?}");
+}
+
+#[test]
+fn the_way_back_takes_less_than_three_seconds_at_the_longest_cycle_of_an_sgdv_too() {
+    let mut bench = Bench::new(&changed(&["bus.cycle_us = 4000"]));
+    bench.enable();
+    bench.inject(2, Fault::PowerCycle { off_for: Duration::from_millis(400) });
+    bench.run(100);
+    let cycles = until_back(&mut bench, &[0, 1]);
+    println!("back in OP {} ms after it answers again", 4 * cycles);
+    assert!(4 * cycles < 2000, "{} ms: with room for a machine that is busy", 4 * cycles);
+    assert_eq!(bench.al_status(2), OP);
 }
 
 #[test]
