@@ -143,18 +143,43 @@ impl<A: Link, B: Link, C: Clock> RedundantLink<A, B, C> {
                 *missing = missing.saturating_add(1);
             }
         }
-        let counts = merge(one, buffer);
-        if let Some([first, second]) = counts {
-            let came = [0, 1].map(|n| one.copies[n].back_at);
-            self.total = self.total.max(first + second);
-            self.state = match came {
-                [Some(1), _] => RingState::Whole,
-                // Unprocessed at the other end: the ring is whole, only the first copy was lost.
-                [None, Some(0)] => RingState::Whole,
-                _ => RingState::Broken { before: first, behind: self.total.saturating_sub(second) },
-            };
+        let came = [0, 1].map(|n| one.copies[n].back_at);
+        let length = one.sent.length;
+        if let Some(counts) = merge(one, buffer) {
+            self.learn(came, counts);
         }
-        one.sent.length
+        length
+    }
+
+    /// What the ways of both copies, and who answered them, say about the ring.
+    ///
+    /// A copy that went all the way or turned is proof by itself; one that stayed away proves nothing until several
+    /// did, for cables lose frames.
+    fn learn(&mut self, came: [Option<usize>; 2], [first, second]: [u16; 2]) {
+        let is_broken = matches!(self.state, RingState::Broken { .. });
+        let [no_first, no_second] = self.missing.map(|missing| missing >= GIVEN_UP_AFTER);
+        let broken = |before, behind| RingState::Broken { before, behind };
+        match came {
+            [Some(1), None | Some(0)] | [None, Some(0)] => {
+                self.total = self.total.max(first.saturating_add(second));
+                self.state = RingState::Whole;
+            }
+            [Some(0), Some(1)] => {
+                self.total = self.total.max(first.saturating_add(second));
+                self.state = broken(first, self.total - second);
+            }
+            // Whoever is behind an end from which nothing comes back is reached by nobody from there.
+            [Some(0), None] if no_second => self.state = broken(first, self.total.max(first)),
+            [None, Some(1)] if no_first => self.state = broken(0, self.total.saturating_sub(second)),
+            // One copy turned: the other turns at the same place, unless that is known better.
+            [Some(0), None] if !is_broken => self.state = broken(first, first),
+            [None, Some(1)] if !is_broken => {
+                let place = self.total.saturating_sub(second);
+                self.state = broken(place, place);
+            }
+            // Nothing new, or both ways at once: it broke or was mended just now, and the next frame tells.
+            _ => {}
+        }
     }
 }
 

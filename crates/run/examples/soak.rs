@@ -150,7 +150,7 @@ pub fn soak(hours: f64, seed: u64) -> bool {
         next_fault = cycle + 3000 + random(&mut state) % 12_000;
         let position = (random(&mut state) % 3) as usize;
         let mut cable = cable.borrow_mut();
-        match random(&mut state) % 7 {
+        match random(&mut state) % 8 {
             0 => {
                 cable.trouble = Trouble::Lost;
                 expected.frames_lost += 1;
@@ -182,6 +182,14 @@ pub fn soak(hours: f64, seed: u64) -> bool {
                 expected.losses += 1;
                 expected.recoveries += 1;
             }
+            6 => {
+                // Its clock had a fault, it says, and it leaves OP without losing power: what it counted goes on.
+                let fault = Fault::Application(ApplicationFault::AlError(0x001A));
+                cable.link.segment_mut().inject(position, fault).expect("a drive knows it");
+                expected.losses += 1;
+                expected.recoveries += 1;
+                expected.drive_faults += 1;
+            }
             _ => {
                 let fault = Fault::Application(ApplicationFault::DriveFault(0x7500));
                 cable.link.segment_mut().inject(position, fault).expect("a drive knows it");
@@ -205,6 +213,8 @@ pub fn soak(hours: f64, seed: u64) -> bool {
         ("SubDevices lost", expected.losses, figures.losses),
         ("SubDevices back", expected.recoveries, figures.recoveries),
         ("drive faults", expected.drive_faults, figures.drive_faults),
+        ("silences", 0, figures.silences),
+        ("clocks astray", 0, figures.clock_strays),
     ] {
         println!("{name:>16}: {expected} injected, {counted} counted");
         right &= expected == counted;

@@ -4,32 +4,26 @@
 //! their way back to OP, reads their error counters in turn, and takes their emergencies. It never waits.
 
 mod figures;
+mod registers;
 
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
 use omnibase_cia402::{DriveState, ErrorCode};
-use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, Comeback, CyclicBus, Goal, Health, Phase, RecoveryError, RegisterWay,
-};
+use omnibase_ethercat::cyclic::{Comeback, CyclicBus, Goal, Health, Phase, RecoveryError};
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::bytes::u32_at;
-use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState, register};
+use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
 use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
 
 use crate::events::Words;
+
+use registers::{COUNTERS, ClockWay, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
 
 /// Events that wait to be taken.
 const MOST_WAITING: usize = 64;
-/// Between two looks at registers of some SubDevice.
-const LOOK_INTERVAL: Duration = Duration::from_millis(20);
-/// Error counters from 0x0300 to 0x0313.
-const COUNTERS: usize = 20;
-/// From here on a counter of 8 bits is cleared, before it stands still at 255.
-const FULL: u8 = 128;
 /// After its way back a SubDevice gets so long until the cycle sees it in OP.
 const SETTLE: Duration = Duration::from_millis(500);
 /// So many exchanges in a row of which nothing comes back are told.
@@ -64,16 +58,9 @@ struct Supervised {
     /// Why the last attempt failed; told once.
     failure: Option<RecoveryError>,
     counters: [u8; COUNTERS],
+    clock: ClockWay,
     faulty: bool,
     figures: SubDeviceFigures,
-}
-
-/// What the supervisor reads of a SubDevice, in turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Look {
-    Counters,
-    Clear,
-    Clock,
 }
 
 /// Looks after all SubDevices of a cyclic bus.
@@ -93,6 +80,8 @@ pub struct Supervisor {
     ring: RingState,
     /// Exchanges in a row that may be incomplete before anything is done.
     tolerated: u32,
+    /// SubDevices beyond those that were set up, as the last exchange showed it.
+    surplus: u16,
     /// Since when nothing comes back.
     silent_since: Option<HostTime>,
 }
@@ -123,6 +112,7 @@ impl Supervisor {
                 exchanges: 0,
                 failure: None,
                 counters: [0; COUNTERS],
+                clock: ClockWay::Near,
                 faulty: false,
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
             }
@@ -141,6 +131,7 @@ impl Supervisor {
             reference: None,
             ring: RingState::Unknown,
             tolerated,
+            surplus: 0,
             silent_since: None,
         }
     }
@@ -151,6 +142,7 @@ impl Supervisor {
             return;
         }
         self.listen(bus, now);
+        self.count_heads(bus);
         self.compare(bus, now);
         while let Some((position, ended)) = bus.poll_recovered() {
             self.came_back(position, ended, now);
@@ -207,6 +199,27 @@ impl Supervisor {
         }
     }
 
+    /// Whether more answer than were set up.
+    fn count_heads<L: Link>(&mut self, bus: &CyclicBus<L>) {
+        let Some(answered) = bus.status().map(|status| status.answered) else { return };
+        let expected = self.all.len() as u16;
+        let surplus = answered.saturating_sub(expected);
+        let is_new = self.surplus != surplus;
+        self.surplus = surplus;
+        // Once may be a SubDevice that had begun to answer or ended in the midst of a frame.
+        if is_new || u64::from(surplus) == self.totals.surplus {
+            return;
+        }
+        self.totals.surplus = surplus.into();
+        self.say(match surplus {
+            0 => Words::new(format_args!("no more than {expected} SubDevices answer again")),
+            _ => Words::new(format_args!(
+                "{answered} SubDevices answer, {expected} were set up: {surplus} plugged in since then, left alone; \
+                 who loses power now isn't taken back by its position"
+            )),
+        });
+    }
+
     /// What was lost or came back since the last exchange.
     fn compare<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
         for number in 0..self.all.len() {
@@ -222,7 +235,7 @@ impl Supervisor {
             let before = std::mem::replace(&mut one.health, health);
             match (before, health) {
                 (Health::Well, _) => {
-                    (one.since, one.exchanges) = (now, 1);
+                    (one.since, one.exchanges, one.clock) = (now, 1, ClockWay::Near);
                     one.figures.losses += 1;
                     self.totals.losses += 1;
                     self.tell(number, format_args!("lost: {}", Ill(health)));
@@ -319,100 +332,6 @@ impl Supervisor {
                 }
             }
             self.all[number].faulty = faulty;
-        }
-    }
-
-    /// One register access to one SubDevice at a time.
-    fn look_at_registers<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        while let Some(done) = bus.poll_completion() {
-            if let AcyclicWork::Registers { data, .. } = done.work {
-                if done.result.is_ok() {
-                    self.looked(&data);
-                }
-                self.buffer = data;
-            }
-            self.look = None;
-        }
-        if self.look.is_some() || now < self.next_look || self.all.is_empty() {
-            return;
-        }
-        self.next_look = now + LOOK_INTERVAL;
-        let wanted = self.next;
-        if wanted == Look::Counters {
-            self.looking_at = (self.looking_at + 1) % self.all.len();
-        }
-        let one = &self.all[self.looking_at];
-        self.next = match wanted {
-            Look::Counters if one.subdevice.dc.is_some() => Look::Clock,
-            _ => Look::Counters,
-        };
-        if one.is_away() {
-            self.next = Look::Counters;
-            return;
-        }
-        let (way, register, length) = match wanted {
-            Look::Counters => (RegisterWay::Read, register::RX_ERROR_COUNTERS, COUNTERS),
-            Look::Clear => (RegisterWay::Write, register::RX_ERROR_COUNTERS, COUNTERS),
-            Look::Clock => (RegisterWay::Read, register::DC_SYSTEM_TIME_DIFFERENCE, 4),
-        };
-        let mut data = std::mem::take(&mut self.buffer);
-        data.clear();
-        data.resize(length, 0);
-        let work = AcyclicWork::Registers { way, register, data };
-        let request = AcyclicRequest { tag: 0, position: one.subdevice.position, work };
-        match bus.submit(request) {
-            Ok(()) => self.look = Some(wanted),
-            Err(AcyclicRequest { work: AcyclicWork::Registers { data, .. }, .. }) => self.buffer = data,
-            Err(_) => {}
-        }
-    }
-
-    fn looked(&mut self, data: &[u8]) {
-        let number = self.looking_at;
-        let one = &mut self.all[number];
-        match self.look {
-            Some(Look::Clear) => one.counters = [0; COUNTERS],
-            Some(Look::Clock) if data.len() >= 4 => {
-                let value = u32_at(data, 0);
-                let magnitude = i64::from(value & 0x7FFF_FFFF);
-                one.figures.clock_ns = if value >> 31 != 0 { -magnitude } else { magnitude };
-                one.figures.worst_clock_ns = one.figures.worst_clock_ns.max(magnitude as u64);
-            }
-            Some(Look::Counters) if data.len() >= COUNTERS => self.count(number, data),
-            _ => {}
-        }
-    }
-
-    /// What the counters grew by.
-    fn count(&mut self, number: usize, data: &[u8]) {
-        let one = &mut self.all[number];
-        // One that is smaller than before was cleared by a restart.
-        let grown: [u8; COUNTERS] = std::array::from_fn(|at| {
-            let (now, before) = (data[at], one.counters[at]);
-            if now >= before { now - before } else { now }
-        });
-        one.counters.copy_from_slice(&data[..COUNTERS]);
-        if one.counters.iter().any(|counter| *counter >= FULL) {
-            self.next = Look::Clear;
-        }
-        let (mut damaged, mut lost) = ([0u8; 4], [0u8; 4]);
-        for port in 0..4 {
-            damaged[port] = grown[2 * port];
-            lost[port] = grown[16 + port];
-            one.figures.crc_errors[port] += u64::from(grown[2 * port]);
-            one.figures.receive_errors[port] += u64::from(grown[2 * port + 1]);
-            one.figures.forwarded_errors[port] += u64::from(grown[8 + port]);
-            one.figures.link_losses[port] += u64::from(grown[16 + port]);
-        }
-        for port in 0..4 {
-            self.totals.crc_errors += u64::from(damaged[port]);
-            self.totals.link_losses += u64::from(lost[port]);
-            if damaged[port] > 0 {
-                self.tell(number, format_args!("{} damaged frames arrived at port {port}", damaged[port]));
-            }
-            if lost[port] > 0 {
-                self.tell(number, format_args!("the link at port {port} was lost {} times", lost[port]));
-            }
         }
     }
 

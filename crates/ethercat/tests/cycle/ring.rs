@@ -1,10 +1,12 @@
 //! A ring between two interfaces: any one break loses no cycle, and its place is known.
 
+use std::cell::Cell;
+use std::rc::Rc;
 use std::time::Duration;
 
 use omnibase_ethercat::cyclic::{ClockDirection, DcFollower, FollowerGains, Goal, Phase, TransitionOptions};
 use omnibase_ethercat::redundant::RedundantLink;
-use omnibase_ethercat::wire::{Clock, HostTime, Link, RingState};
+use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError, RingState};
 use omnibase_ethercat::{Bus, BusOptions, CyclicBus, Exchange, ProcessImage};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile, SimPort, VirtualClock, ring_in_process};
 
@@ -12,8 +14,32 @@ use crate::runner::synchronous;
 
 const CYCLE: Duration = Duration::from_millis(1);
 
+/// An interface that loses the next answers.
+struct Lossy {
+    port: SimPort,
+    to_lose: Rc<Cell<u32>>,
+}
+
+impl Link for Lossy {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.port.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        loop {
+            let received = self.port.receive(buffer, deadline)?;
+            if received.is_none() || self.to_lose.get() == 0 {
+                return Ok(received);
+            }
+            self.to_lose.set(self.to_lose.get() - 1);
+        }
+    }
+}
+
 struct Ring {
-    bus: CyclicBus<RedundantLink<SimPort, SimPort, VirtualClock>>,
+    bus: CyclicBus<RedundantLink<Lossy, Lossy, VirtualClock>>,
+    /// Answers that each interface is to lose.
+    to_lose: [Rc<Cell<u32>>; 2],
     image: ProcessImage,
     clock: VirtualClock,
     port: SimPort,
@@ -30,6 +56,9 @@ impl Ring {
         segment.close_ring(count - 1, 1).unwrap();
         let (primary, redundant, clock) = ring_in_process(segment);
         let port = primary.clone();
+        let to_lose: [Rc<Cell<u32>>; 2] = Default::default();
+        let primary = Lossy { port: primary, to_lose: to_lose[0].clone() };
+        let redundant = Lossy { port: redundant, to_lose: to_lose[1].clone() };
         let link = RedundantLink::new(primary, redundant, clock.clone());
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().unwrap();
@@ -39,6 +68,7 @@ impl Ring {
             image: ready.bus.plan().image(),
             wake: ready.clock.now(),
             bus: ready.bus,
+            to_lose,
             clock: ready.clock,
             port,
             follower: DcFollower::new(CYCLE, CYCLE / 2, FollowerGains::default()),
@@ -137,4 +167,54 @@ fn a_second_break_loses_only_what_lies_between() {
     }
     let statuses = ring.statuses();
     assert_eq!((statuses[0], &statuses[3..]), (8, &[8u8, 8][..]));
+}
+
+#[test]
+fn a_copy_that_is_lost_tells_of_no_other_break() {
+    let broken = |before, behind| Some(RingState::Broken { before, behind });
+    for port in [0, 1] {
+        for lost in [1, 2] {
+            let mut ring = Ring::new(5);
+            ring.complete(100, "whole");
+            ring.to_lose[port].set(lost);
+            for _ in 0..lost {
+                ring.cycle();
+                assert_eq!(ring.state(), Some(RingState::Whole), "port {port}, {lost} lost, whole");
+            }
+            ring.complete(100, "whole again");
+            ring.cable(2, false);
+            ring.complete(100, "broken");
+            assert_eq!(ring.state(), broken(2, 2));
+            ring.to_lose[port].set(lost);
+            for _ in 0..lost {
+                ring.cycle();
+                assert_eq!(ring.state(), broken(2, 2), "port {port}, {lost} lost, broken");
+            }
+            // Questions to those that seemed to be missing may still be on their way.
+            ring.cycle();
+            assert_eq!(ring.state(), broken(2, 2), "port {port}, {lost} lost, broken");
+            ring.complete(100, "all copies are back");
+            ring.cable(2, true);
+            ring.complete(100, "mended");
+            assert_eq!(ring.state(), Some(RingState::Whole));
+        }
+    }
+}
+
+#[test]
+fn an_interface_that_falls_silent_beside_a_break_is_told() {
+    let mut ring = Ring::new(5);
+    ring.cable(2, false);
+    ring.complete(200, "first break");
+    ring.cable(5, false);
+    for _ in 0..3 {
+        ring.cycle();
+    }
+    assert_eq!(ring.state(), Some(RingState::Broken { before: 2, behind: 5 }));
+    ring.cable(2, true);
+    ring.cable(5, true);
+    for _ in 0..3 {
+        ring.cycle();
+    }
+    assert_eq!(ring.state(), Some(RingState::Whole));
 }

@@ -41,11 +41,15 @@ pub struct BusFigures {
     pub ring_breaks: u64,
     /// Times at which nothing came back from the segment for several cycles.
     pub silences: u64,
+    /// SubDevices that answer beyond those that were set up, now.
+    pub surplus: u64,
+    /// Times at which a clock was too far from the reference in OP.
+    pub clock_strays: u64,
 }
 
 impl BusFigures {
     /// Names of the channels, in the order of [`BusFigures::values`].
-    pub const CHANNELS: [&'static str; 18] = [
+    pub const CHANNELS: [&'static str; 20] = [
         "frames_lost",
         "frames_late",
         "frames_short",
@@ -64,10 +68,12 @@ impl BusFigures {
         "reference_changes",
         "ring_breaks",
         "silences",
+        "surplus",
+        "clock_strays",
     ];
 
     /// The figures as numbers.
-    pub fn values(&self) -> [f64; 18] {
+    pub fn values(&self) -> [f64; 20] {
         [
             self.frames_lost as f64,
             self.frames_late as f64,
@@ -87,6 +93,8 @@ impl BusFigures {
             self.reference_changes as f64,
             self.ring_breaks as f64,
             self.silences as f64,
+            self.surplus as f64,
+            self.clock_strays as f64,
         ]
     }
 }
@@ -116,6 +124,8 @@ pub struct SubDeviceFigures {
     pub clock_ns: i64,
     /// The farthest of all looks in OP, ns.
     pub worst_clock_ns: u64,
+    /// Times at which its clock was too far from the reference.
+    pub clock_strays: u64,
 }
 
 /// A datagram of process data, and how often its working counter was wrong.

@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 
-use omnibase_ethercat::wire::{HostTime, Link, LinkError};
+use omnibase_ethercat::wire::frame::FrameBuilder;
+use omnibase_ethercat::wire::{Address, Command, HostTime, Link, LinkError};
 use omnibase_ethercat_sim::{Fault, FaultLink, Segment, SimLink, VirtualClock, in_process};
 use omnibase_robot::signals::{CycleTime, Phase};
 use omnibase_robot::{CycleRecord, Exchange, Registry, Request, RequestKind, Robot, RobotPlan};
@@ -133,6 +134,17 @@ impl Bench {
     pub fn peek(&self, position: usize, register: u16, length: usize) -> Vec<u8> {
         let link = self.link.0.borrow();
         link.inner().segment().sub_devices()[position].esc().peek(register, length).unwrap().to_vec()
+    }
+
+    /// Writes registers of a simulated SubDevice, by a frame that the bus knows nothing of.
+    pub fn write_register(&mut self, position: u16, register: u16, data: &[u8]) {
+        let mut frame = FrameBuilder::new();
+        frame.push(Command::Apwr, 0, Address::position(position, register), data).unwrap();
+        let mut bytes = frame.bytes().to_vec();
+        let mut link = self.link.0.borrow_mut();
+        let segment = link.inner_mut().segment_mut();
+        let now = segment.now();
+        segment.process(&mut bytes, now).expect("the segment is there");
     }
 
     pub fn al_status(&self, position: usize) -> u8 {

@@ -72,3 +72,22 @@ fn the_reference_clock_goes_and_comes_whoever_leads() {
         assert!((0..3).all(|position| bench.al_status(position) == OP), "{source}: {:?}", bench.events);
     }
 }
+
+#[test]
+fn a_clock_that_strays_in_op_is_named_and_so_is_its_return() {
+    for source in SOURCES {
+        let mut bench = led_by(source);
+        let offset = bench.peek(2, 0x0920, 8);
+        let offset = u64::from_le_bytes(offset.try_into().unwrap());
+        // Its control loop needs some 300 ms for that.
+        bench.write_register(2, 0x0920, &(offset + 200_000).to_le_bytes());
+        bench.run(5000);
+        let far = bench.told("(SubDevice 2): its clock is");
+        assert_eq!(far.len(), 2, "{source}: {:?}", bench.events);
+        assert!(far[0].1.contains(" ns from the reference, 50000 ns are the most"), "{source}: {far:?}");
+        assert!(far[1].1.contains("with the reference again"), "{source}: {far:?}");
+        assert_eq!(bench.session.figures().clock_strays, 1);
+        let figures = bench.session.subdevice_figures();
+        assert_eq!(figures.iter().map(|one| one.clock_strays).collect::<Vec<_>>(), [0, 0, 1]);
+    }
+}

@@ -8,3 +8,4 @@ mod matrix;
 mod recovery;
 mod resume;
 mod storm;
+mod topology;

@@ -1,0 +1,86 @@
+//! Who is plugged in where: what is harmless is named, what matters is refused.
+
+use omnibase_ethercat_sim::device::Piece;
+use omnibase_ethercat_sim::device::axis::Load;
+use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
+use omnibase_ethercat_sim::pdi::ApplicationFault;
+use omnibase_ethercat_sim::{Fault, Segment};
+use omnibase_robot::Exchange;
+use omnibase_robot::signals::Phase;
+use omnibase_robot_sim::RobotSim;
+use omnibase_run::simulated;
+
+use crate::bench::{Bench, plan};
+
+const OP: u8 = 8;
+
+/// The BMM with one drive more beside it, whose cable isn't plugged in behind SubDevice `behind` yet.
+fn with_a_stranger(behind: usize) -> Bench {
+    let plan = plan("");
+    let mut robot = RobotSim::new(&simulated::description(&plan)).unwrap();
+    let stranger = Drive::new(DriveKind::Generic).build(&Piece::default(), Load::default());
+    robot.sub_devices.insert(behind + 1, stranger);
+    let mut segment = Segment::line(robot.sub_devices).unwrap();
+    segment.inject(behind, Fault::CableCut { port: 1 }).unwrap();
+    Bench::on(&plan, segment)
+}
+
+#[test]
+fn one_that_is_plugged_in_is_named_and_changes_nothing() {
+    let mut bench = with_a_stranger(2);
+    bench.enable();
+    bench.inject(2, Fault::CableRestored { port: 1 });
+    let plugged_in = bench.cycles + 1;
+    bench.run(2);
+    let named = bench.told("4 SubDevices answer, 3 were set up");
+    assert_eq!(named.len(), 1, "{:?}", bench.events);
+    assert!(named[0].0 < plugged_in + 2, "{named:?}");
+    for _ in 0..1000 {
+        assert_eq!(bench.cycle(None), Exchange::Complete);
+    }
+    assert_eq!(bench.robot.phase(), Phase::Holding);
+    assert_eq!(bench.session.figures().surplus, 1);
+    bench.inject(2, Fault::CableCut { port: 1 });
+    bench.run(10);
+    assert_eq!(bench.told("no more than 3 SubDevices answer again").len(), 1, "{:?}", bench.events);
+    assert_eq!((bench.session.figures().surplus, bench.session.figures().losses), (0, 0));
+}
+
+#[test]
+fn with_one_more_plugged_in_nobody_is_taken_back_by_position() {
+    let mut bench = with_a_stranger(2);
+    bench.enable();
+    bench.inject(2, Fault::CableRestored { port: 1 });
+    bench.run(100);
+    // So quick that those behind it stay connected.
+    bench.inject(2, Fault::PowerOff);
+    bench.inject(2, Fault::PowerOn);
+    bench.run(3000);
+    let refused = bench.told("not taken back: 4 SubDevices answer, 3 were set up");
+    assert_eq!(refused.len(), 1, "{:?}", bench.events);
+    assert_eq!(bench.peek(2, 0x0010, 2), [0, 0], "nothing was written to it");
+    // Without the stranger it is.
+    bench.inject(2, Fault::CableCut { port: 1 });
+    bench.run(3000);
+    assert_eq!((0..3).map(|one| bench.al_status(one)).collect::<Vec<_>>(), [OP; 3], "{:?}", bench.events);
+}
+
+#[test]
+fn two_that_kept_power_and_changed_places_are_refused() {
+    let mut bench = Bench::new(&plan(""));
+    bench.enable();
+    bench.run(100);
+    // As the bus sees two drives whose cables were changed over: each answers where the other was.
+    let [one, other] = [1, 2].map(|position| bench.peek(position, 0x0010, 2));
+    bench.write_register(1, 0x0010, &other);
+    bench.write_register(2, 0x0010, &one);
+    assert_eq!([1, 2].map(|position| bench.peek(position, 0x0010, 2)), [other, one]);
+    for position in [1, 2] {
+        bench.inject(position, Fault::Application(ApplicationFault::AlError(0x001B)));
+    }
+    bench.run(3000);
+    let refused = bench.told("not taken back: at position");
+    assert_eq!(refused.len(), 2, "{:?}", bench.events);
+    assert!(refused[0].1.contains("stands station 0x100"), "{refused:?}");
+    assert_ne!((bench.al_status(1), bench.al_status(2)), (OP, OP));
+}
