@@ -225,7 +225,7 @@ pub fn soak(hours: f64, seed: u64) -> bool {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn two_minutes_of_faults_are_counted_one_by_one() {
-        assert!(super::soak(2.0 / 60.0, 3));
+    fn six_minutes_of_faults_are_counted_one_by_one() {
+        assert!(super::soak(6.0 / 60.0, 3));
     }
 }

@@ -33,13 +33,6 @@ pub fn plan_with(changes: &[&str]) -> RobotPlan {
     text.load(&Registry::with_built_in()).unwrap().plan
 }
 
-/// The plan of the BMM with settings of its file changed.
-pub fn changed(changes: &[&str]) -> RobotPlan {
-    let changes = changes.iter().map(|change| (*change).to_owned()).collect();
-    let text = RobotText { text: BMM.into(), changes, ..RobotText::default() };
-    text.load(&Registry::with_built_in()).unwrap().plan
-}
-
 /// A link that a test can reach while somebody else owns it.
 #[derive(Clone)]
 pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>);

@@ -7,7 +7,7 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_robot::signals::{Phase, SafetyReason};
 use omnibase_robot::{Exchange, RequestKind};
 
-use crate::bench::{Bench, changed, plan};
+use crate::bench::{Bench, plan, plan_with};
 
 const OP: u8 = 8;
 /// SYNC0 of the simulated drives has its place when the clocks agree to so many ns.
@@ -65,7 +65,7 @@ fn a_power_cycled_sgdv_is_named_within_two_cycles_and_back_in_op_within_three_se
 
 #[test]
 fn the_way_back_takes_less_than_three_seconds_at_the_longest_cycle_of_an_sgdv_too() {
-    let mut bench = Bench::new(&changed(&["bus.cycle_us = 4000"]));
+    let mut bench = Bench::new(&plan_with(&["bus.cycle_us = 4000"]));
     bench.enable();
     bench.inject(2, Fault::PowerCycle { off_for: Duration::from_millis(400) });
     bench.run(100);
