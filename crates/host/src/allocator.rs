@@ -5,9 +5,10 @@ use std::cell::Cell;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    static RETURNS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting each thread's allocations (and reallocations).
+/// The system's allocator, counting each thread's allocations (and reallocations), and what it gives back.
 ///
 /// ```
 /// use omnibase_host::CountingAllocator;
@@ -17,7 +18,10 @@ thread_local! {
 /// let before = CountingAllocator::allocations_of_this_thread();
 /// let boxed = Box::new(7);
 /// assert_eq!(CountingAllocator::allocations_of_this_thread() - before, 1);
-/// # drop(boxed);
+///
+/// let before = CountingAllocator::returns_of_this_thread();
+/// drop(boxed);
+/// assert_eq!(CountingAllocator::returns_of_this_thread() - before, 1);
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CountingAllocator;
@@ -28,6 +32,11 @@ impl CountingAllocator {
     /// Zero for ever where this allocator isn't the global one.
     pub fn allocations_of_this_thread() -> u64 {
         ALLOCATIONS.try_with(Cell::get).unwrap_or(0)
+    }
+
+    /// How often the calling thread has given memory back since it began: that may lock, too.
+    pub fn returns_of_this_thread() -> u64 {
+        RETURNS.try_with(Cell::get).unwrap_or(0)
     }
 }
 
@@ -44,6 +53,8 @@ unsafe impl GlobalAlloc for CountingAllocator {
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // As in `count`.
+        let _ = RETURNS.try_with(|count| count.set(count.get() + 1));
         unsafe { System.dealloc(pointer, layout) }
     }
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {

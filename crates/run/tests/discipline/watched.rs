@@ -33,12 +33,17 @@ pub enum Deed {
     Do(Box<dyn FnMut()>),
 }
 
+/// How often this thread has asked for memory or given it back: each may lock.
+fn uses_of_the_allocator() -> u64 {
+    CountingAllocator::allocations_of_this_thread() + CountingAllocator::returns_of_this_thread()
+}
+
 /// What was seen of a run.
 #[derive(Default)]
 pub struct Seen {
     /// When the first frame of each cycle of the run was sent, ns.
     pub sent_ns: Vec<u64>,
-    /// Allocations in each cycle of the run, those of the simulated segment and of deeds taken off.
+    /// Allocations in each cycle of the run and memory given back, those of the simulated segment and of deeds taken off.
     pub allocations: Vec<u64>,
 }
 
@@ -62,16 +67,16 @@ struct Watch {
 impl Watch {
     /// Does something whose allocations aren't the cycle's.
     fn aside<R>(&self, work: impl FnOnce() -> R) -> R {
-        let before = CountingAllocator::allocations_of_this_thread();
+        let before = uses_of_the_allocator();
         let result = work();
-        let more = CountingAllocator::allocations_of_this_thread() - before;
+        let more = uses_of_the_allocator() - before;
         self.foreign.set(self.foreign.get() + more);
         result
     }
 
     /// At the end of a cycle, before it sleeps: notes its allocations, and does what is due. How long to oversleep, ns.
     fn between_cycles(&self) -> u64 {
-        let own = CountingAllocator::allocations_of_this_thread() - self.foreign.get();
+        let own = uses_of_the_allocator() - self.foreign.get();
         let cycles = self.progress.cycles.load(Ordering::Relaxed);
         let mut oversleep_ns = 0;
         self.aside(|| {
