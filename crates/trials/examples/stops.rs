@@ -1,29 +1,37 @@
 //! Stop always stops: seeded cases of what is lost in which state, and the worst of each.
 //!
 //! `cargo run --release -p omnibase-trials --example stops [cases] [first seed]`
+//!
+//! Each row of cases has one of the three policies for a lost drive.
 
 use omnibase_trials::robots::{BMM, CIRCLE};
-use omnibase_trials::stops::{Case, LOSSES, Loss, STATES, Stops};
+use omnibase_trials::stops::{Blocking, Case, LOSSES, Loss, STATES, Stops};
 use omnibase_trials::{Trial, plan_of};
 use std::collections::BTreeMap;
 
 /// Cases that one robot lives through before the next one is taken.
-const ROW: u64 = 5000;
+const ROW: u64 = 2000;
 
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
     let (cases, first) = (arguments.next().unwrap_or(10_000), arguments.next().unwrap_or(1));
     let mut worst: BTreeMap<Loss, (u64, Case)> = BTreeMap::new();
     let mut states: BTreeMap<_, u64> = BTreeMap::new();
-    let mut late = 0;
+    let (mut late, mut on_top, mut blocked) = (0, 0, 0);
+    let mut torque_s = 0.0_f64;
     for row in 0..cases.div_ceil(ROW) {
-        let mut stops = Stops::new(Trial::new(plan_of(&format!("{BMM}{CIRCLE}"))), first + row * ROW);
+        let policy = ["quick_stop", "ramp", "remove_torque"][(row % 3) as usize];
+        let text = format!("{BMM}{CIRCLE}\n[safety]\non_lost_device = \"{policy}\"\n");
+        let mut stops = Stops::new(Trial::new(plan_of(&text)), first + row * ROW);
         for _ in 0..ROW.min(cases - row * ROW) {
             let case = stops.case();
             if !case.is_in_time() {
                 late += 1;
-                println!("LATE: {case:?}");
+                println!("LATE ({policy}): {case:?}");
             }
+            on_top += u64::from(case.then.is_some());
+            blocked += u64::from(case.blocking == Blocking::Kept);
+            torque_s = case.torque_off_s.map_or(torque_s, |(found_s, _)| torque_s.max(found_s));
             *states.entry(case.state).or_default() += 1;
             let entry = worst.entry(case.loss).or_insert((0, case));
             entry.0 += 1;
@@ -36,18 +44,23 @@ fn main() {
     for loss in LOSSES {
         let Some((count, case)) = worst.get(&loss) else { continue };
         println!(
-            "{:12} {count:9} {:10.3} {:11.3}   {:?}, wheels at {:.2} rad/s, seed {}",
+            "{:12} {count:9} {:10.3} {:11.3}   {:?}, wheels at {:.2} rad/s{}, seed {}",
             format!("{loss:?}"),
             case.stopped_s,
             case.allowed_s,
             case.state,
             case.from_rad_s,
+            case.then.map(|(loss, at_s)| format!(", {loss:?} after {at_s:.3} s")).unwrap_or_default(),
             case.seed,
         );
     }
     for state in STATES {
         print!("{state:?} {}  ", states.get(&state).unwrap_or(&0));
     }
-    println!("\n{cases} cases, {late} not in time");
+    println!(
+        "\n{on_top} had another stop on top; {blocked} sources stayed blocked until a person enabled them"
+    );
+    println!("after the loss of a drive torque was off after {torque_s:.3} s at the latest");
+    println!("{cases} cases, {late} not in time");
     assert_eq!(late, 0);
 }

@@ -21,4 +21,4 @@ pub mod stops;
 mod trial;
 
 pub use run::Run;
-pub use trial::{Trial, plan_of};
+pub use trial::{Trial, Without, plan_of};

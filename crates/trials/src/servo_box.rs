@@ -44,6 +44,9 @@ pub(crate) struct ServoBox {
     dictionary: Dictionary,
     outputs: Layout,
     inputs: Layout,
+    /// What its start-up writes, after each loss of power again.
+    parameters: Vec<(ObjectAddress, Vec<u8>)>,
+    is_powered: bool,
 }
 
 impl ServoBox {
@@ -87,7 +90,7 @@ impl ServoBox {
             identity: Identity { vendor_id: 1, product_code: 1, revision: 1, serial: 1 },
         };
         let axis = Box::new(WheelAxis { machine, wheel });
-        let (mut servo, mut dictionary) = Servo::new(config, &nameplate, &pdos, axis);
+        let (servo, dictionary) = Servo::new(config, &nameplate, &pdos, axis);
         let layout =
             |dictionary: &Dictionary, object, direction| match pdo::layout(dictionary, object, direction) {
                 Ok(layout) => layout,
@@ -95,12 +98,29 @@ impl ServoBox {
             };
         let outputs = layout(&dictionary, 0x1C12, Direction::Outputs);
         let inputs = layout(&dictionary, 0x1C13, Direction::Inputs);
-        servo.power_on(&mut dictionary, HostTime(1));
-        for parameter in &drive.parameters {
-            dictionary.store(ObjectAddress::new(parameter.index, parameter.subindex), &parameter.data);
+        let parameters = drive.parameters.iter().map(|parameter| {
+            (ObjectAddress::new(parameter.index, parameter.subindex), parameter.data.clone())
+        });
+        let parameters = parameters.collect();
+        let mut servo = ServoBox { servo, dictionary, outputs, inputs, parameters, is_powered: false };
+        servo.power_on(1);
+        servo
+    }
+
+    /// It gets power, and the way to OP with its whole start-up.
+    pub(crate) fn power_on(&mut self, now_ns: u64) {
+        self.servo.power_on(&mut self.dictionary, HostTime(now_ns));
+        for (address, data) in &self.parameters {
+            self.dictionary.store(*address, data);
         }
-        servo.state_changed(&mut dictionary, AlState::Op, AlStatusCode(0));
-        ServoBox { servo, dictionary, outputs, inputs }
+        self.is_powered = true;
+        self.back_in_op();
+    }
+
+    /// It loses its power: its motor turns freely.
+    pub(crate) fn power_off(&mut self) {
+        self.servo.power_off();
+        self.is_powered = false;
     }
 
     /// What the drive measured at its last beat.
@@ -116,11 +136,17 @@ impl ServoBox {
     /// A beat: takes the outputs, measures.
     pub(crate) fn beat(&mut self, now_ns: u64, cycle_ns: u64, outputs: Outputs) {
         let cycle_ns = u32::try_from(cycle_ns).ok();
+        if !self.is_powered {
+            return;
+        }
         self.servo.run(&mut self.dictionary, Moment { now: HostTime(now_ns), outputs, cycle_ns });
     }
 
     /// Its process-data watchdog ran out: it falls back to SAFE-OP and does what 0x6007 says.
     pub(crate) fn watchdog_expires(&mut self) {
+        if !self.is_powered {
+            return;
+        }
         let code = AlStatusCode(0x001B);
         self.servo.state_changed(&mut self.dictionary, AlState::SafeOp, code);
     }
@@ -132,11 +158,13 @@ impl ServoBox {
 
     /// When its inner loops run next between two beats.
     pub(crate) fn due_ns(&self) -> Option<u64> {
-        self.servo.due().map(|due| due.0)
+        self.servo.due().filter(|_| self.is_powered).map(|due| due.0)
     }
 
     /// Its inner loops run.
     pub(crate) fn tick(&mut self, now_ns: u64) {
-        self.servo.tick(&mut self.dictionary, HostTime(now_ns));
+        if self.is_powered {
+            self.servo.tick(&mut self.dictionary, HostTime(now_ns));
+        }
     }
 }

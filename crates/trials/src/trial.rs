@@ -21,6 +21,15 @@ pub fn plan_of(text: &str) -> RobotPlan {
     })
 }
 
+/// What a drive is without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Without {
+    /// Its power: its motor turns freely, and what it counts has another origin afterwards.
+    Power,
+    /// Its process data: it goes on as it was until its watchdog expires.
+    Data,
+}
+
 /// A robot and everything that it moves.
 pub struct Trial {
     /// The control half.
@@ -35,6 +44,8 @@ pub struct Trial {
     /// What the next exchange comes to; inputs stay as they were where it isn't complete.
     pub next_exchange: Exchange,
     servos: Vec<ServoBox>,
+    /// Drives that take no part.
+    away: Vec<Option<Without>>,
     index: u64,
     pose_before: Pose2,
     /// The true pose at the instant at which the present inputs were measured.
@@ -64,6 +75,7 @@ impl Trial {
             robot,
             image: ImageBuffer::new(&plan),
             servos: servos.collect(),
+            away: vec![None; plan.drives.len()],
             plan,
             machine,
             next_exchange: Exchange::Complete,
@@ -97,17 +109,20 @@ impl Trial {
         }
         self.machine.lock().advance(now_ns);
         self.measured_pose = self.pose_before;
-        let complete = self.next_exchange == Exchange::Complete;
-        if complete {
-            for (servo, (inputs, outputs)) in
-                self.servos.iter_mut().zip(self.image.inputs.iter_mut().zip(&self.image.outputs))
-            {
+        let exchange = self.next_exchange;
+        let images = self.image.inputs.iter_mut().zip(&self.image.outputs);
+        for (wheel, (servo, (inputs, outputs))) in self.servos.iter_mut().zip(images).enumerate() {
+            let is_there = self.away[wheel].is_none();
+            if is_there && exchange.has_inputs_of(wheel) {
                 servo.read(inputs);
+            }
+            // A frame that misses one SubDevice's answer reached the others all the same.
+            let takes_part = is_there && exchange != Exchange::Lost;
+            if takes_part {
                 servo.write(outputs);
             }
+            servo.beat(now_ns, period_ns, if takes_part { Outputs::New } else { Outputs::Held });
         }
-        let outputs = if complete { Outputs::New } else { Outputs::Held };
-        self.servos.iter_mut().for_each(|servo| servo.beat(now_ns, period_ns, outputs));
         self.pose_before = self.pose();
     }
 
@@ -132,9 +147,33 @@ impl Trial {
         self.servos.iter_mut().for_each(ServoBox::watchdog_expires);
     }
 
-    /// The drives are in OP again, as after a recovery.
-    pub fn back_in_op(&mut self) {
-        self.servos.iter_mut().for_each(ServoBox::back_in_op);
+    /// The drives are in OP again, as after a recovery; bit n for wheel n of those that had lost their power.
+    pub fn back_in_op(&mut self) -> u16 {
+        let now_ns = self.index * self.plan.bus.cycle_ns + 1_000;
+        let mut restarted = 0;
+        for (wheel, (servo, away)) in self.servos.iter_mut().zip(&mut self.away).enumerate() {
+            match away.take() {
+                Some(Without::Power) => {
+                    servo.power_on(now_ns);
+                    restarted |= 1 << wheel;
+                }
+                Some(Without::Data) | None => servo.back_in_op(),
+            }
+        }
+        restarted
+    }
+
+    /// A drive takes no part any more.
+    pub fn lose_drive(&mut self, wheel: usize, without: Without) {
+        self.away[wheel] = Some(without);
+        if without == Without::Power {
+            self.servos[wheel].power_off();
+        }
+    }
+
+    /// The process-data watchdog of one drive runs out.
+    pub fn watchdog_expires(&mut self, wheel: usize) {
+        self.servos[wheel].watchdog_expires();
     }
 
     /// One cycle: exchange and computation.

@@ -7,10 +7,13 @@ use omnibase_trials::{Trial, plan_of};
 #[test]
 fn every_wheel_stops_in_time_whatever_is_lost() {
     for (robot, seed) in [(BMM, 1_000_000), (MECANUM, 2_000_000)] {
-        let mut stops = Stops::new(Trial::new(plan_of(&format!("{robot}{CIRCLE}"))), seed);
-        for _ in 0..800 {
-            let case = stops.case();
-            assert!(case.is_in_time(), "{case:?}");
+        for policy in ["quick_stop", "ramp", "remove_torque"] {
+            let text = format!("{robot}{CIRCLE}\n[safety]\non_lost_device = \"{policy}\"\n");
+            let mut stops = Stops::new(Trial::new(plan_of(&text)), seed);
+            for _ in 0..300 {
+                let case = stops.case();
+                assert!(case.is_in_time(), "{policy}: {case:?}");
+            }
         }
     }
 }

@@ -1,0 +1,404 @@
+//! A row of cases on one robot.
+
+use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::signals::{Frame, Phase, StopCategory};
+use omnibase_robot::{Exchange, RequestKind};
+use omnibase_run::live::Operator;
+use omnibase_run::live::command::{Ask, Client, Command, Pad};
+
+use super::{
+    AGES, Blocking, Case, LOSSES, Loss, NEVER_S, ON_TOP, STANDING_RAD_S, STATES, STAYS, State, WATCHDOG_NS,
+};
+use crate::Trial;
+use crate::trial::Without;
+
+/// Exchanges after a loss until the bus knows who is missing.
+const UNKNOWN: u32 = 2;
+/// How long a source that was lost speaks before and after a person enables it, cycles.
+const INSISTS: u32 = 10;
+
+/// A row of cases on one robot.
+pub struct Stops {
+    pub(super) trial: Trial,
+    operator: Operator,
+    random: Random,
+    seed: u64,
+    pub(super) cycle_s: f64,
+    /// Whose words still come, every cycle.
+    speaking: Option<(Client, Twist2, Frame)>,
+    page_lives: bool,
+    is_dead: bool,
+    /// A lost drive, and for how many cycles.
+    lost: Option<(usize, Loss, u32)>,
+    /// Cycles since all drives were left alone.
+    silent: Option<u32>,
+}
+
+impl Stops {
+    /// A robot with a reference that moves, from a seed.
+    pub fn new(trial: Trial, seed: u64) -> Self {
+        let cycle_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
+        let mut stops = Stops {
+            trial,
+            operator: Operator::new(AGES, StopCategory::RampThenRemove),
+            random: Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1),
+            seed,
+            cycle_s,
+            speaking: None,
+            page_lives: true,
+            is_dead: false,
+            lost: None,
+            silent: None,
+        };
+        stops.run(20);
+        stops
+    }
+
+    /// One more case.
+    pub fn case(&mut self) -> Case {
+        self.seed += 1;
+        self.make_ready();
+        let state = STATES[self.random.below(STATES.len())];
+        let loss = loop {
+            let loss = LOSSES[self.random.below(LOSSES.len())];
+            if loss.concerns(state) {
+                break loss;
+            }
+        };
+        self.bring_into(state);
+        let mut case = Case {
+            seed: self.seed,
+            state,
+            loss,
+            then: None,
+            from_rad_s: self.fastest_rad_s(),
+            stopped_s: f64::INFINITY,
+            allowed_s: self.allowed_s(loss),
+            torque_off_s: loss.is_drive().then_some((f64::INFINITY, self.torque_off_allowed_s(loss))),
+            blocking: Blocking::NotConcerned,
+        };
+        let has_more = !matches!(loss, Loss::Category0 | Loss::Killed | Loss::CableCut);
+        if has_more && self.random.below(2) == 0 {
+            let on_top = ON_TOP[self.random.below(ON_TOP.len())];
+            // Two lost drives are no other case than one, and one that was lost already can't be lost.
+            if !(loss.is_drive() && on_top.is_drive()) {
+                case.then = Some((on_top, case.allowed_s.min(2.0) * self.random.share()));
+                case.torque_off_s = None;
+            }
+        }
+        self.lose(&mut case);
+        if case.then.is_none() && loss.blocks() && case.stopped_s.is_finite() {
+            case.blocking = self.insist(state.client());
+        }
+        case
+    }
+
+    /// Awake, enabled and holding.
+    fn make_ready(&mut self) {
+        if self.is_dead || self.trial.next_exchange != Exchange::Complete {
+            (self.is_dead, self.lost, self.silent) = (false, None, None);
+            let wheels = self.trial.back_in_op();
+            if wheels != 0 {
+                self.trial.next_exchange = Exchange::Restarted { wheels };
+                self.cycle();
+            }
+            self.trial.next_exchange = Exchange::Complete;
+            // A robot that was dead meanwhile learns what became of its drives.
+            self.run(20);
+        }
+        self.speaking = None;
+        self.page_lives = true;
+        self.say(Client::Command, Ask::ReleaseEmergencyStop);
+        for _ in 0..10_000 {
+            match self.trial.robot.phase() {
+                Phase::Holding if self.fastest_rad_s() < STANDING_RAD_S => return self.enable_sticks(),
+                Phase::Fault => self.say(Client::Command, Ask::Robot(RequestKind::Acknowledge)),
+                // Nobody enables drives while wheels roll.
+                Phase::Disabled if self.fastest_rad_s() < STANDING_RAD_S => {
+                    self.say(Client::Command, Ask::Robot(RequestKind::Enable));
+                }
+                _ => {}
+            }
+            self.run(10);
+        }
+        let problems: Vec<_> = self.trial.robot.drive_problems().collect();
+        panic!("seed {}: never ready: {:?} {problems:?}", self.seed, self.trial.robot.phase());
+    }
+
+    /// Sticks that are there, let go, and free to drive.
+    fn enable_sticks(&mut self) {
+        for client in [Client::Joystick, Client::Page(0)] {
+            self.say(client, Ask::Pad(Pad::Released));
+            self.say(client, Ask::EnablePad(client));
+            self.say(client, Ask::Pad(Pad::Released));
+        }
+    }
+
+    fn bring_into(&mut self, state: State) {
+        let cycles = 1 + self.random.below(700) as u32;
+        let client = state.client();
+        let robot = Ask::Robot;
+        match state {
+            State::Holding => self.run(1),
+            State::Enabling => {
+                self.say(client, robot(RequestKind::Stop(StopCategory::RemoveTorque)));
+                self.run(20);
+                self.say(client, robot(RequestKind::Enable));
+                let cycles = 1 + self.random.below(12) as u32;
+                self.run(cycles);
+            }
+            State::Joystick | State::PageStick => {
+                self.speaking = Some((client, self.any_twist(), self.any_frame()));
+                self.run(cycles);
+                // Another wish in the middle: accelerations of any direction.
+                if self.random.below(2) == 0 {
+                    self.speaking = Some((client, self.any_twist(), self.any_frame()));
+                    let more = 1 + self.random.below(150) as u32;
+                    self.run(more);
+                }
+            }
+            State::PageReference | State::Reference | State::Paused => {
+                self.say(client, robot(RequestKind::Track));
+                self.run(cycles);
+                if state == State::Paused {
+                    self.say(client, robot(RequestKind::Pause));
+                    let more = 1 + self.random.below(300) as u32;
+                    self.run(more);
+                }
+            }
+            State::Way => {
+                let here = self.trial.robot.record().state.odom_from_body;
+                let Twist2 { vx_m_s, vy_m_s, w_rad_s } = self.any_twist();
+                let odom_from_body = Pose2 {
+                    x_m: here.x_m + 2.0 * vx_m_s,
+                    y_m: here.y_m + 2.0 * vy_m_s,
+                    heading_rad: here.heading_rad + w_rad_s,
+                };
+                self.say(client, robot(RequestKind::GoTo { odom_from_body }));
+                self.run(cycles);
+            }
+            State::Stopping => {
+                self.say(client, robot(RequestKind::Track));
+                self.run(cycles);
+                self.say(client, robot(RequestKind::Stop(StopCategory::RampAndHold)));
+                let more = 1 + self.random.below(100) as u32;
+                self.run(more);
+            }
+        }
+    }
+
+    /// Something is lost, and something more; the wheels are watched until every one stands for good.
+    fn lose(&mut self, case: &mut Case) {
+        let policy = self.trial.plan.safety.lost_device_stop;
+        let most = ((case.allowed_s.max(1.0) + NEVER_S) / self.cycle_s) as u32;
+        let second = case.then.map(|(_, at_s)| (at_s / self.cycle_s) as u32);
+        self.happen(case.state, case.loss);
+        let mut noticed_s = self.noticed_s(case.loss);
+        let (mut stands, mut last_moving) = (0, 0);
+        for cycle in 1..=most {
+            if let Some((on_top, _)) = case.then.filter(|_| second == Some(cycle)) {
+                let at_s = f64::from(cycle) * self.cycle_s;
+                let is_unnoticed = at_s <= noticed_s + 2.0 * self.cycle_s;
+                let is_harder = on_top.severity(policy) > case.loss.severity(policy);
+                let allowed_s = at_s + self.allowed_s(on_top);
+                // What a lost drive leaves unbraked rolls out, whatever comes on top.
+                if case.loss.is_drive() {
+                    case.allowed_s = case.allowed_s.max(allowed_s);
+                } else if is_harder || is_unnoticed || on_top.is_drive() {
+                    case.allowed_s = allowed_s;
+                    noticed_s = at_s + self.noticed_s(on_top);
+                }
+                case.then = Some((on_top, at_s));
+                self.happen(case.state, on_top);
+            }
+            self.cycle();
+            let seconds = f64::from(cycle) * self.cycle_s;
+            let phase = self.trial.robot.phase();
+            if let Some((torque_off_s, _)) = &mut case.torque_off_s
+                && torque_off_s.is_infinite()
+                && matches!(phase, Phase::Disabled | Phase::Fault)
+            {
+                *torque_off_s = seconds;
+            }
+            let moves = self.fastest_rad_s() >= STANDING_RAD_S || phase == Phase::Tracking && !self.is_dead;
+            (stands, last_moving) = if moves { (0, cycle) } else { (stands + 1, last_moving) };
+            let is_over = second.is_none_or(|second| cycle > second)
+                && case
+                    .torque_off_s
+                    .is_none_or(|(found_s, allowed_s)| found_s.is_finite() || seconds > allowed_s);
+            // Silence is noticed only after its age: standing before that proves nothing.
+            if stands > STAYS && is_over && seconds > noticed_s {
+                case.stopped_s = f64::from(last_moving) * self.cycle_s;
+                return;
+            }
+        }
+    }
+
+    fn happen(&mut self, state: State, loss: Loss) {
+        let client = state.client();
+        let stop = |category| Ask::Robot(RequestKind::Stop(category));
+        match loss {
+            Loss::LetGo => {
+                self.speaking = None;
+                self.say(client, Ask::Pad(Pad::Released));
+            }
+            Loss::StickGone => {
+                self.speaking = None;
+                self.say(client, Ask::Pad(Pad::Lost));
+            }
+            Loss::StickSilent => self.speaking = None,
+            Loss::PageClosed => {
+                (self.speaking, self.page_lives) = (None, false);
+                self.say(Client::Page(0), Ask::Gone);
+            }
+            Loss::PageSilent => (self.speaking, self.page_lives) = (None, false),
+            Loss::Category0 => self.say(Client::Command, stop(StopCategory::RemoveTorque)),
+            Loss::Category1 => self.say(Client::Command, stop(StopCategory::RampThenRemove)),
+            Loss::Category2 => self.say(Client::Command, stop(StopCategory::RampAndHold)),
+            // With the stick still held: it must not matter.
+            Loss::Emergency => self.say(Client::Page(1), Ask::EmergencyStop),
+            Loss::Killed => (self.is_dead, self.silent) = (true, Some(0)),
+            Loss::CableCut => self.silent = Some(0),
+            Loss::DrivePower | Loss::DriveData => {
+                let wheel = self.random.below(self.trial.plan.drives.len());
+                let without = if loss == Loss::DrivePower { Without::Power } else { Without::Data };
+                self.trial.lose_drive(wheel, without);
+                self.lost = Some((wheel, loss, 0));
+            }
+        }
+        // A stop that was asked for while a stick is held: the stick is let go by its person, or holds on; either way
+        // the robot stops, but a stick that holds on drives again after a gentle stop, as it should.
+        if matches!(loss, Loss::Category1 | Loss::Category2 | Loss::Category0) {
+            self.speaking = None;
+            self.say(client, Ask::Pad(Pad::Released));
+        }
+    }
+
+    /// A source that was lost speaks again, as if nothing had been: it drives nothing until a person enables it.
+    fn insist(&mut self, client: Client) -> Blocking {
+        let has_stick = matches!(client, Client::Joystick | Client::Page(_));
+        self.page_lives = true;
+        if !has_stick {
+            return Blocking::NotConcerned;
+        }
+        self.speaking = Some((client, Twist2::new(0.2, 0.0, 0.0), Frame::Body));
+        for _ in 0..INSISTS {
+            self.cycle();
+            if self.trial.robot.phase() == Phase::Tracking {
+                return Blocking::Broken;
+            }
+        }
+        self.say(client, Ask::EnablePad(client));
+        for _ in 0..INSISTS {
+            self.cycle();
+            // Not with the stick still in hand.
+            if self.trial.robot.phase() == Phase::Tracking {
+                return Blocking::Broken;
+            }
+        }
+        self.say(client, Ask::Pad(Pad::Released));
+        for _ in 0..INSISTS {
+            self.cycle();
+            if self.trial.robot.phase() == Phase::Tracking {
+                return Blocking::Kept;
+            }
+        }
+        Blocking::ForEver
+    }
+
+    fn say(&mut self, client: Client, ask: Ask) {
+        let now_ns = self.trial.time().now_ns;
+        self.operator.hear(now_ns, Command { client, ticket: 0, ask });
+    }
+
+    fn run(&mut self, cycles: u32) {
+        for _ in 0..cycles {
+            self.cycle();
+        }
+    }
+
+    /// What is lost takes its course: the bus finds out who is missing, watchdogs expire.
+    fn lose_more(&mut self) {
+        let watchdog = (WATCHDOG_NS / self.trial.plan.bus.cycle_ns) as u32;
+        if let Some((wheel, loss, cycles)) = &mut self.lost {
+            *cycles += 1;
+            self.trial.next_exchange = match *cycles {
+                0..=UNKNOWN => Exchange::ShortCount { expected: 9, received: 6 },
+                _ => Exchange::Without { wheels: 1 << *wheel },
+            };
+            if *loss == Loss::DriveData && *cycles == watchdog {
+                self.trial.watchdog_expires(*wheel);
+            }
+            // A drive that comes back finds no old command.
+            self.trial.image.outputs[*wheel].fill(0);
+        }
+        if let Some(cycles) = &mut self.silent {
+            *cycles += 1;
+            self.trial.next_exchange = Exchange::Lost;
+            if *cycles == watchdog {
+                self.trial.watchdogs_expire();
+            }
+        }
+    }
+
+    /// One cycle of the world, and of the process where it lives.
+    fn cycle(&mut self) {
+        self.lose_more();
+        if self.is_dead {
+            self.trial.exchange();
+            return;
+        }
+        self.trial.exchange();
+        let now_ns = self.trial.time().now_ns;
+        if let Some((client, twist, frame)) = self.speaking {
+            self.say(client, Ask::Pad(Pad::Held { twist, frame }));
+        }
+        if self.page_lives {
+            self.say(Client::Page(0), Ask::Alive);
+        }
+        let (last, phase) = (*self.trial.robot.record(), self.trial.robot.phase());
+        let request = self.operator.turn(now_ns, &last, phase).request;
+        self.operator.answers().for_each(drop);
+        self.operator.notes().for_each(drop);
+        self.trial.compute_asked(request);
+    }
+
+    pub(super) fn fastest_rad_s(&self) -> f64 {
+        let machine = self.trial.machine.lock();
+        let speed =
+            |wheel: usize| machine.shaft(wheel).speed_rad_s / self.trial.plan.drives[wheel].scale.gear_ratio;
+        (0..self.trial.plan.drives.len()).map(|wheel| speed(wheel).abs()).fold(0.0, f64::max)
+    }
+
+    fn any_twist(&mut self) -> Twist2 {
+        let limits = self.trial.plan.limits;
+        let angle = std::f64::consts::TAU * self.random.share();
+        let speed_m_s = limits.speed_m_s * self.random.share();
+        let turn = 2.0 * self.random.share() - 1.0;
+        Twist2::new(speed_m_s * angle.cos(), speed_m_s * angle.sin(), limits.turn_speed_rad_s * turn)
+    }
+
+    fn any_frame(&mut self) -> Frame {
+        if self.random.below(2) == 0 { Frame::Body } else { Frame::Odom }
+    }
+}
+
+/// A small generator of its own (xorshift), so that cases are the same everywhere.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        ((self.next() >> 32) as usize * count) >> 32
+    }
+}
