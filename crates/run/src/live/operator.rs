@@ -455,6 +455,8 @@ impl Operator {
         let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
         *session = None;
         self.pad_lost(client, "the page that drove is gone: stopped");
+        // Nor may a finger that went down while the line was dead start anything when it is back.
+        self.sticks[1 + usize::from(number)].must_release = true;
         self.drop_waiting(|waiting| waiting.client == client);
         let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));
         if self.commander == Commander::Reference(client) || asked_now {
