@@ -16,6 +16,8 @@ pub struct Nic {
     pub driver: Option<String>,
     /// Its settings, as far as the driver has them.
     pub settings: Vec<(NicSetting, u32)>,
+    /// Settings that couldn't be read although the driver may have them, each with the reason.
+    pub refused: Vec<(NicSetting, EthtoolError)>,
 }
 
 impl Nic {
@@ -34,15 +36,20 @@ impl Nic {
             LargeReceiveOffload,
             EnergyEfficient,
         ];
-        let get = |setting| {
-            let value: Result<u32, EthtoolError> = ethtool::get(name, setting);
-            Some((setting, value.ok()?))
-        };
+        let (mut settings, mut refused) = (Vec::new(), Vec::new());
+        for setting in all {
+            match ethtool::get(name, setting) {
+                Ok(value) => settings.push((setting, value)),
+                Err(EthtoolError::Unsupported { .. }) => {}
+                Err(error) => refused.push((setting, error)),
+            }
+        }
         Nic {
             name: name.to_owned(),
             link: interface::link_state(name),
             driver: ethtool::driver(name),
-            settings: all.into_iter().filter_map(get).collect(),
+            settings,
+            refused,
         }
     }
 
@@ -244,10 +251,18 @@ fn zero_settings(nic: &Nic, check: &'static str, why: &'static str, settings: &[
         .iter()
         .filter_map(|setting| Some(format!("{} {}", setting.name(), setting.value(nic.setting(*setting)?))))
         .collect();
+    let mends = nic.zeroed(settings);
+    let refused = nic.refused.iter().filter(|(setting, _)| settings.contains(setting));
+    let refused: Vec<String> = refused.map(|(_, error)| error.to_string()).collect();
+    if mends.is_empty() && !refused.is_empty() {
+        let how =
+            How::ByHand("a right may be missing, or the driver fails: its manual says whether it has this");
+        let command = format!("sudo omnibase doctor {}", nic.name);
+        return Finding::unknown(check, why, refused.join(", ")).mended(command, how);
+    }
     if known.is_empty() {
         return Finding::good(check, why, "the driver has no such thing");
     }
-    let mends = nic.zeroed(settings);
     if mends.is_empty() {
         return Finding::good(check, why, known.join(", "));
     }

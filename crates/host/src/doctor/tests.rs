@@ -1,4 +1,5 @@
 use super::*;
+use crate::EthtoolError;
 use crate::interface::LinkState;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -112,6 +113,7 @@ fn fit_nic(made_up: &MadeUp) -> Nic {
             (NicSetting::ReceiveOffload, 0),
             (NicSetting::EnergyEfficient, 0),
         ],
+        refused: Vec::new(),
     }
 }
 
@@ -261,6 +263,41 @@ fn each_fault_of_a_card_is_found_by_its_check_alone() {
         assert_eq!((wrong[0].check, wrong[0].verdict), (check, verdict));
         assert!(!wrong[0].remedy.as_ref().unwrap().command.is_empty());
     }
+}
+
+#[test]
+fn a_setting_that_cannot_be_read_is_unknown_and_not_good() {
+    let checks = [
+        ("coalescing", NicSetting::AdaptiveReceive),
+        ("offloads", NicSetting::LargeReceiveOffload),
+        ("energy-efficient Ethernet", NicSetting::EnergyEfficient),
+    ];
+    for code in [libc::EPERM, libc::EIO, libc::EINVAL] {
+        for (check, setting) in checks {
+            let made_up = fit();
+            let mut nic = fit_nic(&made_up);
+            nic.settings.retain(|(known, _)| *known != setting);
+            let interface = nic.name.clone();
+            nic.refused.push((setting, EthtoolError::Refused { interface, setting, code }));
+            let finding = find(&examine(&made_up.machine(), Some(&nic)), check);
+            assert_eq!(finding.verdict, Verdict::Unknown, "{check}: {}", finding.found);
+            assert!(finding.found.contains("eth1"), "{}", finding.found);
+        }
+    }
+    // What is known to be wrong outweighs what isn't known.
+    let made_up = fit();
+    let mut nic = fit_nic(&made_up);
+    nic.settings[0].1 = 50;
+    let (interface, setting) = (nic.name.clone(), NicSetting::SendDelay);
+    nic.refused.push((setting, EthtoolError::Refused { interface, setting, code: libc::EIO }));
+    assert_eq!(find(&examine(&made_up.machine(), Some(&nic)), "coalescing").verdict, Verdict::Degraded);
+}
+
+#[test]
+fn an_interface_that_says_nothing_is_not_called_good() {
+    let nic = Nic::ask("nope0");
+    assert!(nic.settings.is_empty());
+    assert_eq!(nic.refused.len(), 7, "{:?}", nic.refused);
 }
 
 #[test]
