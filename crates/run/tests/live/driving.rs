@@ -10,7 +10,7 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::references::reference;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
-use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Pad, Refusal, Snapshot};
+use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Pad, Refusal, Snapshot, StickState};
 
 const FORWARD: Pad =
     Pad::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
@@ -136,6 +136,29 @@ fn a_stop_holds_until_every_stick_was_let_go() {
             });
         }
     }
+}
+
+#[test]
+fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
+    played(3.0, |hands: &mut Hands| {
+        hands.pad(1.0, 2.0, Client::Joystick, Pad::Released);
+        hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
+        hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Lost));
+    });
+}
+
+#[test]
+fn a_joystick_that_says_it_is_blocked_while_it_drives_is_stopped_whatever_was_missed() {
+    played(4.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
+        hands.pad(1.0, 2.0, Client::Joystick, FORWARD);
+        hands.pad(2.0, 3.5, Client::Joystick, Pad::Blocked);
+        hands.at(1.95, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
+        hands.at(3.4, |_, seen| {
+            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!(seen.beside.say.joystick, StickState::Blocked);
+        });
+    });
 }
 
 #[test]
