@@ -1,13 +1,17 @@
 //! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
 
+mod request;
+
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-use crate::mailbox::{Mailbox, MailboxError, MailboxRequest, ReceivedEmergency};
+use crate::mailbox::{Mailbox, ReceivedEmergency};
 use crate::procedure::{Answer, Next, Procedure, Request};
 use crate::subdevice::SubDevice;
 use crate::wire::HostTime;
+
+pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterWay};
 
 use super::recovery::{Comeback, Place, Recovery, RecoveryError, Seen};
 
@@ -19,93 +23,6 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(10);
 const LOOK_INTERVAL_BESIDE: Duration = Duration::from_millis(40);
 /// How long a register access is repeated.
 const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// What a request wants.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum AcyclicWork {
-    /// An SDO or SDO Information request.
-    Mailbox(MailboxRequest),
-    /// Access to registers.
-    Registers {
-        /// Which way.
-        way: RegisterWay,
-        /// First register.
-        register: u16,
-        /// As many bytes as shall be accessed: what to write, or to be overwritten with what was read.
-        data: Vec<u8>,
-    },
-}
-
-/// Which way register data go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RegisterWay {
-    /// From the SubDevice.
-    Read,
-    /// To the SubDevice.
-    Write,
-}
-
-/// A request to one SubDevice.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AcyclicRequest {
-    /// The asker's number; comes back with the completion.
-    pub tag: u64,
-    /// Position of the SubDevice.
-    pub position: u16,
-    /// What to do.
-    pub work: AcyclicWork,
-}
-
-/// A request that has ended; gives its buffer back.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AcyclicCompletion {
-    /// The asker's number.
-    pub tag: u64,
-    /// Position of the SubDevice.
-    pub position: u16,
-    /// The work; on success its data are the result.
-    pub work: AcyclicWork,
-    /// How it ended.
-    pub result: Result<(), AcyclicError>,
-}
-
-/// Why a request failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum AcyclicError {
-    /// No SubDevice stands there.
-    #[error("there is no SubDevice {position}")]
-    NoSubDevice {
-        /// Position.
-        position: u16,
-    },
-    /// The SubDevice speaks no CoE.
-    #[error("SubDevice {position} has no CoE mailbox")]
-    NoMailbox {
-        /// Position.
-        position: u16,
-    },
-    /// The mailbox request failed.
-    #[error(transparent)]
-    Mailbox(#[from] MailboxError),
-    /// Nobody took the register access.
-    #[error("register 0x{register:04x} was not accessed within {after:?}, working counter {working_counter}")]
-    Register {
-        /// First register.
-        register: u16,
-        /// Working counter of the last answer; `0` also where none came.
-        working_counter: u16,
-        /// How long it was tried.
-        after: Duration,
-    },
-    /// More bytes than the spare datagram carries.
-    #[error("{found} bytes don't fit into the spare datagram of {limit}")]
-    TooLong {
-        /// Bytes asked.
-        found: usize,
-        /// The most that fit.
-        limit: usize,
-    },
-}
 
 /// A register access in work.
 #[derive(Clone, Debug)]
