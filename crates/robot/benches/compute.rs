@@ -3,6 +3,8 @@
 //! `cargo bench -p omnibase-robot`: time per cycle, and allocations per cycle (none) where there are any.
 
 use divan::{AllocProfiler, Bencher, black_box};
+use omnibase_robot::config::FencePlan;
+use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
@@ -81,6 +83,25 @@ fn three_wheels(bencher: Bencher<'_, '_>, controller: &str) {
 #[divan::bench]
 fn four_wheels(bencher: Bencher<'_, '_>) {
     let mut running = Running::new(&plan(MECANUM, "closed_loop_speed"));
+    bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
+}
+
+/// A fence, and as many obstacles as there may be: far enough, or all of them nearer than they should be.
+#[divan::bench(args = [0.6, 0.05])]
+fn among_obstacles(bencher: Bencher<'_, '_>, distance_m: f64) {
+    let mut plan = plan(BMM, "closed_loop_speed");
+    let radius_m = plan.guard.footprint_m.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+    let fence = 2.0;
+    let corners_m = vec![[-fence, -fence], [fence, -fence], [fence, fence], [-fence, fence]];
+    plan.guard.fence = Some(FencePlan { corners_m, margin_m: 0.05 });
+    plan.guard.obstacles = (0..MAX_OBSTACLES)
+        .map(|number| {
+            let (sin, cos) = (std::f64::consts::TAU * number as f64 / MAX_OBSTACLES as f64).sin_cos();
+            let away_m = radius_m + 0.02 + distance_m;
+            Obstacle { centre_m: [away_m * cos, away_m * sin], radius_m: 0.02, velocity_m_s: [1e-9; 2] }
+        })
+        .collect();
+    let mut running = Running::new(&plan);
     bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
 }
 

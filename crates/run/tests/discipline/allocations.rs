@@ -10,6 +10,7 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_platform::Twist2;
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
+use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{Batch, Frame, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
@@ -155,6 +156,25 @@ fn requests_of_an_operator() {
     let (ran, seen) = watched(&robot(), extras);
     assert!(ran.summary.events.len() > 4, "{:?}", ran.summary.events);
     allocates_nothing("an operator", &seen, 4900);
+}
+
+#[test]
+fn a_robot_between_a_fence_and_an_obstacle_that_is_dragged() {
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let drag = |cycle: u64| {
+        let (live, y_m) = (hand.clone(), 1e-4 * (cycle - 600) as f64);
+        let obstacle = Obstacle { centre_m: [0.75, y_m], radius_m: 0.1, velocity_m_s: [-0.05, 0.0] };
+        let ask = move || Ask::Robot(RequestKind::SetObstacle { index: 2, obstacle });
+        (cycle, Deed::Do(Box::new(move || assert!(live.send(Client::Joystick, ask()).is_some()))))
+    };
+    let mut deeds = hands(&hand);
+    deeds.extend((600..2000).step_by(33).map(drag));
+    deeds.sort_by_key(|(cycle, _)| *cycle);
+    let robot = robot_with(&["fence.rectangle_m = [-1.0, -1.0, 1.0, 1.0]"]);
+    let (ran, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
+    let is_told = |text: &str| ran.summary.events.iter().any(|event| event.text == text);
+    assert!(is_told("an obstacle holds the motion back"), "{:?}", ran.summary.events);
+    allocates_nothing("fence and obstacle", &seen, 4900);
 }
 
 /// A pipe that nobody empties, so that its writer waits for ever.
