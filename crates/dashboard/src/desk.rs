@@ -10,7 +10,7 @@ use omnibase_robot::guard::Obstacle;
 use omnibase_robot::references::reference;
 use omnibase_robot::signals::Setpoint;
 use omnibase_robot::stages::Reference;
-use omnibase_run::live::{Ask, Client, Live, Pad};
+use omnibase_run::live::{Ask, Client, Live, Pad, TRACE_KEPT_S};
 use omnibase_run::teach::{Sampling, lines, taught};
 use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
@@ -182,14 +182,21 @@ impl Desk {
         };
         let since_s = self.live.snapshot().record.time.now_ns as f64 * 1e-9;
         self.teaching = Some((since_s, sampling));
-        Ok(Reply::Said(Said::done("remembering where the robot is driven")))
+        Ok(Reply::Said(Said::done(format!(
+            "remembering where the robot is driven, for {:.0} minutes at most",
+            TRACE_KEPT_S / 60.0
+        ))))
     }
 
     fn teach_end(&mut self, client: Client, name: &str, tolerance_m: Option<f64>) -> Result<Reply, String> {
         let (since_s, sampling) =
             self.teaching.ok_or("expected `teach` before it: nothing was remembered")?;
         self.check_name(name)?;
-        let trace = self.live.trace_since(since_s);
+        let trace = self.live.whole_trace_since(since_s).map_err(|gap| {
+            // What is missing doesn't come back: teaching begins anew.
+            self.teaching = None;
+            format!("{gap}; teach it again, or in parts")
+        })?;
         let limits = &self.about.robot.plan.limits;
         let taught = taught(&trace, sampling, tolerance_m.unwrap_or(TOLERANCE_M), limits)
             .map_err(|error| error.to_string())?;

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{Course, CycleRecord, DriveProgress, LimitedBy, Phase, SafetyReason};
 use omnibase_run::channels::Rows;
-use omnibase_run::live::{Client, Commander, LiveEvent, Snapshot, StickState};
+use omnibase_run::live::{Commander, LiveEvent, Snapshot, StickState};
+use omnibase_run::timing::TimingSeen;
 use serde::Serialize;
 
 /// The robot at one instant.
@@ -43,6 +44,8 @@ pub struct Seen {
     pub teaching_since_s: Option<f64>,
     /// Cycles done, frames lost, cycles left out.
     pub counts: [u64; 3],
+    /// Cycle times so far.
+    pub timing: TimingSeen,
     /// Which controller of the robot's file has its say.
     pub controller: u64,
     /// The drives.
@@ -179,6 +182,7 @@ impl Seen {
             reference_begun: record.reference_begun != 0,
             teaching_since_s: None,
             counts: [snapshot.cycles, snapshot.lost_frames, snapshot.overruns],
+            timing: snapshot.timing,
             controller: record.controller,
             drives: drives(record),
             settings: settings.collect(),
@@ -197,25 +201,16 @@ impl Seen {
 
 impl From<LiveEvent> for EventSeen {
     fn from(event: LiveEvent) -> Self {
-        let who = event.client.map(|client| format!(" ({})", client_name(client))).unwrap_or_default();
+        let who = event.client.map(|client| format!(" ({client})")).unwrap_or_default();
         EventSeen { number: event.number, time_s: event.time_s, text: format!("{}{who}", event.text) }
-    }
-}
-
-/// A client, for people.
-pub(crate) fn client_name(client: Client) -> String {
-    match client {
-        Client::Joystick => "joystick".to_owned(),
-        Client::Page(number) => format!("page {}", number + 1),
-        Client::Command => "command line".to_owned(),
     }
 }
 
 fn commander(commander: Commander) -> (String, bool) {
     match commander {
         Commander::Nobody => ("nobody".to_owned(), false),
-        Commander::Pad(client) => (client_name(client), true),
-        Commander::Reference(client) => (client_name(client), false),
+        Commander::Pad(client) => (client.to_string(), true),
+        Commander::Reference(client) => (client.to_string(), false),
     }
 }
 

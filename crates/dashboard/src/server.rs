@@ -1,7 +1,9 @@
 //! The server: routes, rights, and the message that goes to all pages thirty times a second.
 
+use std::any::Any;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::panic::AssertUnwindSafe;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -61,6 +63,19 @@ pub struct Dashboard {
     counters: Arc<Counters>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
+    kept: Kept,
+}
+
+/// What is kept as long as the server lives.
+type Kept = Arc<Mutex<Vec<Box<dyn Any + Send>>>>;
+
+/// How a server ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ended {
+    /// As it was told.
+    AsTold,
+    /// By itself: there should be one.
+    ByItself,
 }
 
 impl Dashboard {
@@ -76,21 +91,43 @@ impl Dashboard {
             .map_err(DashboardError::Thread)?;
         let counters = Arc::new(Counters::default());
         let (end, ended) = oneshot::channel();
-        let shared = counters.clone();
+        let kept = Kept::default();
+        let (shared, kept_there) = (counters.clone(), kept.clone());
         let thread = std::thread::Builder::new().name("dashboard".into()).spawn(move || {
-            runtime.block_on(serve(listener, Shared::new(access, live, about, shared), ended));
+            watched(&live.clone(), || {
+                runtime.block_on(serve(listener, Shared::new(access, live, about, shared), ended))
+            });
+            kept_there.lock().unwrap_or_else(PoisonError::into_inner).clear();
         });
         Ok(Dashboard {
             address,
             counters,
             end: Some(end),
             thread: Some(thread.map_err(DashboardError::Thread)?),
+            kept,
         })
+    }
+
+    /// Keeps something as long as the server lives, such as the word where it listens.
+    pub fn keep(&self, kept: impl Any + Send) {
+        let is_over = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+        if !is_over {
+            self.kept.lock().unwrap_or_else(PoisonError::into_inner).push(Box::new(kept));
+        }
     }
 
     /// What came in and was not carried out: crowded, denied, malformed, oversized, flooding.
     pub fn counts(&self) -> [u64; 5] {
         self.counters.all()
+    }
+}
+
+/// Serves; where that ends by itself, or by a panic, what pages command ends with it, and the run says so.
+fn watched(live: &Live, serve: impl FnOnce() -> Ended) {
+    // What the panic left half done is never looked at again.
+    let ended = std::panic::catch_unwind(AssertUnwindSafe(serve));
+    if !matches!(ended, Ok(Ended::AsTold)) {
+        live.lose_pages();
     }
 }
 
@@ -178,10 +215,10 @@ impl Shared {
     }
 }
 
-async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::Receiver<()>) {
-    let Ok(listener) = TcpListener::from_std(listener) else { return };
+async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::Receiver<()>) -> Ended {
+    let Ok(listener) = TcpListener::from_std(listener) else { return Ended::ByItself };
     let listener = Bounded::new(listener, shared.counters.clone());
-    tokio::spawn(tick(shared.clone()));
+    let ticking = tokio::spawn(tick(shared.clone()));
     let (rows, streams) = {
         let desk = shared.desk();
         (desk.about.rows(), desk.about.streams)
@@ -207,8 +244,10 @@ async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::
     };
     // Connections that stay open don't hold the end up.
     tokio::select! {
-        _ = async { axum::serve(listener, service).await } => {}
-        () = over => {}
+        _ = async { axum::serve(listener, service).await } => Ended::ByItself,
+        // It never ends but by a panic; without it pages see nothing any more.
+        _ = ticking => Ended::ByItself,
+        () = over => Ended::AsTold,
     }
 }
 
@@ -387,4 +426,46 @@ async fn socket(
         .max_frame_size(LONGEST_BODY)
         .max_write_buffer_size(4 * 1024 * 1024)
         .on_upgrade(move |socket| socket::talk(socket, shared, right))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use omnibase_robot::signals::{CycleRecord, Phase, StopCategory};
+    use omnibase_robot::{Request, RequestKind};
+    use omnibase_run::live::{Ages, Ask, LiveEnd, Pad, live};
+
+    /// A page drives, and then its server ends so; what the robot is asked in the cycle after it, and what is said.
+    fn after(serve: impl FnOnce() -> Ended) -> (Option<RequestKind>, Option<&'static str>) {
+        let ages = Ages { pad_ns: u64::MAX, session_ns: u64::MAX };
+        let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
+        let page = live.begin_session().unwrap();
+        let held = Pad::Held { twist: Default::default(), frame: Default::default() };
+        for pad in [Pad::Released, held] {
+            live.send(page, Ask::Pad(pad)).unwrap();
+        }
+        let record = CycleRecord::default();
+        let asked = |request: Option<Request>| request.map(|request| request.kind);
+        let driven = asked(end.turn(1, &record, Phase::Holding).request);
+        assert!(matches!(driven, Some(RequestKind::Velocity { .. })), "{driven:?}");
+        while end.take_note().is_some() {}
+        watched(&live, serve);
+        let request = asked(end.turn(2, &record, Phase::Tracking).request);
+        (request, end.take_note().map(|note| note.text))
+    }
+
+    #[test]
+    fn a_server_that_dies_ends_what_its_pages_commanded_and_the_run_says_so() {
+        let (stopped, said) =
+            (Some(RequestKind::Stop(StopCategory::RampAndHold)), "the server of the pages died");
+        for (serve, is_dead) in [
+            ((|| panic!("as a test wishes")) as fn() -> Ended, true),
+            (|| Ended::ByItself, true),
+            (|| Ended::AsTold, false),
+        ] {
+            let (request, note) = after(serve);
+            assert_eq!(request == stopped, is_dead, "{request:?}");
+            assert_eq!(note.is_some_and(|note| note.starts_with(said)), is_dead, "{note:?}");
+        }
+    }
 }

@@ -113,7 +113,7 @@ fn welcome(session: Option<&Session>, right: Right) -> Welcome {
         Some(Client::Page(number)) => Some(1 + number),
         _ => None,
     };
-    Welcome { you: client.map(crate::seen::client_name), stick_bit, may }
+    Welcome { you: client.map(|client| client.to_string()), stick_bit, may }
 }
 
 impl Drop for Session {

@@ -12,7 +12,7 @@ pub mod joystick;
 pub mod operator;
 pub mod snapshot;
 
-pub use carriers::{Live, LiveEnd, LiveEvent, TracePoint, live};
+pub use carriers::{Live, LiveEnd, LiveEvent, TRACE_KEPT_S, TraceGap, TracePoint, live};
 pub use command::{Answer, Ask, Client, Commander, Pad, Refusal, StickState};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};

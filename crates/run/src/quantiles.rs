@@ -50,6 +50,16 @@ impl Distribution {
         Distribution(Histogram::new_with_bounds(1, LARGEST, 3).expect("valid bounds"))
     }
 
+    /// No values yet, and two digits only: to be asked for its quantiles while it grows.
+    pub fn coarse() -> Self {
+        Distribution(Histogram::new_with_bounds(1, LARGEST, 2).expect("valid bounds"))
+    }
+
+    /// What this share of the values is at most; 0 without values.
+    pub fn at(&self, quantile: f64) -> u64 {
+        self.0.value_at_quantile(quantile).min(self.0.max())
+    }
+
     /// Counts one value.
     pub fn record(&mut self, value: u64) {
         self.0.saturating_record(value);
@@ -57,7 +67,7 @@ impl Distribution {
 
     /// Its numbers; `None` without values.
     pub fn quantiles(&self) -> Option<Quantiles> {
-        let at = |quantile| self.0.value_at_quantile(quantile).min(self.0.max());
+        let at = |quantile| self.at(quantile);
         (!self.0.is_empty()).then(|| Quantiles {
             min: self.0.min(),
             p50: at(0.5),

@@ -13,9 +13,9 @@ use omnibase_robot_sim::SharedMachine;
 use crate::channels::{Beside, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::events::{Event, Watch, Words};
-use crate::live::operator::Turn;
+use crate::live::operator::{Note, Turn};
 use crate::live::snapshot::MAX_SETTINGS;
-use crate::live::{LiveEnd, Snapshot};
+use crate::live::{Client, LiveEnd, Snapshot};
 use crate::session::{Session, SessionError, input_age_ns};
 use crate::summary::Summary;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
@@ -246,6 +246,9 @@ impl<'a> Cycle<'a> {
         {
             live.give_back(replaced);
         }
+        while let Some(Note { text, client }) = self.live.as_mut().and_then(LiveEnd::take_note) {
+            self.happened_by(self.time.now_ns, text.into(), client);
+        }
         request
     }
 
@@ -262,6 +265,7 @@ impl<'a> Cycle<'a> {
             settings,
             stick: self.robot.stick_shape(),
             obstacles: *self.robot.obstacles(),
+            timing: self.timing.seen(),
             cycles: self.cycles,
             lost_frames: self.lost_frames,
             overruns: self.overruns,
@@ -285,11 +289,16 @@ impl<'a> Cycle<'a> {
     }
 
     fn happened(&mut self, time_ns: u64, text: Words) {
+        self.happened_by(time_ns, text, None);
+    }
+
+    fn happened_by(&mut self, time_ns: u64, text: Words, client: Option<Client>) {
+        if let Some(live) = &mut self.live {
+            live.tell(time_ns, text, client);
+        }
+        let text = client.map_or(text, |client| Words::new(format_args!("{text} ({client})")));
         if self.events.len() < MOST_EVENTS {
             self.events.push((time_ns, text));
-        }
-        if let Some(live) = &mut self.live {
-            live.tell(time_ns, text);
         }
         if let Some((_, sink)) = &mut self.recording {
             sink.push_event(time_ns, &text);

@@ -28,9 +28,13 @@ pub struct TimedCycle<'a> {
     pub events: Range<usize>,
 }
 
+/// Every so many cycles one quantile is looked at anew, for whoever watches: that takes about a microsecond.
+const LOOK_CYCLES: u64 = 16;
+
 /// Collects cycle by cycle; no allocation after its making.
 #[derive(Debug)]
 pub struct Timing {
+    cycles: u64,
     wake_up: Measure,
     round_trip: Measure,
     compute: Measure,
@@ -39,15 +43,29 @@ pub struct Timing {
 
 impl Default for Timing {
     fn default() -> Self {
-        let measure = || Measure { distribution: Distribution::new(), worst: None };
-        Timing { wake_up: measure(), round_trip: measure(), compute: measure(), dc_phase: measure() }
+        let measure = || Measure {
+            distribution: Distribution::new(),
+            coarse: Distribution::coarse(),
+            worst: None,
+            seen: None,
+        };
+        Timing {
+            cycles: 0,
+            wake_up: measure(),
+            round_trip: measure(),
+            compute: measure(),
+            dc_phase: measure(),
+        }
     }
 }
 
 #[derive(Debug)]
 struct Measure {
     distribution: Distribution,
+    /// The same, in fewer steps.
+    coarse: Distribution,
     worst: Option<Worst>,
+    seen: Option<MeasureSeen>,
 }
 
 /// A cycle in which something took longest.
@@ -68,10 +86,20 @@ struct Worst {
 impl Measure {
     fn take(&mut self, value_ns: u64, cycle: &TimedCycle<'_>) {
         self.distribution.record(value_ns);
+        self.coarse.record(value_ns);
         if self.worst.as_ref().is_some_and(|worst| worst.value_ns >= value_ns) {
             return;
         }
         let record = cycle.record;
+        let quantiles = self.seen.unwrap_or_default();
+        self.seen = Some(MeasureSeen {
+            max_ns: value_ns,
+            worst_cycle: record.time.index,
+            worst_time_s: record.time.now_ns as f64 * 1e-9,
+            worst_phase: phase_words(cycle.phase),
+            worst_exchange: exchange_words(record.exchange),
+            ..quantiles
+        });
         self.worst = Some(Worst {
             value_ns,
             index: record.time.index,
@@ -84,6 +112,16 @@ impl Measure {
             asked: record.request.is_some(),
             events: cycle.events.clone(),
         });
+    }
+
+    /// Looks at one of the quantiles again.
+    fn look(&mut self, which: u64) {
+        if let Some(seen) = &mut self.seen {
+            match which {
+                0 => seen.p50_ns = self.coarse.at(0.5).min(seen.max_ns),
+                _ => seen.p99_ns = self.coarse.at(0.99).min(seen.max_ns),
+            }
+        }
     }
 
     fn figures(&self, events: &[Event]) -> Option<Measured> {
@@ -104,11 +142,7 @@ impl Worst {
             compute_ns: self.compute_ns,
             dc_phase_ns: self.times.dc_phase_ns,
             left_out: self.times.periods.saturating_sub(1),
-            exchange: match self.exchange {
-                Exchange::Complete => "complete",
-                Exchange::Lost => "lost",
-                _ => "incomplete",
-            },
+            exchange: exchange_words(self.exchange),
             phase: phase_words(self.phase),
             stop_reason: (self.stop_reason != SafetyReason::None).then(|| self.stop_reason.text()),
             asked: self.asked,
@@ -117,7 +151,25 @@ impl Worst {
     }
 }
 
+fn exchange_words(exchange: Exchange) -> &'static str {
+    match exchange {
+        Exchange::Complete => "complete",
+        Exchange::Lost => "lost",
+        _ => "incomplete",
+    }
+}
+
 impl Timing {
+    /// What is known so far, for whoever watches; quantiles are as old as 128 cycles.
+    pub fn seen(&self) -> TimingSeen {
+        TimingSeen {
+            wake_up: self.wake_up.seen,
+            round_trip: self.round_trip.seen,
+            compute: self.compute.seen,
+            dc_phase: self.dc_phase.seen,
+        }
+    }
+
     /// Takes a cycle in.
     pub fn take(&mut self, cycle: &TimedCycle<'_>) {
         self.wake_up.take(cycle.times.late_ns, cycle);
@@ -126,6 +178,13 @@ impl Timing {
         if let Some(phase_ns) = cycle.times.dc_phase_ns {
             self.dc_phase.take(phase_ns.unsigned_abs(), cycle);
         }
+        if self.cycles.is_multiple_of(LOOK_CYCLES) {
+            let turn = self.cycles / LOOK_CYCLES;
+            let measures = [&mut self.wake_up, &mut self.round_trip, &mut self.compute, &mut self.dc_phase];
+            let [which, measure] = [turn % 2, turn / 2 % 4];
+            measures.into_iter().nth(measure as usize).into_iter().for_each(|measure| measure.look(which));
+        }
+        self.cycles += 1;
     }
 
     /// The figures; `events` are all of the run, in the order of the numbers that cycles came with.
@@ -137,6 +196,38 @@ impl Timing {
             dc_phase_ns: self.dc_phase.figures(events),
         }
     }
+}
+
+/// Cycle times of a run that goes on; `None` for what isn't measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TimingSeen {
+    /// How late cycles began.
+    pub wake_up: Option<MeasureSeen>,
+    /// From the send until all frames were back or given up.
+    pub round_trip: Option<MeasureSeen>,
+    /// From inputs to outputs.
+    pub compute: Option<MeasureSeen>,
+    /// How far frames were from their place in the DC cycle, without sign.
+    pub dc_phase: Option<MeasureSeen>,
+}
+
+/// One measure of a run that goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct MeasureSeen {
+    /// Half of the values are at most this, within 1 %, ns.
+    pub p50_ns: u64,
+    /// 99 of 100 are at most this, within 1 %, ns.
+    pub p99_ns: u64,
+    /// The largest, ns.
+    pub max_ns: u64,
+    /// The cycle that had it, by its number on the robot's time grid.
+    pub worst_cycle: u64,
+    /// When that was, in time of the run, s.
+    pub worst_time_s: f64,
+    /// The phase after it.
+    pub worst_phase: &'static str,
+    /// `complete`, `lost` or `incomplete`.
+    pub worst_exchange: &'static str,
 }
 
 /// Distributions of a run's cycle times; `None` for what wasn't measured.
@@ -261,6 +352,27 @@ mod tests {
         let words = lost.worst.to_string();
         assert!(words.contains("cycle 4 at") && words.contains("(lost)"), "{words}");
         assert!(words.ends_with("; 2 cycles left out before it; lost; stopped"), "{words}");
+    }
+
+    #[test]
+    fn whoever_watches_sees_quantiles_and_the_worst_cycle_while_it_runs() {
+        let mut timing = Timing::default();
+        assert_eq!(timing.seen(), TimingSeen::default());
+        for index in 0..2000 {
+            let late_ns = if index == 700 { 90_000 } else { 10_000 + index };
+            let times = Times { periods: 1, late_ns, round_trip_ns: 40_000, ..Times::default() };
+            take(&mut timing, index, times, 0..0);
+        }
+        let TimingSeen { wake_up, round_trip, compute, dc_phase } = timing.seen();
+        let late = wake_up.unwrap();
+        // Of 2000 values from 10 to 12 us, within 1 %, and as they were up to 128 cycles before.
+        assert!((late.p50_ns as f64 / 11_000.0 - 1.0).abs() < 0.02, "{late:?}");
+        assert!((late.p99_ns as f64 / 11_980.0 - 1.0).abs() < 0.02, "{late:?}");
+        assert_eq!((late.max_ns, late.worst_cycle, late.worst_exchange), (90_000, 700, "lost"));
+        let round_trip = round_trip.unwrap();
+        assert_eq!((round_trip.p50_ns, round_trip.p99_ns, round_trip.max_ns), (40_000, 40_000, 40_000));
+        assert_eq!(compute.map(|compute| compute.p99_ns), Some(7));
+        assert_eq!(dc_phase, None);
     }
 
     #[test]

@@ -292,8 +292,26 @@ function showDrives(seen) {
   });
   const [cycles, lost, overruns] = seen.counts, [crowded, denied, malformed, oversized, flooding] = seen.server;
   const refused = crowded + denied + malformed + oversized + flooding;
+  showTiming(seen.timing);
   by("bus").textContent = bus();
   by("counts").textContent = `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`;
+}
+
+const MEASURES = { wake_up: "wake-up late", round_trip: "round trip", compute: "compute", dc_phase: "DC phase" };
+
+/** How long cycles took so far, and when the worst one was; what isn't measured has no row. */
+function showTiming(timing) {
+  const body = by("timing").tBodies[0], known = Object.keys(MEASURES).filter((name) => timing[name]);
+  while (body.rows.length < known.length) {
+    const row = body.insertRow();
+    for (let n = 0; n < 5; n++) row.insertCell();
+  }
+  known.forEach((name, n) => {
+    const { p50_ns, p99_ns, max_ns, worst_time_s, worst_cycle, worst_phase, worst_exchange } = timing[name];
+    const us = [p50_ns, p99_ns, max_ns].map((ns) => (ns / 1000).toFixed(1));
+    [MEASURES[name], ...us, `${worst_time_s.toFixed(2)} s`].forEach((text, k) => (body.rows[n].cells[k].textContent = text));
+    body.rows[n].title = `the worst was cycle ${worst_cycle}: ${worst_phase}, exchange ${worst_exchange}`;
+  });
 }
 
 /** What the bus counted, in words. */

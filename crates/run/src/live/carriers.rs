@@ -27,8 +27,12 @@ const KEPT_FOR_STOPS: usize = 32;
 const BACK: usize = 4096;
 /// Between two points of the trace, ns.
 const TRACE_NS: u64 = 10_000_000;
-/// Points of the trace that are kept: ten minutes.
+/// Points of the trace that are kept: those of [`TRACE_KEPT_S`].
 const TRACE_KEPT: usize = 60_000;
+/// As long as that the trace is kept, s.
+pub const TRACE_KEPT_S: f64 = 600.0;
+/// The longest time between two points that follow each other, s: some cycles may be left out, and no more.
+const TRACE_STEP_S: f64 = 0.1;
 /// Events and answers that are kept.
 const KEPT: usize = 500;
 
@@ -43,6 +47,18 @@ pub struct TracePoint {
     pub wished: [f64; 3],
     /// True pose, likewise; `None` on hardware.
     pub truth: Option<[f64; 3]>,
+}
+
+/// A part of the trace that isn't there.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "where the robot was from {from_s:.2} s to {until_s:.2} s is not known any more: {TRACE_KEPT_S} s are kept"
+)]
+pub struct TraceGap {
+    /// Its begin, in time of the run, s.
+    pub from_s: f64,
+    /// Its end, s.
+    pub until_s: f64,
 }
 
 /// Something that happened, with the client whom it is about.
@@ -159,6 +175,12 @@ impl Live {
         }
     }
 
+    /// The server of all pages is no more: their sessions end, and what they command stops.
+    pub fn lose_pages(&self) {
+        self.send(Client::Command, Ask::PagesLost);
+        *lock(&self.shared.sessions) = [false; MAX_SESSIONS];
+    }
+
     /// Sends a command; the ticket by which its answer will be found, or `None` where the cycle takes no more.
     pub fn send(&self, client: Client, ask: Ask) -> Option<u64> {
         let ticket = self.ticket();
@@ -245,6 +267,19 @@ impl Live {
         seen.trace.range(first..).copied().collect()
     }
 
+    /// The trace since a time of the run, s, where none of it is missing.
+    pub fn whole_trace_since(&self, time_s: f64) -> Result<Vec<TracePoint>, TraceGap> {
+        let trace = self.trace_since(time_s);
+        let mut last_s = time_s;
+        for point in &trace {
+            if point.time_s > last_s + TRACE_STEP_S {
+                return Err(TraceGap { from_s: last_s, until_s: point.time_s });
+            }
+            last_s = point.time_s;
+        }
+        Ok(trace)
+    }
+
     fn seen(&self) -> MutexGuard<'_, Seen> {
         let mut seen = lock(&self.shared.seen);
         while let Ok(back) = seen.from_cycle.pop() {
@@ -297,9 +332,6 @@ impl LiveEnd {
         for (ticket, answer) in self.operator.answers() {
             let _ = self.back.push(Back::Answer(ticket, answer));
         }
-        for Note { text, client } in self.operator.notes() {
-            let _ = self.back.push(Back::Event { time_ns: now_ns, text: text.into(), client: Some(client) });
-        }
         for reference in self.operator.discarded() {
             give_back(&mut self.back, &mut self.unsent, reference);
         }
@@ -321,9 +353,14 @@ impl LiveEnd {
         give_back(&mut self.back, &mut self.unsent, reference);
     }
 
-    /// Tells everybody what happened.
-    pub fn tell(&mut self, time_ns: u64, text: Words) {
-        let _ = self.back.push(Back::Event { time_ns, text, client: None });
+    /// The oldest of what clients did and what became of them, to be [told](LiveEnd::tell).
+    pub fn take_note(&mut self) -> Option<Note> {
+        self.operator.take_note()
+    }
+
+    /// Tells everybody what happened, and whom it is about.
+    pub fn tell(&mut self, time_ns: u64, text: Words, client: Option<Client>) {
+        let _ = self.back.push(Back::Event { time_ns, text, client });
     }
 
     /// Shows the latest.
@@ -374,5 +411,41 @@ fn give_back(
         && let Some(older) = unsent.replace(reference)
     {
         std::mem::forget(older);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use omnibase_robot::signals::StopCategory;
+
+    /// A robot was looked at in every one of these cycles of 10 ms.
+    fn traced(cycles: impl Iterator<Item = u64>) -> Live {
+        let (live, mut end) = live(Ages { pad_ns: 1, session_ns: 1 }, StopCategory::RampAndHold);
+        let mut snapshot = Snapshot::default();
+        for cycle in cycles {
+            snapshot.record.time.now_ns = cycle * TRACE_NS;
+            end.show(&snapshot);
+            live.snapshot();
+        }
+        live
+    }
+
+    #[test]
+    fn a_trace_whose_beginning_or_middle_is_missing_is_refused_in_words() {
+        let kept = TRACE_KEPT as u64;
+        let live = traced(0..kept + 500);
+        assert_eq!(live.whole_trace_since(10.0).unwrap().len(), TRACE_KEPT - 501);
+        let gap = live.whole_trace_since(2.0).unwrap_err();
+        assert!((gap.from_s, gap.until_s) == (2.0, 5.0), "{gap}");
+        assert!(
+            gap.to_string().contains("from 2.00 s to 5.00 s") && gap.to_string().contains("600 s"),
+            "{gap}"
+        );
+        // A few cycles that were left out are no gap.
+        let live = traced((0..100).chain(105..200));
+        assert_eq!(live.whole_trace_since(0.5).unwrap().len(), 144);
+        let live = traced((0..100).chain(150..200));
+        assert!((live.whole_trace_since(0.5).unwrap_err().from_s - 0.99).abs() < 1e-9);
     }
 }

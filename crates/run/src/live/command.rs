@@ -85,6 +85,8 @@ pub enum Ask {
     Begun,
     /// The session has ended.
     Gone,
+    /// The server of all pages is no more.
+    PagesLost,
 }
 
 impl Ask {
@@ -94,6 +96,7 @@ impl Ask {
             self,
             Ask::EmergencyStop
                 | Ask::Gone
+                | Ask::PagesLost
                 | Ask::Robot(RequestKind::Stop(_))
                 | Ask::Pad(Pad::Released | Pad::Lost | Pad::Withdrawn)
         )
@@ -176,6 +179,16 @@ pub enum Commander {
     Pad(Client),
     /// A reference is followed, or a way, that this client asked for.
     Reference(Client),
+}
+
+impl std::fmt::Display for Client {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Client::Joystick => f.write_str("joystick"),
+            Client::Page(number) => write!(f, "page {}", number + 1),
+            Client::Command => f.write_str("command line"),
+        }
+    }
 }
 
 impl Client {

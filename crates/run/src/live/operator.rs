@@ -33,8 +33,8 @@ pub struct Ages {
 pub struct Note {
     /// In words.
     pub text: &'static str,
-    /// Whom it is about.
-    pub client: Client,
+    /// Whom it is about; `None` for nobody alone.
+    pub client: Option<Client>,
 }
 
 /// What the operator wants of a cycle.
@@ -149,6 +149,11 @@ impl Operator {
         }
     }
 
+    /// The oldest of what happened since that was asked.
+    pub fn take_note(&mut self) -> Option<Note> {
+        (!self.notes.is_empty()).then(|| self.notes.remove(0))
+    }
+
     /// What happened since it was last asked; emptied by reading.
     pub fn notes(&mut self) -> impl Iterator<Item = Note> + '_ {
         self.notes.drain(..)
@@ -179,6 +184,7 @@ impl Operator {
                 self.gone(client);
                 self.forget_stick(client);
             }
+            Ask::PagesLost => self.pages_lost(),
             Ask::Pad(pad) => self.pad(now_ns, client, pad),
             Ask::EnablePad(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
@@ -441,6 +447,15 @@ impl Operator {
         }
     }
 
+    /// Nobody speaks for the pages any more.
+    fn pages_lost(&mut self) {
+        self.say("the server of the pages died: what they commanded stops", None);
+        for client in (0..MAX_SESSIONS as u8).map(Client::Page) {
+            self.gone(client);
+            self.forget_stick(client);
+        }
+    }
+
     /// Whoever has this number next is another one.
     fn forget_stick(&mut self, client: Client) {
         if let Some(number) = stick_of(client) {
@@ -511,9 +526,9 @@ impl Operator {
         }
     }
 
-    fn say(&mut self, text: &'static str, client: Client) {
+    fn say(&mut self, text: &'static str, client: impl Into<Option<Client>>) {
         if self.notes.len() < MOST_NOTES {
-            self.notes.push(Note { text, client });
+            self.notes.push(Note { text, client: client.into() });
         }
     }
 }

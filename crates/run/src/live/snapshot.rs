@@ -7,6 +7,7 @@ use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
 
 use crate::channels::Beside;
+use crate::timing::TimingSeen;
 
 /// Settings that a snapshot has room for.
 pub const MAX_SETTINGS: usize = 48;
@@ -32,6 +33,8 @@ pub struct Snapshot {
     pub reference_start: Option<Setpoint>,
     /// Where it was told to go last.
     pub goal: Option<Pose2>,
+    /// Cycle times so far.
+    pub timing: TimingSeen,
     /// Cycles in OP.
     pub cycles: u64,
     /// Frames that weren't back at their deadline.
@@ -52,6 +55,7 @@ impl Default for Snapshot {
             reference: 0,
             reference_start: None,
             goal: None,
+            timing: TimingSeen::default(),
             cycles: 0,
             lost_frames: 0,
             overruns: 0,

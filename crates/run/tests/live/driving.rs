@@ -350,3 +350,26 @@ fn a_flood_is_bounded_answered_and_no_cycle_is_lost() {
     assert_eq!(run.last.record.stop_reason, SafetyReason::Requested);
     assert!(run.stop.load(Ordering::Relaxed));
 }
+
+#[test]
+fn a_run_goes_on_where_the_server_of_its_pages_dies_and_what_they_commanded_stops() {
+    let run = played(6.0, |hands: &mut Hands| {
+        let page = Client::Page(0);
+        hands.at(0.5, move |live, _| {
+            assert_eq!(live.begin_session(), Some(page));
+            live.send(page, robot(RequestKind::Enable));
+            live.send(page, Ask::Pad(Pad::Released));
+        });
+        hands.pad(1.0, 1.999, page, FORWARD);
+        hands.at(2.0, |live, seen| {
+            assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
+            live.lose_pages();
+        });
+        hands.at(2.5, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Nobody));
+        hands.ask(4.0, Client::Command, robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
+    });
+    let events: Vec<&str> = run.ran.summary.events.iter().map(|event| event.text.as_str()).collect();
+    assert!(events.contains(&"drives by hand (page 1)"), "{events:?}");
+    assert!(events.contains(&"the server of the pages died: what they commanded stops"), "{events:?}");
+    assert!(run.ran.ended.is_ok() && run.replayed.difference.is_none(), "{:?}", run.replayed);
+}

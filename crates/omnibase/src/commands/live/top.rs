@@ -92,7 +92,7 @@ fn draw(frame: &mut ratatui::Frame<'_>, view: &View) {
     let [head, middle, timing, events, foot] = Layout::vertical([
         Constraint::Length(5),
         Constraint::Length(drives + 3),
-        Constraint::Length(3),
+        Constraint::Length(7),
         Constraint::Min(3),
         Constraint::Length(1),
     ])
@@ -186,20 +186,38 @@ fn table(view: &View) -> Table<'_> {
         .block(block("drives"))
 }
 
+/// What is measured of cycles, as the API and as people call it.
+const MEASURES: [(&str, &str); 4] = [
+    ("wake_up", "wake-up late"),
+    ("round_trip", "round trip"),
+    ("compute", "compute"),
+    ("dc_phase", "DC phase"),
+];
+
 fn times(view: &View) -> Paragraph<'_> {
     let count = |n: usize| view.now["counts"][n].as_u64().unwrap_or(0);
-    let us = |name: &str| view.value(name) * 1e-3;
-    let text = format!(
-        "{:.1} s   {} cycles   {} frames lost   {} left out   round trip {:.1} us   late {:.1} us   compute {:.1} us",
+    let mut lines = vec![format!(
+        "{:.1} s   {} cycles   {} frames lost   {} left out",
         view.now["time_s"].as_f64().unwrap_or(0.0),
         count(0),
         count(1),
         count(2),
-        us("timing/round_trip_ns"),
-        us("timing/wake_up_ns"),
-        us("timing/compute_ns"),
-    );
-    Paragraph::new(text).block(block("cycle"))
+    )];
+    for (name, words) in MEASURES {
+        let measured = &view.now["timing"][name];
+        if measured.is_object() {
+            let us = |what: &str| measured[what].as_f64().unwrap_or(f64::NAN) * 1e-3;
+            lines.push(format!(
+                "{words:13} half {:>7.1}   99 % {:>7.1}   most {:>7.1} us, in cycle {} at {:.2} s",
+                us("p50_ns"),
+                us("p99_ns"),
+                us("max_ns"),
+                measured["worst_cycle"],
+                measured["worst_time_s"].as_f64().unwrap_or(f64::NAN),
+            ));
+        }
+    }
+    Paragraph::new(lines.into_iter().map(Line::from).collect::<Vec<_>>()).block(block("cycle"))
 }
 
 fn happened(view: &View, height: u16) -> Paragraph<'_> {

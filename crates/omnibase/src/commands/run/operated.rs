@@ -67,7 +67,7 @@ pub struct Options {
 
 /// What serves people while a robot runs.
 pub struct Operated {
-    _page: Option<(Dashboard, Option<RunningRobot>)>,
+    _page: Option<Dashboard>,
     _stick: Option<StickThread>,
 }
 
@@ -88,6 +88,12 @@ impl Options {
     ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {
         if !self.is_wanted() {
             return Ok(None);
+        }
+        if robot.plan.safety.resume_within_ns.is_some() {
+            note(
+                "warning: `after_lost_device = \"resume\"` doesn't count where people lead the robot: after a loss a \
+                 person acknowledges, enables and resumes",
+            );
         }
         let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
         let (live, end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
@@ -114,12 +120,7 @@ impl Options {
         Ok(Some((Operated { _page: page, _stick: stick }, end)))
     }
 
-    fn serve(
-        &self,
-        address: SocketAddr,
-        live: Live,
-        about: About,
-    ) -> anyhow::Result<(Dashboard, Option<RunningRobot>)> {
+    fn serve(&self, address: SocketAddr, live: Live, about: About) -> anyhow::Result<Dashboard> {
         let mut access = Access::new(address).context("making a token")?;
         if let Some(token) = &self.token {
             access.token.clone_from(token);
@@ -134,10 +135,12 @@ impl Options {
                 dashboard.address.ip()
             ));
         }
-        let running = RunningRobot::announce(&name, dashboard.address, &access.token)
-            .inspect_err(|error| note(format_args!("warning: `omnibase get` won't find this robot: {error}")))
-            .ok();
-        Ok((dashboard, running))
+        match RunningRobot::announce(&name, dashboard.address, &access.token) {
+            // Where nobody serves any more nobody is called, and shown the token.
+            Ok(running) => dashboard.keep(running),
+            Err(error) => note(format_args!("warning: `omnibase get` won't find this robot: {error}")),
+        }
+        Ok(dashboard)
     }
 }
 
