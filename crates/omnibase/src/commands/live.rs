@@ -91,8 +91,10 @@ pub struct Top {
 
 fn parse_setting(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE, as speed_factor=0.5")?;
-    let value = value.trim().parse().map_err(|_| format!("expected a number, found `{value}`"))?;
-    Ok((name.trim().to_owned(), value))
+    let number: Option<f64> = value.trim().parse().ok();
+    // JSON, in which it is sent, knows no other numbers; and no setting takes them.
+    let number = number.filter(|number| number.is_finite());
+    Ok((name.trim().to_owned(), number.ok_or_else(|| format!("expected a finite number, found `{value}`"))?))
 }
 
 fn parse_argument(text: &str) -> Result<(String, Value), String> {
@@ -220,7 +222,10 @@ mod tests {
         assert_eq!(parse_argument("pose=[1,2,3]").unwrap(), ("pose".into(), json!([1, 2, 3])));
         assert_eq!(parse_argument("name=round").unwrap(), ("name".into(), json!("round")));
         assert_eq!(parse_setting("speed_factor=0.5").unwrap(), ("speed_factor".into(), 0.5));
-        assert!(parse_setting("speed_factor=fast").unwrap_err().contains("found `fast`"));
+        for wrong in ["fast", "nan", "-inf", "1e999", ""] {
+            let refusal = parse_setting(&format!("speed_factor={wrong}")).unwrap_err();
+            assert_eq!(refusal, format!("expected a finite number, found `{wrong}`"));
+        }
         assert!(parse_argument("name").is_err());
     }
 }
