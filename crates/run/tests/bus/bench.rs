@@ -33,26 +33,61 @@ pub fn plan_with(changes: &[&str]) -> RobotPlan {
     text.load(&Registry::with_built_in()).unwrap().plan
 }
 
+/// What happens to frames beside the faults of the link itself.
+#[derive(Default)]
+pub struct Meddler {
+    /// Frames of somebody else that are still to arrive.
+    pub foreign: u32,
+    /// Answers that are still to be cut short.
+    pub short: u32,
+    /// What breaks as soon as so many frames were sent.
+    pub later: Option<(u64, usize, Fault)>,
+}
+
 /// A link that a test can reach while somebody else owns it.
 #[derive(Clone)]
-pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>);
+pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>, pub Rc<RefCell<Meddler>>);
 
 impl Link for Shared {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
-        self.0.borrow_mut().send(frame)
+        let mut link = self.0.borrow_mut();
+        let sent = link.counts().frames;
+        if let Some((_, position, fault)) = self.1.borrow_mut().later.take_if(|(at, ..)| sent >= *at) {
+            link.inner_mut().segment_mut().inject(position, fault).unwrap();
+        }
+        link.send(frame)
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
-        self.0.borrow_mut().receive(buffer, deadline)
+        let mut meddler = self.1.borrow_mut();
+        if meddler.foreign > 0 {
+            meddler.foreign -= 1;
+            let mut frame = FrameBuilder::new();
+            // Somebody else's MainDevice asks for states.
+            frame.push(Command::Brd, 0xEE, Address::broadcast(0x0130), &[0; 2]).unwrap();
+            let bytes = frame.bytes();
+            buffer[..bytes.len()].copy_from_slice(bytes);
+            return Ok(Some(bytes.len()));
+        }
+        let received = self.0.borrow_mut().receive(buffer, deadline)?;
+        Ok(match received {
+            Some(length) if meddler.short > 0 => {
+                meddler.short -= 1;
+                Some(length / 2)
+            }
+            received => received,
+        })
     }
 }
 
 /// A robot in OP.
-pub struct Bench {
-    pub session: Session<Shared, VirtualClock>,
+pub struct Bench<L: Link = Shared> {
+    pub session: Session<L, VirtualClock>,
     pub robot: Robot,
-    pub link: Shared,
+    pub link: L,
     pub cycles: u64,
+    /// Periods that were left out.
+    pub left_out: u64,
     pub events: Vec<(u64, String)>,
     period_ns: u64,
 }
@@ -69,54 +104,7 @@ impl Bench {
     }
 
     pub fn with(plan: &RobotPlan, link: SimLink, clock: VirtualClock) -> Self {
-        let link = Shared(Rc::new(RefCell::new(FaultLink::new(link, 1))));
-        let mut session =
-            Session::prepare(link.clone(), clock, plan, &mut |warning| panic!("{warning}")).unwrap();
-        assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
-        let robot = Robot::build(plan, &Registry::with_built_in()).unwrap();
-        Bench { session, robot, link, cycles: 0, events: Vec::new(), period_ns: plan.bus.cycle_ns }
-    }
-
-    /// One cycle of the robot.
-    pub fn cycle(&mut self, request: Option<RequestKind>) -> Exchange {
-        self.step(request.map(Request::lasting))
-    }
-
-    /// As [`Bench::cycle`], with a request that counts for so long, ns.
-    pub fn cycle_for(&mut self, kind: RequestKind, for_ns: u64) -> Exchange {
-        let valid_until_ns = (self.cycles + 1) * self.period_ns + for_ns;
-        self.step(Some(Request { kind, valid_until_ns }))
-    }
-
-    fn step(&mut self, request: Option<Request>) -> Exchange {
-        let (exchange, _) = self.session.exchange().unwrap();
-        self.cycles += 1;
-        let time = CycleTime::on_grid(self.cycles, self.period_ns);
-        let record: CycleRecord = *self.robot.compute(time, exchange, request, &mut self.session.image());
-        self.session.look_at_drives(record.measurements.present());
-        while let Some(words) = self.session.take_event() {
-            self.events.push((self.cycles, words.to_string()));
-        }
-        exchange
-    }
-
-    pub fn run(&mut self, cycles: u64) {
-        for _ in 0..cycles {
-            self.cycle(None);
-        }
-    }
-
-    /// Drives enabled, robot holding.
-    pub fn enable(&mut self) {
-        self.cycle(None);
-        self.cycle(Some(RequestKind::Enable));
-        for _ in 0..2000 {
-            if self.robot.phase() == Phase::Holding {
-                return;
-            }
-            self.cycle(None);
-        }
-        panic!("not holding: {:?}, {:?}", self.robot.phase(), self.events);
+        Bench::behind(plan, shared(link), clock)
     }
 
     pub fn inject(&mut self, position: usize, fault: Fault) {
@@ -156,6 +144,66 @@ impl Bench {
         let segment = link.inner().segment();
         let time = segment.sub_devices()[position].esc().system_time(segment.now());
         (time.expect("it has a clock").0, segment.now().0)
+    }
+}
+
+/// A link that can be reached, and meddled with.
+pub fn shared(link: SimLink) -> Shared {
+    Shared(Rc::new(RefCell::new(FaultLink::new(link, 1))), Rc::default())
+}
+
+impl<L: Link + Clone> Bench<L> {
+    /// A robot in OP behind any link.
+    pub fn behind(plan: &RobotPlan, link: L, clock: VirtualClock) -> Self {
+        let mut session =
+            Session::prepare(link.clone(), clock, plan, &mut |warning| panic!("{warning}")).unwrap();
+        assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
+        let robot = Robot::build(plan, &Registry::with_built_in()).unwrap();
+        let period_ns = plan.bus.cycle_ns;
+        Bench { session, robot, link, cycles: 0, left_out: 0, events: Vec::new(), period_ns }
+    }
+
+    /// One cycle of the robot.
+    pub fn cycle(&mut self, request: Option<RequestKind>) -> Exchange {
+        self.step(request.map(Request::lasting))
+    }
+
+    /// As [`Bench::cycle`], with a request that counts for so long, ns.
+    pub fn cycle_for(&mut self, kind: RequestKind, for_ns: u64) -> Exchange {
+        let valid_until_ns = (self.cycles + 1) * self.period_ns + for_ns;
+        self.step(Some(Request { kind, valid_until_ns }))
+    }
+
+    fn step(&mut self, request: Option<Request>) -> Exchange {
+        let (exchange, times) = self.session.exchange().unwrap();
+        self.cycles += times.periods;
+        self.left_out += times.periods - 1;
+        let time = CycleTime::on_grid(self.cycles, self.period_ns);
+        let record: CycleRecord = *self.robot.compute(time, exchange, request, &mut self.session.image());
+        self.session.look_at_drives(record.measurements.present());
+        while let Some(words) = self.session.take_event() {
+            self.events.push((self.cycles, words.to_string()));
+        }
+        exchange
+    }
+
+    pub fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.cycle(None);
+        }
+    }
+
+    /// Drives enabled, robot holding.
+    pub fn enable(&mut self) {
+        self.cycle(None);
+        self.cycle(Some(RequestKind::Enable));
+        for _ in 0..2000 {
+            if self.robot.phase() == Phase::Holding {
+                return;
+            }
+            self.cycle(None);
+        }
+        panic!("not holding: {:?}, {:?}", self.robot.phase(), self.events);
     }
 
     /// Events with these words, by cycle.
