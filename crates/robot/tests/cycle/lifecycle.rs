@@ -160,13 +160,7 @@ fn a_drive_that_started_anew_stops_whatever_is_tolerated_and_counts_from_a_new_o
 }
 
 #[test]
-fn a_wheel_too_fast_stops() {
-    let mut bench = Bench::new(plan(BMM));
-    bench.enable();
-    // Somebody pushes: faster than any command could.
-    bench.twist_in_body = Twist2::new(0.0, 0.0, 5.0);
-    bench.friction = [0.0, 0.0];
-    drive(&mut bench, 0.0, 1);
+fn a_command_beyond_the_wheels_limit_is_held_to_it() {
     let text = BMM.replace("wheel_speed_rad_s = 15.0", "wheel_speed_rad_s = 2.0");
     let mut bench = Bench::new(plan(&text));
     bench.enable();

@@ -4,6 +4,7 @@ mod courses;
 mod lifecycle;
 mod poison;
 mod promises;
+mod reasons;
 mod safety;
 mod settings;
 mod stops;

@@ -1,0 +1,227 @@
+//! Every reason for which the robot stops: what leads to it, what it does at first, and where it ends.
+
+use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::signals::{
+    Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
+    Setpoint, StopCategory,
+};
+use omnibase_robot::stages::{Controller, Gain, Reference};
+use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
+
+use crate::support::{BMM, Bench, plan_with};
+
+/// Cycles in which a stage of these tests does as it should.
+const GOOD_CYCLES: u32 = 300;
+
+/// The same command for all wheels, from some cycle on.
+struct Constant(Quantity, f64, u32);
+
+impl Controller for Constant {
+    fn quantity(&self) -> Quantity {
+        self.0
+    }
+
+    fn reset(&mut self) {}
+
+    fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
+        self.2 = self.2.saturating_sub(1);
+        let mut commands = Commands { quantity: self.0, ..Commands::default() };
+        if self.2 == 0 {
+            commands.values[..3].fill(self.1);
+        }
+        commands
+    }
+
+    fn gain(&self, _: usize) -> Option<Gain> {
+        None
+    }
+
+    fn set_gain(&mut self, _: usize, _: f64) {}
+}
+
+/// Sideways at a constant speed, and once to another place; nobody can look ahead on it.
+struct Sideways {
+    speed_m_s: f64,
+    jump_m: f64,
+}
+
+impl Reference for Sideways {
+    fn start(&mut self, _: &Setpoint) {}
+
+    fn sample(&mut self, since_start_s: f64) -> Setpoint {
+        let jump_m = if since_start_s > 0.3 { self.jump_m } else { 0.0 };
+        let pose = Pose2 { y_m: self.speed_m_s * since_start_s + jump_m, ..Pose2::default() };
+        Setpoint {
+            twist_in_odom: Twist2::new(0.0, self.speed_m_s, 0.0),
+            status: ReferenceStatus::Moving,
+            ..Setpoint::at_rest(pose)
+        }
+    }
+
+    fn duration_s(&self) -> Option<f64> {
+        None
+    }
+}
+
+fn registry() -> Registry {
+    let mut registry = Registry::with_built_in();
+    registry.controller("too_much", |_| Ok(Box::new(Constant(Quantity::Torque, 60.0, GOOD_CYCLES))));
+    registry.controller("no_number", |_| Ok(Box::new(Constant(Quantity::Speed, f64::NAN, GOOD_CYCLES))));
+    registry.reference("jump", |_| Ok(Box::new(Sideways { speed_m_s: 0.0, jump_m: 0.6 })));
+    registry.reference("away", |_| Ok(Box::new(Sideways { speed_m_s: 0.2, jump_m: 0.0 })));
+    registry
+}
+
+fn bench(robot: &str, more: &str) -> Bench {
+    let registry = registry();
+    Bench::with_registry(plan_with(&format!("{robot}\n{more}\n"), &registry), &registry)
+}
+
+/// A robot that holds.
+fn enabled(robot: &str, more: &str) -> Bench {
+    let mut bench = bench(robot, more);
+    bench.enable();
+    bench
+}
+
+fn forward(bench: &mut Bench, speed_m_s: f64, cycles: u32) {
+    for _ in 0..cycles {
+        let twist = Twist2::new(speed_m_s, 0.0, 0.0);
+        bench.step(Some(RequestKind::Velocity { twist, frame: Frame::Body }));
+    }
+}
+
+/// The BMM driven forward.
+fn driven(more: &str) -> Bench {
+    let mut bench = enabled(BMM, more);
+    forward(&mut bench, 0.3, 500);
+    bench
+}
+
+/// The BMM on a reference.
+fn tracking(robot: &str, more: &str) -> Bench {
+    let mut bench = enabled(robot, more);
+    bench.step(Some(RequestKind::Track));
+    bench
+}
+
+/// Runs until the robot stops for a reason: its phase then, and where it ends.
+fn stops(mut bench: Bench, reason: SafetyReason) -> (Phase, Phase) {
+    for _ in 0..9000 {
+        bench.step(None);
+        if bench.robot.record().stop_reason == reason {
+            let first = bench.robot.phase();
+            bench.run(3000);
+            assert_eq!(bench.robot.record().stop_reason, reason, "it stays the cause");
+            return (first, bench.robot.phase());
+        }
+    }
+    panic!("never {reason:?}, but {:?} in {:?}", bench.robot.record().stop_reason, bench.robot.phase());
+}
+
+/// What leads to a reason, and what it leads to; `None` for those that are no stop.
+fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
+    let robot = |from: &str, to: &str| BMM.replace(from, to);
+    let fence = "[fence]\nrectangle_m = [-1.0, -1.0, 1.0, 1.0]\n[reference]\nkind = \"away\"";
+    let bench = match reason {
+        SafetyReason::None | SafetyReason::Torque => return None,
+        SafetyReason::Requested => {
+            let mut bench = driven("");
+            bench.step(Some(RequestKind::Stop(StopCategory::RampThenRemove)));
+            bench
+        }
+        SafetyReason::WheelSpeed => {
+            let mut bench = enabled(&robot("\"closed_loop_speed\"", "\"adaptive_torque\""), "");
+            forward(&mut bench, 0.3, 500);
+            // Somebody pushes.
+            bench.twist_in_body = Twist2::new(0.0, 0.0, 6.0);
+            bench.step(None);
+            bench.step(None);
+            bench.twist_in_body = Twist2::default();
+            bench
+        }
+        SafetyReason::ReferenceSpeed => {
+            let mut bench = driven("");
+            forward(&mut bench, 1.2, 1);
+            bench
+        }
+        SafetyReason::NotFinite => enabled(&robot("\"closed_loop_speed\"", "\"no_number\""), ""),
+        // Nobody repeats the command.
+        SafetyReason::CommandAge => driven(""),
+        SafetyReason::ExchangeLost => {
+            let mut bench = driven("");
+            bench.exchange = Exchange::Lost;
+            bench
+        }
+        SafetyReason::TrackingError => tracking(BMM, "[reference]\nkind = \"jump\""),
+        SafetyReason::Drive => {
+            let mut bench = driven("");
+            bench.fail_drive(2);
+            bench
+        }
+        SafetyReason::EnablingTimeout => {
+            // Each step to operation takes a cycle of 1 ms, and there are more than two.
+            let mut bench = bench(BMM, "[safety]\nenabling_timeout_ms = 2");
+            bench.step(None);
+            bench.step(Some(RequestKind::Enable));
+            bench
+        }
+        SafetyReason::StopTimeout => {
+            // From 0.3 m/s a ramp takes a quarter of a second.
+            let mut bench = driven("[safety]\nstop_timeout_ms = 50");
+            bench.step(Some(RequestKind::Stop(StopCategory::RampAndHold)));
+            bench
+        }
+        SafetyReason::DeviceLost => {
+            let mut bench = driven("");
+            bench.exchange = Exchange::Without { wheels: 0b100 };
+            bench
+        }
+        SafetyReason::Fence => tracking(BMM, fence),
+    };
+    Some(stops(bench, reason))
+}
+
+#[test]
+fn every_reason_stops_the_robot_as_it_should() {
+    // A reason without its line here fails to compile above, or fails below.
+    let expected = |reason| match reason {
+        SafetyReason::None | SafetyReason::Torque => None,
+        SafetyReason::Requested => Some((Phase::Stopping, Phase::Disabled)),
+        SafetyReason::WheelSpeed | SafetyReason::ReferenceSpeed | SafetyReason::TrackingError => {
+            Some((Phase::Stopping, Phase::Fault))
+        }
+        SafetyReason::CommandAge | SafetyReason::Fence => Some((Phase::Stopping, Phase::Holding)),
+        SafetyReason::NotFinite
+        | SafetyReason::Drive
+        | SafetyReason::StopTimeout
+        | SafetyReason::DeviceLost => Some((Phase::QuickStopping, Phase::Fault)),
+        // Nobody is heard: for so long as a stop may take.
+        SafetyReason::ExchangeLost => Some((Phase::QuickStopping, Phase::QuickStopping)),
+        SafetyReason::EnablingTimeout => Some((Phase::Fault, Phase::Fault)),
+    };
+    let mut seen = 0;
+    for reason in (0..64).filter_map(SafetyReason::from_code) {
+        assert_eq!(case(reason), expected(reason), "{reason:?}");
+        seen += 1;
+    }
+    assert_eq!(seen, 14, "every reason has had its turn");
+}
+
+#[test]
+fn a_torque_above_its_limit_is_scaled_as_a_whole_and_told() {
+    let mut bench = enabled(&BMM.replace("\"closed_loop_speed\"", "\"too_much\""), "");
+    for _ in 0..2 * GOOD_CYCLES {
+        let record = bench.step(None);
+        if record.commands.values[0] == 60.0 {
+            assert_eq!(record.allowed.commands.values[..3], [21.0; 3], "the limit of the robot's file");
+            assert_eq!(
+                (record.allowed.action, record.allowed.reason),
+                (SafetyAction::Pass, SafetyReason::Torque)
+            );
+            return;
+        }
+        assert_eq!(record.allowed.reason, SafetyReason::None);
+    }
+    panic!("it never asked for too much");
+}
