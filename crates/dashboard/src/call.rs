@@ -46,7 +46,8 @@ pub enum Call {
         /// New values by name.
         values: BTreeMap<String, f64>,
     },
-    /// A stick's wish, in shares of the limits, each from -1 to 1.
+    /// A stick's wish, in shares of the limits, each from -1 to 1; it counts from where the session said once that its
+    /// stick was let go.
     Pad {
         /// Forward, or along x.
         x: f64,
