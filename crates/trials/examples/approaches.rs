@@ -41,6 +41,8 @@ fn main() {
             "\nwhere its own motion brought it nearer it kept {:.3} of the distance to be kept, at least",
             kept
         );
+        let step_m = results.iter().map(|(_, result)| result.own_step_m).fold(0.0, f64::max);
+        println!("where it was touched already a cycle brought it nearer by {:.1} um at most", step_m * 1e6);
         let names = ["speed", "acceleration", "jerk", "turn speed", "turn acceleration", "turn jerk"];
         for (number, name) in names.iter().enumerate() {
             let greatest = results.iter().map(|(_, result)| result.shares[number]).fold(0.0, f64::max);

@@ -36,6 +36,8 @@ pub struct Approach {
     pub own_m: f64,
     /// Least part of the distance that is to be kept, likewise.
     pub own_share: f64,
+    /// The greatest way by which a cycle's motion brought an obstacle nearer that was touched already, m.
+    pub own_step_m: f64,
     /// Greatest shares of the limits on speed, acceleration and jerk, straight and turning, that were used.
     pub shares: [f64; 6],
     /// Greatest speed, m/s.
@@ -64,6 +66,7 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
         moving_m: f64::INFINITY,
         own_m: f64::INFINITY,
         own_share: f64::INFINITY,
+        own_step_m: 0.0,
         shares: [0.0; 6],
         speed_m_s: 0.0,
         cycles: 0,
@@ -104,7 +107,11 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
             let least_m = if stands { &mut result.standing_m } else { &mut result.moving_m };
             *least_m = least_m.min(distance_m);
             // The body follows the setpoint a cycle later, while the obstacle drives on.
-            if distance(&setpoint) < distance(&setpoint_before) - ROUNDING_M {
+            let nearer_m = distance(&setpoint_before) - distance(&setpoint);
+            if nearer_m > ROUNDING_M {
+                if distance_m < 0.0 {
+                    result.own_step_m = result.own_step_m.max(nearer_m);
+                }
                 result.own_m = result.own_m.min(distance_m);
                 result.own_share = result.own_share.min(distance_m / world.plan.guard.distance_m);
             }
