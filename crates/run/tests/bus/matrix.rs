@@ -1,6 +1,7 @@
 //! Every fault in every state of the robot: what it does, how soon, who brakes, and where it ends. `docs/fault-matrix.md`
 //! is what this prints; `UPDATE_DOCS=1 cargo test -p omnibase-run --test bus matrix` writes it anew.
 
+mod beside;
 mod case;
 mod ring;
 
@@ -456,6 +457,7 @@ fn every_fault_in_every_state_ends_where_the_matrix_says() {
     let mut text = include_str!("matrix/head.md").to_owned();
     text += &rows.concat();
     text += &ring::row();
+    text += &beside::rows();
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/fault-matrix.md");
     if std::env::var_os("UPDATE_DOCS").is_some() {
         std::fs::write(path, &text).unwrap();
