@@ -326,6 +326,10 @@ impl<L: Link> Link for FaultLink<L> {
         self.inner.ring()
     }
 
+    fn is_connected(&self) -> Option<bool> {
+        self.inner.is_connected()
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         let places = datagrams(frame);
         let count = places.len() as u64;

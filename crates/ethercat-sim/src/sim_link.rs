@@ -79,6 +79,10 @@ impl SimLink {
 }
 
 impl Link for SimLink {
+    fn is_connected(&self) -> Option<bool> {
+        Some(self.segment.link_up())
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         if frame.len() > MAX_FRAME {
             return Err(LinkError::FrameTooLong { limit: MAX_FRAME, found: frame.len() });

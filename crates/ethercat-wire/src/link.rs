@@ -67,6 +67,13 @@ pub trait Link {
     fn ring(&self) -> Option<RingState> {
         None
     }
+
+    /// Whether anything is at the other end of the cable; `None` where the link can't tell.
+    ///
+    /// May ask the operating system: for when nothing comes back, not for every cycle.
+    fn is_connected(&self) -> Option<bool> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for &mut L {
@@ -82,6 +89,9 @@ impl<L: Link + ?Sized> Link for &mut L {
     fn ring(&self) -> Option<RingState> {
         (**self).ring()
     }
+    fn is_connected(&self) -> Option<bool> {
+        (**self).is_connected()
+    }
 }
 
 impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
@@ -96,5 +106,8 @@ impl<L: Link + ?Sized> Link for alloc::boxed::Box<L> {
     }
     fn ring(&self) -> Option<RingState> {
         (**self).ring()
+    }
+    fn is_connected(&self) -> Option<bool> {
+        (**self).is_connected()
     }
 }

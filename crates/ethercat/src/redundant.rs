@@ -325,4 +325,12 @@ impl<A: Link, B: Link, C: Clock> Link for RedundantLink<A, B, C> {
     fn ring(&self) -> Option<RingState> {
         Some(self.state)
     }
+
+    fn is_connected(&self) -> Option<bool> {
+        match (self.primary.is_connected(), self.redundant.is_connected()) {
+            (Some(true), _) | (_, Some(true)) => Some(true),
+            (Some(false), Some(false)) => Some(false),
+            _ => None,
+        }
+    }
 }

@@ -151,6 +151,10 @@ impl PacketRing {
 }
 
 impl Link for PacketRing {
+    fn is_connected(&self) -> Option<bool> {
+        Some(self.socket.link_state() == LinkState::Up)
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         check_length(frame)?;
         if frame.len() < ETHERNET_HEADER {

@@ -41,6 +41,10 @@ impl PacketSocket {
 }
 
 impl Link for PacketSocket {
+    fn is_connected(&self) -> Option<bool> {
+        Some(self.socket.link_state() == LinkState::Up)
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         check_length(frame)?;
         let send = || {

@@ -65,6 +65,10 @@ impl<L: Link> Link for RecordingLink<L> {
     fn ring(&self) -> Option<RingState> {
         self.link.ring()
     }
+
+    fn is_connected(&self) -> Option<bool> {
+        self.link.is_connected()
+    }
 }
 
 #[cfg(test)]

@@ -185,8 +185,13 @@ impl Supervisor {
             self.silent_since = Some(now);
             self.totals.silences += 1;
             let first = self.all.first().map_or("SubDevice 0", |one| one.figures.name.as_str());
+            // That it sees one proves nothing: drivers notice late that it went.
+            let link = match bus.link().is_connected() {
+                Some(false) => "; the interface sees no link",
+                _ => "",
+            };
             let words = format_args!(
-                "nothing behind the interface answers for {cycles} cycles: {first}, its cable or its power"
+                "nothing behind the interface answers for {cycles} cycles: {first}, its cable or its power{link}"
             );
             self.say(Words::new(words));
         } else if cycles == 0

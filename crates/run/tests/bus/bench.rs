@@ -49,6 +49,10 @@ pub struct Meddler {
 pub struct Shared(pub Rc<RefCell<FaultLink<SimLink>>>, pub Rc<RefCell<Meddler>>);
 
 impl Link for Shared {
+    fn is_connected(&self) -> Option<bool> {
+        self.0.borrow().is_connected()
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         let mut link = self.0.borrow_mut();
         let sent = link.counts().frames;

@@ -82,7 +82,8 @@ fn nothing_behind_the_interface_is_named_within_two_cycles_and_so_is_its_end() {
         let named = bench.told("nothing behind the interface answers");
         assert_eq!(named.len(), 1, "{fault:?}: {:?}", bench.events);
         assert!(named[0].0 < lost_in + 2, "{named:?}");
-        assert!(named[0].1.contains("(SubDevice 0), its cable or its power"), "{named:?}");
+        let words = "(SubDevice 0), its cable or its power; the interface sees no link";
+        assert!(named[0].1.contains(words), "{named:?}");
         bench.run(500);
         let restored = match fault {
             Fault::PowerOff => Fault::PowerOn,
