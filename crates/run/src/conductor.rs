@@ -76,6 +76,16 @@ impl Conductor {
         }
     }
 
+    /// Leads a robot that follows its path already, as far as a loss and the way back from it.
+    pub fn following(resume_within_ns: u64) -> Self {
+        Conductor { part: Part::Tracking, begun: true, ..Conductor::new(Some(resume_within_ns)) }
+    }
+
+    /// Whether a loss ended the path, and it is to go on.
+    pub fn is_coming_back(&self) -> bool {
+        matches!(self.part, Part::Awaiting { .. } | Part::Acknowledged | Part::Enabling)
+    }
+
     /// What to ask in the coming cycle, from the last one and the phase after it.
     pub fn next(&mut self, last: &CycleRecord, phase: Phase, wish: Wish) -> Option<RequestKind> {
         let now_ns = last.time.now_ns;

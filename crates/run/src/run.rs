@@ -146,7 +146,10 @@ struct Cycle<'a> {
 
 impl<'a> Cycle<'a> {
     fn new(setup: Setup<'a>) -> Self {
-        let Setup { plan, robot, machine, recording, live, stop, progress } = setup;
+        let Setup { plan, robot, machine, recording, mut live, stop, progress } = setup;
+        if let Some(live) = &mut live {
+            live.resume_within(plan.safety.resume_within_ns);
+        }
         let total = robot.reference_duration_s().map_or(0.0, |s| s * 1e9 / plan.bus.cycle_ns as f64);
         progress.total.store(total as u64, Ordering::Relaxed);
         Cycle {

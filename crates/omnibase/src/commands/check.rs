@@ -127,8 +127,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         SafetyAction::Stop(category) => then(category),
         SafetyAction::QuickStop | SafetyAction::Pass => "quick stop of the drives",
     };
-    let back = resume_within_ns
-        .map_or("the run ends".to_owned(), |ns| format!("goes on within {}, unless people lead it", ms(ns)));
+    let back = resume_within_ns.map_or("the run ends".to_owned(), |ns| format!("goes on within {}", ms(ns)));
     let guard = &plan.guard;
     let corner = |[x, y]: &[f64; 2]| format!("({x}, {y})");
     let fence = guard.fence.as_ref().map_or("none".to_owned(), |fence| {

@@ -338,6 +338,11 @@ impl LiveEnd {
         turn
     }
 
+    /// From now on a motion that a lost SubDevice ended goes on when that is back within so many ns.
+    pub fn resume_within(&mut self, within_ns: Option<u64>) {
+        self.operator.resume_within(within_ns);
+    }
+
     /// Who has the say.
     pub fn say(&self) -> Say {
         Say {

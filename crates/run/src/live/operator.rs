@@ -3,19 +3,21 @@
 //! The operator turns what many clients ask into the one request that a cycle takes. It is a plain struct without
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
-use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Batch, CycleRecord, Frame, Phase, RequestAnswer, StopCategory};
+mod sticks;
+
+use omnibase_robot::signals::{Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
+use crate::conductor::{Conductor, Wish};
+
+use self::sticks::{PADS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, StickState, begins_motion,
 };
 
 /// Requests that can wait for their cycle.
 const MOST_WAITING: usize = 64;
-/// Sticks: the joystick's and one for each page.
-const PADS: usize = 1 + MAX_SESSIONS;
 /// While a stick drives, other requests get every so many-th cycle.
 const SHARE_OF_OTHERS: u64 = 4;
 
@@ -46,22 +48,6 @@ pub struct Turn {
     pub offer: Option<(u32, Box<dyn Reference>)>,
 }
 
-/// One stick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Stick {
-    wish: Option<Pad>,
-    heard_ns: u64,
-    is_blocked: bool,
-    /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
-    must_release: bool,
-}
-
-impl Stick {
-    fn is_held(&self) -> bool {
-        matches!(self.wish, Some(Pad::Held { .. }))
-    }
-}
-
 /// One request that waits for its cycle.
 struct Waiting {
     client: Client,
@@ -89,6 +75,10 @@ pub struct Operator {
     /// The next of the values that were heard last and belong together.
     next_of_batch: Option<Batch>,
     asked: Option<(Client, u64, RequestKind)>,
+    /// How long a lost SubDevice is awaited, ns; `None`: after a loss a person goes on.
+    resume_within_ns: Option<u64>,
+    /// Whose motion goes on by itself where a lost SubDevice comes back, and how far that is.
+    comeback: Option<(Client, Conductor)>,
     answers: Vec<(u64, Answer)>,
     notes: Vec<Note>,
     /// References that won't be offered; dropping them is not the cycle's work.
@@ -110,11 +100,18 @@ impl Operator {
             waiting: std::collections::VecDeque::with_capacity(MOST_WAITING),
             next_of_batch: None,
             asked: None,
+            resume_within_ns: None,
+            comeback: None,
             answers: Vec::with_capacity(MOST_ANSWERS),
             notes: Vec::with_capacity(MOST_NOTES),
             discarded: Vec::with_capacity(MOST_WAITING),
             cycle: 0,
         }
+    }
+
+    /// From now on a motion that a lost SubDevice ended goes on when that is back within so many ns.
+    pub fn resume_within(&mut self, within_ns: Option<u64>) {
+        self.resume_within_ns = within_ns;
     }
 
     /// Who commands.
@@ -220,6 +217,7 @@ impl Operator {
         self.look_for_losses(now_ns, phase);
         self.keep_emergency(phase);
         if let Some((category, client, ticket)) = self.stop.take() {
+            self.comeback = None;
             // What was asked before a stop must not begin after it.
             self.drop_waiting(|waiting| begins(&waiting.kind));
             return self.send(client, ticket, RequestKind::Stop(category), u64::MAX);
@@ -227,10 +225,37 @@ impl Operator {
         if let Some(client) = self.driver(phase) {
             let others_turn = self.cycle.is_multiple_of(SHARE_OF_OTHERS) && !self.waiting.is_empty();
             if !others_turn && let Some(turn) = self.drive(client) {
+                self.comeback = None;
                 return turn;
             }
         }
-        self.next_waiting()
+        let turn = self.next_waiting();
+        match turn.request {
+            Some(request) if leads(&request.kind) => self.comeback = None,
+            Some(_) => {}
+            None => return self.come_back(last, phase).unwrap_or_default(),
+        }
+        turn
+    }
+
+    /// Where a lost SubDevice ended a motion and nobody asked for anything since: what leads back to it.
+    fn come_back(&mut self, last: &CycleRecord, phase: Phase) -> Option<Turn> {
+        let within_ns = self.resume_within_ns?;
+        if let (Commander::Reference(client), Phase::Tracking) = (self.commander, phase) {
+            self.comeback = Some((client, Conductor::following(within_ns)));
+            return None;
+        }
+        let (client, mut conductor) = self.comeback.take()?;
+        // Whoever takes a stick in hand leads from there.
+        if self.sticks.iter().any(Stick::is_held) {
+            return None;
+        }
+        let kind = conductor.next(last, phase, Wish::GoOn);
+        self.comeback = conductor.is_coming_back().then_some((client, conductor));
+        if kind == Some(RequestKind::Resume) {
+            self.say("what was lost is back: the motion goes on by itself", client);
+        }
+        Some(self.send(client, 0, kind?, u64::MAX))
     }
 
     /// The answer to what was asked in the cycle before, and the end of what it commanded.
@@ -243,40 +268,6 @@ impl Operator {
         }
         if !matches!(phase, Phase::Tracking | Phase::Stopping) {
             self.commander = Commander::Nobody;
-        }
-    }
-
-    /// Sticks and pages that fell silent while they commanded.
-    fn look_for_losses(&mut self, now_ns: u64, phase: Phase) {
-        let old = |heard_ns: u64, age_ns: u64| now_ns.saturating_sub(heard_ns) > age_ns;
-        for number in 0..PADS {
-            let client = client_of(number);
-            let stick = &mut self.sticks[number];
-            // The joystick repeats that it is there; a page says nothing while nobody holds its stick.
-            let must_speak = match client {
-                Client::Joystick => stick.wish.is_some(),
-                Client::Page(_) | Client::Command => stick.is_held(),
-            };
-            if must_speak && old(stick.heard_ns, self.ages.pad_ns) {
-                self.pad_lost(client, "the stick fell silent: it is blocked until it is enabled");
-            }
-        }
-        for number in 0..MAX_SESSIONS {
-            let client = Client::Page(number as u8);
-            if self.sessions[number].is_some_and(|heard_ns| old(heard_ns, self.ages.session_ns)) {
-                self.gone(client);
-            }
-        }
-        // Drives that are taken from under a stick: it must be let go before it drives again.
-        if self.is_emergency || !matches!(phase, Phase::Holding | Phase::Tracking | Phase::Stopping) {
-            self.ask_to_let_go();
-        }
-    }
-
-    /// Sticks that are held must be let go before they drive again.
-    fn ask_to_let_go(&mut self) {
-        for stick in self.sticks.iter_mut().filter(|stick| stick.is_held()) {
-            stick.must_release = true;
         }
     }
 
@@ -363,123 +354,6 @@ impl Operator {
         has_room
     }
 
-    fn pad(&mut self, now_ns: u64, client: Client, pad: Pad) {
-        let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::Pad(client);
-        let stick = &mut self.sticks[number];
-        stick.heard_ns = now_ns;
-        match pad {
-            // What isn't a number is no wish.
-            Pad::Held { twist, .. } if !twist.is_finite() => {
-                self.pad_lost(client, "the stick sent what is no number: stopped, and blocked");
-            }
-            Pad::Held { .. } => stick.wish = Some(pad),
-            Pad::Released => {
-                (stick.wish, stick.must_release) = (Some(pad), false);
-                if drives {
-                    self.say("let go of the stick", client);
-                    self.stop_with(StopCategory::RampAndHold, client, 0);
-                }
-            }
-            Pad::Lost => {
-                self.pad_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled")
-            }
-            Pad::Withdrawn => {
-                // Blocked in any case: whoever presses a stop button is to be believed.
-                stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
-                self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
-                self.stop_asked(StopCategory::RampAndHold, client, 0);
-            }
-            Pad::Blocked => {
-                // One that drove a moment ago: what blocked it must have been missed.
-                if stick.is_held() {
-                    self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
-                }
-                self.sticks[number].wish = Some(pad);
-            }
-        }
-    }
-
-    /// A person allows a stick that was lost to drive again; it has to be let go first.
-    fn enable(&mut self, client: Client, ticket: u64, of: Client) {
-        let Some(stick) = stick_of(of).map(|number| &mut self.sticks[number]) else {
-            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
-        };
-        // What isn't there isn't enabled either: it would come back free, and nobody would see it happen.
-        if of == Client::Joystick && stick.is_blocked && stick.wish.is_none() {
-            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
-        }
-        if stick.is_blocked {
-            (stick.is_blocked, stick.must_release) = (false, true);
-            self.say(
-                if of == client { "enabled its stick again" } else { "enabled the joystick again" },
-                client,
-            );
-        }
-        self.answer(ticket, Answer::Done);
-    }
-
-    fn pad_lost(&mut self, client: Client, text: &'static str) {
-        let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::Pad(client);
-        let stick = &mut self.sticks[number];
-        // The joystick's loss always counts: a person saw to it that it was there. It is told once.
-        let is_known = stick.is_blocked && stick.wish.is_none();
-        let counts = stick.is_held() || drives || (client == Client::Joystick && !is_known);
-        stick.wish = None;
-        if counts {
-            (stick.is_blocked, stick.must_release) = (true, true);
-            self.say(text, client);
-        }
-        if self.commander == Commander::Pad(client) {
-            self.stop_with(StopCategory::RampAndHold, client, 0);
-        }
-    }
-
-    /// A session begins: whatever had its number before is gone, and what is in hand now must be let go first.
-    fn begun(&mut self, now_ns: u64, client: Client) {
-        self.gone(client);
-        self.forget_stick(client);
-        if let Client::Page(number) = client
-            && let Some(session) = self.sessions.get_mut(usize::from(number))
-        {
-            *session = Some(now_ns);
-        }
-    }
-
-    /// Nobody speaks for the pages any more.
-    fn pages_lost(&mut self) {
-        self.say("the server of the pages died: what they commanded stops", None);
-        for client in (0..MAX_SESSIONS as u8).map(Client::Page) {
-            self.gone(client);
-            self.forget_stick(client);
-        }
-    }
-
-    /// Whoever has this number next is another one.
-    fn forget_stick(&mut self, client: Client) {
-        if let Some(number) = stick_of(client) {
-            self.sticks[number] = Stick { must_release: true, ..Stick::default() };
-        }
-    }
-
-    /// A page is silent or has ended: its stick is lost, and the motion that it asked for ends. Its stick stays
-    /// blocked: after a stalled line the same page comes back, perhaps with the finger still down.
-    fn gone(&mut self, client: Client) {
-        let Client::Page(number) = client else { return };
-        let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
-        *session = None;
-        self.pad_lost(client, "the page that drove is gone: stopped");
-        // Nor may a finger that went down while the line was dead start anything when it is back.
-        self.sticks[1 + usize::from(number)].must_release = true;
-        self.drop_waiting(|waiting| waiting.client == client);
-        let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));
-        if self.commander == Commander::Reference(client) || asked_now {
-            self.say("the page that asked for this motion is gone: stopped", client);
-            self.stop_with(StopCategory::RampAndHold, client, 0);
-        }
-    }
-
     /// Somebody stops the robot: it stays so, whoever holds a stick.
     fn stop_asked(&mut self, category: StopCategory, client: Client, ticket: u64) {
         self.ask_to_let_go();
@@ -538,14 +412,10 @@ fn begins(kind: &RequestKind) -> bool {
     begins_motion(kind) || *kind == RequestKind::Enable
 }
 
-fn stick_of(client: Client) -> Option<usize> {
-    match client {
-        Client::Joystick => Some(0),
-        Client::Page(number) if usize::from(number) < MAX_SESSIONS => Some(1 + usize::from(number)),
-        Client::Page(_) | Client::Command => None,
-    }
-}
-
-fn client_of(stick: usize) -> Client {
-    if stick == 0 { Client::Joystick } else { Client::Page((stick - 1) as u8) }
+/// What decides about motion: who asks for that leads the robot.
+fn leads(kind: &RequestKind) -> bool {
+    !matches!(
+        kind,
+        RequestKind::Set { .. } | RequestKind::SetObstacle { .. } | RequestKind::RemoveObstacle { .. }
+    )
 }

@@ -89,12 +89,6 @@ impl Options {
         if !self.is_wanted() {
             return Ok(None);
         }
-        if robot.plan.safety.resume_within_ns.is_some() {
-            note(
-                "warning: `after_lost_device = \"resume\"` doesn't count where people lead the robot: after a loss a \
-                 person acknowledges, enables and resumes",
-            );
-        }
         let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
         let (live, end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
         if let Some(describer) = describer {

@@ -1,0 +1,192 @@
+//! Sticks and pages, as the operator knows them: held, let go, silent, gone, blocked.
+
+use omnibase_platform::Twist2;
+use omnibase_robot::signals::{Frame, Phase, StopCategory};
+
+use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion};
+use super::Operator;
+
+/// Sticks: the joystick's and one for each page.
+pub(super) const PADS: usize = 1 + MAX_SESSIONS;
+
+/// One stick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Stick {
+    pub(super) wish: Option<Pad>,
+    pub(super) heard_ns: u64,
+    pub(super) is_blocked: bool,
+    /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
+    pub(super) must_release: bool,
+}
+
+impl Stick {
+    pub(super) fn is_held(&self) -> bool {
+        matches!(self.wish, Some(Pad::Held { .. }))
+    }
+}
+
+impl Operator {
+    /// Sticks and pages that fell silent while they commanded.
+    pub(super) fn look_for_losses(&mut self, now_ns: u64, phase: Phase) {
+        let old = |heard_ns: u64, age_ns: u64| now_ns.saturating_sub(heard_ns) > age_ns;
+        for number in 0..PADS {
+            let client = client_of(number);
+            let stick = &mut self.sticks[number];
+            // The joystick repeats that it is there; a page says nothing while nobody holds its stick.
+            let must_speak = match client {
+                Client::Joystick => stick.wish.is_some(),
+                Client::Page(_) | Client::Command => stick.is_held(),
+            };
+            if must_speak && old(stick.heard_ns, self.ages.pad_ns) {
+                self.pad_lost(client, "the stick fell silent: it is blocked until it is enabled");
+            }
+        }
+        for number in 0..MAX_SESSIONS {
+            let client = Client::Page(number as u8);
+            if self.sessions[number].is_some_and(|heard_ns| old(heard_ns, self.ages.session_ns)) {
+                self.gone(client);
+            }
+        }
+        // Drives that are taken from under a stick: it must be let go before it drives again.
+        if self.is_emergency || !matches!(phase, Phase::Holding | Phase::Tracking | Phase::Stopping) {
+            self.ask_to_let_go();
+        }
+    }
+
+    /// Sticks that are held must be let go before they drive again.
+    pub(super) fn ask_to_let_go(&mut self) {
+        for stick in self.sticks.iter_mut().filter(|stick| stick.is_held()) {
+            stick.must_release = true;
+        }
+    }
+
+    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: Pad) {
+        let Some(number) = stick_of(client) else { return };
+        let drives = self.commander == Commander::Pad(client);
+        let stick = &mut self.sticks[number];
+        stick.heard_ns = now_ns;
+        match pad {
+            // What isn't a number is no wish.
+            Pad::Held { twist, .. } if !twist.is_finite() => {
+                self.pad_lost(client, "the stick sent what is no number: stopped, and blocked");
+            }
+            Pad::Held { .. } => stick.wish = Some(pad),
+            Pad::Released => {
+                (stick.wish, stick.must_release) = (Some(pad), false);
+                if drives {
+                    self.say("let go of the stick", client);
+                    self.stop_with(StopCategory::RampAndHold, client, 0);
+                }
+            }
+            Pad::Lost => {
+                self.pad_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled")
+            }
+            Pad::Withdrawn => {
+                // Blocked in any case: whoever presses a stop button is to be believed.
+                stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
+                self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
+                self.stop_asked(StopCategory::RampAndHold, client, 0);
+            }
+            Pad::Blocked => {
+                // One that drove a moment ago: what blocked it must have been missed.
+                if stick.is_held() {
+                    self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
+                }
+                self.sticks[number].wish = Some(pad);
+            }
+        }
+    }
+
+    /// A person allows a stick that was lost to drive again; it has to be let go first.
+    pub(super) fn enable(&mut self, client: Client, ticket: u64, of: Client) {
+        let Some(stick) = stick_of(of).map(|number| &mut self.sticks[number]) else {
+            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
+        };
+        // What isn't there isn't enabled either: it would come back free, and nobody would see it happen.
+        if of == Client::Joystick && stick.is_blocked && stick.wish.is_none() {
+            return self.answer(ticket, Answer::Refused(Refusal::NoStick));
+        }
+        if stick.is_blocked {
+            (stick.is_blocked, stick.must_release) = (false, true);
+            self.say(
+                if of == client { "enabled its stick again" } else { "enabled the joystick again" },
+                client,
+            );
+        }
+        self.answer(ticket, Answer::Done);
+    }
+
+    pub(super) fn pad_lost(&mut self, client: Client, text: &'static str) {
+        let Some(number) = stick_of(client) else { return };
+        let drives = self.commander == Commander::Pad(client);
+        let stick = &mut self.sticks[number];
+        // The joystick's loss always counts: a person saw to it that it was there. It is told once.
+        let is_known = stick.is_blocked && stick.wish.is_none();
+        let counts = stick.is_held() || drives || (client == Client::Joystick && !is_known);
+        stick.wish = None;
+        if counts {
+            (stick.is_blocked, stick.must_release) = (true, true);
+            self.say(text, client);
+        }
+        if self.commander == Commander::Pad(client) {
+            self.stop_with(StopCategory::RampAndHold, client, 0);
+        }
+    }
+
+    /// A session begins: whatever had its number before is gone, and what is in hand now must be let go first.
+    pub(super) fn begun(&mut self, now_ns: u64, client: Client) {
+        self.gone(client);
+        self.forget_stick(client);
+        if let Client::Page(number) = client
+            && let Some(session) = self.sessions.get_mut(usize::from(number))
+        {
+            *session = Some(now_ns);
+        }
+    }
+
+    /// Nobody speaks for the pages any more.
+    pub(super) fn pages_lost(&mut self) {
+        self.say("the server of the pages died: what they commanded stops", None);
+        for client in (0..MAX_SESSIONS as u8).map(Client::Page) {
+            self.gone(client);
+            self.forget_stick(client);
+        }
+    }
+
+    /// Whoever has this number next is another one.
+    pub(super) fn forget_stick(&mut self, client: Client) {
+        if let Some(number) = stick_of(client) {
+            self.sticks[number] = Stick { must_release: true, ..Stick::default() };
+        }
+    }
+
+    /// A page is silent or has ended: its stick is lost, and the motion that it asked for ends. Its stick stays
+    /// blocked: after a stalled line the same page comes back, perhaps with the finger still down.
+    pub(super) fn gone(&mut self, client: Client) {
+        let Client::Page(number) = client else { return };
+        let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
+        *session = None;
+        self.comeback = self.comeback.take().filter(|(of, _)| *of != client);
+        self.pad_lost(client, "the page that drove is gone: stopped");
+        // Nor may a finger that went down while the line was dead start anything when it is back.
+        self.sticks[1 + usize::from(number)].must_release = true;
+        self.drop_waiting(|waiting| waiting.client == client);
+        let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));
+        if self.commander == Commander::Reference(client) || asked_now {
+            self.say("the page that asked for this motion is gone: stopped", client);
+            self.stop_with(StopCategory::RampAndHold, client, 0);
+        }
+    }
+}
+
+pub(super) fn stick_of(client: Client) -> Option<usize> {
+    match client {
+        Client::Joystick => Some(0),
+        Client::Page(number) if usize::from(number) < MAX_SESSIONS => Some(1 + usize::from(number)),
+        Client::Page(_) | Client::Command => None,
+    }
+}
+
+pub(super) fn client_of(stick: usize) -> Client {
+    if stick == 0 { Client::Joystick } else { Client::Page((stick - 1) as u8) }
+}
