@@ -61,7 +61,23 @@ impl<L: Link> CyclicBus<L> {
                     self.crowned = Some(position);
                 }
             }
+            (None, None) => self.give_back(reference),
             _ => {}
+        }
+    }
+
+    /// One before the reference that was taken for lost and is well without a way back leads again: the frames of the
+    /// present reference don't reach it, and its clock has run on by itself for some cycles only.
+    fn give_back(&mut self, reference: u16) {
+        let before = self.members.iter().take_while(|member| member.position < reference);
+        let mut well = before.filter(|member| {
+            let position = member.position;
+            let is_well = self.health_of(position) == Health::Well;
+            member.clock.is_some() && is_well && !self.acyclic.is_recovering(position)
+        });
+        if let Some(position) = well.next().map(|member| member.position) {
+            self.crowned = None;
+            self.set_reference(position);
         }
     }
 

@@ -65,3 +65,26 @@ fn a_thousand_subdevices_reach_op_and_a_culprit_is_found_among_them() {
     }
     assert_eq!(bench.cycle(), Exchange::Without { unwell: 1 });
 }
+
+#[test]
+fn a_reference_that_only_missed_a_few_questions_leads_again() {
+    let mut bench = Bench::in_op(3);
+    bench.segment().alive[0] = false;
+    (0..3).for_each(|_| assert_ne!(bench.cycle(), Exchange::Complete));
+    assert_eq!(bench.bus.clock_use(), ClockUse::Distribute { reference: 1 });
+    bench.segment().alive[0] = true;
+    (0..5).for_each(|_| {
+        bench.cycle();
+    });
+    assert_eq!(bench.bus.health(), [Health::Well; 3]);
+    assert_eq!(bench.bus.clock_use(), ClockUse::Distribute { reference: 0 });
+    // Where all were in doubt nobody else led.
+    bench.segment().alive.fill(false);
+    (0..3).for_each(|_| assert_ne!(bench.cycle(), Exchange::Complete));
+    bench.segment().alive.fill(true);
+    (0..5).for_each(|_| {
+        bench.cycle();
+    });
+    assert_eq!(bench.bus.clock_use(), ClockUse::Distribute { reference: 0 });
+    assert!(bench.bus.commands_used().contains(crate::wire::Command::Frmw));
+}
