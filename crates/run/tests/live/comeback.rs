@@ -1,10 +1,14 @@
 //! A motion that somebody asked for, a SubDevice that is lost amid it and comes back, and people in between.
 
+use crate::hands::{BMM, Hands, played_by};
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::references::reference;
 use omnibase_robot::signals::{
     CycleRecord, Exchange, Frame, Phase, RequestAnswer, SafetyReason, StopCategory,
 };
+use omnibase_run::RobotText;
 use omnibase_run::live::command::Command;
 use omnibase_run::live::{Ages, Ask, Client, Commander, Operator, Pad};
 
@@ -135,4 +139,33 @@ fn a_person_who_does_anything_about_motion_meanwhile_comes_first() {
     assert_eq!(bench.asked(1100), []);
     bench.record.exchange = Exchange::Complete;
     assert_eq!(bench.asked(600), []);
+}
+
+#[test]
+fn a_way_that_a_pulled_cable_ended_is_gone_to_its_end_once_it_is_put_back() {
+    for page_stays in [true, false] {
+        let changes = vec!["safety.after_lost_device=\"resume\"".to_owned()];
+        let robot = RobotText { text: BMM.into(), changes, ..RobotText::default() };
+        let run = played_by(robot, 16.0, |hands: &mut Hands| {
+            let page = Client::Page(0);
+            hands.alive(0.4, if page_stays { 16.0 } else { 2.9 }, page);
+            hands.send(0.5, page, Ask::Robot(RequestKind::Enable));
+            hands.at(1.0, move |live, _| {
+                let table: ReferenceTable = toml::from_str(
+                    "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [4.0, 0.5, 0.0, 0.0]]",
+                )
+                .unwrap();
+                let path = reference(&table, &crate::hands::plan().limits).unwrap();
+                live.load(page, table, path).unwrap();
+                live.send(page, Ask::Robot(RequestKind::Track)).unwrap();
+            });
+            hands.pull_cable(2.5, 3.0);
+            hands.at(3.0, |_, seen| assert_ne!(seen.phase, Phase::Tracking));
+        });
+        let x_m = run.last.record.state.odom_from_body.x_m;
+        let events: Vec<&str> = run.ran.summary.events.iter().map(|event| event.text.as_str()).collect();
+        let said = events.iter().any(|text| text.starts_with("what was lost is back"));
+        assert_eq!((said, (x_m - 0.5).abs() < 2e-3), (page_stays, page_stays), "{x_m} m, {events:#?}");
+        assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+    }
 }

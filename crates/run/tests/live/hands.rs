@@ -1,11 +1,11 @@
 //! People's hands on a robot that runs in virtual time: what they do at which second, and what they see then.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use omnibase_ethercat::wire::{Clock, HostTime};
-use omnibase_ethercat_sim::{VirtualClock, in_process};
+use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
+use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
 use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
 use omnibase_robot::signals::StopCategory;
 use omnibase_robot::{Registry, Robot, RobotPlan};
@@ -34,6 +34,24 @@ struct Deed {
 #[derive(Default)]
 pub struct Hands {
     deeds: Vec<Deed>,
+    /// The cable is pulled: no frame arrives anywhere.
+    is_pulled: Rc<Cell<bool>>,
+}
+
+/// The cable to the simulated robot, which hands can pull.
+struct Cable {
+    link: SimLink,
+    is_pulled: Rc<Cell<bool>>,
+}
+
+impl Link for Cable {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        if self.is_pulled.get() { Ok(()) } else { self.link.send(frame) }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.link.receive(buffer, deadline)
+    }
 }
 
 impl Hands {
@@ -45,6 +63,14 @@ impl Hands {
     /// Does something in every cycle.
     pub fn between(&mut self, from_s: f64, until_s: f64, act: impl FnMut(&Live, &Snapshot) + 'static) {
         self.deeds.push(Deed { from_s, until_s, act: Box::new(act) });
+    }
+
+    /// Pulls the cable, and puts it back.
+    pub fn pull_cable(&mut self, from_s: f64, until_s: f64) {
+        for (time_s, is_pulled) in [(from_s, true), (until_s, false)] {
+            let cable = self.is_pulled.clone();
+            self.at(time_s, move |_, _| cable.set(is_pulled));
+        }
     }
 
     /// Asks for something.
@@ -145,6 +171,7 @@ pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands
     let (live, end) = live(AGES, StopCategory::RampThenRemove);
     let (segment, machine) = simulated::segment(&robot.plan).unwrap();
     let (link, clock) = in_process(segment);
+    let link = Cable { link, is_pulled: hands.is_pulled.clone() };
     let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
     let clock = Watched { clock, live: live.clone(), hands: Rc::new(RefCell::new(hands)), until_s, stop };
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
