@@ -2,8 +2,8 @@
 
 use omnibase_ethercat_sim::{Fault, in_process};
 use omnibase_platform::Twist2;
-use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Frame, Phase, SafetyReason, StopCategory};
+use omnibase_robot::{Exchange, RequestKind};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::simulated;
 
@@ -217,4 +217,32 @@ fn a_ramp_after_a_loss_ends_though_nobody_knows_who_is_lost() {
     case.bench.run(latest);
     let record = case.bench.robot.record();
     assert_eq!((case.bench.robot.phase(), record.stop_reason), (Phase::Fault, SafetyReason::DeviceLost));
+}
+
+#[test]
+fn the_inputs_of_those_that_still_answer_are_read_and_no_others() {
+    // In a line whoever is behind a lost SubDevice is lost with it.
+    for (position, wheels) in [(1, 0b110), (2, 0b100)] {
+        let mut case = Case::driven("", "closed_loop_speed", STRAIGHT);
+        case.bench.inject(position, Fault::PowerOff);
+        case.bench.run(10);
+        let mut before = *case.bench.robot.record();
+        for _ in 0..50 {
+            case.bench.cycle(None);
+            let record = *case.bench.robot.record();
+            assert_eq!(record.exchange, Exchange::Without { wheels }, "SubDevice {position}");
+            for wheel in 0..3 {
+                let is_there = wheels >> wheel & 1 == 0;
+                let is_empty = record.inputs[wheel].0.iter().all(|byte| *byte == 0);
+                assert_eq!(is_there, !is_empty, "wheel {wheel} of SubDevice {position}");
+                let (counts, old) = (record.measurements.drives[wheel], before.measurements.drives[wheel]);
+                if !is_there {
+                    assert_eq!(counts.position_counts, old.position_counts, "wheel {wheel} isn't heard");
+                }
+                assert_eq!(counts.increment_rad, 0.0, "odometry knows nothing without one wheel");
+            }
+            before = record;
+        }
+        assert_eq!(case.bench.robot.record().stop_where, position as u64);
+    }
 }
