@@ -3,6 +3,8 @@
 const RADIUS_M = 0.2;
 /** Often enough to look smooth, and no flood. */
 const DRAG_MS = 50;
+/** So long after a drop what is seen may be older than the drop. */
+const STALE_MS = 500;
 
 const change = ({ index, x, y, radius, velocity }) =>
   ({ do: "set_obstacle", index, centre_m: [x, y], radius_m: radius, velocity_m_s: velocity });
@@ -20,7 +22,12 @@ export class Obstacles {
       draggedAt = performance.now();
       send(change(obstacle));
     };
-    view.onDrop = (obstacle) => ask(change(obstacle));
+    this.dropped = null;
+    view.onDrop = (obstacle) => {
+      const { index, x, y } = obstacle;
+      this.dropped = { index, x, y, until: performance.now() + STALE_MS };
+      ask(change(obstacle));
+    };
     view.onRemove = ({ index }) => ask({ do: "remove_obstacle", index });
     view.onSelect = ({ index }) => this.select(index);
     const { radius, vx, vy, remove, close } = bar.elements;
@@ -34,7 +41,10 @@ export class Obstacles {
   }
 
   get chosen() {
-    return this.all.find(({ index }) => index === this.view.selected) ?? null;
+    const found = this.all.find(({ index }) => index === this.view.selected) ?? null;
+    // One that was dropped a moment ago must not jump back to where it was seen last.
+    const { index, until, x, y } = this.dropped ?? {};
+    return found && found.index === index && performance.now() < until ? { ...found, x, y } : found;
   }
 
   put([x, y], places) {

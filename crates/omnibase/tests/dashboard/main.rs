@@ -215,7 +215,7 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     let trace = robot.read("trace");
     let aside_m = |point: &Value| point[1][1].as_f64().unwrap().abs();
     let bent_m = trace.as_array().unwrap().iter().map(aside_m).fold(0.0, f64::max);
-    assert!(bent_m > 0.3, "{bent_m} m");
+    assert!(bent_m > 0.3, "{bent_m} m, {}", robot.read("now")["obstacles"]);
     page.click("#obstacle-bar [name=remove]");
     robot.wait("it is gone", |robot| robot.read("now")["obstacles"] == json!([]));
     page.wait("document.getElementById('obstacle-bar').hidden");
