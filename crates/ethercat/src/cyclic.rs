@@ -21,6 +21,7 @@ mod diagnosis;
 mod error;
 mod frame;
 mod handover;
+mod outcome;
 mod recovery;
 mod reference;
 mod report;
@@ -52,80 +53,9 @@ pub use counters::{CommandSet, CycleCounters, DatagramCount};
 pub use diagnosis::Health;
 pub use error::{Programmed, TransitionError};
 pub use handover::{ClockDirection, Handover};
+pub use outcome::{Exchange, Freshness, Phase, SegmentStatus};
 pub use recovery::{Comeback, RecoveryError};
 pub use transition::{Goal, Step, TransitionOptions};
-
-/// What became of one cycle's frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Exchange {
-    /// Every frame came back and every working counter of process data is right; the inputs are new.
-    Complete,
-    /// SubDevices that are known to be missing took no part, everyone else did; the others' inputs are new.
-    Without {
-        /// SubDevices that aren't well, see [`CyclicBus::health`].
-        unwell: u16,
-    },
-    /// A working counter isn't what it should be; the inputs are those of the last complete exchange.
-    ShortCount {
-        /// Frame of the cycle, from 0.
-        frame: u16,
-        /// Datagram in that frame, from 0.
-        datagram: u16,
-        /// Working counter that it should have.
-        expected: u16,
-        /// Working counter that it has.
-        received: u16,
-    },
-    /// Frames weren't back at the deadline; the inputs are those of the last complete exchange.
-    Lost {
-        /// Frames with process data that are missing.
-        lost: u16,
-        /// Frames with process data that were sent.
-        sent: u16,
-    },
-}
-
-/// AL status of all SubDevices together, as one broadcast read brings it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SegmentStatus {
-    /// SubDevices that answered.
-    pub answered: u16,
-    /// All their AL statuses (0x0130) ORed.
-    pub bits: u16,
-}
-
-/// How old a SubDevice's inputs are, and why.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Freshness {
-    /// Of the last exchange.
-    Fresh,
-    /// A frame is missing, but not the one with this SubDevice's inputs: they are held back to match the others.
-    HeldBack,
-    /// The frame with its inputs is missing.
-    FrameLost,
-    /// The working counter of the datagram with its inputs is wrong.
-    ShortCount,
-    /// The SubDevice isn't well.
-    Unwell,
-}
-
-/// Which state the segment is in, as far as this bus brought it there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// PRE-OP or whatever the set-up left; frames go round.
-    Standby,
-    /// On the way.
-    Moving {
-        /// Where to.
-        goal: Goal,
-        /// How far.
-        step: Step,
-    },
-    /// There.
-    Reached(Goal),
-    /// A transition failed; ask again, or end.
-    Failed(TransitionError),
-}
 
 /// What a [`CyclicBus`] is made of; set-up code fills it.
 #[derive(Clone, Debug)]

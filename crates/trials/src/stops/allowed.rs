@@ -29,8 +29,13 @@ impl Stops {
     pub(super) fn allowed_s(&self, loss: Loss) -> f64 {
         let noticed_s = self.noticed_s(loss);
         let ramp_s = match loss {
-            // Without one drive the platform has one motion that nobody brakes.
-            Loss::Category0 | Loss::DrivePower | Loss::DriveData => self.fastest_rad_s() / COASTING_RAD_S2,
+            Loss::Category0 => self.fastest_rad_s() / COASTING_RAD_S2,
+            // Without one drive the platform has one motion that nobody brakes: what is left of it after the ramp of the
+            // others rolls out.
+            Loss::DrivePower | Loss::DriveData => {
+                ramp_s(self.greatest_speeds(0.0), &self.trial.plan.limits)
+                    + self.fastest_rad_s() / COASTING_RAD_S2
+            }
             // Nobody leads the platform any more: each drive brakes its wheel by its own ramp.
             Loss::Killed | Loss::CableCut => self.fastest_rad_s() / self.quick_stop_rad_s2(),
             _ => ramp_s(self.greatest_speeds(noticed_s), &self.trial.plan.limits),
