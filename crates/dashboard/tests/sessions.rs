@@ -10,6 +10,7 @@ use omnibase_run::RobotText;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, LiveEnd, live};
 use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
@@ -53,16 +54,8 @@ impl Bench {
 
     fn page(&self) -> Page {
         let address = self.dashboard.address;
-        let request = tungstenite::http::Request::builder()
-            .uri(format!("ws://{address}/api/live"))
-            .header("Host", address.to_string())
-            .header("Authorization", format!("Bearer {TOKEN}"))
-            .header("Connection", "Upgrade")
-            .header("Upgrade", "websocket")
-            .header("Sec-WebSocket-Version", "13")
-            .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key())
-            .body(())
-            .unwrap();
+        let mut request = format!("ws://{address}/api/live").into_client_request().unwrap();
+        request.headers_mut().insert("Authorization", format!("Bearer {TOKEN}").parse().unwrap());
         Page(tungstenite::connect(request).unwrap().0)
     }
 }

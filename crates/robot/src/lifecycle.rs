@@ -8,8 +8,6 @@ use crate::signals::{
     RequestKind, SafetyAction, SafetyReason, StopCategory,
 };
 
-/// Slower than this a wheel stands, rad/s.
-const STANDING_RAD_S: f64 = 0.02;
 /// After a ramp without inputs drives that nobody hears get so long to stand, ns: ten times what they lag behind.
 const UNHEARD_NS: u64 = 500_000_000;
 
@@ -269,5 +267,5 @@ impl Lifecycle {
 /// Whether all wheels stand that were heard in this cycle, and some were.
 fn stand(drives: &[DriveMeasurement], exchange: Exchange) -> bool {
     let mut heard = drives.iter().enumerate().filter(|(wheel, _)| exchange.has_inputs_of(*wheel)).peekable();
-    heard.peek().is_some() && heard.all(|(_, drive)| drive.speed_rad_s.abs() < STANDING_RAD_S)
+    heard.peek().is_some() && heard.all(|(_, drive)| drive.stands())
 }

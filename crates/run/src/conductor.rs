@@ -1,7 +1,8 @@
 //! What is asked of the robot when: enable, track to the end, hold, stop, and see the drives disabled.
 
 use omnibase_robot::signals::{
-    CycleRecord, DriveProgress, Exchange, Phase, RequestAnswer, RequestKind, SafetyReason, StopCategory,
+    CycleRecord, DriveMeasurement, DriveProgress, Exchange, Phase, RequestAnswer, RequestKind, SafetyReason,
+    StopCategory,
 };
 
 /// How long the end of the reference is held before the drives are disabled, ns.
@@ -61,8 +62,6 @@ pub enum Wish {
 
 /// Complete exchanges in a row, with wheels that stand, before a robot whose SubDevice is back goes on.
 const STEADY_CYCLES: u32 = 100;
-/// Below this speed a wheel stands, rad/s.
-const STANDING_RAD_S: f64 = 0.02;
 
 impl Conductor {
     /// Leads a robot that goes on by itself when a lost SubDevice is back within so many ns; `None`: it ends.
@@ -183,7 +182,7 @@ fn is_lost(last: &CycleRecord) -> bool {
 
 /// Whether all wheels stand.
 fn stands(last: &CycleRecord) -> bool {
-    last.measurements.present().iter().all(|drive| drive.speed_rad_s.abs() < STANDING_RAD_S)
+    last.measurements.present().iter().all(DriveMeasurement::stands)
 }
 
 /// Whether no drive carries torque any more, by fresh inputs.

@@ -31,10 +31,13 @@ fn every_signal_stands_in_the_manual_and_no_other() {
 }
 
 #[test]
-fn every_reason_to_stop_stands_in_the_manual() {
+fn every_reason_to_stop_stands_in_the_manual_and_no_other() {
     let page = page();
-    for reason in (1..).map_while(SafetyReason::from_code) {
-        let row = format!("| {} | {} |", reason.code(), reason.text());
-        assert!(page.contains(&row), "docs/recording.md lacks `{row}`");
-    }
+    let table = page.split("| code of `reason` | why |\n|---|---|\n").nth(1).expect("its heading");
+    let told: Vec<&str> = table.lines().take_while(|line| line.starts_with('|')).collect();
+    // Codes may have gaps: those of reasons that are no more aren't given to others.
+    let known = (1..100).filter_map(SafetyReason::from_code);
+    let known: Vec<String> =
+        known.map(|reason| format!("| {} | {} |", reason.code(), reason.text())).collect();
+    assert_eq!(told, known, "docs/recording.md");
 }

@@ -92,7 +92,7 @@ pub const STATES: [State; 9] = [
     State::Paused,
     State::Stopping,
 ];
-/// All losses.
+/// All losses; those from the sixth on can come on top of others.
 pub const LOSSES: [Loss; 13] = [
     Loss::LetGo,
     Loss::StickGone,
@@ -109,16 +109,7 @@ pub const LOSSES: [Loss; 13] = [
     Loss::DriveData,
 ];
 /// What can come on top of a stop that is under way.
-const ON_TOP: [Loss; 8] = [
-    Loss::Category0,
-    Loss::Category1,
-    Loss::Category2,
-    Loss::Emergency,
-    Loss::Killed,
-    Loss::CableCut,
-    Loss::DrivePower,
-    Loss::DriveData,
-];
+const ON_TOP: &[Loss] = LOSSES.split_at(5).1;
 
 impl State {
     /// Who commands in it.

@@ -356,15 +356,14 @@ impl Recovery {
                 Err(error) => return self.fail(error),
             },
             Stage::Run(Part::SetUp) => self.run(Part::Clock),
-            Stage::Run(Part::Clock)
-                if {
-                    self.has_time = self.clock.is_some();
-                    self.has_time && sync0(self.sync).is_some()
-                } =>
-            {
-                Stage::Lock { good: 0, since: now }
+            Stage::Run(Part::Clock) => {
+                self.has_time = self.clock.is_some();
+                match sync0(self.sync).filter(|_| self.has_time) {
+                    Some(_) => Stage::Lock { good: 0, since: now },
+                    None => self.run(Part::Enter),
+                }
             }
-            Stage::Run(Part::Clock | Part::Arm) => self.run(Part::Enter),
+            Stage::Run(Part::Arm) => self.run(Part::Enter),
             Stage::Run(Part::Enter) => {
                 self.entered += 1;
                 if self.entered >= self.parts[Part::Enter as usize].len() {

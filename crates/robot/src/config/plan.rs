@@ -253,7 +253,7 @@ pub struct SafetyPlan {
     pub wheel_speed_stop: StopCategory,
     /// What a wished speed above its limit leads to.
     pub reference_speed_stop: StopCategory,
-    /// What leaving the rectangle of operation leads to.
+    /// What a way that leads out of the fence leads to.
     pub fence_stop: StopCategory,
     /// What the loss of the tracked path leads to.
     pub tracking_error_stop: StopCategory,

@@ -25,10 +25,18 @@ pub struct DriveMeasurement {
     pub progress: DriveProgress,
 }
 
+/// Slower than this a wheel stands, rad/s.
+const STANDING_RAD_S: f64 = 0.02;
+
 impl DriveMeasurement {
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.increment_rad.is_finite() && self.speed_rad_s.is_finite() && self.torque_nm.is_finite()
+    }
+
+    /// Whether the wheel stands: it turns slower than 0.02 rad/s.
+    pub fn stands(&self) -> bool {
+        self.speed_rad_s.abs() < STANDING_RAD_S
     }
 }
 
