@@ -61,6 +61,13 @@ impl ErrorCode {
     }
 }
 
+impl ErrorCode {
+    /// Whether it is about the bus: communication, protocol, or the synchronisation by it.
+    pub const fn is_communication(self) -> bool {
+        matches!(self.0, 0x7500..=0x75FF | 0x8100..=0x82FF | 0x8700..=0x87FF)
+    }
+}
+
 impl fmt::Debug for ErrorCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "ErrorCode({:#06x})", self.0)

@@ -1,12 +1,17 @@
 //! Who may do what.
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
 
 use axum::http::{HeaderMap, header};
 
 /// The cookie that holds a page's token.
 pub(crate) const COOKIE: &str = "omnibase_token";
+
+/// What a browser says of whose page a request comes from.
+const FETCH_SITE: &str = "sec-fetch-site";
 
 /// Where the dashboard listens, and the secret of those who may command.
 #[derive(Clone, Debug)]
@@ -33,15 +38,32 @@ pub enum Denied {
     Origin,
     /// The token is missing or wrong.
     Token,
+    /// The request comes from a page of another site.
+    Site,
+    /// It names more than one host.
+    Hosts,
+    /// Too many wrong tokens came from its network: no other one is looked at yet.
+    Wait(Duration),
 }
 
 impl Denied {
     /// In words.
-    pub fn text(self) -> &'static str {
-        match self {
+    pub fn text(self) -> Cow<'static, str> {
+        Cow::Borrowed(match self {
             Denied::Origin => "refused: the request comes from another origin",
             Denied::Token => "refused: the token is missing or wrong",
-        }
+            Denied::Site => {
+                "refused: the request comes from a page of another site: type or paste the robot's address instead"
+            }
+            Denied::Hosts => "refused: expected one Host, found several",
+            Denied::Wait(wait) => {
+                let wait_s = wait.as_secs_f64().ceil();
+                return format!(
+                    "refused: too many wrong tokens came from this address; the next one is looked at in {wait_s} s"
+                )
+                .into();
+            }
+        })
     }
 }
 
@@ -58,9 +80,16 @@ impl Access {
         format!("http://{address}/?token={}", self.token)
     }
 
-    /// What a request with these headers may do, from `peer`, where a token may stand in its address too.
-    pub fn right(&self, peer: IpAddr, headers: &HeaderMap, in_query: Option<&str>) -> Result<Right, Denied> {
+    /// The token that a request shows, where it comes from nobody else's page; one may stand in its address too.
+    pub fn shown<'a>(
+        &self,
+        headers: &'a HeaderMap,
+        in_query: Option<&'a str>,
+    ) -> Result<Option<&'a str>, Denied> {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        if headers.get_all(header::HOST).iter().count() > 1 {
+            return Err(Denied::Hosts);
+        }
         let host = text(header::HOST).ok_or(Denied::Origin)?;
         // A name that somebody else's DNS points here is not this host's.
         if !is_address(host) {
@@ -71,16 +100,29 @@ impl Access {
         {
             return Err(Denied::Origin);
         }
-        let shown = in_query.or_else(|| text(header::AUTHORIZATION)?.strip_prefix("Bearer ")).or_else(|| {
+        // A link on somebody else's page, or what that page fetches.
+        if headers.get_all(FETCH_SITE).iter().any(|site| site == "cross-site") {
+            return Err(Denied::Site);
+        }
+        Ok(in_query.or_else(|| text(header::AUTHORIZATION)?.strip_prefix("Bearer ")).or_else(|| {
             text(header::COOKIE)?.split(';').find_map(|pair| {
                 let (name, value) = pair.trim().split_once('=')?;
                 (name == COOKIE).then_some(value)
             })
-        });
+        }))
+    }
+
+    /// Whether that is the token.
+    pub fn is_token(&self, shown: &str) -> bool {
+        is_same(shown, &self.token)
+    }
+
+    /// What a request may do that shows that token, or none, from `peer`.
+    pub fn right(&self, peer: IpAddr, shown: Option<&str>) -> Result<Right, Denied> {
         match shown {
-            Some(token) if is_same(token, &self.token) => Ok(Right::Command),
+            Some(token) if self.is_token(token) => Ok(Right::Command),
             // On loopback a stale token, such as a cookie of the run before, doesn't hinder reading.
-            _ if peer.is_loopback() => Ok(Right::Read),
+            _ if peer.to_canonical().is_loopback() => Ok(Right::Read),
             _ => Err(Denied::Token),
         }
     }
@@ -113,7 +155,8 @@ mod tests {
         let headers = lines.iter().map(|(name, value)| {
             (header::HeaderName::from_static(name), header::HeaderValue::from_str(value).unwrap())
         });
-        access.right(peer, &headers.collect(), None)
+        let headers = headers.collect();
+        access.shown(&headers, None).and_then(|shown| access.right(peer, shown))
     }
 
     #[test]
@@ -149,5 +192,24 @@ mod tests {
             assert_eq!(right(LOOPBACK, &[("host", host), ("origin", &origin), bearer]), Ok(Right::Command));
         }
         assert_eq!(right(LOOPBACK, &[bearer]), Err(Denied::Origin), "no host at all");
+    }
+
+    #[test]
+    fn a_page_of_another_site_and_a_second_host_are_refused_even_with_the_token() {
+        let host = ("host", "127.0.0.1:8400");
+        let bearer = ("authorization", "Bearer s3cret");
+        for (site, expected) in [
+            ("cross-site", Err(Denied::Site)),
+            ("same-origin", Ok(Right::Command)),
+            ("none", Ok(Right::Command)),
+        ] {
+            assert_eq!(right(LOOPBACK, &[host, bearer, ("sec-fetch-site", site)]), expected, "{site}");
+        }
+        let access = Access { address: "127.0.0.1:1".parse().unwrap(), token: "s3cret".into() };
+        let mut headers = HeaderMap::new();
+        for _ in 0..2 {
+            headers.append(header::HOST, "127.0.0.1:8400".parse().unwrap());
+        }
+        assert_eq!(access.shown(&headers, None), Err(Denied::Hosts));
     }
 }

@@ -25,6 +25,15 @@ pub enum Call {
         /// The pose.
         pose: [f64; 3],
     },
+    /// Say where the platform stands, in odom: x m, y m, heading rad; only while it stands.
+    SetPose {
+        /// The pose.
+        pose: [f64; 3],
+        /// Standard deviation of x and of y, m; default: 0.02.
+        sigma_m: Option<f64>,
+        /// Standard deviation of the heading, rad; default: 0.02.
+        sigma_rad: Option<f64>,
+    },
     /// Go the straight way to where the reference begins.
     GoToStart,
     /// Stop: `category_0`, `category_1` or `category_2` of IEC 60204-1.
@@ -112,14 +121,124 @@ pub enum Call {
         /// How far the path may be from where the robot was, m; default: 0.001.
         tolerance_m: Option<f64>,
     },
+    /// What hangs at the robot's bus, and in which state.
+    Scan,
+    /// Read an object of a SubDevice by SDO.
+    SdoRead {
+        /// Its position, from 0.
+        subdevice: u16,
+        /// Index and subindex in hexadecimal: `6041:00`.
+        object: String,
+    },
+    /// Ask for an object's type, by SDO Information.
+    SdoType {
+        /// Its position, from 0.
+        subdevice: u16,
+        /// Index and subindex in hexadecimal.
+        object: String,
+    },
+    /// Write an object of a SubDevice by SDO: while no drive is enabled, or where the robot's file allows it.
+    SdoWrite {
+        /// Its position, from 0.
+        subdevice: u16,
+        /// Index and subindex in hexadecimal.
+        object: String,
+        /// A whole number, as long as the SubDevice says.
+        value: Option<serde_json::Value>,
+        /// Bytes in hexadecimal, in place of a value.
+        data: Option<String>,
+    },
     /// The client is there.
     Alive,
+}
+
+/// A call as it comes in, with what stands beside it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "Beside")]
+pub(crate) struct Message {
+    /// The number by which a page knows the answer.
+    pub(crate) number: u64,
+    /// The last stamp that the client had from the robot, ms of the robot's own clock.
+    pub(crate) stamp_ms: Option<u64>,
+    /// What is asked.
+    pub(crate) call: Call,
+}
+
+/// A [`Message`] as it is written.
+#[derive(Deserialize)]
+struct Beside {
+    #[serde(default)]
+    number: u64,
+    #[serde(default)]
+    stamp: Option<u64>,
+    #[serde(flatten)]
+    call: serde_json::Value,
+}
+
+impl TryFrom<Beside> for Message {
+    type Error = serde_json::Error;
+
+    fn try_from(beside: Beside) -> Result<Self, Self::Error> {
+        let Beside { number, stamp, call } = beside;
+        Ok(Message { number, stamp_ms: stamp, call: serde_json::from_value(call)? })
+    }
 }
 
 impl Call {
     /// Whether it ends a motion, and begins none.
     pub(crate) fn stops(&self) -> bool {
         matches!(self, Call::Stop { .. } | Call::EmergencyStop)
+    }
+
+    /// Whether carrying it out takes more than a moment: it computes, or reads files.
+    pub(crate) fn computes(&self) -> bool {
+        match self {
+            Call::GoToStart
+            | Call::Load { .. }
+            | Call::LoadPoints { .. }
+            | Call::LoadSaved { .. }
+            | Call::TeachEnd { .. } => true,
+            Call::Enable
+            | Call::Acknowledge
+            | Call::Track
+            | Call::Pause
+            | Call::Resume
+            | Call::GoTo { .. }
+            | Call::Stop { .. }
+            | Call::EmergencyStop
+            | Call::Release
+            | Call::Controller { .. }
+            | Call::Set { .. }
+            | Call::Pad { .. }
+            | Call::ReleasePad
+            | Call::LosePad
+            | Call::EnablePad
+            | Call::EnableJoystick
+            | Call::SetObstacle { .. }
+            | Call::RemoveObstacle { .. }
+            | Call::Scan
+            | Call::SdoRead { .. }
+            | Call::SdoType { .. }
+            | Call::SdoWrite { .. }
+            | Call::Teach { .. }
+            | Call::SetPose { .. }
+            | Call::Alive => false,
+        }
+    }
+
+    /// Whether it waits for nothing that was asked before it.
+    pub(crate) fn goes_first(&self) -> bool {
+        matches!(
+            self,
+            Call::Stop { .. }
+                | Call::EmergencyStop
+                | Call::Release
+                | Call::Pause
+                | Call::Pad { .. }
+                | Call::ReleasePad
+                | Call::LosePad
+                | Call::Alive
+        )
     }
 }
 
@@ -171,15 +290,22 @@ pub struct Said {
     pub done: bool,
     /// In words.
     pub text: String,
+    /// For programs, where there is more than words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<serde_json::Value>,
 }
 
 impl Said {
     pub(crate) fn done(text: impl Into<String>) -> Self {
-        Said { done: true, text: text.into() }
+        Said { done: true, text: text.into(), data: None }
     }
 
     pub(crate) fn refused(why: impl std::fmt::Display) -> Self {
-        Said { done: false, text: format!("refused: {why}") }
+        Said::not_done(format!("refused: {why}"))
+    }
+
+    pub(crate) fn not_done(text: impl Into<String>) -> Self {
+        Said { done: false, text: text.into(), data: None }
     }
 }
 
@@ -203,6 +329,8 @@ mod tests {
         assert_eq!(read(r#"{"do":"go_to","pose":[1,2,3]}"#).unwrap(), Call::GoTo { pose: [1.0, 2.0, 3.0] });
         let pad = read(r#"{"do":"pad","x":0.5,"y":0,"turn":0}"#).unwrap();
         assert_eq!(pad, Call::Pad { x: 0.5, y: 0.0, turn: 0.0, frame: PadFrame::Body });
+        let set = read(r#"{"do":"set_pose","pose":[1,2,3],"sigma_m":0.05}"#).unwrap();
+        assert_eq!(set, Call::SetPose { pose: [1.0, 2.0, 3.0], sigma_m: Some(0.05), sigma_rad: None });
         let stop = read(r#"{"do":"stop","category":"category_1"}"#).unwrap();
         assert_eq!(stop, Call::Stop { category: StopName::Category1 });
         for wrong in [

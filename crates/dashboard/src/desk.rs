@@ -2,27 +2,31 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::RequestKind;
 use omnibase_robot::config::{Limits, ReferenceTable};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::references::reference;
-use omnibase_robot::signals::Setpoint;
-use omnibase_robot::stages::Reference;
-use omnibase_run::live::{Ask, Client, Live, Pad, TRACE_KEPT_S};
+use omnibase_robot::{RequestKind, RobotPlan};
+use omnibase_run::live::{Answer, Ask, Asker, Client, Live, Pad, SdoPlace, TRACE_KEPT_S};
 use omnibase_run::teach::{Sampling, lines, taught};
 use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
-use serde::Serialize;
 
 use crate::about::About;
+use crate::bus::{BusCall, NewValue};
 use crate::call::{Call, Said, TeachBy, category};
+use crate::planned::{Drawn, Planned};
 
 /// How far a taught path may be from where the robot was, m, where nobody says.
 const TOLERANCE_M: f64 = 0.001;
-/// Points of a planned path as the page draws it.
-const DRAWN: u32 = 400;
+/// Drawings of references that are kept: the robot's own, and those that were loaded last.
+const MOST_DRAWN: usize = 8;
+
+/// How well a person knows a pose who says nothing about it: a tape measure and marks on the floor, m and rad.
+const SET_POSE_SIGMA_M: f64 = 0.02;
+const SET_POSE_SIGMA_RAD: f64 = 0.02;
 
 /// What came of a call at once.
 #[derive(Debug)]
@@ -31,45 +35,45 @@ pub(crate) enum Reply {
     Said(Said),
     /// The robot will answer to this ticket; what to say where it does what was asked.
     Ticket(u64, String),
+    /// The bus will answer, by the robot's plan.
+    Bus(BusCall, Arc<RobotPlan>),
     /// Nobody waits for an answer.
     Nothing,
 }
 
-/// One desk for all clients of a robot.
+/// One desk for all clients of a robot. Its locks are held for a moment; nothing is computed under them.
 pub(crate) struct Desk {
     pub(crate) live: Live,
     pub(crate) about: About,
-    teaching: Option<(f64, Sampling)>,
+    teaching: Mutex<Option<(f64, Sampling)>>,
+    drawn: Mutex<BTreeMap<u32, Arc<Drawn>>>,
+    /// Among those that save paths alone: of one name both files belong together.
+    saving: Mutex<()>,
 }
 
-/// The planned path, for drawing.
-#[derive(Serialize)]
-pub(crate) struct Planned {
-    number: u32,
-    name: String,
-    duration_s: Option<f64>,
-    /// x m, y m, heading rad.
-    poses: Vec<[f64; 3]>,
+/// A guard whose holder panicked still guards a whole value.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Desk {
     pub(crate) fn new(live: Live, about: About) -> Self {
-        Desk { live, about, teaching: None }
+        Desk { live, about, teaching: Mutex::default(), drawn: Mutex::default(), saving: Mutex::default() }
     }
 
     pub(crate) fn teaching_since_s(&self) -> Option<f64> {
-        self.teaching.map(|(since_s, _)| since_s)
+        lock(&self.teaching).map(|(since_s, _)| since_s)
     }
 
     /// Carries a call out, as far as that needs no answer of the robot.
-    pub(crate) fn take(&mut self, client: Client, call: Call) -> Reply {
-        match self.try_take(client, call) {
+    pub(crate) fn take(&self, asker: Asker, call: Call) -> Reply {
+        match self.try_take(asker, call) {
             Ok(reply) => reply,
             Err(why) => Reply::Said(Said::refused(why)),
         }
     }
 
-    fn try_take(&mut self, client: Client, call: Call) -> Result<Reply, String> {
+    fn try_take(&self, asker: Asker, call: Call) -> Result<Reply, String> {
         let robot = |kind| Ask::Robot(kind);
         let ask = match call {
             Call::Enable => robot(RequestKind::Enable),
@@ -79,6 +83,13 @@ impl Desk {
             Call::Resume => robot(RequestKind::Resume),
             Call::GoTo { pose: [x_m, y_m, heading_rad] } => {
                 robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
+            }
+            Call::SetPose { pose: [x_m, y_m, heading_rad], sigma_m, sigma_rad } => {
+                robot(RequestKind::SetPose {
+                    odom_from_body: Pose2 { x_m, y_m, heading_rad },
+                    sigma_m: sigma_m.unwrap_or(SET_POSE_SIGMA_M),
+                    sigma_rad: sigma_rad.unwrap_or(SET_POSE_SIGMA_RAD),
+                })
             }
             Call::GoToStart => robot(RequestKind::GoTo { odom_from_body: self.start()? }),
             Call::Stop { category: name } => robot(RequestKind::Stop(category(name))),
@@ -94,44 +105,60 @@ impl Desk {
                 })
             }
             Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
-            Call::Set { values } => return self.set(client, &values),
+            Call::Set { values } => return self.set(asker, &values),
             Call::Pad { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
                 if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
                     return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
                 }
                 let twist = wish([x, y, turn], limits);
-                return self.send_silently(client, Ask::Pad(Pad::Held { twist, frame: frame.into() }));
+                return self.send_silently(asker, Ask::Pad(Pad::Held { twist, frame: frame.into() }));
             }
-            Call::ReleasePad => return self.send_silently(client, Ask::Pad(Pad::Released)),
-            Call::LosePad => return self.send_silently(client, Ask::Pad(Pad::Lost)),
-            Call::Alive => return self.send_silently(client, Ask::Alive),
-            Call::EnablePad => Ask::EnablePad(client),
+            Call::ReleasePad => return self.send_silently(asker, Ask::Pad(Pad::Released)),
+            Call::LosePad => return self.send_silently(asker, Ask::Pad(Pad::Lost)),
+            Call::Alive => return self.send_silently(asker, Ask::Alive),
+            Call::EnablePad => Ask::EnablePad(asker.client),
             Call::EnableJoystick => Ask::EnablePad(Client::Joystick),
-            Call::Load { reference } => return self.load(client, *reference, "loaded"),
+            Call::Load { reference } => return self.load(asker, *reference, "loaded"),
             Call::LoadPoints { text } => {
                 let points = PathPoints::parse(&text).map_err(|error| error.to_string())?;
-                return self.load(client, path_of(&points), "path loaded");
+                return self.load(asker, path_of(&points), "path loaded");
             }
             Call::LoadSaved { name } => {
                 let text = self.saved(&name)?;
                 let table: ReferenceTable = toml::from_str(&text).map_err(|error| error.to_string())?;
-                return self.load(client, table, "path loaded");
+                return self.load(asker, table, "path loaded");
+            }
+            Call::Scan => return Ok(self.bus(BusCall::Scan)),
+            Call::SdoRead { subdevice, object } => {
+                return Ok(self.bus(BusCall::Read(place(subdevice, &object)?)));
+            }
+            Call::SdoType { subdevice, object } => {
+                return Ok(self.bus(BusCall::Type(place(subdevice, &object)?)));
+            }
+            Call::SdoWrite { subdevice, object, value, data } => {
+                self.live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
+                let value = NewValue::new(value.as_ref(), data.as_deref())?;
+                return Ok(self.bus(BusCall::Write(place(subdevice, &object)?, value)));
             }
             Call::Teach { by } => return self.teach(by),
-            Call::TeachEnd { name, tolerance_m } => return self.teach_end(client, &name, tolerance_m),
+            Call::TeachEnd { name, tolerance_m } => return self.teach_end(asker, &name, tolerance_m),
         };
-        self.send(client, ask, "done")
+        self.send(asker, ask, "done")
     }
 
-    fn send(&self, client: Client, ask: Ask, text: &str) -> Result<Reply, String> {
-        let ticket = self.live.send(client, ask).ok_or("too much was asked at once")?;
+    fn send(&self, asker: Asker, ask: Ask, text: &str) -> Result<Reply, String> {
+        let ticket = self.live.send(asker, ask).ok_or("too much was asked at once")?;
         Ok(Reply::Ticket(ticket, text.to_owned()))
     }
 
+    fn bus(&self, call: BusCall) -> Reply {
+        Reply::Bus(call, Arc::new(self.about.robot.plan.clone()))
+    }
+
     /// What comes many times a second needs no answer.
-    fn send_silently(&self, client: Client, ask: Ask) -> Result<Reply, String> {
-        self.live.send(client, ask);
+    fn send_silently(&self, asker: Asker, ask: Ask) -> Result<Reply, String> {
+        self.live.send(asker, ask);
         Ok(Reply::Nothing)
     }
 
@@ -145,63 +172,72 @@ impl Desk {
     }
 
     /// All of the values, or none: each is checked before the first is sent, and the robot takes them in one cycle.
-    fn set(&self, client: Client, values: &BTreeMap<String, f64>) -> Result<Reply, String> {
-        let settings = self.live.snapshot().settings;
+    fn set(&self, asker: Asker, values: &BTreeMap<String, f64>) -> Result<Reply, String> {
+        let snapshot = self.live.snapshot();
         let mut changes = Vec::new();
         for (name, value) in values {
-            let known = || settings.iter().flatten().map(|gain| gain.name).collect::<Vec<_>>().join(", ");
-            let found = settings.iter().flatten().position(|gain| gain.name == name);
-            let index = found.ok_or_else(|| format!("expected one of {}, found `{name}`", known()))?;
-            let gain = settings[index].ok_or("it is gone")?;
+            let known =
+                || snapshot.settings.iter().flatten().map(|gain| gain.name).collect::<Vec<_>>().join(", ");
+            let found = snapshot.setting(name);
+            let (index, gain) =
+                found.ok_or_else(|| format!("expected one of {}, found `{name}`", known()))?;
+            if gain.least == gain.greatest && *value != gain.value {
+                return Err(format!(
+                    "{name}: it is {} and can't be changed while the robot runs: a drive is told it at start-up only",
+                    gain.value
+                ));
+            }
             if !(gain.least..=gain.greatest).contains(value) {
                 return Err(format!("{name}: expected {} to {}, found {value}", gain.least, gain.greatest));
             }
-            changes.push((index as u32, *value));
+            changes.push((index, *value));
         }
         if changes.is_empty() {
             return Err("expected at least one value".to_owned());
         }
-        let ticket = self.live.set(client, &changes).ok_or("too much was asked at once")?;
+        let ticket = self.live.set(asker, &changes).ok_or("too much was asked at once")?;
         Ok(Reply::Ticket(ticket, "set".to_owned()))
     }
 
-    fn load(&self, client: Client, table: ReferenceTable, text: &str) -> Result<Reply, String> {
-        let (table, made) = self.about.check(table)?;
+    fn load(&self, asker: Asker, table: ReferenceTable, text: &str) -> Result<Reply, String> {
+        let (table, mut made) = self.about.check(table)?;
+        let drawn = Drawn::of(&table, &mut *made);
         let far = match made.start_pose() {
             Some(pose) => format!("; it begins at x {:.3} m, y {:.3} m", pose.x_m, pose.y_m),
             None => "; it begins where the platform stands".to_owned(),
         };
-        let (_, ticket) = self.live.load(client, table, made).ok_or("too much was asked at once")?;
+        let (number, ticket) = self.live.load(asker, table, made).ok_or("too much was asked at once")?;
+        self.keep(number, drawn);
         Ok(Reply::Ticket(ticket, text.to_owned() + &far))
     }
 
-    fn teach(&mut self, by: TeachBy) -> Result<Reply, String> {
+    fn teach(&self, by: TeachBy) -> Result<Reply, String> {
         let sampling = match by {
             TeachBy::PeriodS(period_s) => Sampling::Period { period_s },
             TeachBy::Change { distance_m, angle_rad } => Sampling::Change { distance_m, angle_rad },
         };
         let since_s = self.live.snapshot().record.time.now_ns as f64 * 1e-9;
-        self.teaching = Some((since_s, sampling));
+        *lock(&self.teaching) = Some((since_s, sampling));
         Ok(Reply::Said(Said::done(format!(
             "remembering where the robot is driven, for {:.0} minutes at most",
             TRACE_KEPT_S / 60.0
         ))))
     }
 
-    fn teach_end(&mut self, client: Client, name: &str, tolerance_m: Option<f64>) -> Result<Reply, String> {
+    fn teach_end(&self, asker: Asker, name: &str, tolerance_m: Option<f64>) -> Result<Reply, String> {
         let (since_s, sampling) =
-            self.teaching.ok_or("expected `teach` before it: nothing was remembered")?;
+            lock(&self.teaching).ok_or("expected `teach` before it: nothing was remembered")?;
         self.check_name(name)?;
         let trace = self.live.whole_trace_since(since_s).map_err(|gap| {
             // What is missing doesn't come back: teaching begins anew.
-            self.teaching = None;
+            *lock(&self.teaching) = None;
             format!("{gap}; teach it again, or in parts")
         })?;
         let limits = &self.about.robot.plan.limits;
         let taught = taught(&trace, sampling, tolerance_m.unwrap_or(TOLERANCE_M), limits)
             .map_err(|error| error.to_string())?;
         self.save(name, &taught.reference).map_err(|error| format!("saving: {error}"))?;
-        self.teaching = None;
+        *lock(&self.teaching) = None;
         let points = taught.reference.points.as_ref().map_or(0, Vec::len);
         let text = format!(
             "taught {points} points of {}, within {:.2} mm; saved as {}",
@@ -209,7 +245,7 @@ impl Desk {
             1e3 * taught.deviation_m,
             self.about.paths.join(format!("{name}.toml")).display(),
         );
-        self.load(client, taught.reference, &text)
+        self.load(asker, taught.reference, &text)
     }
 
     fn check_name(&self, name: &str) -> Result<(), String> {
@@ -222,6 +258,7 @@ impl Desk {
 
     /// The points as a file of their own, and the reference that names it.
     fn save(&self, name: &str, table: &ReferenceTable) -> std::io::Result<()> {
+        let _saving = lock(&self.saving);
         let folder: &Path = &self.about.paths;
         std::fs::create_dir_all(folder)?;
         let points = format!("{name}.dat");
@@ -258,47 +295,53 @@ impl Desk {
         names
     }
 
-    fn table(&self, number: u32) -> ReferenceTable {
-        self.live.references().remove(&number).unwrap_or_else(|| self.about.robot.plan.reference.clone())
-    }
-
     fn start(&self) -> Result<Pose2, String> {
         let snapshot = self.live.snapshot();
-        let table = self.table(snapshot.reference);
-        let made = reference(&table, &self.about.robot.plan.limits).map_err(|_| "there is no reference")?;
-        let start = made.start_pose().ok_or("the path begins where the platform stands")?;
+        let drawn = self.drawn(snapshot.reference)?;
+        let start = drawn.start_pose.ok_or("the path begins where the platform stands")?;
         Ok(turned_least(start, &snapshot.record.setpoint.odom_from_body))
     }
 
-    /// The path of the present reference, laid where it began, or would begin now.
-    pub(crate) fn planned(&self) -> Planned {
-        let snapshot = self.live.snapshot();
-        let table = self.table(snapshot.reference);
-        let mut poses = Vec::new();
-        let mut duration_s = None;
-        if let Ok(mut made) = reference(&table, &self.about.robot.plan.limits) {
-            let here = Setpoint::at_rest(snapshot.record.state.odom_from_body);
-            made.start(&snapshot.reference_start.unwrap_or(here));
-            duration_s = made.duration_s();
-            if let Some(duration_s) = duration_s {
-                poses = (0..=DRAWN)
-                    .map(|n| drawn(&mut *made, duration_s * f64::from(n) / f64::from(DRAWN)))
-                    .collect();
-            }
+    /// The drawing of a reference, made where it is asked for first.
+    fn drawn(&self, number: u32) -> Result<Arc<Drawn>, String> {
+        if let Some(drawn) = lock(&self.drawn).get(&number) {
+            return Ok(drawn.clone());
         }
-        let name = table.kind.unwrap_or_else(|| "hold".to_owned());
-        Planned { number: snapshot.reference, name, duration_s, poses }
+        let loaded = self.live.reference(number);
+        let table = loaded.as_deref().unwrap_or(&self.about.robot.plan.reference);
+        let limits = &self.about.robot.plan.limits;
+        let mut made = reference(table, limits).map_err(|_| "there is no reference")?;
+        Ok(self.keep(number, Drawn::of(table, &mut *made)))
     }
+
+    fn keep(&self, number: u32, drawn: Drawn) -> Arc<Drawn> {
+        let drawn = Arc::new(drawn);
+        let mut all = lock(&self.drawn);
+        all.insert(number, drawn.clone());
+        while all.len() > MOST_DRAWN {
+            // The robot's own is number 0.
+            let Some(oldest) = all.keys().copied().find(|number| *number != 0) else { break };
+            all.remove(&oldest);
+        }
+        drawn
+    }
+
+    /// The path of the present reference, laid where it began, or would begin now.
+    pub(crate) fn planned(&self) -> Option<Planned> {
+        let snapshot = self.live.snapshot();
+        let drawn = self.drawn(snapshot.reference).ok()?;
+        let begin = snapshot.reference_start.map(|start| start.odom_from_body);
+        Some(drawn.laid(snapshot.reference, begin.unwrap_or(snapshot.record.state.odom_from_body)))
+    }
+}
+
+fn place(subdevice: u16, object: &str) -> Result<SdoPlace, String> {
+    SdoPlace::new(subdevice, object).map_err(|error| error.to_string())
 }
 
 /// A pose with its heading told so that it is the shortest turn: the same heading may be some turns away.
 fn turned_least(pose: Pose2, here: &Pose2) -> Pose2 {
     Pose2 { heading_rad: nearest_turn_rad(pose.heading_rad, here.heading_rad), ..pose }
-}
-
-fn drawn(made: &mut dyn Reference, time_s: f64) -> [f64; 3] {
-    let pose = made.sample(time_s).odom_from_body;
-    [pose.x_m, pose.y_m, pose.heading_rad]
 }
 
 /// A stick's wish: full speed is full speed in every direction, though the stick may reach further in its corners.

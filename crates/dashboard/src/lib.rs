@@ -11,14 +11,21 @@
 
 pub mod about;
 pub mod access;
+mod bus;
 pub mod call;
 mod connections;
 mod desk;
 mod page;
+mod planned;
+mod routes;
 pub mod seen;
 mod server;
+mod shared;
 mod socket;
+mod strangers;
 mod streams;
+mod tick;
+mod work;
 
 pub use about::About;
 pub use access::Access;

@@ -5,12 +5,14 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("", "text/html; charset=utf-8", include_str!("page/page.html")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
+    ("fault.js", "text/javascript; charset=utf-8", include_str!("page/fault.js")),
     ("link.js", "text/javascript; charset=utf-8", include_str!("page/link.js")),
     ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
     ("obstacles.js", "text/javascript; charset=utf-8", include_str!("page/obstacles.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("settings.js", "text/javascript; charset=utf-8", include_str!("page/settings.js")),
     ("stick.js", "text/javascript; charset=utf-8", include_str!("page/stick.js")),
+    ("stop.js", "text/javascript; charset=utf-8", include_str!("page/stop.js")),
 ];
 
 /// What the page may load and connect to: itself.

@@ -3,17 +3,25 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::{Course, CycleRecord, DriveProgress, LimitedBy, Phase, SafetyReason};
+use omnibase_robot::signals::{
+    Course, CycleRecord, DriveMeasurement, DriveProgress, Exchange, LimitedBy, Phase, SafetyReason,
+};
 use omnibase_run::channels::Rows;
+use omnibase_run::drive_errors::DriveErrors;
 use omnibase_run::live::{Commander, LiveEvent, Snapshot, StickState};
 use omnibase_run::timing::TimingSeen;
 use serde::Serialize;
+
+/// A stamp's unit, ns.
+pub(crate) const NS_OF_MS: u64 = 1_000_000;
 
 /// The robot at one instant.
 #[derive(Debug, Serialize)]
 pub struct Seen {
     /// Time of the run, s.
     pub time_s: f64,
+    /// The robot's own clock, ms: whoever asks for something sends back the last one that it had.
+    pub stamp: u64,
     /// Where the robot is in its life.
     pub phase: &'static str,
     /// Who commands: `nobody`, `joystick`, `page 2`, `command`; and whether by a stick.
@@ -30,6 +38,8 @@ pub struct Seen {
     pub joystick: &'static str,
     /// Why it last stopped, in words; empty where nothing did.
     pub stop_reason: &'static str,
+    /// Which drive that is about, in the order of the robot's file; nothing where it is about none.
+    pub stop_drive: Option<u64>,
     /// The number of the reference; 0 for the robot file's own.
     pub reference: u32,
     /// Where that began: x m, y m, heading rad.
@@ -40,6 +50,10 @@ pub struct Seen {
     pub reference_time_s: f64,
     /// It was begun and isn't at its end.
     pub reference_begun: bool,
+    /// The pose is known; else somebody has to set it before a path is followed.
+    pub pose_known: bool,
+    /// In how many s the robot moves again without a person, after a loss; nothing where it doesn't.
+    pub moves_again_in_s: Option<f64>,
     /// Where the robot is teaching since, s.
     pub teaching_since_s: Option<f64>,
     /// Cycles done, frames lost, cycles left out.
@@ -158,6 +172,7 @@ impl Seen {
         let pose = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
         Seen {
             time_s: record.time.now_ns as f64 * 1e-9,
+            stamp: record.time.now_ns / NS_OF_MS,
             phase: phase_name(snapshot.phase),
             commander,
             by_stick,
@@ -175,16 +190,19 @@ impl Seen {
             } else {
                 record.stop_reason.text()
             },
+            stop_drive: stop_drive(record),
             reference: snapshot.reference,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
             goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,
+            pose_known: record.state.pose_known,
+            moves_again_in_s: beside.moves_again_in_s,
             teaching_since_s: None,
             counts: [snapshot.cycles, snapshot.lost_frames, snapshot.overruns],
             timing: snapshot.timing,
             controller: record.controller,
-            drives: drives(record),
+            drives: drives(record, &snapshot.drive_errors),
             settings: settings.collect(),
             obstacles: obstacles.collect(),
             limited_by: match record.guard.limited_by {
@@ -234,7 +252,15 @@ fn course_name(course: Course) -> &'static str {
     }
 }
 
-fn drives(record: &CycleRecord) -> Vec<DriveSeen> {
+fn stop_drive(record: &CycleRecord) -> Option<u64> {
+    let is_about_one = matches!(
+        record.stop_reason,
+        SafetyReason::WheelSpeed | SafetyReason::WheelTorque | SafetyReason::Drive | SafetyReason::DeviceLost
+    );
+    is_about_one.then_some(record.stop_where)
+}
+
+fn drives(record: &CycleRecord, errors: &DriveErrors) -> Vec<DriveSeen> {
     let state = |progress| match progress {
         DriveProgress::Unknown => "unknown",
         DriveProgress::UnderWay => "under way",
@@ -245,9 +271,53 @@ fn drives(record: &CycleRecord) -> Vec<DriveSeen> {
         DriveProgress::Fault => "fault",
         DriveProgress::Failed => "failed",
     };
-    let seen = |drive: &omnibase_robot::signals::DriveMeasurement| DriveSeen {
-        state: state(drive.progress),
-        error: if drive.error.0 == 0 { String::new() } else { drive.error.to_string() },
+    // What a drive said before it was lost says nothing of it now.
+    let away = match record.exchange {
+        Exchange::Without { wheels } => wheels,
+        Exchange::Complete | Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => 0,
     };
-    record.measurements.present().iter().map(seen).collect()
+    let seen = |(n, drive): (usize, &DriveMeasurement)| DriveSeen {
+        state: if away >> n & 1 == 1 { "lost" } else { state(drive.progress) },
+        error: Some(errors.of(n))
+            .filter(|error| error.0 != 0)
+            .map_or(String::new(), |error| error.to_string()),
+    };
+    record.measurements.present().iter().enumerate().map(seen).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_drive_that_failed_is_told_by_its_place_with_its_error() {
+        let mut record = CycleRecord { exchange: Exchange::Complete, ..CycleRecord::default() };
+        record.measurements.wheels = 3;
+        record.measurements.drives[1].progress = DriveProgress::Fault;
+        record.measurements.drives[1].error.0 = 0x8611;
+        let mut errors = DriveErrors::default();
+        errors.look(record.measurements.present());
+        (record.stop_reason, record.stop_where) = (SafetyReason::Drive, 1);
+        assert_eq!(stop_drive(&record), Some(1));
+        let told: Vec<_> =
+            drives(&record, &errors).into_iter().map(|drive| (drive.state, drive.error)).collect();
+        let quiet = ("unknown", String::new());
+        assert_eq!(told, [quiet.clone(), ("fault", "0x8611 (following error)".into()), quiet]);
+        // A reason that is about no drive names none, whatever place stands beside it.
+        record.stop_reason = SafetyReason::NotFinite;
+        assert_eq!(stop_drive(&record), None);
+    }
+
+    #[test]
+    fn a_drive_that_is_away_is_lost_whatever_it_said_last() {
+        let mut record =
+            CycleRecord { exchange: Exchange::Without { wheels: 0b100 }, ..CycleRecord::default() };
+        record.measurements.wheels = 3;
+        for drive in &mut record.measurements.drives {
+            drive.progress = DriveProgress::Running;
+        }
+        let states: Vec<_> =
+            drives(&record, &DriveErrors::default()).iter().map(|drive| drive.state).collect();
+        assert_eq!(states, ["running", "running", "lost"]);
+    }
 }

@@ -1,21 +1,23 @@
 //! One page's connection: messages out, calls in.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
-use axum::extract::ws::{Message, WebSocket};
-use omnibase_run::live::Client;
-use serde::{Deserialize, Serialize};
+use axum::extract::ws::{Message as Frame, WebSocket};
+use omnibase_run::live::{Asker, Client, Stamp};
+use serde::Serialize;
 use tokio::sync::mpsc;
 
-use crate::access::{Denied, Right};
-use crate::call::{Call, Said};
+use crate::access::Right;
+use crate::call::{Call, Message, Said};
+use crate::desk::Reply;
+use crate::routes::READ_AT_ONCE;
 use crate::seen::Counters;
-use crate::server::Shared;
+use crate::shared::{Shared, stamp_of};
+use crate::strangers::Allowance;
+use crate::work::For;
 
-/// Messages a second that a page may send, and how many at once.
-const RATE_1_S: f64 = 200.0;
-const BURST: f64 = 400.0;
 /// Messages over that after which the connection ends.
 const MOST_DROPPED: u32 = 5000;
 /// Calls of one page that may wait for their answers.
@@ -24,15 +26,6 @@ const WAITING: usize = 32;
 const LONGEST_STOP: usize = 128;
 /// A page that takes nothing for so long is gone.
 const STUCK: Duration = Duration::from_secs(3);
-
-/// A call with the number by which the page knows its answer.
-#[derive(Deserialize)]
-struct Numbered {
-    #[serde(default)]
-    number: u64,
-    #[serde(flatten)]
-    call: serde_json::Value,
-}
 
 #[derive(Serialize)]
 struct Answer {
@@ -49,6 +42,8 @@ struct Welcome {
     stick_bit: Option<u8>,
     /// What it may do.
     may: May,
+    /// The robot's clock, ms: the first stamp that the page has.
+    stamp: u64,
 }
 
 /// What a page may do.
@@ -61,31 +56,6 @@ enum May {
     Stop,
     /// Everything.
     Command,
-}
-
-/// How much a page may still send.
-struct Allowance {
-    left: f64,
-    since: Instant,
-    dropped: u32,
-}
-
-impl Allowance {
-    fn new() -> Self {
-        Allowance { left: BURST, since: Instant::now(), dropped: 0 }
-    }
-
-    fn takes(&mut self) -> bool {
-        let now = Instant::now();
-        self.left = (self.left + RATE_1_S * (now - self.since).as_secs_f64()).min(BURST);
-        self.since = now;
-        if self.left >= 1.0 {
-            self.left -= 1.0;
-            return true;
-        }
-        self.dropped += 1;
-        false
-    }
 }
 
 /// Ends a page's session however its connection ends.
@@ -102,7 +72,7 @@ impl Session {
 }
 
 /// What a page is told of itself.
-fn welcome(session: Option<&Session>, right: Right) -> Welcome {
+fn welcome(session: Option<&Session>, right: Right, stamp: u64) -> Welcome {
     let client = session.map(|session| session.client);
     let may = match (client, right) {
         (Some(_), _) => May::Command,
@@ -113,7 +83,7 @@ fn welcome(session: Option<&Session>, right: Right) -> Welcome {
         Some(Client::Page(number)) => Some(1 + number),
         _ => None,
     };
-    Welcome { you: client.map(|client| client.to_string()), stick_bit, may }
+    Welcome { you: client.map(|client| client.to_string()), stick_bit, may, stamp }
 }
 
 impl Drop for Session {
@@ -128,12 +98,14 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
     if right == Right::Command && session.is_none() {
         Counters::count(&shared.counters.crowded);
     }
-    if say(&mut socket, &welcome(session.as_ref(), right)).await.is_none() {
+    if say(&mut socket, &welcome(session.as_ref(), right, shared.stamp())).await.is_none() {
         return;
     }
     let mut message = shared.subscribe();
     let (answers, mut answered) = mpsc::channel::<Answer>(WAITING);
-    let mut allowance = Allowance::new();
+    let (mut allowance, mut dropped) = (Allowance::new(shared.elapsed()), 0);
+    let lane = Lane::new(&shared, &answers);
+    let mut delay_ms = None;
     loop {
         tokio::select! {
             changed = message.changed() => {
@@ -141,7 +113,8 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                     return;
                 }
                 let text: Arc<str> = message.borrow_and_update().clone();
-                if send(&mut socket, Message::text(&*text)).await.is_none() {
+                let text = with_delay(&text, delay_ms);
+                if send(&mut socket, Frame::text(text)).await.is_none() {
                     return;
                 }
             }
@@ -152,13 +125,13 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
             }
             received = socket.recv() => {
                 let text = match received {
-                    Some(Ok(Message::Text(text))) => text,
-                    Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
-                    Some(Ok(Message::Binary(_))) => {
+                    Some(Ok(Frame::Text(text))) => text,
+                    Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => continue,
+                    Some(Ok(Frame::Binary(_))) => {
                         Counters::count(&shared.counters.malformed);
                         continue;
                     }
-                    Some(Ok(Message::Close(_))) | None => return,
+                    Some(Ok(Frame::Close(_))) | None => return,
                     Some(Err(error)) => {
                         // Too long a message ends the connection.
                         if error.to_string().contains("too long") {
@@ -167,19 +140,22 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                         return;
                     }
                 };
-                if !allowance.takes() {
+                // Whoever floods: everybody else has a turn after each message.
+                tokio::task::yield_now().await;
+                if !allowance.takes(shared.elapsed()) {
                     Counters::count(&shared.counters.flooding);
-                    if allowance.dropped > MOST_DROPPED {
+                    dropped += 1;
+                    if dropped > MOST_DROPPED {
                         return;
                     }
                     // A page gone wild may still be stopped by the person before it.
-                    if !is_stop(&text) {
+                    if stop(text.as_bytes()).is_none() {
                         continue;
                     }
                 }
                 if right == Right::Command && session.is_none() {
                     session = Session::begin(&shared);
-                    if session.is_some() && say(&mut socket, &welcome(session.as_ref(), right)).await.is_none() {
+                    if session.is_some() && say(&mut socket, &welcome(session.as_ref(), right, shared.stamp())).await.is_none() {
                         return;
                     }
                 }
@@ -188,7 +164,9 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                     (None, Right::Command) => Caller::Crowded,
                     (None, Right::Read) => Caller::Reader,
                 };
-                hear(&text, caller, &shared, &answers);
+                if let Some(stamp) = hear(&text, caller, &lane) {
+                    delay_ms = shared.stamp().checked_sub(stamp);
+                }
             }
         }
     }
@@ -201,7 +179,7 @@ enum Caller {
     Page(Client),
     /// A page that might command, where all sessions are taken: its stops count.
     Crowded,
-    /// A page without the right to command.
+    /// A page without the right to command, on this computer: its stops count.
     Reader,
 }
 
@@ -210,64 +188,185 @@ impl Caller {
     fn client(self, call: &Call) -> Result<Client, &'static str> {
         match self {
             Caller::Page(client) => Ok(client),
-            Caller::Crowded if call.stops() => Ok(Client::Command),
+            Caller::Crowded | Caller::Reader if call.stops() => Ok(Client::Command),
             Caller::Crowded => Err("refused: all sessions are taken; only stops are heard from here"),
-            Caller::Reader => Err(Denied::Token.text()),
+            Caller::Reader => Err("refused: without the token one may look, and stop"),
         }
     }
 }
 
-fn read(text: &str) -> serde_json::Result<(u64, Call)> {
-    let Numbered { number, call } = serde_json::from_str(text)?;
-    Ok((number, serde_json::from_value(call)?))
+/// A message that asks for a stop. Longer ones aren't looked at: what comes too often costs as good as nothing.
+pub(crate) fn stop(text: &[u8]) -> Option<Message> {
+    let is_short = text.len() <= LONGEST_STOP;
+    let message: Message = is_short.then(|| serde_json::from_slice(text).ok()).flatten()?;
+    message.call.stops().then_some(message)
 }
 
-/// Whether a message asks for a stop. Longer ones aren't looked at: what comes too often costs as good as nothing.
-fn is_stop(text: &str) -> bool {
-    text.len() <= LONGEST_STOP && read(text).is_ok_and(|(_, call)| call.stops())
+/// Something that waits for what the same page asked before it.
+struct Job {
+    caller: Caller,
+    asker: Asker,
+    what: What,
 }
 
-/// Takes one message in; its answer comes by the channel.
-fn hear(text: &str, caller: Caller, shared: &Shared, answers: &mpsc::Sender<Answer>) {
-    let (number, call) = match read(text) {
-        Ok(read) => read,
+/// What a page asks.
+enum What {
+    /// As it was sent: it is long, and reading it takes its time.
+    Written(String),
+    /// Read.
+    Read(Message),
+}
+
+/// What one page asked that takes its time, in the order in which it came; stops and sticks don't wait in it.
+struct Lane {
+    shared: Shared,
+    answers: mpsc::Sender<Answer>,
+    jobs: mpsc::Sender<Job>,
+    /// Jobs that aren't done.
+    left: Arc<AtomicUsize>,
+}
+
+impl Lane {
+    fn new(shared: &Shared, answers: &mpsc::Sender<Answer>) -> Self {
+        let (jobs, mut next) = mpsc::channel::<Job>(WAITING);
+        let left = Arc::new(AtomicUsize::new(0));
+        let lane = Lane { shared: shared.clone(), answers: answers.clone(), jobs, left: left.clone() };
+        let (shared, answers) = (shared.clone(), answers.clone());
+        tokio::spawn(async move {
+            while let Some(job) = next.recv().await {
+                job.take(&shared, &answers).await;
+                left.fetch_sub(1, Ordering::Relaxed);
+            }
+        });
+        lane
+    }
+
+    fn is_free(&self) -> bool {
+        self.left.load(Ordering::Relaxed) == 0
+    }
+
+    fn push(&self, job: Job) {
+        let number = job.number();
+        self.left.fetch_add(1, Ordering::Relaxed);
+        if self.jobs.try_send(job).is_err() {
+            self.left.fetch_sub(1, Ordering::Relaxed);
+            self.say(number, Said::refused("too much was asked at once"));
+        }
+    }
+
+    fn say(&self, number: u64, said: Said) {
+        let _ = self.answers.try_send(Answer { answer: number, said });
+    }
+}
+
+impl Job {
+    fn number(&self) -> u64 {
+        match &self.what {
+            What::Written(_) => 0,
+            What::Read(message) => message.number,
+        }
+    }
+
+    async fn take(self, shared: &Shared, answers: &mpsc::Sender<Answer>) {
+        let Job { caller, asker, what } = self;
+        let read = match what {
+            What::Read(message) => Ok(message),
+            What::Written(text) => {
+                let read = shared.work.run(For::Commander, move || serde_json::from_str(&text)).await;
+                read.map_err(|busy| busy.to_string()).and_then(|read| read.map_err(|error| error.to_string()))
+            }
+        };
+        let (number, reply) = match read {
+            Ok(Message { number, stamp_ms, call }) => match caller.client(&call) {
+                Ok(_) => (number, shared.take(asker.stamped(stamp_of(stamp_ms)), call).await),
+                Err(why) => (number, Reply::Said(Said::not_done(why))),
+            },
+            Err(why) => {
+                Counters::count(&shared.counters.malformed);
+                (0, Reply::Said(Said::refused(why)))
+            }
+        };
+        tell(number, reply, shared, answers);
+    }
+}
+
+/// Tells a page what came of a call, once that is known.
+fn tell(number: u64, reply: Reply, shared: &Shared, answers: &mpsc::Sender<Answer>) {
+    if matches!(reply, Reply::Nothing) {
+        return;
+    }
+    let (shared, answers) = (shared.clone(), answers.clone());
+    tokio::spawn(async move {
+        let said = shared.finish(reply).await;
+        let _ = answers.try_send(Answer { answer: number, said });
+    });
+}
+
+/// The message to all pages, with how long this page's own messages take: from the stamp that it had to being heard.
+fn with_delay(text: &str, delay_ms: Option<u64>) -> String {
+    let open = text.strip_suffix('}').unwrap_or(text);
+    let comma = if open.ends_with('{') { "" } else { "," };
+    let delay_ms = delay_ms.map_or("null".to_owned(), |delay_ms| delay_ms.to_string());
+    format!("{open}{comma}\"delay_ms\":{delay_ms}}}")
+}
+
+/// Takes one message in; its answer comes by the channel. The stamp that it has, where that is known at once.
+fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
+    let shared = &lane.shared;
+    // As whom it calls where it may; what it may is looked at once it is read.
+    let client = if let Caller::Page(client) = caller { client } else { Client::Command };
+    let asker = shared.live.asker(client, Stamp::Missing);
+    if text.len() > READ_AT_ONCE {
+        if caller == Caller::Reader {
+            Counters::count(&shared.counters.denied);
+        } else {
+            lane.push(Job { caller, asker, what: What::Written(text.to_owned()) });
+        }
+        return None;
+    }
+    let message: Message = match serde_json::from_str(text) {
+        Ok(message) => message,
         Err(error) => {
             Counters::count(&shared.counters.malformed);
-            let _ = answers.try_send(Answer { answer: 0, said: Said::refused(error) });
-            return;
+            lane.say(0, Said::refused(error));
+            return None;
         }
     };
-    let client = match caller.client(&call) {
-        Ok(client) => client,
-        Err(why) => {
-            if call != Call::Alive {
-                Counters::count(&shared.counters.denied);
-                let said = Said { done: false, text: why.to_owned() };
-                let _ = answers.try_send(Answer { answer: number, said });
-            }
-            return;
+    let Message { number, stamp_ms, .. } = message;
+    if let Err(why) = caller.client(&message.call) {
+        if message.call != Call::Alive {
+            Counters::count(&shared.counters.denied);
+            lane.say(number, Said::not_done(why));
         }
-    };
-    // Sticks and stops in the order in which they came; what waits for an answer waits beside.
-    let shared = shared.clone();
-    match shared.take(client, call) {
-        crate::desk::Reply::Nothing => {}
-        reply => {
-            let answers = answers.clone();
-            tokio::spawn(async move {
-                let said = shared.finish(reply).await;
-                let _ = answers.try_send(Answer { answer: number, said });
-            });
-        }
+        return stamp_ms;
     }
+    let is_next = lane.is_free() && !message.call.computes();
+    if is_next || message.call.goes_first() {
+        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), message.call);
+        tell(number, reply, shared, &lane.answers);
+    } else {
+        lane.push(Job { caller, asker, what: What::Read(message) });
+    }
+    stamp_ms
 }
 
 async fn say(socket: &mut WebSocket, what: &impl Serialize) -> Option<()> {
     let text = serde_json::to_string(what).ok()?;
-    send(socket, Message::text(text)).await
+    send(socket, Frame::text(text)).await
 }
 
 /// Sends; `None` where the page is gone or takes nothing any more.
-async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
+async fn send(socket: &mut WebSocket, message: Frame) -> Option<()> {
     tokio::time::timeout(STUCK, socket.send(message)).await.ok()?.ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_has_the_delay_of_the_page_that_gets_it() {
+        assert_eq!(with_delay("{}", None), r#"{"delay_ms":null}"#);
+        assert_eq!(with_delay(r#"{"stamp":12}"#, Some(7)), r#"{"stamp":12,"delay_ms":7}"#);
+    }
 }

@@ -1,83 +1,14 @@
 //! Pages at the API, with a cycle that the test turns by hand: who is heard, and what of it reaches the robot.
 
-use std::net::TcpStream;
+mod bench;
+
 use std::time::{Duration, Instant};
 
-use omnibase_dashboard::{About, Access, Dashboard, Streams};
-use omnibase_robot::signals::{CycleRecord, Phase, StopCategory};
-use omnibase_robot::{Registry, Request, RequestKind};
-use omnibase_run::RobotText;
-use omnibase_run::channels::Known;
-use omnibase_run::live::{Ages, LiveEnd, live};
+use bench::{Bench, Page};
+use omnibase_robot::RequestKind;
+use omnibase_robot::signals::StopCategory;
 use serde_json::{Value, json};
-use tungstenite::client::IntoClientRequest;
-use tungstenite::stream::MaybeTlsStream;
-use tungstenite::{Message, WebSocket};
-
-const TOKEN: &str = "token-of-the-test";
-/// Nobody grows old in a test.
-const AGES: Ages = Ages { pad_ns: u64::MAX, session_ns: u64::MAX };
-
-/// A page's server, and the cycle behind it.
-struct Bench {
-    dashboard: Dashboard,
-    end: LiveEnd,
-    cycle: u64,
-}
-
-impl Bench {
-    fn new() -> Self {
-        let text =
-            RobotText { text: include_str!("../../../robots/bmm.toml").into(), ..RobotText::default() };
-        let registry = Registry::with_built_in();
-        let robot = text.load(&registry).unwrap();
-        let (live, end) = live(AGES, StopCategory::RampThenRemove);
-        let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
-        let paths = std::env::temp_dir();
-        let about = About { text, robot, registry, known: Known::Truth, paths, streams: Streams::default() };
-        Bench { dashboard: Dashboard::start(access, live, about).unwrap(), end, cycle: 0 }
-    }
-
-    /// Turns cycles until one of them asks the robot for what is looked for.
-    fn until<T>(&mut self, what: &str, look: impl Fn(&LiveEnd, Option<Request>) -> Option<T>) -> T {
-        let begin = Instant::now();
-        loop {
-            self.cycle += 1;
-            let turn = self.end.turn(self.cycle, &CycleRecord::default(), Phase::Holding);
-            if let Some(found) = look(&self.end, turn.request) {
-                return found;
-            }
-            assert!(begin.elapsed() < Duration::from_secs(60), "never came: {what}");
-            std::thread::yield_now();
-        }
-    }
-
-    fn page(&self) -> Page {
-        let address = self.dashboard.address;
-        let mut request = format!("ws://{address}/api/live").into_client_request().unwrap();
-        request.headers_mut().insert("Authorization", format!("Bearer {TOKEN}").parse().unwrap());
-        Page(tungstenite::connect(request).unwrap().0)
-    }
-}
-
-struct Page(WebSocket<MaybeTlsStream<TcpStream>>);
-
-impl Page {
-    fn send(&mut self, call: &Value) {
-        self.0.send(Message::text(call.to_string())).unwrap();
-    }
-
-    /// The next message that has this field.
-    fn hear(&mut self, field: &str) -> Value {
-        loop {
-            let Message::Text(text) = self.0.read().unwrap() else { continue };
-            let message: Value = serde_json::from_str(&text).unwrap();
-            if message.get(field).is_some() {
-                return message;
-            }
-        }
-    }
-}
+use tungstenite::Message;
 
 #[test]
 fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_true_reason() {
@@ -93,7 +24,7 @@ fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_t
     let mut page = bench.page();
     let welcome = page.hear("may");
     assert_eq!((&welcome["may"], &welcome["you"]), (&json!("stop"), &Value::Null));
-    page.send(&json!({"number": 1, "do": "enable"}));
+    page.send(&json!({"number": 1, "do": "enable", "stamp": 0}));
     let said = page.hear("answer");
     assert_eq!((&said["answer"], &said["done"]), (&json!(1), &json!(false)));
     assert!(said["text"].as_str().unwrap().contains("all sessions are taken"), "{said}");
@@ -124,8 +55,8 @@ fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_t
 fn a_stick_in_its_corner_asks_for_full_speed_and_no_more() {
     let mut bench = Bench::new();
     let mut page = bench.page();
-    page.send(&json!({"do": "release_pad"}));
-    page.send(&json!({"do": "pad", "x": 1.0, "y": 1.0, "turn": 0.0}));
+    page.send(&json!({"do": "release_pad", "stamp": 0}));
+    page.send(&json!({"do": "pad", "x": 1.0, "y": 1.0, "turn": 0.0, "stamp": 0}));
     let twist = bench.until("its wish", |_, request| match request?.kind {
         RequestKind::Velocity { twist, .. } => Some(twist),
         _ => None,

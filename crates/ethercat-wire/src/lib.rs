@@ -22,6 +22,7 @@ pub mod command;
 pub mod frame;
 pub mod link;
 pub mod mailbox;
+pub mod printable;
 pub mod register;
 pub mod sii;
 pub mod time;

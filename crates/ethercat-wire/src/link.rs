@@ -2,10 +2,10 @@
 
 use crate::time::HostTime;
 
-/// The link itself is gone. A frame that doesn't come back isn't an error of the link.
+/// Why the link can't do it. A frame that doesn't come back isn't an error of the link.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
-    /// The interface is down or its cable is out.
+    /// The interface is down, unplugged, or its cable is out: what is sent is lost, until it is back.
     #[error("the link is down")]
     Down,
     /// The operating system refused; `code` is its error number.

@@ -6,6 +6,7 @@ mod read;
 mod write;
 
 use crate::coe::ObjectAddress;
+use crate::printable::printable;
 use alloc::string::String;
 use alloc::vec::Vec;
 
@@ -346,10 +347,10 @@ impl Default for Image {
 }
 
 impl Image {
-    /// The string of a standard's index as text, bad bytes replaced; `None` for index 0 or one that isn't there.
+    /// The string of a standard's index as [printable] text; `None` for index 0 or one that isn't there.
     pub fn string(&self, index: u8) -> Option<String> {
         let bytes = self.strings.get(usize::from(index).checked_sub(1)?)?;
-        Some(String::from_utf8_lossy(bytes).into_owned())
+        Some(printable(bytes))
     }
 
     /// The device's name from the general category.

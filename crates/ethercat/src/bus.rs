@@ -1,5 +1,6 @@
 //! A segment while it is being set up: everything may wait and allocate here.
 
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -48,6 +49,18 @@ pub enum Warning {
     },
     /// An EEPROM is missing or dead: the SubDevice has no identity and no mailbox.
     NoEeprom(EepromError),
+    /// An EEPROM holds nothing but ones: the SubDevice has no identity and no mailbox.
+    ErasedEeprom {
+        /// The SubDevice.
+        position: u16,
+    },
+    /// Something of a SubDevice is broken, and it is left out.
+    LeftOut {
+        /// The SubDevice.
+        position: u16,
+        /// Why.
+        cause: String,
+    },
     /// The EEPROM could be read but not all of it makes sense.
     Eeprom {
         /// The SubDevice.
@@ -67,11 +80,27 @@ impl fmt::Display for Warning {
                 write!(f, "frames enter SubDevice {position} at port {port}, not 0: are its cables swapped?")
             }
             Warning::NoEeprom(error) => write!(f, "{error}; it is taken as a device without identity"),
+            Warning::ErasedEeprom { position } => write!(
+                f,
+                "SubDevice {position}: the EEPROM is erased; it is taken as a device without identity"
+            ),
+            Warning::LeftOut { position, cause } => {
+                write!(f, "SubDevice {position} is broken and left out: {cause}")
+            }
             Warning::Eeprom { position, problem } => {
                 write!(f, "SubDevice {position}: EEPROM: {problem}")
             }
         }
     }
+}
+
+/// What becomes of a SubDevice that can't be set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unusable {
+    /// It is named, and the others are set up without it.
+    LeftOut,
+    /// The whole set-up fails.
+    IsError,
 }
 
 /// A segment while it is being set up.
@@ -81,6 +110,7 @@ pub struct Bus<L, C> {
     pub(crate) options: BusOptions,
     pub(crate) subdevices: Vec<SubDevice>,
     pub(crate) warnings: Vec<Warning>,
+    pub(crate) unusable: Unusable,
     /// Mailboxes by position; `None` where a SubDevice has none, or none yet.
     pub(crate) mailboxes: Vec<Option<Mailbox>>,
 }
@@ -89,7 +119,14 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// A segment behind `link`, nothing known of it yet.
     pub fn new(link: L, clock: C, options: BusOptions) -> Self {
         let transactor = Transactor::new(link, clock, options.transaction);
-        Bus { transactor, options, subdevices: Vec::new(), warnings: Vec::new(), mailboxes: Vec::new() }
+        Bus {
+            transactor,
+            options,
+            subdevices: Vec::new(),
+            warnings: Vec::new(),
+            unusable: Unusable::IsError,
+            mailboxes: Vec::new(),
+        }
     }
 
     /// The SubDevices found by [`Bus::scan`], by position.
@@ -147,6 +184,22 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
+    /// Takes a SubDevice out of everything that follows: it stays where it is, and says why.
+    pub(crate) fn leave_out(&mut self, position: u16, why: &SetUpError) {
+        let number = usize::from(position);
+        if let Some(mailbox) = self.mailboxes.get_mut(number) {
+            *mailbox = None;
+        }
+        let Some(one) = self.subdevices.get_mut(number) else { return };
+        one.mailbox = None;
+        one.sync_managers.clear();
+        one.fmmus.clear();
+        one.start_up.steps.clear();
+        let cause = why.to_string();
+        self.warnings.push(Warning::LeftOut { position, cause: cause.clone() });
+        one.broken = Some(cause);
+    }
+
     /// The SubDevice at `position`.
     pub fn subdevice(&self, position: u16) -> Result<&SubDevice, SetUpError> {
         let count = self.subdevices.len();
@@ -157,8 +210,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
     ///
     /// The mailbox works from PRE-OP on. The request's buffer limits the length of what is accepted.
     pub fn request(&mut self, position: u16, request: MailboxRequest) -> Result<Vec<u8>, SetUpError> {
-        self.target(position)?;
         let operation = request.operation;
+        if let Some(cause) = &self.subdevice(position)?.broken {
+            return Err(SetUpError::Broken { position, cause: cause.clone() });
+        }
         let now = self.transactor.clock.now();
         let Some(mailbox) = self.mailboxes.get_mut(usize::from(position)).and_then(Option::as_mut) else {
             return Err(SetUpError::NoCoe { position, operation });

@@ -4,7 +4,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::bus::Bus;
+use crate::bus::{Bus, Unusable};
 use crate::clock_setup;
 use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
 use crate::error::SetUpError;
@@ -13,6 +13,7 @@ use crate::image::{ClockUse, ImagePlan, Member};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
+use crate::state::StateTimeouts;
 use crate::subdevice::SubDevice;
 use crate::sync_manager;
 use crate::watchdog;
@@ -185,7 +186,9 @@ fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<
         }
         places.push(position);
     }
-    if configs.len() != count {
+    // Nobody needs a SubDevice without identity that isn't configured.
+    let spare = subdevices.iter().filter(|one| one.broken.is_some() && !places.contains(&one.position));
+    if configs.len() + spare.count() != count {
         let unconfigured = subdevices.iter().find(|one| !places.contains(&one.position));
         let missing = (places.iter().zip(configs)).find(|(position, _)| usize::from(**position) >= count);
         let first = match (unconfigured, missing) {
@@ -210,6 +213,59 @@ fn registers(what: &'static str, register: u16, data: &[u8]) -> StartUpStep {
     StartUpStep::Registers { register, data: data.to_vec(), what, refusal: Refusal::IsError }
 }
 
+/// Mailbox, SyncManagers and the steps to PRE-OP and in it of one SubDevice.
+fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<Mailbox>, SetUpError> {
+    let (position, config) = (subdevice.position, &subdevice.config);
+    let count = subdevice.esc.sync_manager_count;
+    subdevice.mailbox = sync_manager::mailbox_config(&subdevice.sii, config);
+    let usable = |cause: UnusableMailbox| SetUpError::Mailbox { position, cause };
+    let mailbox = match subdevice.mailbox {
+        Some(mailbox) => Some(Mailbox::new(subdevice.station_address, mailbox).map_err(usable)?),
+        None => None,
+    };
+    subdevice.sync_managers = sync_manager::from_sii(&subdevice.sii, subdevice.mailbox, count);
+    subdevice.fmmus.clear();
+    subdevice.lrw_allowed = match config.lrw {
+        Some(permission) => permission == LrwPermission::Allowed,
+        None => {
+            let flags = subdevice.sii.general.as_ref().map_or(0, |general| general.flags);
+            !subdevice.esc.has(register::FEATURE_NO_LRW) && flags & sii::FLAG_NO_LRW == 0
+        }
+    };
+    mapping::check_config(position, config, &subdevice.sync_managers, count)?;
+
+    let steps = &mut subdevice.start_up.steps;
+    steps.clear();
+    // A SubDevice that comes back may be in any state; its SyncManagers take nothing while they are on.
+    steps.push(StartUpStep::State { state: AlState::Init, timeout: timeouts.init });
+    for (what, register, size, count) in [
+        ("switching the SyncManagers off", register::SM, register::SM_SIZE, count),
+        ("switching the FMMUs off", register::FMMU, register::FMMU_SIZE, subdevice.esc.fmmu_count),
+    ] {
+        let length = usize::from(size) * usize::from(count);
+        if length > 0 {
+            steps.push(registers(what, register, &alloc::vec![0; length]));
+        }
+    }
+    if subdevice.mailbox.is_some() {
+        let mailboxes: Vec<u8> = subdevice
+            .sync_managers
+            .iter()
+            .take(2)
+            .flat_map(crate::subdevice::SyncManager::registers)
+            .collect();
+        steps.push(registers("the mailboxes", register::SM, &mailboxes));
+    }
+    steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
+    steps.push(StartUpStep::State { state: AlState::PreOp, timeout: timeouts.pre_op });
+    steps.extend(config.sdos.iter().cloned().map(StartUpStep::Sdo));
+    steps.extend(mapping::mapping_steps(config));
+    if let Some(mode) = config.sync_mode {
+        steps.extend(mapping::sync_mode_steps(mode, &subdevice.sync_managers));
+    }
+    Ok(mailbox)
+}
+
 impl<L: Link, C: Clock> Bus<L, C> {
     /// Compares the segment with `configs`, brings every SubDevice to PRE-OP, writes what is asked, and makes
     /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
@@ -225,6 +281,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
+        self.set_up(Unusable::IsError)
+    }
+
+    /// As [`Bus::configure`] without any configuration, for those who don't need everybody: a SubDevice that can't be
+    /// set up is [left out](crate::bus::Warning::LeftOut), with the reason in [`SubDevice::broken`].
+    pub fn configure_sound(&mut self) -> Result<(), SetUpError> {
+        self.set_up(Unusable::LeftOut)
+    }
+
+    fn set_up(&mut self, unusable: Unusable) -> Result<(), SetUpError> {
+        self.unusable = unusable;
         self.prepare_lists()?;
         self.run_lists()?;
         self.read_mappings()?;
@@ -232,62 +299,40 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.run_rest()
     }
 
+    /// Leaves the SubDevice out that an error is about, where the others are wanted without it.
+    fn without(&mut self, error: impl Into<SetUpError>) -> Result<(), SetUpError> {
+        let error = error.into();
+        match error.culprit() {
+            Some(position) if self.unusable == Unusable::LeftOut => {
+                self.leave_out(position, &error);
+                Ok(())
+            }
+            _ => Err(error),
+        }
+    }
+
     /// Mailboxes and the steps to PRE-OP and in it.
     fn prepare_lists(&mut self) -> Result<(), SetUpError> {
         let timeouts = self.options.timeouts;
         self.mailboxes.clear();
+        let mut unusable = Vec::new();
         for subdevice in &mut self.subdevices {
-            let (position, config) = (subdevice.position, &subdevice.config);
-            let count = subdevice.esc.sync_manager_count;
-            subdevice.mailbox = sync_manager::mailbox_config(&subdevice.sii, config);
-            let usable = |cause: UnusableMailbox| SetUpError::Mailbox { position, cause };
-            let mailbox = match subdevice.mailbox {
-                Some(mailbox) => Some(Mailbox::new(subdevice.station_address, mailbox).map_err(usable)?),
-                None => None,
-            };
-            self.mailboxes.push(mailbox);
-            subdevice.sync_managers = sync_manager::from_sii(&subdevice.sii, subdevice.mailbox, count);
-            subdevice.fmmus.clear();
-            subdevice.lrw_allowed = match config.lrw {
-                Some(permission) => permission == LrwPermission::Allowed,
-                None => {
-                    let flags = subdevice.sii.general.as_ref().map_or(0, |general| general.flags);
-                    !subdevice.esc.has(register::FEATURE_NO_LRW) && flags & sii::FLAG_NO_LRW == 0
-                }
-            };
-            mapping::check_config(position, config, &subdevice.sync_managers, count)?;
-
-            let steps = &mut subdevice.start_up.steps;
-            steps.clear();
-            // A SubDevice that comes back may be in any state; its SyncManagers take nothing while they are on.
-            steps.push(StartUpStep::State { state: AlState::Init, timeout: timeouts.init });
-            for (what, register, size, count) in [
-                ("switching the SyncManagers off", register::SM, register::SM_SIZE, count),
-                ("switching the FMMUs off", register::FMMU, register::FMMU_SIZE, subdevice.esc.fmmu_count),
-            ] {
-                let length = usize::from(size) * usize::from(count);
-                if length > 0 {
-                    steps.push(registers(what, register, &alloc::vec![0; length]));
-                }
+            // One that is known to be broken needs no attempt.
+            if self.unusable == Unusable::LeftOut && subdevice.broken.is_some() {
+                subdevice.mailbox = None;
+                subdevice.start_up.steps.clear();
+                self.mailboxes.push(None);
+                continue;
             }
-            if subdevice.mailbox.is_some() {
-                let mailboxes: Vec<u8> = subdevice
-                    .sync_managers
-                    .iter()
-                    .take(2)
-                    .flat_map(crate::subdevice::SyncManager::registers)
-                    .collect();
-                steps.push(registers("the mailboxes", register::SM, &mailboxes));
-            }
-            steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
-            steps.push(StartUpStep::State { state: AlState::PreOp, timeout: timeouts.pre_op });
-            steps.extend(config.sdos.iter().cloned().map(StartUpStep::Sdo));
-            steps.extend(mapping::mapping_steps(config));
-            if let Some(mode) = config.sync_mode {
-                steps.extend(mapping::sync_mode_steps(mode, &subdevice.sync_managers));
+            match prepare(subdevice, timeouts) {
+                Ok(mailbox) => self.mailboxes.push(mailbox),
+                Err(error) => {
+                    self.mailboxes.push(None);
+                    unusable.push(error);
+                }
             }
         }
-        Ok(())
+        unusable.into_iter().try_for_each(|error| self.without(error))
     }
 
     /// Runs the lists as they stand.
@@ -320,8 +365,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
             *mailbox = runner.into_mailbox();
         }
-        results.into_iter().collect::<Result<Vec<()>, _>>()?;
-        Ok(())
+        results.into_iter().filter_map(Result::err).try_for_each(|error| self.without(error))
     }
 
     /// Reads the PDO maps of those that speak CoE; the others have them from their SII.
@@ -345,8 +389,15 @@ impl<L: Link, C: Clock> Bus<L, C> {
             self.mailboxes[number] = Some(reader.into_mailbox());
         }
         for (&number, maps) in read.iter().zip(results) {
+            let maps = match maps {
+                Ok(maps) => maps,
+                Err(error) => {
+                    self.without(error)?;
+                    continue;
+                }
+            };
             let subdevice = &mut self.subdevices[number];
-            for (index, pdos) in maps? {
+            for (index, pdos) in maps {
                 let Some(mut pdos) = pdos else { continue };
                 pdos.iter_mut().for_each(|pdo| sync_manager::name_from_sii(&subdevice.sii, pdo));
                 let manager = subdevice.sync_managers.iter_mut().find(|manager| manager.index == index);
@@ -355,26 +406,30 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
-        for subdevice in &self.subdevices {
-            mapping::check_sizes(subdevice.position, &subdevice.config, &subdevice.sync_managers)?;
-        }
-        Ok(())
+        let check =
+            |one: &SubDevice| mapping::check_sizes(one.position, &one.config, &one.sync_managers).err();
+        let unusable: Vec<_> = self.subdevices.iter().filter_map(check).collect();
+        unusable.into_iter().try_for_each(|error| self.without(error))
     }
 
     /// The process image, and the FMMUs that follow from it.
     fn place_process_data(&mut self) -> Result<(), SetUpError> {
         let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
         ImagePlan::new(&members, ClockUse::None)?.apply(&mut self.subdevices);
+        let mut unusable = Vec::new();
         for subdevice in &mut self.subdevices {
-            subdevice.fmmus = fmmu::of_subdevice(subdevice)?;
+            match fmmu::of_subdevice(subdevice) {
+                Ok(fmmus) => subdevice.fmmus = fmmus,
+                Err(error) => unusable.push(error),
+            }
         }
-        Ok(())
+        unusable.into_iter().try_for_each(|error| self.without(error))
     }
 
     /// SyncManagers, FMMUs, watchdogs and clocks; then what the cycle does is put at the lists' ends.
     fn run_rest(&mut self) -> Result<(), SetUpError> {
         let from: Vec<usize> = self.subdevices.iter().map(|one| one.start_up.steps.len()).collect();
-        for subdevice in &mut self.subdevices {
+        for subdevice in self.subdevices.iter_mut().filter(|one| !one.start_up.steps.is_empty()) {
             let steps = &mut subdevice.start_up.steps;
             for manager in &subdevice.sync_managers {
                 let is_mailbox =
@@ -393,7 +448,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.run_from(&from)?;
         self.set_clocks()?;
         let timeouts = self.options.timeouts;
-        for subdevice in &mut self.subdevices {
+        for subdevice in self.subdevices.iter_mut().filter(|one| !one.start_up.steps.is_empty()) {
             let steps = &mut subdevice.start_up.steps;
             if let Some(clock) = &subdevice.dc {
                 steps.extend(clock_setup::steps(clock));

@@ -76,7 +76,7 @@ impl fmt::Display for EepromError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "SubDevice {}: reading EEPROM word 0x{:04x}: ", self.position, self.word)?;
         match self.cause {
-            EepromFailure::NoAnswer(found) => write!(f, "{found} where working counter 1 was expected"),
+            EepromFailure::NoAnswer(found) => write!(f, "{}", found.against(1)),
             EepromFailure::Busy(limit) => write!(f, "the interface stayed busy for {limit:?}"),
             EepromFailure::NotAcknowledged { status } => {
                 write!(f, "the EEPROM did not acknowledge (register 0x0502 is 0x{status:04x})")

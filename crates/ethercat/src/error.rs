@@ -1,5 +1,6 @@
 //! What can go wrong in set-up: each error names what was expected, what was found, and where.
 
+use alloc::string::String;
 use core::fmt;
 
 use crate::clock_setup::DcError;
@@ -34,6 +35,29 @@ impl fmt::Display for Found {
     }
 }
 
+impl Found {
+    /// What came back against the working counter that was expected: a lost frame says nothing about a SubDevice.
+    pub fn against(self, expected: u16) -> Unexpected {
+        Unexpected { found: self, expected }
+    }
+}
+
+/// What came back in place of what was expected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unexpected {
+    found: Found,
+    expected: u16,
+}
+
+impl fmt::Display for Unexpected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.found {
+            Found::Nothing => write!(f, "{}: it was lost on its way, nobody refused it", self.found),
+            found => write!(f, "{found} where working counter {} was expected", self.expected),
+        }
+    }
+}
+
 /// An access to registers that failed after all its attempts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AccessError {
@@ -60,15 +84,25 @@ impl fmt::Display for AccessError {
             None => f.write_str("all SubDevices: ")?,
         }
         let AccessError { what, command, address, expected, found, attempts, .. } = self;
-        write!(
-            f,
-            "{what}: {found} where working counter {expected} was expected \
-             ({command}, {address}, {attempts} attempts)"
-        )
+        write!(f, "{what}: {} ({command}, {address}, {attempts} attempts)", found.against(*expected))
     }
 }
 
 impl core::error::Error for AccessError {}
+
+impl SetUpError {
+    /// The one SubDevice that it is about, where the others can be set up without it.
+    pub(crate) fn culprit(&self) -> Option<u16> {
+        match self {
+            SetUpError::Mailbox { position, .. } => Some(*position),
+            SetUpError::StartUp(error) => Some(error.position),
+            SetUpError::State(error) => Some(error.position),
+            SetUpError::Mapping(error) => Some(error.position),
+            SetUpError::Fmmu(error) => Some(error.position),
+            _ => None,
+        }
+    }
+}
 
 /// Why a segment could not be set up.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -148,6 +182,14 @@ pub enum SetUpError {
         position: u16,
         /// Why.
         cause: UnusableMailbox,
+    },
+    /// A SubDevice is broken; the others do without it.
+    #[error("SubDevice {position} is broken: {cause}")]
+    Broken {
+        /// The SubDevice.
+        position: u16,
+        /// Why.
+        cause: String,
     },
     /// A SubDevice has no mailbox that speaks CoE, or isn't in a state in which it works.
     #[error("SubDevice {position}: {operation} was asked, but it has no CoE mailbox in its present state")]

@@ -1,5 +1,7 @@
 //! Finding the SubDevices: reset, count, addresses, controllers, EEPROMs, topology.
 
+use alloc::borrow::ToOwned;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
@@ -104,7 +106,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let ports: Vec<_> = identified.iter().map(|one| one.ports).collect();
         let parents = topology::find_parents(&ports)?;
         let images = self.read_images(&targets)?;
-        for ((one, image), parent) in identified.into_iter().zip(images).zip(parents) {
+        for ((one, (image, broken)), parent) in identified.into_iter().zip(images).zip(parents) {
             let entry_port = topology::entry_port(&one.ports);
             if entry_port != 0 {
                 let position = one.target.position;
@@ -130,6 +132,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 dc: DcWidth::of(&one.esc).map(DcClock::new),
                 config: SubDeviceConfig::default(),
                 start_up: StartUpList::default(),
+                broken,
             });
         }
         self.warn_of_duplicate_aliases();
@@ -332,29 +335,40 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.transactor.perform(&mut writes)
     }
 
-    fn read_images(&mut self, targets: &[Target]) -> Result<Vec<Image>, SetUpError> {
+    fn read_images(&mut self, targets: &[Target]) -> Result<Vec<(Image, Option<String>)>, SetUpError> {
         let mut readers: Vec<_> =
             targets.iter().map(|&target| SiiReader::new(target, SiiExtent::Needed)).collect();
         let mut images = Vec::with_capacity(targets.len());
         let results = self.transactor.drive(&mut readers)?;
         for ((result, reader), target) in results.into_iter().zip(&readers).zip(targets) {
             let position = target.position;
-            let bytes = match result {
-                // A device whose EEPROM is missing or dead is still there; it has no identity.
-                Err(error @ EepromError { cause: EepromFailure::NotAcknowledged { .. }, .. }) => {
+            let (bytes, broken) = match result {
+                // A device whose EEPROM is missing, dead or erased is still there; it has no identity.
+                Err(
+                    error @ EepromError {
+                        cause: EepromFailure::NotAcknowledged { .. } | EepromFailure::Busy(_),
+                        ..
+                    },
+                ) => {
                     self.warnings.push(Warning::NoEeprom(error));
-                    &BLANK_IMAGE
+                    (&BLANK_IMAGE[..], Some(error.to_string()))
                 }
                 other => {
                     other?;
-                    reader.image()
+                    match reader.image() {
+                        image if image.iter().take(sii::HEADER).all(|byte| *byte == 0xFF) => {
+                            self.warnings.push(Warning::ErasedEeprom { position });
+                            (&BLANK_IMAGE[..], Some("its EEPROM is erased".to_owned()))
+                        }
+                        image => (image, None),
+                    }
                 }
             };
             let (image, problems) =
                 Image::parse(bytes).map_err(|cause| SetUpError::Sii { position, cause })?;
             let warnings = problems.into_iter().map(|problem| Warning::Eeprom { position, problem });
             self.warnings.extend(warnings);
-            images.push(image);
+            images.push((image, broken));
         }
         Ok(images)
     }

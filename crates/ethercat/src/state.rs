@@ -139,7 +139,7 @@ impl fmt::Display for StateError {
             StateFailure::Refused => f.write_str("refused")?,
             StateFailure::Timeout(limit) => write!(f, "not reached within {limit:?}")?,
             StateFailure::NoAnswer(found) => {
-                write!(f, "not reached: {found} where working counter 1 was expected")?;
+                write!(f, "not reached: {}", found.against(1))?;
             }
         }
         match self.status {

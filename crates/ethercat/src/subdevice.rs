@@ -296,6 +296,8 @@ pub struct SubDevice {
     pub config: SubDeviceConfig,
     /// Everything that takes it from INIT to OP.
     pub start_up: StartUpList,
+    /// Why it can't be used, where something of it is broken.
+    pub broken: Option<String>,
 }
 
 impl SubDevice {

@@ -1,6 +1,6 @@
 //! Which network interfaces there are, and the state of their links.
 
-use std::ffi::CStr;
+use std::ffi::{CStr, CString};
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 
 /// Whether frames can pass.
@@ -73,6 +73,14 @@ pub(crate) fn link_state_with(socket: i32, name: &str) -> LinkState {
     } else {
         LinkState::Up
     }
+}
+
+/// The index of the interface `name`; `None` where there is none of this name. Needs no rights.
+pub fn index_of(name: &str) -> Option<u32> {
+    let name = CString::new(name).ok()?;
+    // SAFETY: the argument is a terminated string that lives through the call.
+    let index = unsafe { libc::if_nametoindex(name.as_ptr()) };
+    (index != 0).then_some(index)
 }
 
 /// The interface's index; `None` where there is none of this name.

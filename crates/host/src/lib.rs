@@ -3,6 +3,7 @@
 //! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame and one to wait; works everywhere.
 //! - [`PacketRing`]: frames through rings that are mapped into the process; with busy polling the receive needs
 //!   no system call at all.
+//! - [`InterfaceLock`]: one program of ours at an interface at a time; [`listen`]: whether somebody else drives it.
 //! - [`MonotonicClock`]: the clock that runners own.
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
 //! - [`doctor`]: whether the machine is fit for that, and what mends it.
@@ -18,6 +19,8 @@ mod clock;
 pub mod doctor;
 mod ethtool;
 pub mod interface;
+mod interface_lock;
+mod listening;
 mod namespace;
 mod packet_ring;
 mod packet_socket;
@@ -29,6 +32,8 @@ pub use allocator::CountingAllocator;
 pub use clock::MonotonicClock;
 pub use ethtool::EthtoolError;
 pub use interface::LinkState;
+pub use interface_lock::{Holder, InterfaceLock, LockError};
+pub use listening::{Heard, LISTENING, Origin, listen};
 pub use namespace::{Namespace, NamespaceError};
 pub use packet_ring::{PacketRing, Waiting};
 pub use packet_socket::PacketSocket;

@@ -103,23 +103,29 @@ impl RawSocket {
 
     /// Binds the socket to the interface and to EtherCAT frames, and lets frames of any address in.
     pub(crate) fn bind(&self) -> Result<(), OpenError> {
+        self.bind_to(ETHERTYPE).map_err(|operation| open_error(operation, &self.interface))
+    }
+
+    /// Binds the socket to the interface and to a protocol, promiscuously; where it fails, the step, for which no
+    /// memory is taken.
+    pub(crate) fn bind_to(&self, protocol: u16) -> Result<(), &'static str> {
         // SAFETY: sockaddr_ll and packet_mreq are plain data for which zero bytes are valid.
         let (mut address, mut membership): (libc::sockaddr_ll, libc::packet_mreq) =
             unsafe { (std::mem::zeroed(), std::mem::zeroed()) };
         address.sll_family = libc::AF_PACKET as u16;
-        address.sll_protocol = ETHERTYPE.to_be();
+        address.sll_protocol = protocol.to_be();
         address.sll_ifindex = self.index;
         // SAFETY: the address is a whole sockaddr_ll and its length is given.
         let result = unsafe {
             libc::bind(self.raw(), (&raw const address).cast(), size_of::<libc::sockaddr_ll>() as _)
         };
         if result != 0 {
-            return Err(open_error("binding the packet socket", &self.interface));
+            return Err("binding the packet socket");
         }
         membership.mr_ifindex = self.index;
         membership.mr_type = libc::PACKET_MR_PROMISC as u16;
         self.set_option(libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &membership)
-            .map_err(|_| open_error("switching to promiscuous reception", &self.interface))
+            .map_err(|_| "switching to promiscuous reception")
     }
 
     /// Sets a socket option whose value is plain data.
@@ -216,12 +222,26 @@ impl RawSocket {
     }
 
     /// Says that the link is down, where it is; called when a frame stayed away, and asks the kernel now and then.
+    ///
+    /// An interface that was pulled out and is in again (USB) is another one for the kernel: the socket moves to it.
     pub(crate) fn check_link(&mut self, now: HostTime) -> Result<(), LinkError> {
         if now < self.next_link_check {
             return Ok(());
         }
         self.next_link_check = HostTime(now.0 + LINK_CHECK_INTERVAL_NS);
-        if self.link_state() == LinkState::Up { Ok(()) } else { Err(LinkError::Down) }
+        if self.link_state() != LinkState::Up {
+            return Err(LinkError::Down);
+        }
+        match interface::index(self.raw(), &self.interface) {
+            Some(index) if index != self.index => {
+                let before = std::mem::replace(&mut self.index, index);
+                self.bind_to(ETHERTYPE).map_err(|_| {
+                    self.index = before;
+                    LinkError::Down
+                })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The counts, with those that the kernel kept since it was last asked.
@@ -251,7 +271,7 @@ pub(crate) fn last_code() -> i32 {
 }
 
 fn is_down(code: i32) -> bool {
-    matches!(code, libc::ENETDOWN | libc::ENXIO | libc::ENODEV)
+    matches!(code, libc::ENETDOWN | libc::ENETUNREACH | libc::ENXIO | libc::ENODEV)
 }
 
 /// Refuses frames that Ethernet can't carry before the kernel has to.

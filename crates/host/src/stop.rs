@@ -12,15 +12,15 @@ extern "C" fn on_signal(signal: libc::c_int) {
     }
 }
 
-/// A flag that becomes true at the first SIGINT (Ctrl-C), SIGTERM or SIGHUP (the terminal is gone); a second signal
-/// of them ends the process at once, with the exit code of a process that a signal ended.
+/// A flag that becomes true at the first SIGINT (Ctrl-C), SIGQUIT (Ctrl-\), SIGTERM or SIGHUP (the terminal is gone); a
+/// second signal of them ends the process at once, with the exit code of a process that a signal ended.
 ///
 /// A SIGHUP that was ignored from the start (`nohup`) stays ignored. System calls that wait are cut short, so that
 /// the flag is seen soon. A file that reaches its size limit (SIGXFSZ) is no reason to end: the write fails.
 pub fn stop_on_signals() -> io::Result<&'static AtomicBool> {
     // SAFETY: no handler of ours; a write beyond the limit then fails with an error number, like one on a full disk.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
-    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
+    for signal in [libc::SIGINT, libc::SIGQUIT, libc::SIGTERM, libc::SIGHUP] {
         // SAFETY: sigaction is plain data for which zero bytes are valid (no flags, empty mask); the handler does
         // nothing but swap an atomic and _exit, which are allowed in a signal handler.
         let result = unsafe {

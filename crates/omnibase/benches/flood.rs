@@ -1,16 +1,16 @@
-//! What a client that floods the page does to a cycle in real time: two processes over a virtual cable, both with
-//! `--realtime`, without and with the flood, in turn.
+//! What floods do to a cycle in real time: clients that flood the page, and frames of another MainDevice at several
+//! rates. Two processes over a virtual cable, both with `--realtime`, without and with each flood, in turn.
 //!
 //! `cargo bench --profile release -p omnibase --bench flood`
 
 #[path = "../tests/dashboard/socket.rs"]
 mod socket;
 
-use omnibase_host::Namespace;
+use omnibase_ethercat_wire::Link;
+use omnibase_host::{Namespace, PacketSocket};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, Command, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tungstenite::Message;
@@ -19,6 +19,17 @@ const TOKEN: &str = "token-of-the-bench";
 const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 /// Of each kind; one may be hit by something else on this machine.
 const ROUNDS: usize = 5;
+/// What floods, in turn.
+const FLOODS: [Flood; 6] = [
+    Flood::Nothing,
+    Flood::Page,
+    Flood::Frames { per_s: 10_000 },
+    Flood::Frames { per_s: 30_000 },
+    Flood::Frames { per_s: 100_000 },
+    Flood::Frames { per_s: 300_000 },
+];
+/// Between two bursts of frames.
+const BURST: Duration = Duration::from_millis(1);
 const MEASURED: Duration = Duration::from_secs(10);
 /// Two clients that flood, and as much patience as a host without real-time rights needs to get through.
 const FLOODERS: usize = 2;
@@ -28,6 +39,46 @@ const PATIENT: [&str; 4] = [
     "--set",
     "safety.lost_exchanges_tolerated=5",
 ];
+
+#[derive(Clone, Copy, PartialEq)]
+enum Flood {
+    Nothing,
+    /// Messages to the page.
+    Page,
+    /// Frames of another MainDevice, which come in from the cable.
+    Frames {
+        per_s: u32,
+    },
+}
+
+impl Flood {
+    fn name(self) -> String {
+        match self {
+            Flood::Nothing => "nothing".to_owned(),
+            Flood::Page => "page".to_owned(),
+            Flood::Frames { per_s } => format!("{per_s}/s"),
+        }
+    }
+}
+
+/// Sends frames as another MainDevice does, at a rate, in bursts; how many it sent.
+fn flood_frames(per_s: u32, ended: &AtomicBool) -> u64 {
+    let mut port = PacketSocket::open(Namespace::FAR).unwrap();
+    // To all, from somebody else, EtherCAT, one BRD of the AL status.
+    let mut frame = [0; 60];
+    frame[..6].fill(0xFF);
+    frame[6..12].copy_from_slice(&[0x12, 0x34, 0x56, 0x78, 0x9A, 0xBC]);
+    frame[12..28].copy_from_slice(&[0x88, 0xA4, 14, 0x10, 7, 0x42, 0, 0, 0x30, 0x01, 2, 0, 0, 0, 0, 0]);
+    let (begin, mut sent) = (Instant::now(), 0);
+    while !ended.load(Ordering::Relaxed) {
+        let due = (begin.elapsed().as_secs_f64() * f64::from(per_s)) as u64;
+        while sent < due && port.send(&frame).is_ok() {
+            sent += 1;
+        }
+        std::thread::sleep(BURST);
+    }
+    sent
+}
 
 /// A program that is killed with the value.
 struct Program {
@@ -41,6 +92,7 @@ impl Program {
             .args(arguments)
             .args(["--realtime", "--json"])
             .args(PATIENT)
+            .env("OMNIBASE_TOKEN", TOKEN)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -80,19 +132,30 @@ fn now(address: &str) -> Value {
 fn call(address: &str, what: &str) {
     let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
     let post = agent.post(&format!("http://{address}/api/call"));
-    post.header("Authorization", format!("Bearer {TOKEN}")).send(format!(r#"{{"do":"{what}"}}"#)).unwrap();
+    let stamp = &now(address)["stamp"];
+    let call = format!(r#"{{"do":"{what}","stamp":{stamp}}}"#);
+    post.header("Authorization", format!("Bearer {TOKEN}")).send(call).unwrap();
 }
 
 /// Messages as fast as the line takes them, again and again from a new connection.
-fn flood(address: &str, ended: &AtomicBool) {
+fn flood_page(address: &str, ended: &AtomicBool) {
     while !ended.load(Ordering::Relaxed) {
         let mut socket = socket::connect(address, TOKEN);
         while !ended.load(Ordering::Relaxed) && socket.send(Message::text(r#"{"do":"pause"}"#)).is_ok() {}
     }
 }
 
-/// One run; its report, and how many messages were dropped.
-fn measured(is_flooded: bool) -> (Value, u64) {
+/// What one run came to.
+struct Measured {
+    report: Value,
+    /// Messages that the page dropped.
+    dropped: u64,
+    /// Frames that were sent, a second.
+    frames_per_s: f64,
+    is_tracking: bool,
+}
+
+fn measured(flood: Flood) -> Measured {
     let mut simulated = Program::start(&["simulate", ROBOT, "--interface", Namespace::FAR]);
     simulated.wait(|line| line.contains("SCHED_FIFO").then_some(()));
     let mut robot = Program::start(&[
@@ -103,8 +166,6 @@ fn measured(is_flooded: bool) -> (Value, u64) {
         "--interface",
         Namespace::NEAR,
         "--dashboard=127.0.0.1:0",
-        "--token",
-        TOKEN,
     ]);
     let address =
         robot.wait(|line| Some(line.strip_prefix("dashboard: http://")?.split_once('/')?.0.to_owned()));
@@ -114,19 +175,29 @@ fn measured(is_flooded: bool) -> (Value, u64) {
     }
     call(&address, "enable");
     std::thread::sleep(Duration::from_millis(500));
-    let ended = Arc::new(AtomicBool::new(false));
-    let flooders: Vec<_> = (0..if is_flooded { FLOODERS } else { 0 })
-        .map(|_| {
-            let (address, ended) = (address.clone(), ended.clone());
-            std::thread::spawn(move || flood(&address, &ended))
-        })
-        .collect();
     call(&address, "track");
-    std::thread::sleep(MEASURED);
-    ended.store(true, Ordering::Relaxed);
-    flooders.into_iter().for_each(|flooder| drop(flooder.join()));
-    let dropped = now(&address)["server"][4].as_u64().unwrap_or(0);
-    (robot.end(), dropped)
+    std::thread::sleep(Duration::from_millis(100));
+    let ended = AtomicBool::new(false);
+    let sent = std::thread::scope(|scope| {
+        let flooders = if flood == Flood::Page { FLOODERS } else { 0 };
+        let pages: Vec<_> = (0..flooders).map(|_| scope.spawn(|| flood_page(&address, &ended))).collect();
+        let ended = &ended;
+        let frames = match flood {
+            Flood::Frames { per_s } => Some(scope.spawn(move || flood_frames(per_s, ended))),
+            _ => None,
+        };
+        std::thread::sleep(MEASURED);
+        ended.store(true, Ordering::Relaxed);
+        pages.into_iter().for_each(|page| drop(page.join()));
+        frames.map_or(0, |frames| frames.join().unwrap())
+    });
+    let seen = now(&address);
+    Measured {
+        dropped: seen["server"][4].as_u64().unwrap_or(0),
+        is_tracking: seen["phase"] == "tracking",
+        frames_per_s: sent as f64 / MEASURED.as_secs_f64(),
+        report: robot.end(),
+    }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -142,31 +213,43 @@ fn main() {
             return;
         }
     };
-    let mut rounds: [Vec<(Value, u64)>; 2] = Default::default();
+    let mut rounds: [Vec<Measured>; FLOODS.len()] = Default::default();
     for _ in 0..ROUNDS {
-        for (number, is_flooded) in [false, true].into_iter().enumerate() {
-            rounds[number].push(namespace.run(|| measured(is_flooded)));
+        for (round, flood) in rounds.iter_mut().zip(FLOODS) {
+            round.push(namespace.run(|| measured(flood)));
         }
     }
-    println!("medians of {ROUNDS} runs of {} s each, in turn", MEASURED.as_secs());
-    println!("{:28} {:>12} {:>14} {:>8}", "", "without", "with a flood", "ratio");
-    let print = |name: &str, value: &dyn Fn(&(Value, u64)) -> f64| {
-        let [without, with] = [0, 1].map(|kind| median(rounds[kind].iter().map(value).collect()));
-        let ratio = if without > 0.0 { format!("{:.2}", with / without) } else { "-".to_owned() };
-        println!("{name:28} {without:>12.1} {with:>14.1} {ratio:>8}");
+    println!(
+        "medians of {ROUNDS} runs of {} s each, in turn; frames: of another MainDevice",
+        MEASURED.as_secs()
+    );
+    let row = |name: &str, words: [String; FLOODS.len()]| {
+        println!("{name:28}{}", words.map(|words| format!(" {words:>12}")).concat());
+    };
+    row("flooded by", FLOODS.map(Flood::name));
+    let print = |name: &str, value: &dyn Fn(&Measured) -> f64| {
+        row(
+            name,
+            std::array::from_fn(|flood| format!("{:.1}", median(rounds[flood].iter().map(value).collect()))),
+        );
     };
     for (name, key) in
         [("wake-up late by", "wake_up_ns"), ("round trip", "round_trip_ns"), ("computing", "compute_ns")]
     {
         for quantile in ["p50", "p99", "p999", "max"] {
-            let us = |(report, _): &(Value, u64)| {
-                report["timing"][key][quantile].as_f64().unwrap_or(f64::NAN) * 1e-3
-            };
-            print(&format!("{name}, {quantile}, us"), &us);
+            print(&format!("{name}, {quantile}, us"), &|measured| {
+                measured.report["timing"][key][quantile].as_f64().unwrap_or(f64::NAN) * 1e-3
+            });
         }
     }
     for (name, key) in [("cycles", "cycles"), ("left out", "overruns"), ("lost frames", "lost_frames")] {
-        print(name, &|(report, _)| report[key].as_f64().unwrap_or(f64::NAN));
+        print(name, &|measured| measured.report[key].as_f64().unwrap_or(f64::NAN));
     }
-    print("messages dropped", &|(_, dropped)| *dropped as f64);
+    print("foreign frames seen", &|measured| {
+        measured.report["bus"]["frames_foreign"].as_f64().unwrap_or(f64::NAN)
+    });
+    print("foreign frames sent, 1/s", &|measured| measured.frames_per_s);
+    print("messages dropped", &|measured| measured.dropped as f64);
+    let stopped = |flood: usize| rounds[flood].iter().filter(|measured| !measured.is_tracking).count();
+    row("runs that were stopped", std::array::from_fn(|flood| stopped(flood).to_string()));
 }

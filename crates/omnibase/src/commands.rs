@@ -1,5 +1,6 @@
 //! One file per command, and what several of them do alike.
 
+pub mod at_robot;
 pub mod check;
 pub mod decode;
 pub mod doctor;

@@ -7,6 +7,7 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::mailbox::{EntryDescription, MailboxError, ObjectDescription};
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat_wire::coe::ObjectAddress;
+use omnibase_ethercat_wire::printable::printable;
 use serde::Serialize;
 
 /// The access bits that allow reading in any state.
@@ -172,5 +173,6 @@ fn refusal(error: SetUpError) -> Result<String, SetUpError> {
 }
 
 fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).trim_end_matches('\0').to_owned()
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    printable(&bytes[..end])
 }

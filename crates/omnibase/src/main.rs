@@ -14,6 +14,8 @@ mod segment;
 mod sii_json;
 mod stick;
 mod target;
+mod terminal;
+mod token;
 mod value;
 
 use clap::Parser;
@@ -44,7 +46,7 @@ impl std::error::Error for WrongUsage {}
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     omnibase_host::real_time::exact_timers();
-    let mut output = BufWriter::new(io::stdout().lock());
+    let mut output = terminal::Shown::new(BufWriter::new(io::stdout().lock()));
     let result = commands::run(&cli.command, &mut output).and_then(|outcome| {
         output.flush()?;
         Ok(outcome)
@@ -57,7 +59,7 @@ fn main() -> ExitCode {
         Err(error) => {
             // What was printed before the error belongs above it.
             let _ = output.flush();
-            let _ = writeln!(io::stderr(), "error: {}", words(&error));
+            progress::note(format_args!("error: {}", words(&error)));
             if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

@@ -1,5 +1,6 @@
 //! Notes and progress on the standard error; never an error of their own.
 
+use crate::terminal::shown;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -7,7 +8,7 @@ use std::io::{self, Write};
 /// Prints a line for a person.
 pub fn note(text: impl Display) {
     // Whoever closed our standard error doesn't want to hear that.
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", shown(&text.to_string()));
 }
 
 /// A bar of `total` steps; nothing is drawn where the standard error is no terminal.

@@ -3,10 +3,11 @@
 //! Each holds a lock on the file in which it says so. The kernel lets go of it however the robot ends: a token whose
 //! lock is free is shown to nobody, for its port may be somebody else's by now.
 
+use crate::token;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -36,11 +37,9 @@ pub struct RunningRobot {
 impl RunningRobot {
     /// Says it.
     pub fn announce(robot: &str, address: SocketAddr, token: &str) -> anyhow::Result<Self> {
-        let folder = folder();
-        fs::DirBuilder::new().recursive(true).mode(0o700).create(&folder)?;
-        let owner = fs::metadata(&folder)?;
-        let own = owner.uid() == rustix::process::getuid().as_raw() && owner.mode() & 0o077 == 0;
-        anyhow::ensure!(own, "{}: expected a folder of this user alone", folder.display());
+        let place = place();
+        fs::DirBuilder::new().recursive(true).mode(0o700).create(&place)?;
+        let folder = own(place)?.context("the folder is gone")?;
         let path = folder.join(format!("{}.json", address.port()));
         // Nobody sees it before it is locked.
         let unseen = folder.join(format!("{}.new", std::process::id()));
@@ -60,9 +59,10 @@ impl Drop for RunningRobot {
     }
 }
 
-/// The robots that said so and live, the latest first.
-pub fn robots() -> Vec<Found> {
-    let Ok(entries) = fs::read_dir(folder()) else { return Vec::new() };
+/// The robots that said so and live, the latest first; an error where somebody else could have said it.
+pub fn robots() -> anyhow::Result<Vec<Found>> {
+    let Some(folder) = own(place())? else { return Ok(Vec::new()) };
+    let entries = fs::read_dir(&folder).with_context(|| format!("{}", folder.display()))?;
     let read = |entry: fs::DirEntry| {
         let path = entry.path();
         let changed = entry.metadata().ok()?.modified().ok()?;
@@ -71,7 +71,7 @@ pub fn robots() -> Vec<Found> {
     };
     let mut found: Vec<_> = entries.flatten().filter_map(read).collect();
     found.sort_by_key(|(changed, _)| std::cmp::Reverse(*changed));
-    found.into_iter().map(|(_, found)| found).collect()
+    Ok(found.into_iter().map(|(_, found)| found).collect())
 }
 
 /// Whether the robot that wrote this file lives; what is left of a dead one is removed.
@@ -87,8 +87,45 @@ fn lives(path: &Path) -> bool {
     false
 }
 
-/// Where running robots are announced: of this user alone.
-fn folder() -> PathBuf {
+/// The folder where nobody but this user can announce a robot; `None` where there is none yet.
+fn own(folder: PathBuf) -> anyhow::Result<Option<PathBuf>> {
+    // Not what a link leads to: it may lead elsewhere a moment later.
+    let there = match fs::symlink_metadata(&folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        there => there.with_context(|| format!("{}", folder.display()))?,
+    };
+    let found = Owned { is_folder: there.is_dir(), user: there.uid(), mode: there.mode() & 0o7777 };
+    match found.foreign_to(rustix::process::getuid().as_raw()) {
+        None => Ok(Some(folder)),
+        Some(found) => anyhow::bail!(
+            "{}: expected a folder of this user alone (mode 0700, no link), found {found}: whoever can write there could \
+             pass for a robot. Remove it, or set XDG_RUNTIME_DIR to a folder of your own",
+            folder.display()
+        ),
+    }
+}
+
+/// What is known of the place where robots are announced.
+struct Owned {
+    is_folder: bool,
+    user: u32,
+    mode: u32,
+}
+
+impl Owned {
+    /// In words, what keeps it from being this user's own.
+    fn foreign_to(&self, user: u32) -> Option<String> {
+        match self {
+            Owned { is_folder: false, .. } => Some("a link or file".to_owned()),
+            Owned { user: owner, .. } if *owner != user => Some(format!("one of user {owner}")),
+            Owned { mode, .. } if mode & 0o077 != 0 => Some(format!("mode {mode:04o}")),
+            _ => None,
+        }
+    }
+}
+
+/// Where running robots are announced.
+fn place() -> PathBuf {
     match std::env::var_os("XDG_RUNTIME_DIR") {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder).join("omnibase"),
         _ => std::env::temp_dir().join(format!("omnibase-{}", rustix::process::getuid().as_raw())),
@@ -96,8 +133,13 @@ fn folder() -> PathBuf {
 }
 
 /// The robot that is meant: at `address`, or the latest on this machine.
-pub fn robot(address: Option<SocketAddr>, token: Option<&str>) -> anyhow::Result<Found> {
-    let known = robots();
+pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::Result<Found> {
+    let known = match (robots(), address) {
+        (Ok(known), _) => known,
+        // Where address and token are given nothing is asked of the folder.
+        (Err(_), Some(_)) if token_file.is_some() => Vec::new(),
+        (Err(error), _) => return Err(error),
+    };
     let found = match address {
         Some(address) => known
             .into_iter()
@@ -108,7 +150,7 @@ pub fn robot(address: Option<SocketAddr>, token: Option<&str>) -> anyhow::Result
             anyhow::ensure!(
                 !known.is_empty(),
                 "no robot runs on this machine under this user: start one by `omnibase run <robot.toml> \
-                 --dashboard`, or say where by --at ADDRESS and --token TOKEN"
+                 --dashboard`, or say where by --at ADDRESS and --token-file FILE"
             );
             let places: Vec<_> = known.iter().map(|found| found.address.to_string()).collect();
             let answers = |found: &Found| TcpStream::connect_timeout(&found.address, CONNECT).is_ok();
@@ -116,5 +158,27 @@ pub fn robot(address: Option<SocketAddr>, token: Option<&str>) -> anyhow::Result
             found.with_context(|| format!("no robot answers at {}", places.join(", nor at ")))?
         }
     };
-    Ok(Found { token: token.map_or(found.token, str::to_owned), ..found })
+    // What is said comes first; the environment is for robots that didn't say their token here.
+    if token_file.is_none() && !found.token.is_empty() {
+        return Ok(found);
+    }
+    let token = token::given(token_file)?.unwrap_or_default();
+    Ok(Found { token, ..found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_folder_of_this_user_alone_is_trusted() {
+        let found = |is_folder, user, mode| Owned { is_folder, user, mode }.foreign_to(1000);
+        assert_eq!(found(true, 1000, 0o700), None);
+        assert_eq!(found(true, 1000, 0o500), None);
+        assert_eq!(found(true, 1001, 0o700).as_deref(), Some("one of user 1001"));
+        assert_eq!(found(true, 0, 0o700).as_deref(), Some("one of user 0"));
+        assert_eq!(found(true, 1000, 0o770).as_deref(), Some("mode 0770"));
+        assert_eq!(found(true, 1000, 0o1777).as_deref(), Some("mode 1777"));
+        assert_eq!(found(false, 1000, 0o777).as_deref(), Some("a link or file"));
+    }
 }

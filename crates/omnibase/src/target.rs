@@ -4,12 +4,14 @@ use crate::progress::note;
 use anyhow::Context;
 use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::{VirtualClock, in_process};
-use omnibase_ethercat_wire::{Clock, HostTime, Link};
-use omnibase_host::{MonotonicClock, PacketRing, PacketSocket, Waiting};
+use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError, RingState};
+use omnibase_host::{
+    Holder, InterfaceLock, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, Waiting, listen,
+};
 use omnibase_record::{BackgroundRecorder, PcapngWriter, RecordingLink, WhenFull};
 use std::fmt;
-use std::fs::File;
 use std::io::BufWriter;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -19,6 +21,8 @@ use std::time::{Duration, Instant};
 pub enum Target {
     /// Behind this network interface, in real time.
     Interface(String),
+    /// Driven by a robot that runs on this machine: the one that was started last, or the one at this address.
+    Running(Option<SocketAddr>),
     /// Simulated in the process as this file describes it, in virtual time.
     Simulated(PathBuf),
 }
@@ -27,6 +31,14 @@ impl FromStr for Target {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        if let Some(robot) = text.strip_prefix('@') {
+            return match robot {
+                "robot" => Ok(Target::Running(None)),
+                address => address.parse().map(|address| Target::Running(Some(address))).map_err(|_| {
+                    format!("expected @robot or @<address>:<port> of its dashboard, found `{text}`")
+                }),
+            };
+        }
         match text.strip_prefix("sim:") {
             Some("") => Err("the path of a segment file is missing behind `sim:`".to_owned()),
             Some(path) => Ok(Target::Simulated(path.into())),
@@ -40,6 +52,8 @@ impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Target::Interface(name) => f.write_str(name),
+            Target::Running(None) => f.write_str("@robot"),
+            Target::Running(Some(address)) => write!(f, "@{address}"),
             Target::Simulated(path) => write!(f, "sim:{}", path.display()),
         }
     }
@@ -53,6 +67,75 @@ pub enum Port {
     Socket,
     /// Mapped rings.
     Ring(Waiting),
+}
+
+/// How a segment is taken that somebody else may drive.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Manners {
+    /// Take the segment even where frames of another MainDevice pass at the interface.
+    #[arg(long)]
+    force: bool,
+}
+
+impl Manners {
+    /// Opens the way to a segment as its MainDevice: refused where a program of ours has the interface, and where
+    /// another MainDevice's frames pass there.
+    pub fn enter(self, target: &Target, port: Port) -> anyhow::Result<Cable> {
+        let Target::Interface(name) = target else { return target.open(port) };
+        let lock =
+            InterfaceLock::take(name).map_err(|error| in_use(&error).unwrap_or_else(|| error.into()))?;
+        if let Some(heard) = listen(name, LISTENING)? {
+            anyhow::ensure!(
+                self.force,
+                "`{name}`: another MainDevice drives this segment, and its drives would stop: {heard}; end it, or \
+                 take the segment from it by --force"
+            );
+            note(format_args!("warning: `{name}`: the segment is taken from another MainDevice: {heard}"));
+        }
+        let cable = target.open(port)?;
+        Ok(Cable { link: Box::new(Held { link: cable.link, _lock: lock }), ..cable })
+    }
+}
+
+/// Who has the interface, and what to do about it.
+fn in_use(error: &LockError) -> Option<anyhow::Error> {
+    let LockError::Held { holder, .. } = error else { return None };
+    let remedy = match holder {
+        Some(Holder { command, .. }) if command.contains(" run ") => {
+            "a robot that runs with --dashboard answers by itself: `omnibase scan @robot`, \
+             `omnibase sdo read @robot 0 6041:00`"
+        }
+        _ => "wait until it has ended, or end it",
+    };
+    Some(anyhow::anyhow!("{error}: {remedy}"))
+}
+
+/// A link whose interface nobody else of ours takes as long as it lives.
+struct Held {
+    link: Box<dyn Link>,
+    _lock: InterfaceLock,
+}
+
+impl Link for Held {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.link.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.link.receive(buffer, deadline)
+    }
+
+    fn arrival(&self) -> Option<HostTime> {
+        self.link.arrival()
+    }
+
+    fn ring(&self) -> Option<RingState> {
+        self.link.ring()
+    }
+
+    fn is_connected(&self) -> Option<bool> {
+        self.link.is_connected()
+    }
 }
 
 /// A clock of either kind; clones show the same time.
@@ -129,7 +212,7 @@ pub struct Cable {
 pub type AnyBus = Bus<Box<dyn Link>, AnyClock>;
 
 impl Target {
-    /// Opens the way to the segment.
+    /// Opens the way to the segment, whoever is there; a MainDevice [enters](Manners::enter).
     pub fn open(&self, port: Port) -> anyhow::Result<Cable> {
         match self {
             Target::Interface(name) => {
@@ -139,16 +222,16 @@ impl Target {
                 };
                 Ok(Cable { link, clock: AnyClock::Host(MonotonicClock), label: name.clone() })
             }
+            Target::Running(_) => {
+                anyhow::bail!(
+                    "`{self}` drives its segment itself: expected an interface or sim:<segment.toml>"
+                )
+            }
             Target::Simulated(path) => {
                 let (link, clock) = in_process(crate::segment::load(path)?);
                 Ok(Cable { link: Box::new(link), clock: AnyClock::Virtual(clock), label: self.to_string() })
             }
         }
-    }
-
-    /// Opens the way to the segment and sets a bus up on it; nothing is sent yet.
-    pub fn bus(&self) -> anyhow::Result<AnyBus> {
-        Ok(self.open(Port::Socket)?.into_bus())
     }
 }
 
@@ -160,7 +243,7 @@ impl Cable {
 
     /// Records from now on what passes through the link into `path`. The recording ends when the cable is gone.
     pub fn record(self, path: &Path) -> anyhow::Result<(Self, BackgroundRecorder)> {
-        let file = File::create(path).with_context(|| format!("creating `{}`", path.display()))?;
+        let file = omnibase_record::create(path).with_context(|| format!("creating `{}`", path.display()))?;
         let writer = PcapngWriter::new(BufWriter::new(file), &self.label)
             .with_context(|| format!("writing `{}`", path.display()))?;
         let (unix_offset_ns, when_full) = match &self.clock {
@@ -194,6 +277,9 @@ mod tests {
     fn a_target_is_an_interface_or_a_segment_file() {
         assert_eq!("eth0".parse(), Ok(Target::Interface("eth0".to_owned())));
         assert_eq!("sim:a.toml".parse(), Ok(Target::Simulated("a.toml".into())));
+        assert_eq!("@robot".parse(), Ok(Target::Running(None)));
+        assert_eq!("@127.0.0.1:8400".parse(), Ok(Target::Running("127.0.0.1:8400".parse().ok())));
+        assert!("@".parse::<Target>().is_err() && "@eth0".parse::<Target>().is_err());
         assert!("sim:".parse::<Target>().is_err() && "".parse::<Target>().is_err());
     }
 }

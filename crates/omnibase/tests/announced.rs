@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 
@@ -16,7 +17,8 @@ struct Robot {
 impl Robot {
     fn start(folder: &Path, token: &str) -> Robot {
         let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
-            .args(["run", ROBOT, "--dashboard=127.0.0.1:0", "--token", token, "--json"])
+            .args(["run", ROBOT, "--dashboard=127.0.0.1:0", "--json"])
+            .env("OMNIBASE_TOKEN", token)
             .env("XDG_RUNTIME_DIR", folder)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -54,6 +56,18 @@ fn omnibase(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) 
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
+/// Waits until a robot says that its emergency stop is set: what it shows is a moment old.
+fn is_stopped(folder: &Path, at: &str) -> bool {
+    let says = || omnibase(folder, &["get", "emergency_stop", "--at", at]).1.contains("true");
+    (0..100).any(|_| {
+        let says = says();
+        if !says {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        says
+    })
+}
+
 #[test]
 fn a_robot_that_died_without_a_word_takes_no_command_from_one_that_runs_and_its_token_goes_to_nobody() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +78,7 @@ fn a_robot_that_died_without_a_word_takes_no_command_from_one_that_runs_and_its_
     let at = second.address.to_string();
     let (code, _, error) = omnibase(folder, &["call", "emergency_stop"]);
     assert_eq!(code, Some(0), "{error}");
-    assert!(omnibase(folder, &["get", "emergency_stop", "--at", &at]).1.contains("true"));
+    assert!(is_stopped(folder, &at));
 
     second.kill();
     // Somebody else takes its port.
@@ -72,9 +86,7 @@ fn a_robot_that_died_without_a_word_takes_no_command_from_one_that_runs_and_its_
     listener.set_nonblocking(true).unwrap();
     let (code, _, error) = omnibase(folder, &["call", "emergency_stop"]);
     assert_eq!(code, Some(0), "{error}");
-    let first_at = first.address.to_string();
-    let emergency = omnibase(folder, &["get", "emergency_stop", "--at", &first_at]).1;
-    assert!(emergency.contains("true"), "{emergency}");
+    assert!(is_stopped(folder, &first.address.to_string()));
     assert_eq!(listener.accept().unwrap_err().kind(), ErrorKind::WouldBlock, "somebody called there");
 
     // Called by its address, it is shown no token.
@@ -92,4 +104,52 @@ fn a_robot_that_died_without_a_word_takes_no_command_from_one_that_runs_and_its_
     first.kill();
     let (code, _, error) = omnibase(folder, &["call", "emergency_stop"]);
     assert!(code == Some(1) && error.contains("no robot runs"), "{error}");
+}
+
+/// A robot that somebody announces: a lock on its file, and a listener that takes every connection.
+fn announced(folder: &Path, token: &str) -> (std::fs::File, TcpListener) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let address = listener.local_addr().unwrap();
+    std::fs::create_dir_all(folder).unwrap();
+    let path = folder.join(format!("{}.json", address.port()));
+    let text = format!(r#"{{"robot": "foreign", "address": "{address}", "token": "{token}"}}"#);
+    std::fs::write(&path, text).unwrap();
+    let file = std::fs::File::open(path).unwrap();
+    file.lock().unwrap();
+    (file, listener)
+}
+
+#[test]
+fn a_folder_in_which_others_can_write_announces_no_robot() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
+    let mode = |folder: &Path, mode| {
+        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    type Spoil<'a> = &'a dyn Fn(&Path);
+    let spoiled: [(&str, Spoil<'_>); 3] = [
+        ("mode 0777", &|folder| mode(folder, 0o777)),
+        ("a link or file", &|folder| {
+            let elsewhere = folder.with_file_name("elsewhere");
+            std::fs::rename(folder, &elsewhere).unwrap();
+            symlink(elsewhere, folder).unwrap();
+        }),
+        ("one of user 65534", &|folder| {
+            mode(folder, 0o700);
+            chown(folder, Some(65534), None).unwrap();
+        }),
+    ];
+    // Only root gives a folder away.
+    let is_root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
+    for (found, spoil) in spoiled.into_iter().filter(|(found, _)| is_root || !found.starts_with("one of")) {
+        let runtime = tempfile::tempdir().unwrap();
+        let folder = runtime.path().join("omnibase");
+        let (_lock, listener) = announced(&folder, "token-of-a-stranger");
+        mode(&folder, 0o700);
+        spoil(&folder);
+        let (code, _, error) = omnibase(runtime.path(), &["call", "emergency_stop"]);
+        assert_eq!(code, Some(1), "{found}: {error}");
+        assert!(error.contains("expected a folder of this user alone") && error.contains(found), "{error}");
+        assert_eq!(listener.accept().unwrap_err().kind(), ErrorKind::WouldBlock, "{found}: it was called");
+    }
 }

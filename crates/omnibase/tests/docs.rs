@@ -54,6 +54,43 @@ fn every_path_that_a_document_names_exists() {
     assert!(checked > 10, "only {checked} paths were found in the documents: is the search broken?");
 }
 
+/// The test functions and modules of a target, as the table of standards names it.
+fn tests_of(target: &str) -> Option<String> {
+    let place = match target {
+        "live" | "bus" => format!("crates/run/tests/{target}"),
+        "cycle" => "crates/robot/tests/cycle".to_owned(),
+        "dashboard" | "real_time" => format!("crates/omnibase/tests/{target}"),
+        "pages" => "crates/dashboard/tests".to_owned(),
+        "trials" => "crates/trials/tests".to_owned(),
+        _ => return None,
+    };
+    let (mut text, mut paths) = (String::new(), vec![root().join(place)]);
+    while let Some(path) = paths.pop() {
+        if path.is_dir() {
+            paths.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+        } else {
+            text.push_str(&fs::read_to_string(path).unwrap());
+        }
+    }
+    Some(text)
+}
+
+#[test]
+fn every_test_that_the_table_of_standards_names_exists() {
+    let document = fs::read_to_string(root().join("docs/safety.md")).unwrap();
+    let table = document.split("## Against the standards").nth(1).unwrap();
+    let mut checked = 0;
+    for named in table.split('`').skip(1).step_by(2) {
+        let Some((target, name)) = named.split_once(' ') else { continue };
+        let Some(tests) = tests_of(target) else { continue };
+        let exists =
+            [format!("fn {name}("), format!("mod {name};")].iter().any(|found| tests.contains(found));
+        assert!(exists, "docs/safety.md names {target} {name}, which does not exist");
+        checked += 1;
+    }
+    assert!(checked > 20, "only {checked} tests were found in the table: is the search broken?");
+}
+
 /// Commands in blocks that begin with "```sh tested": each one `cargo run --release -- ...` on simulated segments.
 #[test]
 fn every_command_that_a_document_marks_as_tested_works() {

@@ -109,16 +109,15 @@ fn a_run_that_never_began_leaves_nothing_behind_and_a_page_without_a_folder_is_r
 }
 
 #[test]
-fn a_page_that_cannot_be_written_costs_neither_summary_nor_recording() {
+fn a_page_in_whose_place_a_folder_stands_is_refused_before_anything_moves() {
     let folder = Folder::new("folder");
     let page = folder.path("page");
-    // In the page's place stands a folder.
     std::fs::create_dir(&page).unwrap();
     let output = circle(&["--report", &page]);
     let says = words(&output.stderr);
-    assert!(output.status.code() == Some(1) && says.contains("the recording stays in"), "{says}");
-    assert!(words(&output.stdout).contains("tracking error"));
-    assert_eq!(folder.names(), ["page", "page.mcap"]);
+    assert!(output.status.code() == Some(1) && says.contains("expected a regular file"), "{says}");
+    assert!(output.stdout.is_empty(), "nothing ran");
+    assert_eq!(folder.names(), ["page"]);
 }
 
 #[test]

@@ -172,6 +172,63 @@ fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
 }
 
 #[test]
+fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
+    let folder = Folder::new("part");
+    let path = folder.path("run.mcap");
+    let summary = json(&[&CIRCLE[..], &["--record", &path, "--json"]].concat());
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let replay = |further: &[&str]| {
+        let output = omnibase(&[&["replay", &path, "--json"], further].concat());
+        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), told, String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, told, says) = replay(&[]);
+    assert_eq!((code, &told["same"]), (Some(1), &Value::from(true)), "{told}");
+    let cycles = told["cycles"].as_u64().unwrap();
+    assert!(cycles > 0 && cycles < summary["cycles"].as_u64().unwrap(), "{told}");
+    // Cycles of 1 ms from 0 on.
+    let until_s = told["ends_early"]["until_s"].as_f64().unwrap();
+    assert!((until_s - (cycles - 1) as f64 * 1e-3).abs() < 1e-9, "{told}");
+    assert!(says.contains("ends early") && says.contains("--partial"), "{says}");
+    assert!(says.contains(&format!("there are {cycles} cycles, up to {until_s:.3} s")), "{says}");
+    let (code, partly, says) = replay(&["--partial"]);
+    assert_eq!((code, &partly), (Some(0), &told));
+    assert!(says.contains(&format!("up to {until_s:.3} s")), "{says}");
+    // Of a whole one nothing is missing.
+    std::fs::write(&path, &bytes).unwrap();
+    let (code, told, says) = replay(&[]);
+    assert_eq!((code, &told["cycles"], &told["ends_early"]), (Some(0), &summary["cycles"], &Value::Null));
+    assert_eq!(says, "");
+}
+
+#[test]
+fn a_run_without_an_end_is_refused() {
+    let folder = Folder::new("endless");
+    let far = folder.file("far.dat", "0 0 0 0\n1e18 1 0 0\n");
+    for motion in [["--circle", "radius=0.3,period=1e18"], ["--path", &far]] {
+        let (code, says) = refused(&[&["run", "robots/bmm.toml"], &motion[..]].concat());
+        assert_eq!(code, Some(1), "{says}");
+        assert!(says.contains("1000000 s") && says.contains("1000000000000000000 s"), "{says}");
+    }
+}
+
+#[test]
+fn a_recording_or_page_that_is_no_file_is_refused_before_the_run() {
+    let folder = Folder::new("pipe");
+    let pipe = folder.path("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for option in ["--record", "--columns", "--report"] {
+        let (code, says) = refused(&[&CIRCLE[..], &[option, &pipe]].concat());
+        assert_eq!(code, Some(1), "{says}");
+        assert!(says.contains(&pipe) && says.contains("expected a regular file"), "{option}: {says}");
+        assert!(!says.contains("tracking"), "{says}");
+    }
+    let (code, says) = refused(&["exchange", "sim:segments/three-servos.toml", "--record", &pipe]);
+    assert!(code == Some(1) && says.contains("expected a regular file"), "{says}");
+}
+
+#[test]
 fn a_replay_of_what_is_no_recording_is_refused() {
     let (code, says) = refused(&["replay", "robots/bmm.toml"]);
     assert_eq!(code, Some(1), "{says}");
@@ -327,6 +384,24 @@ fn a_path_out_of_the_fence_ends_with_that_reason() {
     let path = folder.file("out.dat", "(0, 0, 0, 0)\n(5, 2, 0, 0)\n");
     let (code, says) = refused(&["run", &file, "--path", &path]);
     assert!(code == Some(1) && says.contains("the way led out of the fence"), "{says}");
+}
+
+#[test]
+fn a_way_that_is_blocked_ends_with_that_reason() {
+    let folder = Folder::new("blocked");
+    let robot = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
+    let path = folder.file("ahead.dat", "(0, 0, 0, 0)\n(8, 3, 0, 0)\n");
+    let row = |x: f64| -> String {
+        let one = |y: f64| format!("[[obstacle]]\ncentre_m = [{x:?}, {y:?}]\nradius_m = 0.2\n");
+        [-0.8, -0.4, 0.0, 0.4, 0.8].map(one).concat()
+    };
+    // At the path's end, and as a row across a corridor that it leads through.
+    let corridor = "\n[fence]\nrectangle_m = [-1, -1, 5, 1]\n";
+    for obstacles in [row(3.0), format!("{corridor}{}", row(1.6))] {
+        let file = folder.file("robot.toml", &format!("{robot}\n{obstacles}"));
+        let (code, says) = refused(&["run", &file, "--path", &path]);
+        assert!(code == Some(1) && says.contains("the way is blocked"), "{code:?} {says}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `scan`, `sdo`, `exchange` and `simulate` as a user runs them: on simulated segments in virtual time, and over a
 //! virtual cable (skipped loudly without the rights for one).
 
+use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -403,4 +404,85 @@ fn a_cycle_shorter_than_its_frames_is_refused_beforehand() {
     assert_eq!(run.status.code(), Some(1));
     let words = text(&run.stderr);
     assert!(words.contains("--cycle-us 100") && words.contains("on the cable alone"), "{words}");
+}
+
+/// A segment of two drives with a SubDevice between them whose EEPROM is this image.
+fn with_image(name: &str, image: &[u8]) -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("image.bin"), image).unwrap();
+    let text = "[[subdevice]]\nkind = \"sgdv\"\n[[subdevice]]\nkind = \"sii\"\nsii = \"image.bin\"\n\
+                [[subdevice]]\nkind = \"sgdv\"\n";
+    let path = folder.path().join(format!("{name}.toml"));
+    std::fs::write(&path, text).unwrap();
+    let target = format!("sim:{}", path.display());
+    (folder, target)
+}
+
+/// An image with a mailbox that no controller can have, so that its set-up fails.
+fn with_a_mailbox_of(length: u16) -> Vec<u8> {
+    let mut image = sii::Image::default();
+    let identity = sii::Identity { vendor_id: 0x539, product_code: 7, revision: 1, serial: 1 };
+    image.header.identity = identity;
+    let mut bytes = image.emit();
+    for at in [0x18, 0x1A] {
+        bytes[2 * at..2 * at + 4].copy_from_slice(&[0x00, 0x10, length as u8, (length >> 8) as u8]);
+    }
+    bytes[2 * 0x1C] = 4;
+    bytes
+}
+
+#[test]
+fn a_subdevice_that_is_broken_is_named_and_left_out_where_nobody_needs_it() {
+    let cases = [
+        ("erased", vec![0xFF; 2048], "its EEPROM is erased"),
+        ("mailbox", with_a_mailbox_of(9000), "a mailbox of 9000 bytes out and 9000 in can't be used"),
+    ];
+    for (name, image, cause) in cases {
+        let (_folder, target) = with_image(name, &image);
+        let scan = omnibase(&["scan", &target, "--json"]);
+        assert_eq!(scan.status.code(), Some(1), "{name}: {}", text(&scan.stderr));
+        let found: Value = serde_json::from_slice(&scan.stdout).unwrap();
+        let subdevices = found["subdevices"].as_array().unwrap();
+        let broken: Vec<&str> = subdevices.iter().map(|one| one["broken"].as_str().unwrap_or("")).collect();
+        assert!(broken[1].contains(cause) && broken[0].is_empty() && broken[2].is_empty(), "{broken:?}");
+        assert_eq!((&subdevices[0]["state"], &subdevices[2]["state"]), (&"PRE-OP".into(), &"PRE-OP".into()));
+        let plain = text(&omnibase(&["scan", &target]).stdout);
+        assert!(plain.contains("    broken    ") && plain.contains(cause), "{plain}");
+        // The others don't need it.
+        for position in ["0", "2"] {
+            let read = omnibase(&["sdo", "read", &target, position, "6041:00"]);
+            assert_eq!(read.status.code(), Some(0), "{name}: {}", text(&read.stderr));
+            assert!(text(&read.stdout).starts_with("6041:00 "), "{}", text(&read.stdout));
+        }
+        let read = omnibase(&["sdo", "read", &target, "1", "1000:00"]);
+        assert_eq!(read.status.code(), Some(1));
+        let said = text(&read.stderr);
+        assert!(said.contains("SubDevice 1 is broken: ") && said.contains(cause), "{said}");
+    }
+}
+
+#[test]
+fn escape_codes_of_a_device_and_of_a_file_are_shown_and_do_not_act() {
+    let image = sii::Image {
+        strings: vec![b"\x1b[2J\x1b]0;owned\x07\xC2\x9B31m\n9 forged".to_vec()],
+        general: Some(sii::General { name: 1, ..sii::General::default() }),
+        ..sii::Image::default()
+    };
+    let (folder, target) = with_image("escapes", &image.emit());
+    let acts = |bytes: &[u8]| text(bytes).chars().any(|c| c.is_control() && !matches!(c, '\n' | '\t'));
+    let scan = omnibase(&["scan", &target]);
+    assert!(!acts(&scan.stdout) && !acts(&scan.stderr), "{scan:?}");
+    let said = text(&scan.stdout);
+    assert!(said.contains("1 \\x1b[2J\\x1b]0;owned\\x07\\u009b31m\\x0a9 forged"), "{said}");
+    let name = &serde_json::from_slice::<Value>(&omnibase(&["scan", &target, "--json"]).stdout).unwrap()["subdevices"]
+        [1]["name"];
+    assert_eq!(name.as_str().unwrap(), "\\x1b[2J\\x1b]0;owned\\x07\\u009b31m\\x0a9 forged");
+    // A robot's file that is wrong in a word with codes, under a name with codes.
+    let path = folder.path().join("\x1b[31mrobot.toml");
+    std::fs::write(&path, "name = \"a\"\nw\x1b[2Jheel = 1\n").unwrap();
+    let check = omnibase(&["check", path.to_str().unwrap()]);
+    assert_eq!(check.status.code(), Some(1));
+    assert!(!acts(&check.stdout) && !acts(&check.stderr), "{check:?}");
+    let said = text(&check.stdout) + &text(&check.stderr);
+    assert!(said.contains("\\x1b[31mrobot.toml"), "{said}");
 }

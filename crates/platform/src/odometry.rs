@@ -13,7 +13,8 @@ use nalgebra::Matrix3;
 use crate::kinematics::Kinematics;
 use crate::se2::{BodyStep, Pose2, Twist2};
 use crate::wheel::PerWheel;
-pub use covariance::CovarianceSettings;
+use covariance::RadiusErrors;
+pub use covariance::{CovarianceSettings, PoseGrowth};
 use encoder::Encoders;
 use regime::Recogniser;
 pub use regime::{Regime, RegimeTolerances};
@@ -115,7 +116,9 @@ pub struct Odometry {
     encoders: Encoders,
     recogniser: Recogniser,
     segment: Segment,
+    /// What is added at each step; what stays is in `radius_errors`.
     covariance: Matrix3<f64>,
+    radius_errors: RadiusErrors,
     state: OdometryState,
 }
 
@@ -142,6 +145,7 @@ impl Odometry {
             recogniser: Recogniser::new(settings.regimes),
             segment: Segment { start, angles_rad: zero, integrated: start },
             covariance,
+            radius_errors: RadiusErrors::new(&kinematics),
             state: OdometryState {
                 odom_from_base: start,
                 turned_rad: 0.0,
@@ -163,6 +167,11 @@ impl Odometry {
         &self.state
     }
 
+    /// By how much motion may make its pose more uncertain.
+    pub fn growth(&self) -> PoseGrowth {
+        self.radius_errors.growth(&self.kinematics, &self.settings.covariance)
+    }
+
     /// The next sample is an origin again: after a loss of samples, or a drive that was switched off.
     ///
     /// The pose stays; motion in between is not known.
@@ -179,10 +188,46 @@ impl Odometry {
         let zero = self.state.wheel_speeds_rad_s.map(|_| 0.0);
         self.segment = Segment { start: odom_from_base, angles_rad: zero, integrated: odom_from_base };
         self.covariance = self.settings.covariance.initial();
-        self.state.covariance = array(&self.covariance);
+        self.radius_errors.reset();
+        self.tell_covariance();
         self.state.odom_from_base = odom_from_base.wrapped();
         self.state.turned_rad = odom_from_base.heading_rad;
         self.state.twist_in_odom = self.state.twist_in_base.rotated(odom_from_base.heading_rad);
+    }
+
+    /// As [`Odometry::set_pose`], with standard deviations in m and rad; none is smaller than at start.
+    pub fn set_pose_within(&mut self, odom_from_base: Pose2, [sigma_m, sigma_rad]: [f64; 2]) {
+        self.set_pose(odom_from_base);
+        self.widen([sigma_m * sigma_m, sigma_rad * sigma_rad]);
+    }
+
+    /// Wheels may have turned by so much more than was counted, in rad: the pose is that much less certain.
+    ///
+    /// Each is taken as evenly spread over both ways (a standard deviation of 1/√3 of it), in any direction of the
+    /// platform; a heading that is wrong turned the way of `way_m` with it.
+    pub fn add_unread(&mut self, unread_rad: &PerWheel, way_m: f64) {
+        let mut variances = [0.0; 2];
+        for (wheel, unread) in unread_rad.iter().enumerate() {
+            let alone = PerWheel::from_fn(unread_rad.len(), |at| if at == wheel { *unread } else { 0.0 });
+            let (step, _) = self.kinematics.body_step(&alone);
+            let (distance_m, turn_rad) = (step.distance_m(), step.angle_rad);
+            variances[0] += (distance_m * distance_m + way_m * way_m * turn_rad * turn_rad) / 3.0;
+            variances[1] += turn_rad * turn_rad / 3.0;
+        }
+        self.widen(variances);
+    }
+
+    /// Adds to the variances of x and y, m², and of the heading, rad².
+    pub fn widen(&mut self, [position_m2, heading_rad2]: [f64; 2]) {
+        for (at, variance) in [position_m2, position_m2, heading_rad2].into_iter().enumerate() {
+            self.covariance[(at, at)] += variance;
+        }
+        self.tell_covariance();
+    }
+
+    fn tell_covariance(&mut self) {
+        let staying = self.radius_errors.covariance(self.settings.covariance.radius_share);
+        self.state.covariance = array(&(self.covariance + staying));
     }
 
     /// Takes one sample of raw encoder counts, `period_s` after the one before.
@@ -234,7 +279,8 @@ impl Odometry {
 
         self.covariance =
             self.settings.covariance.grown(&self.covariance, (before, pose), (step, residual_m));
-        self.state.covariance = array(&self.covariance);
+        self.radius_errors.advance(increments_rad, (before, pose));
+        self.tell_covariance();
         self.state.turned_rad = pose.heading_rad;
         self.state.odom_from_base = pose.wrapped();
         self.state.twist_in_odom = twist_in_base.rotated(pose.heading_rad);

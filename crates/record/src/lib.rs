@@ -4,12 +4,14 @@
 //! - [`RecordingLink`]: a link that records what passes through it, into any [`FrameSink`].
 //! - [`BackgroundRecorder`]: a sink for the cyclic thread: a lock-free ring, and a thread that writes the file.
 //! - [`Capture`]: the frames of a pcapng or pcap file, of any bytes, as far as they can be read.
+//! - [`create`]: the file of a recording; nothing but a regular one.
 //! - [`report`]: a page of HTML that shows a run.
 //! - [`run`]: every signal of every cycle of a robot's run, as MCAP and as columns of text.
 #![forbid(unsafe_code)]
 
 mod background;
 mod capture;
+mod output;
 mod pcapng;
 mod recording_link;
 pub mod report;
@@ -18,6 +20,7 @@ pub mod run;
 
 pub use background::{BackgroundRecorder, Recorded, WhenFull};
 pub use capture::{Capture, CaptureError, CapturedFrame, Warning};
+pub use output::create;
 pub use pcapng::PcapngWriter;
 pub use recording_link::{FrameSink, RecordingLink};
 

@@ -88,6 +88,8 @@ pub struct Machine {
     body: Body,
     motors: Vec<Motor>,
     torques_n_m: Vec<f64>,
+    /// The greatest that each of them ever was, either way.
+    greatest_n_m: Vec<f64>,
     step_ns: u64,
     /// The last point of the grid.
     grid_ns: u64,
@@ -119,6 +121,7 @@ impl Machine {
             body,
             motors,
             torques_n_m: vec![0.0; parameters.wheels.len()],
+            greatest_n_m: vec![0.0; parameters.wheels.len()],
             step_ns: u64::from(parameters.step_ns),
             grid_ns: 0,
             now_ns: 0,
@@ -151,6 +154,7 @@ impl Machine {
         for (i, (motor, wheel)) in self.motors.iter_mut().zip(self.body.wheels()).enumerate() {
             let gear = motor.parameters().gear_ratio;
             self.torques_n_m[i] = gear * motor.step(gear * wheel.speed_rad_s);
+            self.greatest_n_m[i] = self.greatest_n_m[i].max(self.torques_n_m[i].abs());
             settled &= motor.settled();
         }
         self.body.step(&self.torques_n_m, self.step_ns as f64 * 1e-9);
@@ -162,6 +166,11 @@ impl Machine {
         if let Some(motor) = self.motors.get_mut(index) {
             motor.ask(torque_n_m);
         }
+    }
+
+    /// The greatest torque that the motor of each wheel ever gave, either way, at the wheel.
+    pub fn greatest_torques_n_m(&self) -> &[f64] {
+        &self.greatest_n_m
     }
 
     /// What the drive of motor `index` sees at the present instant; zeros for an index without a motor.

@@ -9,6 +9,7 @@ use crate::motor::MotorParameters;
 use axis::WheelAxis;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
+use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_ethercat_sim::{Segment, SubDevice, TopologyError};
 
 /// A drive at a position of the bus.
@@ -22,6 +23,8 @@ pub struct DriveStation {
     pub piece: Piece,
     /// What the position shows at first power-on, in counts: absolute encoders start anywhere.
     pub initial_position: i32,
+    /// What the position shows at later power-ons.
+    pub encoder: Encoder,
     /// Counts of the encoder per revolution of the motor.
     pub counts_per_revolution: u32,
 }
@@ -43,6 +46,7 @@ impl DriveStation {
                 ..Piece::default()
             },
             initial_position: i32::from_ne_bytes(number.wrapping_mul(0x3C6E_F372).to_ne_bytes()) >> 8,
+            encoder: Encoder::Incremental,
             counts_per_revolution: 1 << 20,
         }
     }
@@ -130,6 +134,7 @@ fn drive(station: &DriveStation, motor: &MotorParameters) -> Drive {
     drive.servo.peak_torque_n_m = motor.peak_torque_n_m;
     drive.servo.max_speed_rad_s = motor.maximum_speed_rad_s;
     drive.servo.initial_position = station.initial_position;
+    drive.servo.encoder = station.encoder;
     drive.servo.counts_per_revolution = station.counts_per_revolution;
     // The current loop is the motor's, where it runs in the machine's fine steps.
     drive.servo.torque_time_constant_s = 0.0;

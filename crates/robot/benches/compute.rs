@@ -93,7 +93,7 @@ fn among_obstacles(bencher: Bencher<'_, '_>, distance_m: f64) {
     let radius_m = plan.guard.footprint_m.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let fence = 2.0;
     let corners_m = vec![[-fence, -fence], [fence, -fence], [fence, fence], [-fence, fence]];
-    plan.guard.fence = Some(FencePlan { corners_m, margin_m: 0.05 });
+    plan.guard.fence = Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 });
     plan.guard.obstacles = (0..MAX_OBSTACLES)
         .map(|number| {
             let (sin, cos) = (std::f64::consts::TAU * number as f64 / MAX_OBSTACLES as f64).sin_cos();

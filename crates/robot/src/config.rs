@@ -17,9 +17,11 @@ mod plan;
 mod platform;
 mod problem;
 mod ready_maps;
+mod sdo_writes;
 mod source;
 #[cfg(test)]
 mod tests;
+mod torque_limit;
 mod units;
 
 pub use drive_tables::*;
@@ -30,4 +32,6 @@ pub(crate) use mapping::find as find_object;
 pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
 pub use plan::*;
 pub use problem::{Place, Problem, ProblemKind};
+pub use sdo_writes::SdoWriteRule;
 pub use source::{Locations, Source, json_schema};
+pub use torque_limit::{TorqueLimit, TorqueLimitTold};

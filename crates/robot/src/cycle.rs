@@ -1,7 +1,9 @@
 //! The cycle: one function, its stages in source order.
 
+mod pose;
+
 use omnibase_platform::Twist2;
-use omnibase_trajectory::LimitsError;
+use omnibase_trajectory::{LONGEST_S, LimitsError};
 
 use crate::blind_ramp::BlindRamp;
 use crate::config::RobotPlan;
@@ -13,16 +15,17 @@ use crate::limiter::Limiter;
 use crate::motion::{CantBegin, Motion};
 use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
-use crate::settings::Settings;
+use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, MAX_WHEELS,
-    Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
+    PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
 };
 use crate::stick_shape::StickShape;
+use pose::Counted;
 
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
@@ -35,8 +38,7 @@ pub struct Robot {
     blind_ramp: BlindRamp,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
-    /// What wheels turned that odometry doesn't know of yet, rad.
-    unused_rad: [f64; MAX_WHEELS],
+    counted: Counted,
     command_age_ns: u64,
     motion: Motion,
     guard: Guard,
@@ -47,8 +49,7 @@ pub struct Robot {
 impl Robot {
     /// Makes the stages of a plan.
     pub fn build(plan: &RobotPlan, registry: &Registry) -> Result<Robot, StageError> {
-        let safety = SafetyChain::new(plan.limits, plan.safety, plan.drives.len());
-        Robot::build_with_safety(plan, registry, Box::new(safety))
+        Robot::build_with_safety(plan, registry, Box::new(SafetyChain::new(plan)))
     }
 
     /// Makes the stages of a plan, with a safety chain of the user's.
@@ -64,7 +65,14 @@ impl Robot {
             |error: LimitsError| StageError::Refused { setting: "limits".into(), reason: error.to_string() };
         let limiter = Limiter::new(&plan.limits, period_s).map_err(refused)?;
         let reference = registry.make_reference(plan)?;
-        let motion = Motion::new(reference, &plan.limits, &plan.safety, period_s).map_err(refused)?;
+        if let Some(found_s) =
+            reference.duration_s().filter(|duration_s| !(0.0..=LONGEST_S).contains(duration_s))
+        {
+            let reason = format!("it takes {found_s} s, expected 0 to {LONGEST_S} s");
+            return Err(StageError::Refused { setting: "reference".into(), reason });
+        }
+        let motion =
+            Motion::new(reference, &plan.limits, (&plan.safety, &plan.guard), period_s).map_err(refused)?;
         let controllers = registry.make_controllers(plan)?;
         if controllers.is_empty() {
             return Err(StageError::Refused {
@@ -74,20 +82,21 @@ impl Robot {
         }
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
+        let estimator = registry.make_estimator(plan)?;
         Ok(Robot {
             devices,
-            estimator: registry.make_estimator(plan)?,
+            guard: Guard::new(&plan.guard, &plan.limits, period_s, &estimator.growth()),
+            estimator,
             limiter,
             controllers,
             active: 0,
             blind_ramp: BlindRamp::new(plan),
             safety,
             lifecycle: Lifecycle::new(plan.safety),
-            unused_rad: [0.0; MAX_WHEELS],
+            counted: Counted::default(),
             command_age_ns: plan.safety.command_age_ns,
             motion,
-            guard: Guard::new(&plan.guard, &plan.limits, period_s),
-            settings: Settings::new(&plan.limits, StickShape::of(&plan.joystick)),
+            settings: Settings::new(plan),
             record,
         })
     }
@@ -107,7 +116,8 @@ impl Robot {
 
         self.read(exchange, image);
         self.record.state = self.estimate();
-        self.guard.advance(&self.record.time);
+        self.guard.advance(&self.record.time, &self.record.state);
+        self.settings.settle(&self.record);
         self.record.answer = request.map_or(RequestAnswer::None, |request| self.take(&request));
         self.record.wished = self.wish();
         self.record.setpoint = self.limit();
@@ -147,10 +157,13 @@ impl Robot {
         self.lifecycle.phase()
     }
 
-    /// What may be set while the robot runs, in the order of its index: the robot's own, its stick's, then the
-    /// controller's gains.
-    pub fn settings(&self) -> impl Iterator<Item = Gain> + '_ {
-        (0..).map_while(|index| self.settings.get((&self.guard, &*self.controllers[self.active]), index))
+    /// What may be set while the robot runs, with its index below [`MOST_SETTINGS`]: the robot's own, its stick's, the
+    /// controller's gains, the wheels' limits. An index that nothing has is left out.
+    pub fn settings(&self) -> impl Iterator<Item = (u32, Gain)> + '_ {
+        let controller = &*self.controllers[self.active];
+        (0..MOST_SETTINGS).filter_map(move |index| {
+            Some((index as u32, self.settings.get((&self.guard, controller), index)?))
+        })
     }
 
     /// How its stick is shaped from now on.
@@ -186,45 +199,38 @@ impl Robot {
     /// Devices: from process data to measurements.
     fn read(&mut self, exchange: Exchange, image: &dyn ProcessImage) {
         if let Exchange::Restarted { wheels } = exchange {
-            for (wheel, device) in self.devices.iter_mut().enumerate() {
-                if u32::from(wheels) >> wheel & 1 != 0 {
-                    device.restarted();
-                }
-            }
+            self.counted.restart(wheels);
         }
         let record = &mut self.record;
         // Old inputs are no measurement: nothing moved that is known of.
         record.inputs = Default::default();
         record.measurements.drives.iter_mut().for_each(|drive| drive.increment_rad = 0.0);
         let drives = record.measurements.drives.iter_mut().zip(&mut record.inputs);
-        let drives = drives.zip(&mut self.unused_rad);
-        for (wheel, (device, ((drive, recorded), unused_rad))) in
-            self.devices.iter_mut().zip(drives).enumerate()
-        {
+        for (wheel, (device, (drive, recorded))) in self.devices.iter_mut().zip(drives).enumerate() {
             if !exchange.has_inputs_of(wheel) {
                 continue;
             }
             let inputs = image.inputs(wheel);
             *recorded = ProcessBytes::of(inputs);
-            *drive = device.read(&record.time, inputs);
-            // Odometry needs all wheels: what some turned while others were away counts when those are back.
-            *unused_rad += drive.increment_rad;
-            drive.increment_rad = match exchange {
-                Exchange::Complete => std::mem::take(unused_rad),
-                _ => 0.0,
-            };
+            *drive = self.counted.count((wheel, &mut **device), (&record.time, exchange), inputs);
         }
+        self.counted.remember(&self.record);
     }
 
     /// Estimator: from measurements to the platform's state.
     fn estimate(&mut self) -> PlatformState {
         let record = &self.record;
-        self.estimator.update(&Observation {
+        let state = self.estimator.update(&Observation {
             time: &record.time,
             exchange: record.exchange,
             measurements: &record.measurements,
             wished: &record.wished,
-        })
+            unread_rad: &self.counted.take_unread(record.exchange),
+        });
+        if self.estimator.sees_beyond_wheels() {
+            return state;
+        }
+        PlatformState { pose_known: !self.counted.pose_lost, ..state }
     }
 
     /// What is asked of the robot in this cycle.
@@ -243,6 +249,9 @@ impl Robot {
                 if !twist.is_finite() {
                     return RequestAnswer::Refused;
                 }
+                if self.lacks_pose_for(&request.kind) {
+                    return RequestAnswer::PoseUnknown;
+                }
                 if self.lifecycle.request(&time, &request.kind).0 != RequestAnswer::Taken {
                     return RequestAnswer::WrongPhase;
                 }
@@ -259,6 +268,9 @@ impl Robot {
             | RequestKind::UseReference { .. } => return self.lead(request.kind),
             RequestKind::SetObstacle { index, obstacle } => return self.put(index, Some(obstacle)),
             RequestKind::RemoveObstacle { index } => return self.put(index, None),
+            RequestKind::SetPose { odom_from_body, sigma_m, sigma_rad } => {
+                return self.set_pose(odom_from_body, [sigma_m, sigma_rad]);
+            }
             _ => {}
         }
         let (answer, change) = self.lifecycle.request(&time, &request.kind);
@@ -294,6 +306,9 @@ impl Robot {
         if !fits {
             return RequestAnswer::WrongPhase;
         }
+        if self.lacks_pose_for(&kind) {
+            return RequestAnswer::PoseUnknown;
+        }
         let begun = match kind {
             RequestKind::Pause => return answer(self.motion.pause()),
             RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
@@ -301,12 +316,15 @@ impl Robot {
             RequestKind::GoTo { odom_from_body } if self.guard.spare_room_m(&odom_from_body) < 0.0 => {
                 Err(CantBegin::OutsideFence)
             }
+            RequestKind::GoTo { odom_from_body } if self.guard.is_blocked(&odom_from_body) => {
+                Err(CantBegin::Blocked)
+            }
             RequestKind::GoTo { odom_from_body } => {
                 self.motion.go(&time, (here, odom_from_body), &self.settings);
                 Ok(())
             }
-            RequestKind::Resume => self.motion.resume(&time, here, &self.settings),
-            _ => self.motion.track(&time, here),
+            RequestKind::Resume => self.motion.resume(&time, here, (&self.settings, &self.guard)),
+            _ => self.motion.track(&time, here, &self.guard),
         };
         if begun.is_ok() {
             self.lifecycle.request(&time, &kind);
@@ -371,7 +389,7 @@ impl Robot {
             Frame::Body => twist.rotated(now.odom_from_body.heading_rad),
             Frame::Odom => twist,
         };
-        twist_in_odom = self.settings.slowed(twist_in_odom);
+        twist_in_odom = self.reduced(self.settings.slowed(twist_in_odom));
         Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
     }
 
@@ -387,10 +405,16 @@ impl Robot {
                 self.limiter.setpoint()
             }
             Phase::Stopping => guarded(Drive::Stop),
+            // Fence and obstacles stand in odom, of which nothing is known: a person who sees the platform leads it.
+            Phase::Tracking if !self.record.state.pose_known => self.limiter.toward(wished.twist_in_odom),
             Phase::Tracking if self.motion.velocity().is_some() => {
                 guarded(Drive::Toward(wished.twist_in_odom))
             }
-            Phase::Tracking => guarded(Drive::Follow(&wished)),
+            Phase::Tracking => {
+                let followed = guarded(Drive::Follow(&wished, self.motion.bound()));
+                self.motion.note(&wished, &followed);
+                followed
+            }
             // A robot that nobody leads stays, whatever comes near it: it gives way to nothing by itself.
             Phase::Holding => guarded(Drive::Toward(holding)),
         };
@@ -411,7 +435,9 @@ impl Robot {
                 self.blind_ramp.next(&record.allowed.commands, &record.setpoint)
             }
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
-                self.controllers[self.active].update(&record.time, &record.state, &record.setpoint)
+                let controller = &mut self.controllers[self.active];
+                controller.limit_wheels(&self.settings.wheel_limits());
+                controller.update(&record.time, &record.state, &record.setpoint)
             }
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => Commands::default(),
         }
@@ -430,11 +456,16 @@ impl Robot {
             setpoint: &record.setpoint,
             velocity: self.motion.velocity(),
             wished_fence_room_m: match self.lifecycle.phase() {
-                Phase::Tracking => self.guard.spare_room_m(&record.wished.odom_from_body),
+                Phase::Tracking => {
+                    let here = &record.setpoint.odom_from_body;
+                    self.guard.wished_room_m(&record.wished.odom_from_body, here)
+                }
                 _ => f64::INFINITY,
             },
+            is_way_blocked: self.lifecycle.phase() == Phase::Tracking && self.motion.is_blocked(),
             guard: &record.guard,
             commands: &record.commands,
+            wheel_limits: self.settings.wheel_limits(),
         })
     }
 
@@ -473,7 +504,12 @@ impl Robot {
                 Quantity::Nothing => idle,
                 Quantity::Speed | Quantity::Torque => allowed.wheel(wheel),
             };
-            let command = DriveCommand { wanted: self.lifecycle.wanted(), mode: mode_of(&command), command };
+            let command = DriveCommand {
+                wanted: self.lifecycle.wanted(),
+                mode: mode_of(&command),
+                command,
+                torque_limit_nm: self.settings.wheel_limits().torque_nm,
+            };
             let outputs = image.outputs(wheel);
             let progress = device.write(&self.record.time, &command, outputs);
             self.record.outputs[wheel] = ProcessBytes::of(outputs);
@@ -488,5 +524,6 @@ fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
         Err(CantBegin::Nothing) => RequestAnswer::Refused,
         Err(CantBegin::TooFar) => RequestAnswer::TooFar,
         Err(CantBegin::OutsideFence) => RequestAnswer::Refused,
+        Err(CantBegin::Blocked) => RequestAnswer::Blocked,
     }
 }

@@ -3,6 +3,7 @@
 mod cia402;
 mod sgdv;
 
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::start_up::ReadBack;
 
 use crate::config::{MapEntry, ParameterPlan, PdoPlan};
@@ -18,6 +19,11 @@ pub fn register(registry: &mut Registry) {
     };
     registry.device("cia402", cia402::defaults(), make);
     registry.device("sgdv", sgdv::defaults(), make);
+}
+
+/// Whether a drive that lost the bus says so by this error: by the profile, or by the SGDV's alarms.
+pub fn is_of_the_bus(error: ErrorCode) -> bool {
+    error.is_communication() || sgdv::BUS_ALARMS.contains(&error)
 }
 
 /// A PDO of objects `(index, subindex, bits)`.

@@ -2,11 +2,13 @@
 
 mod creep;
 
+use omnibase_platform::odometry::MAX_PERIOD_S;
 use omnibase_platform::{
-    Kinematics, Odometry, OdometryError, OdometrySettings, OdometryState, PerWheel, Pose2, Twist2,
+    CovarianceSettings, Kinematics, Odometry, OdometrySettings, OdometryState, PerWheel, Pose2, PoseGrowth,
+    Twist2,
 };
 
-use crate::config::RobotPlan;
+use crate::config::{EstimatorTable, RobotPlan};
 use crate::registry::{Registry, StageError};
 use crate::signals::{Exchange, PlatformState, ReferenceStatus};
 use crate::stages::{Estimator, Observation};
@@ -28,6 +30,21 @@ pub struct WheelOdometry {
     state: PlatformState,
 }
 
+/// How uncertainty grows, as a robot's file says.
+fn growth_settings(table: &EstimatorTable) -> CovarianceSettings {
+    let ready = CovarianceSettings::default();
+    let variance = |sigma: Option<f64>, ready: f64| sigma.map_or(ready, |sigma| sigma * sigma);
+    CovarianceSettings {
+        initial_m2: variance(table.start_sigma_m, ready.initial_m2),
+        initial_rad2: variance(table.start_sigma_rad, ready.initial_rad2),
+        position_per_m: variance(table.way_sigma_m, ready.position_per_m),
+        heading_per_m: variance(table.way_sigma_rad, ready.heading_per_m),
+        heading_per_rad: variance(table.turn_sigma_rad, ready.heading_per_rad),
+        radius_share: table.radius_share.unwrap_or(ready.radius_share),
+        ..ready
+    }
+}
+
 /// α of the filtered derivative, rad/s: its lag (2.5 ms) is short against the controllers' time constants.
 const SPEED_FILTER_RAD_S: f64 = 400.0;
 
@@ -38,6 +55,7 @@ impl WheelOdometry {
         let speed_filter_rad_s = plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S);
         let settings = OdometrySettings {
             speed_filter_rad_s,
+            covariance: growth_settings(&plan.estimator),
             // The devices give angles already; raw counts aren't read here.
             ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
         };
@@ -51,12 +69,29 @@ impl WheelOdometry {
     }
 }
 
+impl WheelOdometry {
+    /// What isn't known of a gap: how the wheels shared their way with its turns (it was taken for one arc: half a turn
+    /// times the way, at most), and what of it nobody counted.
+    fn widen(&mut self, before: Pose2, observation: &Observation<'_>) {
+        let after = self.state.odom_from_body;
+        let (way_m, turn_rad) = (before.distance_m(after), after.heading_rad - before.heading_rad);
+        let arc_m = 0.5 * way_m * turn_rad;
+        self.odometry.widen([arc_m * arc_m, 0.0]);
+        let wheels = observation.measurements.present().len();
+        let unread_rad = PerWheel::from_fn(wheels, |wheel| observation.unread_rad[wheel]);
+        self.odometry.add_unread(&unread_rad, way_m);
+        self.state.covariance = covariance(self.odometry.state());
+    }
+}
+
 impl Estimator for WheelOdometry {
     fn reset(&mut self, from: &PlatformState) {
         let Pose2 { x_m, y_m, heading_rad } = from.odom_from_body;
         self.odometry.resync();
         self.creep.iter_mut().for_each(Creep::reset);
-        self.odometry.set_pose(Pose2::new(x_m, y_m, heading_rad));
+        let [xx, _, _, yy, _, hh] = from.covariance;
+        let sigmas = [xx.max(yy), hh].map(|variance| variance.max(0.0).sqrt());
+        self.odometry.set_pose_within(Pose2::new(x_m, y_m, heading_rad), sigmas);
         self.periods = 0;
         self.state = platform_state(self.odometry.state(), 0.0);
     }
@@ -67,7 +102,8 @@ impl Estimator for WheelOdometry {
             return self.state;
         }
         let drives = observation.measurements.present();
-        let period_s = f64::from(self.periods) * observation.time.period_s();
+        // After a long silence what was counted is as true as ever; only the speed in between is a mean.
+        let period_s = (f64::from(self.periods) * observation.time.period_s()).min(MAX_PERIOD_S);
         let counted_rad = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].increment_rad);
         let increments_rad = match &mut self.creep {
             Some(creep) => creep.corrected(&counted_rad, &self.state, period_s),
@@ -78,19 +114,22 @@ impl Estimator for WheelOdometry {
             ReferenceStatus::Moving => wished.twist_in_odom.rotated(-wished.odom_from_body.heading_rad),
             ReferenceStatus::Resting | ReferenceStatus::Finished => Twist2::default(),
         };
-        self.periods = 0;
+        let periods = std::mem::take(&mut self.periods);
+        let before = self.state.odom_from_body;
         self.state = match self.odometry.advance(&increments_rad, period_s, Some(reference_in_body)) {
             Ok(state) => platform_state(state, filter_lag_s(self.speed_filter_rad_s, period_s)),
-            // Too long a silence: what moved meanwhile isn't known, but from here on all is well.
-            Err(OdometryError::Period { .. }) => {
-                self.odometry.resync();
-                self.creep.iter_mut().for_each(Creep::reset);
-                platform_state(self.odometry.state(), 0.0)
-            }
             // What can't be used must not look like knowledge: safety stops on a state that isn't finite.
             Err(_) => PlatformState { slip_residual_m_s: f64::NAN, ..self.state },
         };
+        let is_unread = observation.unread_rad.iter().any(|unread| *unread != 0.0);
+        if periods > 1 || is_unread {
+            self.widen(before, observation);
+        }
         self.state
+    }
+
+    fn growth(&self) -> PoseGrowth {
+        self.odometry.growth()
     }
 }
 
@@ -100,16 +139,23 @@ fn filter_lag_s(filter_rad_s: f64, period_s: f64) -> f64 {
     period_s * (0.5 + keep / (1.0 - keep))
 }
 
-fn platform_state(state: &OdometryState, twist_age_s: f64) -> PlatformState {
+/// The upper half of the covariance: xx, xy, xψ, yy, yψ, ψψ.
+fn covariance(state: &OdometryState) -> [f64; 6] {
     let [[xx, xy, xh], [_, yy, yh], [_, _, hh]] = state.covariance;
+    [xx, xy, xh, yy, yh, hh]
+}
+
+fn platform_state(state: &OdometryState, twist_age_s: f64) -> PlatformState {
     PlatformState {
         // Whole turns count: a reference may turn on and on.
         odom_from_body: Pose2 { heading_rad: state.turned_rad, ..state.odom_from_base },
         twist_in_body: state.twist_in_base,
         twist_age_s,
-        covariance: [xx, xy, xh, yy, yh, hh],
+        covariance: covariance(state),
         regime: state.regime,
         slip_residual_m_s: state.slip_residual_m_s,
+        // Whether it is known the robot tells, who knows what was read.
+        pose_known: true,
     }
 }
 

@@ -9,18 +9,21 @@ mod braking;
 mod retreat;
 pub(crate) mod shape;
 mod shaping;
+mod spread;
 #[cfg(test)]
 mod tests;
 
-use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
+use omnibase_platform::{Pose2, PoseGrowth, Twist2, wrap_angle_rad};
 
 use crate::config::{AvoidanceKind, FencePlan, GuardPlan, Limits};
 use crate::limiter::Limiter;
+use crate::motion::SpeedBound;
 use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
-use braking::Braking;
+use braking::{Braking, Sweep};
 use retreat::Retreat;
 use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
 use shaping::Detour;
+use spread::{Spread, WayLeft};
 
 /// Most obstacles at a time.
 pub const MAX_OBSTACLES: usize = 16;
@@ -59,8 +62,8 @@ impl Obstacle {
 /// What a cycle wants to do.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Drive<'a> {
-    /// Follow a plan; the place where it should be is known.
-    Follow(&'a Setpoint),
+    /// Follow a plan; the place where it should be is known, and how fast that may be caught up with.
+    Follow(&'a Setpoint, SpeedBound),
     /// A person's or a program's speed.
     Toward(Twist2),
     /// Stop.
@@ -71,10 +74,24 @@ pub(crate) enum Drive<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Now {
     body: Corners,
-    fence_need_m: f64,
-    obstacle_need_m: f64,
+    /// How far the platform isn't where it shall be, m.
+    error_m: f64,
+    /// What is to be kept, here and at the end of the stop from here.
+    fence_need_m: Need,
+    obstacle_need_m: Need,
     fence_m: f64,
     obstacles_m: [f64; MAX_OBSTACLES],
+}
+
+/// What is to be kept, m.
+#[derive(Clone, Copy, Debug)]
+struct Need {
+    /// For what isn't followed, and what is wished to be kept.
+    apart_m: f64,
+    /// With where the platform may truly be now.
+    here_m: f64,
+    /// With where it may truly be once it stands.
+    standing_m: f64,
 }
 
 /// Keeps the footprint inside the fence and off obstacles.
@@ -88,6 +105,10 @@ pub(crate) struct Guard {
     limits: Limits,
     period_s: f64,
     obstacles: [Option<Obstacle>; MAX_OBSTACLES],
+    /// How uncertain the believed pose is, and how it becomes more so.
+    spread: Spread,
+    growth: PoseGrowth,
+    obstacle_sigmas: f64,
     /// The cycle up to which they moved, ns.
     last_ns: Option<u64>,
     pub(crate) avoidance: AvoidanceKind,
@@ -99,7 +120,7 @@ pub(crate) struct Guard {
 }
 
 impl Guard {
-    pub(crate) fn new(plan: &GuardPlan, limits: &Limits, period_s: f64) -> Self {
+    pub(crate) fn new(plan: &GuardPlan, limits: &Limits, period_s: f64, growth: &PoseGrowth) -> Self {
         let mut obstacles = [None; MAX_OBSTACLES];
         for (slot, obstacle) in obstacles.iter_mut().zip(&plan.obstacles) {
             *slot = Some(*obstacle);
@@ -112,6 +133,9 @@ impl Guard {
             limits: *limits,
             period_s,
             obstacles,
+            spread: Spread::default(),
+            growth: *growth,
+            obstacle_sigmas: plan.obstacle_sigmas,
             last_ns: None,
             avoidance: plan.avoidance,
             distance_m: plan.distance_m,
@@ -136,8 +160,9 @@ impl Guard {
         Ok(())
     }
 
-    /// Obstacles move on by the time that passed, however many cycles were left out.
-    pub(crate) fn advance(&mut self, time: &CycleTime) {
+    /// Obstacles move on by the time that passed, however many cycles were left out; and what is known of the pose.
+    pub(crate) fn advance(&mut self, time: &CycleTime, state: &PlatformState) {
+        self.spread = Spread::of(state);
         let last_ns = self.last_ns.replace(time.now_ns).unwrap_or(time.now_ns);
         let elapsed_s = time.now_ns.saturating_sub(last_ns) as f64 * 1e-9;
         for obstacle in self.obstacles.iter_mut().flatten() {
@@ -159,12 +184,32 @@ impl Guard {
         self.fence.is_some()
     }
 
-    /// How much more room than its margin a pose leaves to the fence; infinite without one.
+    /// How much more room than it must a pose leaves to the fence, by what is known of the pose now; infinite without a
+    /// fence.
     pub(crate) fn spare_room_m(&self, pose: &Pose2) -> f64 {
         let room = |fence: &FencePlan| {
-            room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose)) - fence.margin_m
+            room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose)) - self.fence_kept_m(fence)
         };
         self.fence.as_ref().map_or(f64::INFINITY, room)
+    }
+
+    /// How much more room to the fence a wish leaves than it must: from a place that leaves too little it must only lead
+    /// back.
+    pub(crate) fn wished_room_m(&self, wished: &Pose2, here: &Pose2) -> f64 {
+        let room_m = self.spare_room_m(wished);
+        if room_m >= 0.0 { room_m } else { room_m - self.spare_room_m(here).min(0.0) }
+    }
+
+    fn fence_kept_m(&self, fence: &FencePlan) -> f64 {
+        fence.margin_m + fence.sigmas * self.spread.at_m(self.radius_m)
+    }
+
+    /// Whether an obstacle, where it is now, is nearer to a pose than is to be kept from it.
+    pub(crate) fn is_blocked(&self, pose: &Pose2) -> bool {
+        let body = Corners::placed(&self.footprint, pose);
+        let kept_m = self.distance_m + self.obstacle_sigmas * self.spread.at_m(self.radius_m) - INSIDE_M;
+        self.avoidance != AvoidanceKind::Off
+            && self.obstacles.iter().flatten().any(|obstacle| distance_m(&body, obstacle) < kept_m)
     }
 
     /// What is to be shown and recorded, about a believed pose.
@@ -175,6 +220,7 @@ impl Guard {
         }
         let body = Corners::placed(&self.footprint, odom_from_body);
         report.fence_margin_m = self.fence.as_ref().map(|fence| room_m(&fence.corners_m, &body));
+        report.fence_kept_m = self.fence.as_ref().map(|fence| self.fence_kept_m(fence));
         for (number, obstacle) in (1..).zip(&self.obstacles) {
             let Some(obstacle) = obstacle else { continue };
             let distance_m = distance_m(&body, obstacle);
@@ -203,7 +249,7 @@ impl Guard {
         self.limited_by = LimitedBy::Nothing;
         self.pace = 1.0;
         let wish = match drive {
-            Drive::Follow(wished) => limiter.leading_to(wished),
+            Drive::Follow(wished, most) => most.hold(limiter.leading_to(wished)),
             Drive::Toward(twist) => twist,
             Drive::Stop => Twist2::default(),
         };
@@ -217,7 +263,7 @@ impl Guard {
         }
         let now = self.now(&here, state);
         let (shaped, cause) = self.shape(&here, drive, (wish, &now));
-        if let Drive::Follow(wished) = drive {
+        if let Drive::Follow(wished, _) = drive {
             self.pace = self.pace_of(&here, wished, &now);
         }
         let half = shaped.scaled(0.5);
@@ -247,13 +293,35 @@ impl Guard {
         let turn_rad = wrap_angle_rad(pose.heading_rad - believed.heading_rad);
         let error_m = pose.distance_m(believed) + self.radius_m * turn_rad.abs();
         let body = Corners::placed(&self.footprint, &pose);
-        let room = |fence: &FencePlan| (fence.margin_m.max(error_m), room_m(&fence.corners_m, &body));
-        let (fence_need_m, fence_m) = self.fence.as_ref().map_or((0.0, f64::INFINITY), room);
+        let fence_m = self.fence.as_ref().map_or(f64::INFINITY, |fence| room_m(&fence.corners_m, &body));
+        let (here_m, standing_m) = {
+            let left = self.way_left(&self.braking.of(here), here, error_m);
+            let standing = self.spread.after(&left, &self.growth);
+            (self.spread.at_m(self.radius_m), standing.at_m(self.radius_m))
+        };
+        let need = |kept_m: f64, sigmas: f64| {
+            let apart_m = kept_m.max(error_m);
+            Need { apart_m, here_m: apart_m + sigmas * here_m, standing_m: apart_m + sigmas * standing_m }
+        };
+        let (margin_m, sigmas) =
+            self.fence.as_ref().map_or((0.0, 0.0), |fence| (fence.margin_m, fence.sigmas));
         let mut obstacles_m = [f64::INFINITY; MAX_OBSTACLES];
         for (slot, obstacle) in obstacles_m.iter_mut().zip(&self.obstacles) {
             *slot = obstacle.as_ref().map_or(f64::INFINITY, |obstacle| distance_m(&body, obstacle));
         }
-        Now { body, fence_need_m, obstacle_need_m: self.distance_m.max(error_m), fence_m, obstacles_m }
+        let obstacle_need_m = need(self.distance_m, self.obstacle_sigmas);
+        Now { body, error_m, fence_need_m: need(margin_m, sigmas), obstacle_need_m, fence_m, obstacles_m }
+    }
+
+    /// The way, of which the believed pose still knows nothing, until a stop stands.
+    fn way_left(&self, sweep: &Sweep, at: &Setpoint, error_m: f64) -> WayLeft {
+        let [least, greatest] = sweep.turn_rad;
+        let twist = &at.twist_in_odom;
+        WayLeft {
+            way_m: length(sweep.way) + 2.0 * sweep.bend_m + self.period_s * twist.speed_m_s() + error_m,
+            turn_rad: greatest - least + self.period_s * twist.w_rad_s.abs(),
+            duration_s: sweep.duration_s + self.period_s,
+        }
     }
 
     /// Whether the stop after a cycle's motion is known to keep off fence and obstacles; `Err` says what it may meet.
@@ -274,11 +342,15 @@ impl Guard {
             + 0.5 * self.period_s * (twist.speed_m_s() + self.radius_m * twist.w_rad_s.abs());
         let retreat = || Retreat::new((&now.body, &self.footprint), [here, next], &sweep);
         let reach_m = length(sweep.way) + 2.0 * around_m;
+        // What is known of the pose grows worse until the stop stands.
+        let standing = self.spread.after(&self.way_left(&sweep, next, now.error_m), &self.growth);
+        let spread_m = standing.at_m(self.radius_m);
         if let Some(fence) = &self.fence {
-            let is_free = if now.fence_m < now.fence_need_m - INSIDE_M {
-                retreat().leaves_fence(&fence.corners_m, [now.fence_need_m, reach_m])
+            let fence_need_m = now.fence_need_m.apart_m + fence.sigmas * spread_m;
+            let is_free = if now.fence_m < now.fence_need_m.here_m - INSIDE_M {
+                retreat().leaves_fence(&fence.corners_m, [fence_need_m, reach_m])
             } else {
-                let need_m = now.fence_need_m.min(now.fence_m) - ROUNDING_M;
+                let need_m = kept_m(fence_need_m, now.fence_m);
                 let needed_m = need_m + around_m;
                 swept_room_m(&fence.corners_m, &body, sweep.way, needed_m) >= needed_m
             };
@@ -290,22 +362,23 @@ impl Guard {
             return Ok(());
         }
         let reach_m = reach_m + self.radius_m;
+        let obstacle_need_m = now.obstacle_need_m.apart_m + self.obstacle_sigmas * spread_m;
         for (obstacle, room_now) in self.obstacles.iter().zip(now.obstacles_m) {
             let Some(obstacle) = obstacle else { continue };
             let lasting_s = sweep.duration_s + self.period_s;
             let moves = [obstacle.velocity_m_s[0] * lasting_s, obstacle.velocity_m_s[1] * lasting_s];
             // Too far away for any doubt.
             let apart_m = length(plus(obstacle.centre_m, [pose.x_m, pose.y_m], -1.0));
-            if apart_m - obstacle.radius_m - length(moves) > reach_m + now.obstacle_need_m {
+            if apart_m - obstacle.radius_m - length(moves) > reach_m + obstacle_need_m {
                 continue;
             }
             // What moves comes nearer by itself, not by rounding.
             let rounding_m = if obstacle.velocity_m_s == [0.0; 2] { INSIDE_M } else { ROUNDING_M };
-            let is_free = if room_now < now.obstacle_need_m - rounding_m {
+            let is_free = if room_now < now.obstacle_need_m.here_m - rounding_m {
                 // The cycle that is being computed is driven after this one.
                 retreat().leaves(obstacle.centre_m, plus(moves, obstacle.velocity_m_s, self.period_s))
             } else {
-                let need_m = now.obstacle_need_m.min(room_now) - ROUNDING_M;
+                let need_m = kept_m(obstacle_need_m, room_now);
                 let across = [-sweep.way[0], -sweep.way[1]];
                 let patch = Patch { origin: obstacle.centre_m, along: moves, across };
                 body.distance_m(&patch) - obstacle.radius_m >= need_m + around_m
@@ -324,13 +397,18 @@ impl Guard {
             return 1.0;
         }
         let body = Corners::placed(&self.footprint, &wished.odom_from_body);
-        let free = |obstacle: &Obstacle| distance_m(&body, obstacle) >= now.obstacle_need_m;
+        let free = |obstacle: &Obstacle| distance_m(&body, obstacle) >= now.obstacle_need_m.here_m;
         if self.obstacles.iter().flatten().all(free) {
             ((LAG_WAITS_M - lag_m) / (LAG_WAITS_M - LAG_ALLOWED_M)).clamp(0.0, 1.0)
         } else {
             1.0
         }
     }
+}
+
+/// What is to be kept where it is kept now, but for rounding, m.
+fn kept_m(need_m: f64, room_m: f64) -> f64 {
+    need_m.min(room_m.max(need_m - INSIDE_M)) - ROUNDING_M
 }
 
 /// From a body to an obstacle; below 0 where they overlap.

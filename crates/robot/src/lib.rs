@@ -30,10 +30,12 @@ mod settings;
 pub mod signals;
 pub mod stages;
 pub mod stick_shape;
+mod unread;
 
 pub use config::{Problem, RobotFile, RobotPlan};
 pub use cycle::Robot;
 pub use image::{ImageBuffer, ProcessImage};
 pub use registry::{Registry, StageError};
+pub use settings::MOST_SETTINGS;
 pub use signals::{CycleRecord, CycleTime, Exchange, Phase, Request, RequestKind};
 pub use stick_shape::{AxisShape, StickShape};

@@ -1,14 +1,18 @@
 //! What a tracking robot follows: its reference at a rate, a velocity command, or the straight way to a pose.
 
+mod headway;
+
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
 
-use crate::config::{Limits, SafetyPlan};
+use crate::config::{GuardPlan, Limits, SafetyPlan};
 use crate::guard::Guard;
 use crate::references::motion_limits;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
+pub(crate) use headway::SpeedBound;
+use headway::{Headway, PlanStep};
 
 /// Part of the acceleration and jerk limits that slowing a reference down may take; the rest is the path's own.
 const SHARE_OF_LIMITS: f64 = 0.5;
@@ -48,6 +52,8 @@ pub(crate) struct Motion {
     planned: Twist2,
     /// The reference was begun and isn't at its end.
     begun: bool,
+    headway: Headway,
+    step: PlanStep,
     limits: Limits,
     start_distance_m: f64,
     start_heading_rad: f64,
@@ -93,6 +99,8 @@ pub(crate) enum CantBegin {
     TooFar,
     /// It would end outside of the fence.
     OutsideFence,
+    /// An obstacle stands where it would begin or end.
+    Blocked,
 }
 
 impl Ahead {
@@ -141,7 +149,7 @@ impl Motion {
     pub(crate) fn new(
         reference: Box<dyn Reference>,
         limits: &Limits,
-        safety: &SafetyPlan,
+        (safety, guard): (&SafetyPlan, &GuardPlan),
         period_s: f64,
     ) -> Result<Self, LimitsError> {
         let per_s = |most: f64, speed: f64| SHARE_OF_LIMITS * most / speed;
@@ -171,6 +179,8 @@ impl Motion {
             ahead: Ahead::from(0.0),
             planned: Twist2::default(),
             begun: false,
+            headway: Headway::new(guard),
+            step: PlanStep::default(),
             limits: *limits,
             start_distance_m: safety.start_distance_m,
             start_heading_rad: safety.start_heading_rad,
@@ -227,12 +237,17 @@ impl Motion {
     }
 
     /// The reference from its start.
-    pub(crate) fn track(&mut self, time: &CycleTime, here: Pose2) -> Result<(), CantBegin> {
+    pub(crate) fn track(&mut self, time: &CycleTime, here: Pose2, guard: &Guard) -> Result<(), CantBegin> {
         if let Some(start) = self.reference.start_pose() {
             let turn_rad = omnibase_platform::wrap_angle_rad(start.heading_rad - here.heading_rad);
             if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
                 return Err(CantBegin::TooFar);
             }
+        }
+        let start = self.reference.start_pose().unwrap_or(here);
+        let end = self.reference.end_pose(&here).unwrap_or(start);
+        if guard.is_blocked(&start) || guard.is_blocked(&end) {
+            return Err(CantBegin::Blocked);
         }
         self.reference.start(&Setpoint::at_rest(here));
         self.time_ns = 0.0;
@@ -245,12 +260,16 @@ impl Motion {
         &mut self,
         time: &CycleTime,
         here: Pose2,
-        settings: &Settings,
+        (settings, guard): (&Settings, &Guard),
     ) -> Result<(), CantBegin> {
         if !self.begun {
             return Err(CantBegin::Nothing);
         }
         let left = self.reference.sample(self.time_s()).odom_from_body;
+        let end = self.reference.duration_s().and_then(|end_s| self.reference.preview(end_s));
+        if guard.is_blocked(&left) || end.is_some_and(|end| guard.is_blocked(&end.odom_from_body)) {
+            return Err(CantBegin::Blocked);
+        }
         self.begin_reference(time, 0.0);
         if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
             self.go(time, (here, left), settings);
@@ -263,6 +282,7 @@ impl Motion {
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
         self.ahead = Ahead::from(self.time_s());
         (self.rate_now, self.rate_change_1_s) = (rate, 0.0);
+        self.headway.begin();
         (self.pausing, self.begun, self.course, self.now_ns) =
             (Pausing::No, true, Course::Reference, time.now_ns);
     }
@@ -282,6 +302,7 @@ impl Motion {
         self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
         self.rate_now = settings.rate(self.planned);
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
+        self.headway.begin();
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
     }
 
@@ -354,7 +375,9 @@ impl Motion {
     pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
         match self.course {
             Course::Way => {
-                self.way.time_ns += self.advance(time, settings.rate(self.planned));
+                let rate = settings.rate(self.planned);
+                let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
+                self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
                 self.at_rate(self.way.sample())
             }
             Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
@@ -365,27 +388,51 @@ impl Motion {
         if guard.has_fence() {
             self.look_ahead(guard);
         }
-        let wished = match self.pausing {
+        let rate = match self.pausing {
             Pausing::Yes | Pausing::AtFence => 0.0,
-            Pausing::No => settings.rate(self.planned) * guard.pace(),
+            Pausing::No => settings.rate(self.planned),
         };
-        self.time_ns += self.advance(time, wished);
+        let left_s = self.reference.duration_s().map_or(f64::INFINITY, |end_s| end_s - self.time_s());
+        self.time_ns += self.advance(time, [rate, guard.pace()], left_s);
         let own = self.reference.sample(self.time_s());
         self.planned = own.twist_in_odom;
         self.begun = own.status != ReferenceStatus::Finished;
         self.at_rate(own)
     }
 
-    /// The rate goes towards what is wished; gives the time that passes at it, ns.
-    fn advance(&mut self, time: &CycleTime, wished: f64) -> f64 {
+    /// The rate goes towards what is wished, at the pace that obstacles leave; gives the time that passes at it, ns.
+    fn advance(&mut self, time: &CycleTime, [rate, pace]: [f64; 2], left_s: f64) -> f64 {
         let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
         self.now_ns = time.now_ns;
         if elapsed_ns > 0.0 {
-            let limited = self.rate.step(Twist2::new(wished, 0.0, 0.0));
+            let limited = self.rate.step(Twist2::new(rate * pace, 0.0, 0.0));
             self.rate_now = limited.twist_in_odom.vx_m_s.clamp(0.0, 1.0);
             self.rate_change_1_s = limited.acceleration_in_odom.vx_m_s;
         }
-        self.rate_now * elapsed_ns
+        let passed_ns = self.rate_now * elapsed_ns;
+        // It is still faster than it shall be while it is slowed down.
+        let planned = self.planned.scaled(rate.max(self.rate_now));
+        let passed_s = (passed_ns * 1e-9).min(left_s).max(0.0);
+        let speed = SpeedBound { speed_m_s: planned.speed_m_s(), turn_speed_rad_s: planned.w_rad_s.abs() };
+        self.step = PlanStep { elapsed_s: elapsed_ns * 1e-9, passed_s, rate, speed };
+        passed_ns
+    }
+
+    /// How fast the platform may be while it follows.
+    pub(crate) fn bound(&self) -> SpeedBound {
+        self.headway.bound(&self.step.speed)
+    }
+
+    /// What became of a cycle's wish.
+    pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint) {
+        if self.course != Course::Velocity {
+            self.headway.note(&self.step, [wished, setpoint]);
+        }
+    }
+
+    /// Whether obstacles let the plan make no headway for too long.
+    pub(crate) fn is_blocked(&self) -> bool {
+        self.course != Course::Velocity && self.headway.is_blocked()
     }
 
     /// A place on the way, at the speed and acceleration that follow from the present rate.

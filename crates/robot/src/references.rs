@@ -3,8 +3,8 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Heading, Interpolation, PathPoint, PathPoints, Placed, PointTrajectory, Shape, ShapeTrajectory,
-    SpeedRule, Trajectory,
+    Heading, Interpolation, PathPoint, PathPoints, Placed, PointTrajectory, Shape, ShapeError,
+    ShapeTrajectory, SpeedRule, Trajectory,
 };
 
 use crate::config::{HeadingName, InterpolationName, Limits, PathFrame, ReferenceTable};
@@ -86,7 +86,11 @@ pub fn trajectory(
     };
     let turns = table.turns.unwrap_or(1.0);
     let make = |duration_s: f64| {
-        ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| refused("", error))
+        let key = if table.duration_s.is_some() { "duration_s" } else { "" };
+        ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| match error {
+            ShapeError::TooLong { .. } => refused(key, error),
+            ShapeError::Setting { .. } => refused("", error),
+        })
     };
     let Some(duration_s) = table.duration_s else {
         let (stretch, _) = Peaks::of(&make(1.0)?).stretch(&motion_limits(limits));
@@ -151,29 +155,35 @@ pub struct Tracked {
     placed: Option<Placed<AnyTrajectory>>,
     duration_s: f64,
     frame: PathFrame,
-    /// The trajectory's own first pose.
+    /// The trajectory's own first and last pose.
     first: Pose2,
+    last: Pose2,
 }
 
 impl Tracked {
-    /// A reference that follows a trajectory from where the platform stands.
-    pub fn new(trajectory: AnyTrajectory) -> Self {
-        let (duration_s, first) = (trajectory.duration_s(), trajectory.sample(0.0).odom_from_base);
-        Tracked { placed: Some(Placed::new(trajectory)), duration_s, frame: PathFrame::Start, first }
-    }
-}
-
-impl Reference for Tracked {
-    fn start(&mut self, from: &Setpoint) {
-        let here = from.odom_from_body;
-        let begin = match self.frame {
-            PathFrame::Start => here,
+    /// Where it begins from a pose.
+    fn begin(&self, here: &Pose2) -> Pose2 {
+        match self.frame {
+            PathFrame::Start => *here,
             // The platform's heading counts its turns.
             PathFrame::Odom => {
                 let turn_rad = wrap_angle_rad(self.first.heading_rad - here.heading_rad);
                 Pose2 { heading_rad: here.heading_rad + turn_rad, ..self.first }
             }
-        };
+        }
+    }
+
+    /// A reference that follows a trajectory from where the platform stands.
+    pub fn new(trajectory: AnyTrajectory) -> Self {
+        let duration_s = trajectory.duration_s();
+        let [first, last] = [0.0, duration_s].map(|time_s| trajectory.sample(time_s).odom_from_base);
+        Tracked { placed: Some(Placed::new(trajectory)), duration_s, frame: PathFrame::Start, first, last }
+    }
+}
+
+impl Reference for Tracked {
+    fn start(&mut self, from: &Setpoint) {
+        let begin = self.begin(&from.odom_from_body);
         self.placed = self.placed.take().map(|placed| placed.beginning_at(begin));
     }
 
@@ -204,6 +214,10 @@ impl Reference for Tracked {
             PathFrame::Start => None,
             PathFrame::Odom => Some(self.first),
         }
+    }
+
+    fn end_pose(&self, odom_from_body: &Pose2) -> Option<Pose2> {
+        Some(self.begin(odom_from_body).then(self.first.inverse().then(self.last)))
     }
 }
 

@@ -1,11 +1,14 @@
 //! The last word on commands: limits, finite check and stops in one place.
 
-use crate::config::{Limits, SafetyPlan};
+mod torque_watch;
+
+use crate::config::{Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
     Allowed, Commands, DriveProgress, Exchange, LimitedBy, Phase, Quantity, SafetyAction, SafetyReason,
     Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
+use torque_watch::TorqueWatch;
 
 /// How far a measured wheel speed may lie above its limit before it stops: commands are held to the limit itself.
 const WHEEL_SPEED_MARGIN: f64 = 1.1;
@@ -19,6 +22,7 @@ pub struct SafetyChain {
     plan: SafetyPlan,
     wheels: usize,
     lost_in_a_row: u32,
+    torques: TorqueWatch,
     /// The platform gave way to an obstacle, and isn't back where the plan is.
     gives_way: bool,
 }
@@ -32,9 +36,16 @@ type Objection = Option<(SafetyAction, SafetyReason, u64)>;
 type Check = fn(&SafetyChain, &SafetyView<'_>) -> Objection;
 
 impl SafetyChain {
-    /// The chain of a robot with so many wheels.
-    pub fn new(limits: Limits, plan: SafetyPlan, wheels: usize) -> Self {
-        SafetyChain { limits, plan, wheels, lost_in_a_row: 0, gives_way: false }
+    /// The chain of a robot.
+    pub fn new(plan: &RobotPlan) -> Self {
+        SafetyChain {
+            limits: plan.limits,
+            plan: plan.safety,
+            wheels: plan.drives.len(),
+            lost_in_a_row: 0,
+            torques: TorqueWatch::new(plan),
+            gives_way: false,
+        }
     }
 
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {
@@ -90,12 +101,18 @@ impl SafetyChain {
     }
 
     fn wheel_speed(&self, view: &SafetyView<'_>) -> Objection {
-        let limit = WHEEL_SPEED_MARGIN * self.limits.wheel_speed_rad_s;
+        let limit = WHEEL_SPEED_MARGIN * view.wheel_limits.speed_rad_s;
         let drives = view.measurements.present();
         let fast = drives.iter().position(|drive| drive.speed_rad_s.abs() > limit);
         fast.map(|wheel| {
             (SafetyAction::Stop(self.plan.wheel_speed_stop), SafetyReason::WheelSpeed, wheel as u64)
         })
+    }
+
+    /// A drive that gives more torque than it was allowed: it doesn't obey, or its torques are scaled wrongly.
+    fn wheel_torque(&self, _: &SafetyView<'_>) -> Objection {
+        let wheel = self.torques.above()?;
+        Some((SafetyAction::Stop(self.plan.wheel_torque_stop), SafetyReason::WheelTorque, wheel as u64))
     }
 
     fn reference_speed(&self, view: &SafetyView<'_>) -> Objection {
@@ -117,6 +134,11 @@ impl SafetyChain {
     fn fence(&self, view: &SafetyView<'_>) -> Objection {
         let leads_out = view.velocity.is_none() && view.wished_fence_room_m < 0.0;
         leads_out.then_some((SafetyAction::Stop(self.plan.fence_stop), SafetyReason::Fence, 0))
+    }
+
+    fn way(&self, view: &SafetyView<'_>) -> Objection {
+        let stop = SafetyAction::Stop(StopCategory::RampAndHold);
+        view.is_way_blocked.then_some((stop, SafetyReason::WayBlocked, 0))
     }
 
     fn command_age(&self, view: &SafetyView<'_>) -> Objection {
@@ -143,6 +165,7 @@ fn first(wheels: u16) -> u64 {
 impl Safety for SafetyChain {
     fn reset(&mut self) {
         self.lost_in_a_row = 0;
+        self.torques.reset();
         self.gives_way = false;
     }
 
@@ -158,16 +181,24 @@ impl Safety for SafetyChain {
         self.gives_way =
             view.guard.limited_by == LimitedBy::Obstacle || self.gives_way && behind_m > CAUGHT_UP_M;
         let is_powered = is_powered(view.phase);
+        // The drives' own quick stop is theirs, and its torque too: many have an emergency torque of their own.
+        let torque_counts = is_powered && view.phase != Phase::QuickStopping;
+        match torque_counts {
+            true => self.torques.look(view),
+            false => self.torques.reset(),
+        }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 8] = [
+        let checks: [(bool, Check); 10] = [
             (is_powered, Self::exchange),
             (true, Self::finite),
             (is_powered, Self::drives),
             (is_powered, Self::wheel_speed),
+            (torque_counts, Self::wheel_torque),
             (is_tracking, Self::reference_speed),
             (is_held, Self::tracking),
             (is_tracking, Self::fence),
+            (is_tracking, Self::way),
             (is_tracking, Self::command_age),
         ];
         let mut objection: Objection = None;
@@ -184,11 +215,11 @@ impl Safety for SafetyChain {
                 Allowed { commands: Commands::default(), action, reason, where_index }
             }
             Some((action, reason, where_index)) => {
-                let commands = within(view.commands, &self.limits, self.wheels);
+                let commands = within(view.commands, &view.wheel_limits, self.wheels);
                 Allowed { commands, action, reason, where_index }
             }
             None => {
-                let commands = within(view.commands, &self.limits, self.wheels);
+                let commands = within(view.commands, &view.wheel_limits, self.wheels);
                 let scaled = commands.saturation < view.commands.saturation;
                 let reason = if scaled && commands.quantity == Quantity::Torque {
                     SafetyReason::Torque
@@ -202,11 +233,11 @@ impl Safety for SafetyChain {
 }
 
 /// Commands within the wheels' limits, scaled as a whole: a controller of a user's may not have done it.
-fn within(commands: &Commands, limits: &Limits, wheels: usize) -> Commands {
+fn within(commands: &Commands, limits: &WheelLimits, wheels: usize) -> Commands {
     let limit = match commands.quantity {
         Quantity::Nothing => return *commands,
-        Quantity::Speed => limits.wheel_speed_rad_s,
-        Quantity::Torque => limits.wheel_torque_nm,
+        Quantity::Speed => limits.speed_rad_s,
+        Quantity::Torque => limits.torque_nm,
     };
     let greatest =
         commands.values.iter().take(wheels).fold(0.0_f64, |greatest, value| greatest.max(value.abs()));

@@ -2,9 +2,9 @@
 
 use omnibase_platform::Twist2;
 
-use crate::config::{AvoidanceKind, Limits};
+use crate::config::{AvoidanceKind, Limits, RobotPlan, TorqueLimitTold, WheelLimits};
 use crate::guard::Guard;
-use crate::signals::{Batch, RequestAnswer};
+use crate::signals::{Batch, CycleRecord, Quantity, RequestAnswer};
 use crate::stages::{Controller, Gain};
 use crate::stick_shape::StickShape;
 
@@ -15,6 +15,11 @@ const MOST_WAITING: usize = 48;
 /// Settings of the robot itself; those of its stick, then those of the controller stand behind them.
 const OWN: usize = 6;
 const BEFORE_CONTROLLER: usize = OWN + StickShape::SETTINGS;
+/// Places of the wheels' limits: behind whatever a controller has, so that they are the same with each of them.
+const WHEEL_SPEED: usize = MOST_SETTINGS - 2;
+const WHEEL_TORQUE: usize = MOST_SETTINGS - 1;
+/// Places that a setting may have.
+pub const MOST_SETTINGS: usize = 48;
 
 /// What may be set while the robot runs.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +29,15 @@ pub(crate) struct Settings {
     /// Speeds that no wish exceeds; never above the limits of the robot's file.
     speed_m_s: f64,
     turn_speed_rad_s: f64,
+    /// What the wheels may do; never above the limits of the robot's file.
+    wheels: WheelLimits,
+    /// The wheel speed that is held: it comes down to what was set as fast as the wheels do.
+    held_rad_s: f64,
+    /// Greatest wheel speed per speed and per turning speed of the platform, 1/m and 1, whatever its direction.
+    wheel_speed_per: [f64; 2],
+    torque_told: TorqueLimitTold,
+    /// The least torque that every drive can be told, N·m.
+    least_torque_nm: f64,
     limits: Limits,
     stick: StickShape,
     waiting: [(usize, f64); MOST_WAITING],
@@ -33,13 +47,30 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    pub(crate) fn new(limits: &Limits, stick: StickShape) -> Self {
+    pub(crate) fn new(plan: &RobotPlan) -> Self {
+        let (limits, drives) = (&plan.limits, &plan.drives);
+        let rows = plan.kinematics.matrix().iter().zip(plan.kinematics.wheels());
+        let per =
+            rows.map(|([x, y, turn], wheel)| [x.hypot(*y), turn.abs()].map(|part| part / wheel.radius_m));
+        let is_at_start_up = |told| told == TorqueLimitTold::AtStartUp;
         Settings {
             speed_factor: 1.0,
             speed_m_s: limits.speed_m_s,
             turn_speed_rad_s: limits.turn_speed_rad_s,
+            wheels: limits.wheels(),
+            held_rad_s: limits.wheel_speed_rad_s,
+            wheel_speed_per: per.fold([0.0; 2], |[a, b], [c, d]| [f64::max(a, c), f64::max(b, d)]),
+            torque_told: match drives.iter().any(|drive| is_at_start_up(drive.torque_limit.told)) {
+                true => TorqueLimitTold::AtStartUp,
+                false => TorqueLimitTold::EveryCycle,
+            },
+            least_torque_nm: drives
+                .iter()
+                .map(|drive| drive.scale.wheel_nm_per_mille())
+                .fold(LEAST_FACTOR * limits.wheel_torque_nm, f64::max)
+                .min(limits.wheel_torque_nm),
             limits: *limits,
-            stick,
+            stick: StickShape::of(&plan.joystick),
             waiting: [(0, 0.0); MOST_WAITING],
             waiting_count: 0,
             next: None,
@@ -76,7 +107,20 @@ impl Settings {
                 Some(Gain { name: "circulate_1_s", value: guard.circulate_1_s, least: 0.01, greatest: 100.0 })
             }
             OWN..BEFORE_CONTROLLER => self.stick.setting(index - OWN),
-            _ => controller.gain(index - BEFORE_CONTROLLER),
+            WHEEL_SPEED => {
+                Some(share("wheel_speed_rad_s", self.wheels.speed_rad_s, self.limits.wheel_speed_rad_s))
+            }
+            WHEEL_TORQUE => Some(Gain {
+                name: "wheel_torque_nm",
+                value: self.wheels.torque_nm,
+                least: match self.torque_told {
+                    TorqueLimitTold::EveryCycle => self.least_torque_nm,
+                    TorqueLimitTold::AtStartUp => self.limits.wheel_torque_nm,
+                },
+                greatest: self.limits.wheel_torque_nm,
+            }),
+            BEFORE_CONTROLLER..WHEEL_SPEED => controller.gain(index - BEFORE_CONTROLLER),
+            _ => None,
         }
     }
 
@@ -96,6 +140,11 @@ impl Settings {
             self.drop_waiting();
         }
         let has_room = usize::from(batch.size()) <= MOST_WAITING;
+        let is_told_once = index == WHEEL_TORQUE && self.torque_told == TorqueLimitTold::AtStartUp;
+        if is_told_once && value != self.wheels.torque_nm {
+            self.drop_waiting();
+            return RequestAnswer::AtStartUpOnly;
+        }
         if !follows || !has_room || !self.get((guard, controller), index).is_some_and(fits) {
             self.drop_waiting();
             return RequestAnswer::Refused;
@@ -125,9 +174,29 @@ impl Settings {
                 4 => guard.distance_m = value,
                 5 => guard.circulate_1_s = value,
                 OWN..BEFORE_CONTROLLER => self.stick.set(index - OWN, value),
+                WHEEL_SPEED => {
+                    self.wheels.speed_rad_s = value;
+                    self.held_rad_s = self.held_rad_s.max(value);
+                }
+                WHEEL_TORQUE => self.wheels.torque_nm = value,
                 _ => controller.set_gain(index - BEFORE_CONTROLLER, value),
             }
         }
+    }
+
+    /// What the wheels may do in this cycle.
+    pub(crate) fn wheel_limits(&self) -> WheelLimits {
+        WheelLimits { speed_rad_s: self.held_rad_s, ..self.wheels }
+    }
+
+    /// A lower wheel speed slows the wishes at once, and holds when the ramp has brought the wheels there: held before,
+    /// it would brake them at once.
+    pub(crate) fn settle(&mut self, last: &CycleRecord) {
+        let told = &last.allowed.commands;
+        let told = told.values.iter().filter(|_| told.quantity == Quantity::Speed).copied();
+        let measured = last.measurements.present().iter().map(|drive| drive.speed_rad_s);
+        let fastest_rad_s = told.chain(measured).map(f64::abs).fold(0.0, f64::max);
+        self.held_rad_s = self.held_rad_s.min(fastest_rad_s).max(self.wheels.speed_rad_s);
     }
 
     /// A wished speed, scaled as a whole.
@@ -155,6 +224,12 @@ impl Settings {
         } else {
             1.0
         };
-        linear.min(turning)
+        let [per_speed, per_turn] = self.wheel_speed_per;
+        let wheels = if self.wheels.speed_rad_s < self.limits.wheel_speed_rad_s {
+            share(self.wheels.speed_rad_s, per_speed * twist.speed_m_s() + per_turn * twist.w_rad_s.abs())
+        } else {
+            1.0
+        };
+        linear.min(turning).min(wheels)
     }
 }

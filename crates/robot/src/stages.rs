@@ -4,11 +4,12 @@
 //! outputs for the same inputs: that is what makes a record replayable.
 
 use omnibase_cia402::{Mode, Wanted};
-use omnibase_platform::Pose2;
+use omnibase_platform::{Pose2, PoseGrowth};
 
+use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Measurements,
-    Phase, PlatformState, Quantity, Request, Setpoint, WheelCommand,
+    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, MAX_WHEELS,
+    Measurements, Phase, PlatformState, Quantity, Request, Setpoint, WheelCommand,
 };
 
 /// What a device is told in one cycle.
@@ -20,6 +21,8 @@ pub struct DriveCommand {
     pub mode: Mode,
     /// What the wheel shall do, once the drive runs.
     pub command: WheelCommand,
+    /// The most that the drive may put on the wheel, N·m, whatever it is told to do.
+    pub torque_limit_nm: f64,
 }
 
 /// One drive: between its process data and the wheel's units.
@@ -32,6 +35,12 @@ pub trait Device: Send {
 
     /// The drive lost its supply and is back: what it counts has a new origin, which the next reading gives.
     fn restarted(&mut self) {}
+
+    /// Where the encoder is absolute, so that it keeps its count without supply too: the angle of the wheel, rad, below
+    /// which what it turned is told by the count. Such a drive isn't told that it [restarted](Device::restarted).
+    fn count_range_rad(&self) -> Option<f64> {
+        None
+    }
 
     /// Somebody saw what was wrong: faults may be reset.
     fn acknowledge(&mut self);
@@ -51,15 +60,30 @@ pub struct Observation<'a> {
     pub measurements: &'a Measurements,
     /// What was wished in the cycle before.
     pub wished: &'a Setpoint,
+    /// By how much each wheel may have rolled, rad, while its drive was off and counted nothing; 0 for all but the cycle
+    /// in which it counts again. What is believed is that much less certain.
+    pub unread_rad: &'a [f64; MAX_WHEELS],
 }
 
 /// From measurements to the platform's state.
 pub trait Estimator: Send {
-    /// Begins anew from a state: the next measurements are the origin.
+    /// Begins anew from a state, its pose with its covariance, as somebody set it: the next measurements are the origin.
     fn reset(&mut self, from: &PlatformState);
 
     /// The platform's state now.
     fn update(&mut self, observation: &Observation<'_>) -> PlatformState;
+
+    /// Whether it has a source beside the wheels, and says itself by [`PlatformState::pose_known`] when that told the
+    /// pose again. Without one the pose is unknown from where wheels rolled unread until somebody sets it.
+    fn sees_beyond_wheels(&self) -> bool {
+        false
+    }
+
+    /// By how much motion may make its pose more uncertain, known beforehand: the fence counts with it until a stop
+    /// stands.
+    fn growth(&self) -> PoseGrowth {
+        PoseGrowth::default()
+    }
 }
 
 /// A wished motion.
@@ -85,6 +109,12 @@ pub trait Reference: Send {
     fn start_pose(&self) -> Option<Pose2> {
         None
     }
+
+    /// Where it would end if it began at a pose; `None` where that isn't known.
+    fn end_pose(&self, odom_from_body: &Pose2) -> Option<Pose2> {
+        let _ = odom_from_body;
+        None
+    }
 }
 
 /// A value of a stage that can be read and set while the robot runs.
@@ -107,6 +137,13 @@ pub trait Controller: Send {
 
     /// Begins anew: forgets what it learnt.
     fn reset(&mut self);
+
+    /// What the wheels may do from now on; never more than the robot's file says. Told before each update.
+    ///
+    /// Commands beyond it are scaled down later in any case; a law that learns must know that they were.
+    fn limit_wheels(&mut self, limits: &WheelLimits) {
+        let _ = limits;
+    }
 
     /// The wheels' commands now, scaled as a whole so that no wheel exceeds its limit.
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands;
@@ -145,10 +182,14 @@ pub struct SafetyView<'a> {
     /// By how much the wished pose keeps off the fence more than its margin, m; below 0 where the plan leads out;
     /// infinite without a fence and while nothing is followed.
     pub wished_fence_room_m: f64,
+    /// Obstacles let a plan make no headway for too long.
+    pub is_way_blocked: bool,
     /// What held the motion back between fence and obstacles.
     pub guard: &'a GuardReport,
     /// What the controller wants to tell the wheels.
     pub commands: &'a Commands,
+    /// What the wheels may do now: at most what the robot's file says.
+    pub wheel_limits: WheelLimits,
 }
 
 /// The last word on commands.

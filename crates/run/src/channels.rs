@@ -12,7 +12,7 @@ use crate::truth::TruePlatform;
 /// Beside the robot's own channels: how the cycle went, and how far off it was.
 const TIMING: [&str; 5] = ["round_trip_ns", "wake_up_ns", "compute_ns", "dc_phase_ns", "left_out_cycles"];
 const ERROR: [&str; 3] = ["believed_m", "true_m", "heading_rad"];
-const OPERATOR: [&str; 4] = ["commander", "emergency_stop", "blocked_sticks", "joystick"];
+const OPERATOR: [&str; 5] = ["commander", "emergency_stop", "blocked_sticks", "joystick", "moves_again_in_s"];
 const TRUTH: [&str; 6] =
     ["pose_x_m", "pose_y_m", "pose_heading_rad", "twist_x_m_s", "twist_y_m_s", "twist_heading_rad_s"];
 
@@ -38,6 +38,8 @@ pub struct Beside {
     pub errors: Errors,
     /// Who has the say.
     pub say: Say,
+    /// In how many s the robot moves again without a person, after a loss; `None` where it doesn't.
+    pub moves_again_in_s: Option<f64>,
     /// The truth, where it is known.
     pub truth: Option<TruePlatform>,
 }
@@ -124,6 +126,7 @@ impl Rows {
         let Say { commander, is_emergency, blocked_sticks, joystick } = beside.say;
         let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
         self.row.extend(codes.map(|code| code as f64));
+        self.row.push(beside.moves_again_in_s.unwrap_or(f64::NAN));
         self.row.extend(beside.bus.values());
         if self.known == Known::Truth {
             let truth = beside.truth.unwrap_or_default();

@@ -87,6 +87,7 @@ pub struct Watch {
     held_by: LimitedBy,
     told_ns: u64,
     held_ns: u64,
+    pose_known: bool,
 }
 
 /// So long nothing must have held the motion back before that is told, and so long passes between two that hold it, ns:
@@ -102,13 +103,14 @@ impl Default for Watch {
             held_by: LimitedBy::Nothing,
             told_ns: 0,
             held_ns: 0,
+            pose_known: true,
         }
     }
 }
 
 impl Watch {
     /// What changed with this cycle, in words that cost no allocation; `phase` is that after it.
-    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 4] {
+    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 5] {
         // Every run ends by a stop; whoever asks for one earlier says so.
         let is_own = matches!(record.stop_reason, SafetyReason::None | SafetyReason::Requested);
         let reason = (record.stop_reason != self.reason && !is_own).then(|| record.stop_reason.text());
@@ -122,8 +124,14 @@ impl Watch {
             Exchange::Restarted { .. } => "drives that started anew take part again",
         });
         let held = self.held(record.guard.limited_by, record.time.now_ns);
+        let pose_known = record.state.pose_known;
+        let pose = (pose_known != self.pose_known).then_some(match pose_known {
+            true => "the pose is known again",
+            false => "the pose is unknown: a wheel may have rolled that nobody read; set it before a path is followed",
+        });
         (self.phase, self.reason, self.exchange) = (phase, record.stop_reason, record.exchange);
-        [exchange, held, reason, phase_change]
+        self.pose_known = pose_known;
+        [exchange, pose, held, reason, phase_change]
     }
 
     /// What began to hold the motion back, or no longer does.

@@ -6,6 +6,7 @@
 //! - [`simulated`]: the simulated robot of a plan.
 //! - [`session`]: the bus from PRE-OP to OP and back, one exchange a cycle, at the pace of clocks.
 //! - [`supervision`]: who is missing, who comes back, and what the bus counts, in the spare time of cycles.
+//! - [`drive_errors`]: which error each drive has.
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`tracking`], [`truth`], [`summary`], [`events`]: how well it went, and what happened.
@@ -18,6 +19,7 @@
 pub mod channels;
 pub mod conductor;
 pub mod describe;
+pub mod drive_errors;
 pub mod events;
 pub mod live;
 pub mod quantiles;

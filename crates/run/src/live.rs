@@ -2,18 +2,29 @@
 //!
 //! - [`command`]: what can be asked, by whom, and the answers.
 //! - [`operator`]: emergency stop before stick before reference; one request a cycle comes out of it.
+//! - [`acyclic`]: SDOs of SubDevices beside the cycle.
 //! - [`carriers`]: a queue in, a queue and the latest snapshot out; nothing of it waits in the cycle.
 //! - [`joystick`]: from the stick at the robot's computer to what is asked.
+//! - [`sdo`]: objects and states of the SubDevices, for those who may wait.
 //! - [`snapshot`]: the latest of everything.
+//! - [`stamp`]: how old what is asked may be.
 
+pub mod acyclic;
 pub mod carriers;
 pub mod command;
 pub mod joystick;
 pub mod operator;
+pub mod sdo;
 pub mod snapshot;
+pub mod stamp;
+mod trace;
 
-pub use carriers::{Live, LiveEnd, LiveEvent, TRACE_KEPT_S, TraceGap, TracePoint, live};
+pub use acyclic::{AcyclicLine, AcyclicRefusal, Permission, SubDeviceFacts, Told};
+pub use carriers::{Asker, Live, LiveEnd, LiveEvent, live};
 pub use command::{Answer, Ask, Client, Commander, Pad, Refusal, StickState};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
+pub use sdo::{EntryType, SdoError, SdoPlace, SubDeviceSeen};
 pub use snapshot::Snapshot;
+pub use stamp::Stamp;
+pub use trace::{TRACE_KEPT_S, TraceGap, TracePoint};

@@ -21,7 +21,10 @@ pub enum ReplayError {
     #[error(transparent)]
     Stage(#[from] StageError),
     /// Its words aren't those of this robot.
-    #[error("cycle {row} of the recording holds {bytes} bytes, which aren't a record of this robot")]
+    #[error(
+        "cycle {row} of the recording holds {bytes} bytes, which aren't a record of this robot by this version of \
+         omnibase: a recording is computed again by the version that made it"
+    )]
     Words {
         /// Number of the row, from 0.
         row: usize,

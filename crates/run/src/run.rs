@@ -7,15 +7,15 @@ use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_record::run::RunSink;
 use omnibase_robot::signals::{CycleTime, Phase, SafetyReason};
-use omnibase_robot::{CycleRecord, Request, Robot, RobotPlan};
+use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
 
 use crate::channels::{Beside, Rows};
 use crate::conductor::{Conductor, Wish};
+use crate::drive_errors::DriveErrors;
 use crate::events::{Event, Watch, Words};
 use crate::live::operator::{Note, Turn};
-use crate::live::snapshot::MAX_SETTINGS;
-use crate::live::{Client, LiveEnd, Snapshot};
+use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
 use crate::session::{Session, SessionError, input_age_ns};
 use crate::summary::Summary;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
@@ -100,6 +100,9 @@ pub fn run<L: Link, C: Clock>(
     let mut session = Session::prepare(link, clock, setup.plan, warn)?;
     let stop = setup.stop;
     let mut cycle = Cycle::new(setup);
+    if let Some(live) = &mut cycle.live {
+        live.acyclic().introduce(session.subdevices().map(SubDeviceFacts::of).collect());
+    }
     let reached = session.reach_op(stop);
     let ran = match reached {
         Ok(true) => cycle.until_over(&mut session).map_err(RunError::from),
@@ -127,6 +130,7 @@ struct Cycle<'a> {
     watch: Watch,
     tracking: Tracking,
     bus: BusFigures,
+    drive_errors: DriveErrors,
     subdevices: Vec<SubDeviceFigures>,
     datagrams: Vec<DatagramFigures>,
     timing: Timing,
@@ -148,7 +152,7 @@ impl<'a> Cycle<'a> {
     fn new(setup: Setup<'a>) -> Self {
         let Setup { plan, robot, machine, recording, mut live, stop, progress } = setup;
         if let Some(live) = &mut live {
-            live.resume_within(plan.safety.resume_within_ns);
+            live.comes_back(plan.safety.comeback);
         }
         let total = robot.reference_duration_s().map_or(0.0, |s| s * 1e9 / plan.bus.cycle_ns as f64);
         progress.total.store(total as u64, Ordering::Relaxed);
@@ -158,11 +162,12 @@ impl<'a> Cycle<'a> {
             recording,
             stop,
             progress,
-            conductor: Conductor::new(plan.safety.resume_within_ns),
+            conductor: Conductor::new(plan.safety.comeback),
             live,
             watch: Watch::default(),
             tracking: Tracking::default(),
             bus: BusFigures::default(),
+            drive_errors: DriveErrors::default(),
             subdevices: Vec::new(),
             datagrams: Vec::new(),
             timing: Timing::default(),
@@ -212,7 +217,7 @@ impl<'a> Cycle<'a> {
             self.stop_seen = true;
             self.happened(self.time.now_ns, "a stop was asked for".into());
         }
-        let request = self.request(wish);
+        let request = self.request(wish).map(|request| self.unless_written(request));
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, &mut session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
@@ -221,15 +226,29 @@ impl<'a> Cycle<'a> {
         let errors = self.tracking.take(&self.last, truth.as_ref());
         let say = self.live.as_ref().map(LiveEnd::say).unwrap_or_default();
         self.bus = session.figures();
-        let beside = Beside { times, bus: self.bus, compute_ns, errors, say, truth };
+        let now_ns = self.time.now_ns;
+        let moves_again_in_s = match &self.live {
+            Some(live) => live.moves_again_in_s(now_ns),
+            None => self.conductor.moves_again_in_s(now_ns),
+        };
+        let beside = Beside { times, bus: self.bus, compute_ns, errors, say, moves_again_in_s, truth };
         // Who is at fault comes before what it led to.
         session.look_at_drives(self.last.measurements.present());
         while let Some(words) = session.take_event() {
             self.happened(self.time.now_ns, words);
         }
+        while let Some((wheel, error)) = session.take_said() {
+            self.conductor.drive_said(wheel, error);
+            self.drive_errors.said(wheel, error);
+            self.live.iter_mut().for_each(|live| live.drive_said(wheel, error));
+        }
+        self.drive_errors.look(self.last.measurements.present());
+        let phase = self.robot.phase();
+        if let Some(words) = self.live.as_mut().and_then(|live| live.acyclic().step(session, phase)) {
+            self.happened_by(self.time.now_ns, words, Some(Client::Command));
+        }
         self.record(&beside);
         let events = first_event..self.events.len();
-        let phase = self.robot.phase();
         self.timing.take(&TimedCycle { record: &self.last, phase, times, compute_ns, events });
         self.lost_frames = session.counters().frames_lost - self.lost_before;
         self.show(beside);
@@ -241,7 +260,11 @@ impl<'a> Cycle<'a> {
     fn request(&mut self, wish: Wish) -> Option<Request> {
         let phase = self.robot.phase();
         let Some(live) = self.live.as_mut().filter(|_| wish == Wish::GoOn) else {
-            return self.conductor.next(&self.last, phase, wish).map(Request::lasting);
+            let kind = self.conductor.next(&self.last, phase, wish);
+            if let Some(note) = self.conductor.take_note() {
+                self.happened(self.time.now_ns, note.into());
+            }
+            return kind.map(Request::lasting);
         };
         let Turn { request, offer } = live.turn(self.time.now_ns, &self.last, phase);
         if let Some((number, reference)) = offer
@@ -255,16 +278,27 @@ impl<'a> Cycle<'a> {
         request
     }
 
+    /// Nobody enables drives in which something is being written that wants them disabled: the request is too old.
+    fn unless_written(&mut self, request: Request) -> Request {
+        let keeps_disabled = self.live.as_mut().is_some_and(|live| live.acyclic().keeps_disabled());
+        if !matches!(request.kind, RequestKind::Enable) || !keeps_disabled {
+            return request;
+        }
+        self.happened(self.time.now_ns, "not enabled: an object is just being written by SDO".into());
+        Request { valid_until_ns: 0, ..request }
+    }
+
     fn show(&mut self, beside: Beside) {
         let Some(live) = &mut self.live else { return };
-        let mut settings = [None; MAX_SETTINGS];
-        for (slot, setting) in settings.iter_mut().zip(self.robot.settings()) {
-            *slot = Some(setting);
+        let mut settings = [None; MOST_SETTINGS];
+        for (index, setting) in self.robot.settings() {
+            settings[index as usize] = Some(setting);
         }
         live.show(&Snapshot {
             record: self.last,
             phase: self.robot.phase(),
             beside,
+            drive_errors: self.drive_errors,
             settings,
             stick: self.robot.stick_shape(),
             obstacles: *self.robot.obstacles(),

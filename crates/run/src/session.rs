@@ -10,7 +10,7 @@ use crate::events::Words;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures, Supervisor};
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, CycleCounters, CyclicBus, DcFollower,
+    AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, CycleCounters, CyclicBus, DcFollower,
     Exchange as BusExchange, FollowerGains, Goal, Handover, HostToDc, Phase, TransitionOptions,
 };
 use omnibase_ethercat::mailbox::MailboxRequest;
@@ -215,6 +215,10 @@ impl<L: Link, C: Clock> Session<L, C> {
             self.phase_ns = self.plan_next(woke);
             while let Some(completion) = self.bus.poll_completion() {
                 let AcyclicWork::Mailbox(answer) = completion.work else { continue };
+                // What somebody asked before the end is nobody's any more.
+                if completion.tag >= codes.len() as u64 {
+                    continue;
+                }
                 open = open.saturating_sub(1);
                 if completion.result.is_ok()
                     && let [low, high] = answer.data[..]
@@ -249,7 +253,8 @@ impl<L: Link, C: Clock> Session<L, C> {
         }
     }
 
-    /// One cycle: sleeps until its instant, exchanges, and plans the next instant. `Err` only where the link is gone.
+    /// One cycle: sleeps until its instant, exchanges, and plans the next instant. `Err` only where the port is broken: a link
+    /// that is down loses the exchange.
     ///
     /// Whoever comes late belongs to the period whose instant is nearest; the periods before it are left out, and no
     /// burst catches up. Frames pass half a cycle away from SYNC0: one that comes later than that serves the next
@@ -301,9 +306,36 @@ impl<L: Link, C: Clock> Session<L, C> {
         self.supervisor.look_at_drives(drives);
     }
 
+    /// The SubDevices as the set-up found them.
+    pub fn subdevices(&self) -> impl Iterator<Item = &SubDevice> {
+        self.supervisor.subdevices()
+    }
+
+    /// Whether the SubDevice at `position` is lost or on its way back.
+    pub fn is_away(&self, position: u16) -> bool {
+        self.supervisor.is_away(position)
+    }
+
+    /// Has something done beside the cycle, in spare datagrams; given back where there is no room.
+    ///
+    /// Its tag has the bit [`OTHERS`](crate::supervision::OTHERS).
+    pub fn submit_acyclic(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
+        self.bus.submit(request)
+    }
+
+    /// What was submitted by this tag, once it has ended.
+    pub fn take_acyclic(&mut self, tag: u64) -> Option<AcyclicCompletion> {
+        self.supervisor.take_ended(tag)
+    }
+
     /// The next thing that happened on the bus.
     pub fn take_event(&mut self) -> Option<Words> {
         self.supervisor.take_event()
+    }
+
+    /// The next of what a drive said by an emergency: its wheel, and its error.
+    pub fn take_said(&mut self) -> Option<(usize, ErrorCode)> {
+        self.supervisor.take_said()
     }
 
     /// What was counted since OP was reached.

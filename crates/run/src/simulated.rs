@@ -2,9 +2,10 @@
 
 use omnibase_ethercat_sim::Segment;
 use omnibase_ethercat_sim::device::drive::DriveKind;
+use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_platform::Wheel;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{DrivePlace, DrivePlan, SimulationTable, TurnDirection};
+use omnibase_robot::config::{DrivePlace, DrivePlan, EncoderName, SimulationTable, TurnDirection};
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
@@ -121,6 +122,10 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
         let drive = &plan.drives[wheel];
         let kind = if drive.device == "sgdv" { DriveKind::Sgdv } else { DriveKind::Generic };
         let mut station = DriveStation::new(kind, wheel);
+        station.encoder = match drive.encoder {
+            EncoderName::Incremental => Encoder::Incremental,
+            EncoderName::Absolute => Encoder::Absolute,
+        };
         station.counts_per_revolution = drive.scale.counts_per_revolution;
         if let DrivePlace::Alias(alias) = drive.place {
             station.piece.alias = alias;

@@ -3,6 +3,7 @@
 //! The supervisor looks at what the cyclic bus knows after each exchange. It names SubDevices that were lost, starts
 //! their way back to OP, reads their error counters in turn, and takes their emergencies. It never waits.
 
+mod faults;
 mod figures;
 mod registers;
 
@@ -11,23 +12,30 @@ use std::fmt;
 use std::time::Duration;
 
 use omnibase_cia402::{DriveState, ErrorCode};
-use omnibase_ethercat::cyclic::{Comeback, CyclicBus, Goal, Health, Phase, RecoveryError};
+use omnibase_ethercat::cyclic::{
+    AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, Phase, RecoveryError,
+};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
 use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
 
 use crate::events::Words;
 
+use faults::{ERROR_CODE_BYTES, Fault};
 use registers::{COUNTERS, ClockWay, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
 
+/// The bit in the tags of what others have done beside the cycle; the supervisor's own are without it.
+pub const OTHERS: u64 = 1 << 63;
 /// Events that wait to be taken.
 const MOST_WAITING: usize = 64;
 /// After its way back a SubDevice gets so long until the cycle sees it in OP.
 const SETTLE: Duration = Duration::from_millis(500);
 /// So many exchanges in a row of which nothing comes back are told.
 const SILENCE: u64 = 2;
+/// Emergencies of the manufacturer's own (CiA 301, table 26).
+const OWN_ERROR: u16 = 0xFF00;
 /// Pause before another attempt.
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -60,6 +68,7 @@ struct Supervised {
     counters: [u8; COUNTERS],
     clock: ClockWay,
     faulty: bool,
+    fault: Fault,
     figures: SubDeviceFigures,
 }
 
@@ -76,6 +85,10 @@ pub struct Supervisor {
     next: Look,
     buffer: Vec<u8>,
     restarted: u16,
+    /// What drives said by emergencies, by wheel.
+    said: VecDeque<(usize, ErrorCode)>,
+    /// Room for an answer.
+    error_code: Vec<u8>,
     reference: Option<u16>,
     ring: RingState,
     /// Exchanges in a row that may be incomplete before anything is done.
@@ -84,6 +97,10 @@ pub struct Supervisor {
     surplus: u16,
     /// Since when nothing comes back.
     silent_since: Option<HostTime>,
+    /// That the interface sees no link was said of this silence.
+    link_told: bool,
+    /// What others had done beside the cycle, and has ended.
+    ended: VecDeque<AcyclicCompletion>,
 }
 
 impl Supervisor {
@@ -114,6 +131,7 @@ impl Supervisor {
                 counters: [0; COUNTERS],
                 clock: ClockWay::Near,
                 faulty: false,
+                fault: Fault::Told,
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
             }
         };
@@ -128,11 +146,15 @@ impl Supervisor {
             next: Look::Counters,
             buffer: Vec::with_capacity(COUNTERS),
             restarted: 0,
+            said: VecDeque::with_capacity(MOST_WAITING),
+            error_code: Vec::with_capacity(ERROR_CODE_BYTES),
             reference: None,
             ring: RingState::Unknown,
             tolerated,
             surplus: 0,
             silent_since: None,
+            link_told: false,
+            ended: VecDeque::with_capacity(CAPACITY),
         }
     }
 
@@ -152,6 +174,7 @@ impl Supervisor {
             self.emergency(position, received.emergency);
         }
         self.look_at_registers(bus, now);
+        self.ask_for_faults(bus);
         self.watch_reference(bus);
         self.watch_ring(bus.link().ring());
     }
@@ -186,14 +209,15 @@ impl Supervisor {
             self.totals.silences += 1;
             let first = self.all.first().map_or("SubDevice 0", |one| one.figures.name.as_str());
             // That it sees one proves nothing: drivers notice late that it went.
-            let link = match bus.link().is_connected() {
-                Some(false) => "; the interface sees no link",
-                _ => "",
-            };
+            self.link_told = bus.is_link_down() || bus.link().is_connected() == Some(false);
+            let link = if self.link_told { "; the interface sees no link" } else { "" };
             let words = format_args!(
                 "nothing behind the interface answers for {cycles} cycles: {first}, its cable or its power{link}"
             );
             self.say(Words::new(words));
+        } else if self.silent_since.is_some() && bus.is_link_down() && !self.link_told {
+            self.link_told = true;
+            self.say("the interface sees no link".into());
         } else if cycles == 0
             && let Some(since) = self.silent_since.take()
         {
@@ -315,6 +339,9 @@ impl Supervisor {
         one.figures.emergencies += 1;
         self.totals.emergencies += 1;
         let omnibase_ethercat::wire::coe::Emergency { code, register, data } = emergency;
+        // One of the manufacturer's own carries its alarm in the data.
+        let error = if code & 0xFF00 == OWN_ERROR { u16::from_le_bytes([data[0], data[1]]) } else { code };
+        self.drive_says(number, ErrorCode(error));
         self.tell(
             number,
             format_args!("emergency 0x{code:04x}, error register 0x{register:02x}, data {data:02x?}"),
@@ -331,12 +358,17 @@ impl Supervisor {
             if faulty && !std::mem::replace(&mut one.faulty, faulty) {
                 one.figures.faults += 1;
                 self.totals.drive_faults += 1;
+                one.fault = if drive.error == ErrorCode::NONE { Fault::Untold } else { Fault::Told };
                 match drive.error {
                     ErrorCode::NONE => self.tell(number, format_args!("drive fault")),
                     error => self.tell(number, format_args!("drive fault, error code {error}")),
                 }
             }
-            self.all[number].faulty = faulty;
+            let one = &mut self.all[number];
+            one.faulty = faulty;
+            if !faulty && one.fault == Fault::Untold {
+                one.fault = Fault::Told;
+            }
         }
     }
 
@@ -369,6 +401,22 @@ impl Supervisor {
         }
         let dropped = std::mem::take(&mut self.events_dropped);
         (dropped > 0).then(|| Words::new(format_args!("{dropped} more events of the bus found no room")))
+    }
+
+    /// The next of what a drive said by an emergency: its wheel, and its error.
+    pub fn take_said(&mut self) -> Option<(usize, ErrorCode)> {
+        self.said.pop_front()
+    }
+
+    /// All SubDevices.
+    pub fn subdevices(&self) -> impl Iterator<Item = &SubDevice> {
+        self.all.iter().map(|one| &one.subdevice)
+    }
+
+    /// What somebody else had done beside the cycle by this tag, once it has ended.
+    pub fn take_ended(&mut self, tag: u64) -> Option<AcyclicCompletion> {
+        let at = self.ended.iter().position(|done| done.tag == tag)?;
+        self.ended.remove(at)
     }
 
     /// Whether the SubDevice at `position` is lost or still on its way back: its outputs have to be safe.

@@ -13,6 +13,7 @@ use omnibase_run::session::{Session, SessionError};
 use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
 const BMM: &str = include_str!("../../../robots/bmm.toml");
+const BROKEN: LinkError = LinkError::System { operation: "sending a frame", code: 5 };
 /// Longer than every watchdog, quick stop and roll-out of these robots.
 const AFTERWARDS: Duration = Duration::from_secs(10);
 
@@ -32,8 +33,8 @@ enum Deed {
     Break(usize, Fault),
     /// No frame comes through any more.
     Cut,
-    /// The port itself is gone.
-    Down,
+    /// The port itself is broken.
+    BreakPort,
 }
 
 /// When it happens.
@@ -52,7 +53,7 @@ struct Eventful<'a> {
     stop: &'a AtomicBool,
     progress: &'a Progress,
     cut: bool,
-    down: bool,
+    is_broken: bool,
 }
 
 impl Eventful<'_> {
@@ -66,7 +67,7 @@ impl Eventful<'_> {
                 Deed::Stop => self.stop.store(true, Ordering::Relaxed),
                 Deed::Break(position, fault) => self.link.segment_mut().inject(position, fault).unwrap(),
                 Deed::Cut => self.cut = true,
-                Deed::Down => self.down = true,
+                Deed::BreakPort => self.is_broken = true,
             }
         }
     }
@@ -75,8 +76,8 @@ impl Eventful<'_> {
 impl Link for Eventful<'_> {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
         self.act();
-        match (self.down, self.cut) {
-            (true, _) => Err(LinkError::Down),
+        match (self.is_broken, self.cut) {
+            (true, _) => Err(BROKEN),
             (_, true) => Ok(()),
             _ => self.link.send(frame),
         }
@@ -111,7 +112,7 @@ fn played(changes: &[&str], mut deeds: Vec<(When, Deed)>) -> Ended {
     let (segment, machine) = simulated::segment(&plan).unwrap();
     let (link, clock) = in_process(segment);
     let (stop, progress) = (AtomicBool::new(false), Progress::default());
-    let mut link = Eventful { link, deeds, stop: &stop, progress: &progress, cut: false, down: false };
+    let mut link = Eventful { link, deeds, stop: &stop, progress: &progress, cut: false, is_broken: false };
     let setup = Setup {
         plan: &plan,
         robot: Robot::build(&plan, &Registry::with_built_in()).unwrap(),
@@ -246,12 +247,9 @@ fn lost_frames_end_in_a_stop_also_while_it_ramps_down() {
 }
 
 #[test]
-fn a_port_that_is_gone_ends_the_run_at_once() {
-    let ended = played(&[], vec![(When::Cycle(3000), Deed::Down)]);
-    assert!(matches!(
-        ended.ran,
-        Ok(Ran { ended: Err(RunError::Session(SessionError::Link(LinkError::Down))), .. })
-    ));
+fn a_port_that_is_broken_ends_the_run_at_once() {
+    let ended = played(&[], vec![(When::Cycle(3000), Deed::BreakPort)]);
+    assert!(matches!(ended.ran, Ok(Ran { ended: Err(RunError::Session(SessionError::Link(BROKEN))), .. })));
     ended.is_safe("without a port");
 }
 

@@ -27,4 +27,4 @@ pub use limits::{Limits, LimitsError, Peaks, Refusal};
 pub use path_points::{PathPoint, PathPoints, PathPointsError};
 pub use playback::{Playback, PlaybackError};
 pub use shape::{Heading, Shape, ShapeError, ShapeTrajectory};
-pub use trajectory::{Placed, Setpoint, Trajectory};
+pub use trajectory::{LONGEST_S, Placed, Setpoint, Trajectory};

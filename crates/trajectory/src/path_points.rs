@@ -7,6 +7,8 @@ use std::f64::consts::TAU;
 
 use omnibase_platform::Pose2;
 
+use crate::trajectory::LONGEST_S;
+
 /// A pose at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathPoint {
@@ -85,6 +87,18 @@ pub enum PathPointsError {
         /// The time found.
         found_s: f64,
     },
+    /// A time beyond any use.
+    #[error(
+        "line {line}, column {column}: expected a time from −{LONGEST_S} s to {LONGEST_S} s, found {found_s} s"
+    )]
+    TooFar {
+        /// The line, 0 if the points come from no file.
+        line: usize,
+        /// The column, in characters.
+        column: usize,
+        /// The time found.
+        found_s: f64,
+    },
     /// Too few points for a motion.
     #[error("{found} points: expected at least 2")]
     TooFew {
@@ -102,7 +116,7 @@ impl PathPoints {
         let mut lines = Vec::new();
         for (at, text) in text.lines().enumerate() {
             let Some((point, column)) = parse_line(text, at + 1)? else { continue };
-            check_order(points.last(), &point, (at + 1, column))?;
+            check_time(points.last(), &point, (at + 1, column))?;
             points.push(point);
             lines.push(at + 1);
         }
@@ -118,7 +132,7 @@ impl PathPoints {
                     return Err(PathPointsError::NotFinite { line: 0, column: 0, what, found });
                 }
             }
-            check_order(at.checked_sub(1).map(|before| &points[before]), point, (0, 0))?;
+            check_time(at.checked_sub(1).map(|before| &points[before]), point, (0, 0))?;
         }
         let lines = vec![0; points.len()];
         PathPoints::counted(points, lines)
@@ -176,12 +190,15 @@ pub fn nearest_turn_rad(angle_rad: f64, towards_rad: f64) -> f64 {
     angle_rad + TAU * ((towards_rad - angle_rad) / TAU).round()
 }
 
-fn check_order(
+fn check_time(
     before: Option<&PathPoint>,
     point: &PathPoint,
     (line, column): (usize, usize),
 ) -> Result<(), PathPointsError> {
     match before {
+        _ if point.time_s.abs() > LONGEST_S => {
+            Err(PathPointsError::TooFar { line, column, found_s: point.time_s })
+        }
         Some(before) if point.time_s <= before.time_s => {
             Err(PathPointsError::TimeOrder { line, column, before_s: before.time_s, found_s: point.time_s })
         }

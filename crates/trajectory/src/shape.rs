@@ -6,7 +6,7 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use crate::polynomial::{End, Polynomial};
-use crate::trajectory::{Setpoint, Trajectory};
+use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 
 /// A curve in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +65,12 @@ pub enum ShapeError {
         /// What was found.
         found: f64,
     },
+    /// A motion beyond any use.
+    #[error("it takes {found_s} s, expected at most {LONGEST_S} s")]
+    TooLong {
+        /// How long it takes.
+        found_s: f64,
+    },
 }
 
 /// A curve's point, or one of its derivatives by φ.
@@ -90,6 +96,9 @@ impl ShapeTrajectory {
             if !(found.is_finite() && found > 0.0) {
                 return Err(ShapeError::Setting { setting, found });
             }
+        }
+        if duration_s > LONGEST_S {
+            return Err(ShapeError::TooLong { found_s: duration_s });
         }
         let end = End { position: TAU * turns, ..End::default() };
         let phase = Polynomial::quintic(End::default(), end, duration_s);

@@ -2,6 +2,10 @@
 
 use omnibase_platform::{Pose2, Twist2};
 
+/// The longest motion, and the latest time of a path point, in s: eleven days. Beyond it nobody waits for the end, and
+/// the time of a cycle would be lost in rounding.
+pub const LONGEST_S: f64 = 1e6;
+
 /// Where the platform shall be, and how it shall move there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {

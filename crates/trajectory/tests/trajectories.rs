@@ -6,8 +6,8 @@ use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Quantity, Retiming};
 use omnibase_trajectory::path_points::nearest_turn_rad;
 use omnibase_trajectory::{
-    Heading, Interpolation, Limits, PathPoints, Peaks, Placed, PointTrajectory, Shape, ShapeTrajectory,
-    SpeedRule, Trajectory,
+    Heading, Interpolation, LONGEST_S, Limits, PathPoint, PathPoints, PathPointsError, Peaks, Placed,
+    PointTrajectory, Shape, ShapeTrajectory, SpeedRule, Trajectory,
 };
 use proptest::prelude::*;
 
@@ -195,6 +195,26 @@ fn shapes_go_from_rest_to_rest_and_their_heading_follows_the_tangent() {
     assert!(spiral.sample(20.0).odom_from_base.distance_m(Pose2::new(0.6, 0.0, 0.0)) < 1e-12);
     assert!(ShapeTrajectory::new(Shape::Spiral { step_m: 0.3 }, Heading::Fixed, f64::NAN, 20.0).is_err());
     assert!(ShapeTrajectory::new(Shape::Circle { radius_m: -1.0 }, Heading::Fixed, 1.0, 20.0).is_err());
+}
+
+#[test]
+fn times_beyond_any_use_are_refused_in_words() {
+    let refusal = PathPoints::parse("0 0 0 0\n1e6 1 0 0\n(1e18, 2, 0, 0)").unwrap_err();
+    assert_eq!(
+        refusal.to_string(),
+        "line 3, column 2: expected a time from −1000000 s to 1000000 s, found 1000000000000000000 s"
+    );
+    let point = |time_s| PathPoint { time_s, odom_from_base: Pose2::default() };
+    for times in [[-1e18, 0.0], [0.0, 1.001e6], [-1e300, 1e300]] {
+        let refusal = PathPoints::new(times.map(point).to_vec()).unwrap_err();
+        assert!(matches!(refusal, PathPointsError::TooFar { .. }), "{refusal}");
+    }
+    assert!(PathPoints::new([-1e6, 1e6].map(point).to_vec()).is_ok());
+    let circle =
+        |duration_s| ShapeTrajectory::new(Shape::Circle { radius_m: 0.5 }, Heading::Fixed, 1.0, duration_s);
+    assert!(circle(LONGEST_S).is_ok());
+    let refusal = circle(1e18).unwrap_err();
+    assert_eq!(refusal.to_string(), "it takes 1000000000000000000 s, expected at most 1000000 s");
 }
 
 #[test]

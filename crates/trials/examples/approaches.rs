@@ -28,7 +28,28 @@ fn main() {
         let cycles: u64 = results.iter().map(|(_, result)| result.cycles).sum();
         let limited = results.iter().filter(|(_, result)| result.limited > 0).count();
         println!("{cycles} cycles; fence or obstacle limited {limited} approaches");
-        distribution("room to the fence", &results, |result| result.fence_m);
+        distribution("room to the fence, of the believed footprint", &results, |result| result.fence_m);
+        distribution("room to the fence, of the true footprint within 3 sigma", &results, |result| {
+            result.true_fence_m
+        });
+        let count = |of: &dyn Fn(&Approach) -> bool| results.iter().filter(|(_, result)| of(result)).count();
+        let outside = count(&|result| result.true_fence_m < 0.0);
+        println!("\ntrue footprint outside, within 3 sigma: {outside}");
+        println!("true footprint outside, beyond 3 sigma: {}", count(&|result| result.beyond > 0));
+        let greatest =
+            |of: &dyn Fn(&Approach) -> f64| results.iter().map(|(_, result)| of(result)).fold(0.0, f64::max);
+        println!(
+            "the believed pose was off by {:.1} mm and {:.2} sigma at most",
+            greatest(&|result| result.error_m) * 1e3,
+            greatest(&|result| result.error_sigmas)
+        );
+        let larger = count(&|result| result.error_m > 0.02);
+        println!("by more than 20 mm in {larger} approaches");
+        println!(
+            "way blocked: given up {}, refused beforehand {}",
+            count(&|result| result.given_up),
+            count(&|result| result.refused)
+        );
         distribution("distance to standing obstacles", &results, |result| result.standing_m);
         distribution("distance to moving obstacles", &results, |result| result.moving_m);
         distribution(

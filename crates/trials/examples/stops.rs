@@ -2,32 +2,47 @@
 //!
 //! `cargo run --release -p omnibase-trials --example stops [cases] [first seed]`
 //!
-//! Each row of cases has one of the three policies for a lost drive.
+//! Each row of cases has one of the three policies for a lost drive, and one of the three for the time after it.
 
 use omnibase_trials::robots::{BMM, CIRCLE};
-use omnibase_trials::stops::{Blocking, Case, LOSSES, Loss, STATES, Stops};
+use omnibase_trials::stops::{Blocking, Case, Comeback, LOSSES, Loss, STATES, Stops};
 use omnibase_trials::{Trial, plan_of};
 use std::collections::BTreeMap;
 
 /// Cases that one robot lives through before the next one is taken.
 const ROW: u64 = 2000;
 
+/// What may come by itself, in the order in which it is counted.
+const COMEBACKS: [Comeback; 3] = [Comeback::Stayed, Comeback::Held, Comeback::MovedAsWarned];
+
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
     let (cases, first) = (arguments.next().unwrap_or(10_000), arguments.next().unwrap_or(1));
     let mut worst: BTreeMap<Loss, (u64, Case)> = BTreeMap::new();
     let mut states: BTreeMap<_, u64> = BTreeMap::new();
-    let (mut late, mut on_top, mut blocked) = (0, 0, 0);
+    let (mut late, mut moved, mut on_top, mut blocked) = (0, 0, 0, 0);
+    let mut comebacks = [0_u64; COMEBACKS.len()];
     let (mut torque_s, mut on_top_s) = (0.0_f64, 0.0_f64);
     for row in 0..cases.div_ceil(ROW) {
         let policy = ["quick_stop", "ramp", "remove_torque"][(row % 3) as usize];
-        let text = format!("{BMM}{CIRCLE}\n[safety]\non_lost_device = \"{policy}\"\n");
+        let after = ["stay", "hold", "move_again_unattended"][(row / 3 % 3) as usize];
+        let text = format!(
+            "{BMM}{CIRCLE}\n[safety]\non_lost_device = \"{policy}\"\nafter_lost_device = \"{after}\"\n\
+             move_again_warning_ms = 3000\n"
+        );
         let mut stops = Stops::new(Trial::new(plan_of(&text)), first + row * ROW);
         for _ in 0..ROW.min(cases - row * ROW) {
             let case = stops.case();
             if !case.is_in_time() {
                 late += 1;
                 println!("LATE ({policy}): {case:?}");
+            }
+            if case.moves_without_person() {
+                moved += 1;
+                println!("MOVED WITHOUT A PERSON ({policy}, {after}): {case:?}");
+            }
+            for (count, comeback) in comebacks.iter_mut().zip(COMEBACKS) {
+                *count += u64::from(case.comeback == comeback);
             }
             on_top += u64::from(case.then.is_some());
             blocked += u64::from(case.blocking == Blocking::Kept);
@@ -64,6 +79,10 @@ fn main() {
         "\n{on_top} had another stop on top, {on_top_s:.3} s the longest; {blocked} sources stayed blocked until a person enabled them"
     );
     println!("after the loss of a drive torque was off after {torque_s:.3} s at the latest");
-    println!("{cases} cases, {late} not in time");
-    assert_eq!(late, 0);
+    let [stayed, held, warned] = comebacks;
+    println!(
+        "when what was lost was back, {stayed} stayed without torque, {held} held, {warned} moved again as they had warned"
+    );
+    println!("{cases} cases, {late} late, {moved} moved without a person");
+    assert_eq!((late, moved), (0, 0));
 }

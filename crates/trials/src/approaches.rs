@@ -1,32 +1,49 @@
 //! Approaches to fences and obstacles: seeded worlds in which a whole robot's cycle drives a kinematic body.
 //!
-//! The body is wheels that turn as they are told, one cycle late, and don't slip: what the believed pose is the true
-//! one. So what is shown is what the cycle itself guarantees; tyres and motors are the margin's business. Distances are
-//! measured here with geometry of its own, which shares nothing with the robot's.
+//! The body is wheels that turn as they are told, one cycle late, and don't slip. Its true pose drifts away from the
+//! believed one as far as the estimator says of itself that it may. So what is shown is what the cycle itself guarantees;
+//! tyres and motors are the margin's business. Distances are measured here with geometry of its own, which shares nothing
+//! with the robot's.
 
+mod drift;
 mod measure;
 mod wheel;
 mod world;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::AvoidanceKind;
-use omnibase_robot::signals::{Frame, Phase, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Registry, Request, RequestKind, Robot, RobotPlan,
 };
 
+pub use drift::Drift;
 pub use measure::{distance_to_circle_m, room_in_fence_m};
 pub use wheel::register_kinematic;
 pub use world::{Random, Source, World};
 
 /// Less than that isn't nearer, m.
 const ROUNDING_M: f64 = 1e-9;
+/// So many standard deviations the fence counts with.
+const SIGMAS: f64 = 3.0;
 
 /// What one approach came to.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach {
-    /// Least room to the fence, m; infinite without one.
+    /// Least room of the believed footprint to the fence, m; infinite without one.
     pub fence_m: f64,
+    /// Least room of the true footprint while the believed pose was off by three standard deviations at most, m.
+    pub true_fence_m: f64,
+    /// Cycles in which the true footprint was outside, and the believed pose off by more than that.
+    pub beyond: u64,
+    /// The greatest error of the believed pose, m.
+    pub error_m: f64,
+    /// The same in standard deviations.
+    pub error_sigmas: f64,
+    /// A motion was given up because obstacles blocked its way.
+    pub given_up: bool,
+    /// One was refused beforehand for that.
+    pub refused: bool,
     /// Least distance to a standing obstacle that didn't come out of nowhere, m; infinite without one.
     pub standing_m: f64,
     /// Least distance to a moving one, m: it may drive into a robot that stands.
@@ -62,6 +79,12 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
     let mut image = ImageBuffer::new(&world.plan);
     let mut result = Approach {
         fence_m: f64::INFINITY,
+        true_fence_m: f64::INFINITY,
+        beyond: 0,
+        error_m: 0.0,
+        error_sigmas: 0.0,
+        given_up: false,
+        refused: false,
         standing_m: f64::INFINITY,
         moving_m: f64::INFINITY,
         own_m: f64::INFINITY,
@@ -72,6 +95,7 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
         cycles: 0,
         limited: 0,
     };
+    let mut drift = Drift::new(seed);
     let mut acceleration = Twist2::default();
     let mut setpoint_before = Pose2::default();
     for index in 0..world.cycles + 8 {
@@ -90,9 +114,20 @@ pub fn run(base: &RobotPlan, registry: &Registry, seed: u64, avoidance: Avoidanc
         let pose = record.state.odom_from_body;
         let setpoint = record.setpoint.odom_from_body;
         if let Some(fence) = &world.plan.guard.fence {
-            let room_m = room_in_fence_m(&world.plan.guard.footprint_m, &pose, &fence.corners_m);
-            result.fence_m = result.fence_m.min(room_m);
+            let room = |pose: &Pose2| room_in_fence_m(&world.plan.guard.footprint_m, pose, &fence.corners_m);
+            result.fence_m = result.fence_m.min(room(&pose));
+            let (truth, sigmas) = drift.truth(&record.state, room);
+            let room_m = room(&truth);
+            if sigmas <= SIGMAS {
+                result.true_fence_m = result.true_fence_m.min(room_m);
+            } else {
+                result.beyond += u64::from(room_m < 0.0);
+            }
+            result.error_m = result.error_m.max(truth.distance_m(pose));
+            result.error_sigmas = result.error_sigmas.max(sigmas);
         }
+        result.given_up |= record.allowed.reason == SafetyReason::WayBlocked;
+        result.refused |= record.answer == RequestAnswer::Blocked;
         take_shares(&mut result, &record, acceleration, &world.plan);
         acceleration = record.setpoint.acceleration_in_odom;
         result.cycles += 1;

@@ -4,7 +4,8 @@ use std::sync::atomic::AtomicBool;
 
 use omnibase_ethercat_sim::in_process;
 use omnibase_robot::{Registry, Robot};
-use omnibase_run::{Progress, Ran, RobotText, Setup, run, simulated};
+use omnibase_robot_sim::SharedMachine;
+use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
 use crate::robots;
 
@@ -98,6 +99,30 @@ impl Case {
 /// # Panics
 /// Where the robot can't be made or brought up.
 pub fn track(text: &str) -> Ran {
+    track_and_look(text).ran
+}
+
+/// A run, and the machine that it moved.
+pub struct Tracked {
+    /// What the run came to.
+    pub ran: Ran,
+    /// The machine, as the run left it.
+    pub machine: SharedMachine,
+}
+
+/// Runs a robot's file once, as `omnibase run` does, and keeps the truth.
+///
+/// # Panics
+/// Where the robot can't be made or brought up.
+pub fn track_and_look(text: &str) -> Tracked {
+    bring_up(text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Runs a robot's file once; an error where its bus can't be brought up.
+///
+/// # Panics
+/// Where the robot can't be made.
+pub fn bring_up(text: &str) -> Result<Tracked, RunError> {
     let registry = Registry::with_built_in();
     let robot = RobotText { text: text.to_owned(), ..RobotText::default() }.load(&registry);
     let robot = robot.unwrap_or_else(|problems| panic!("{problems:#?}"));
@@ -106,11 +131,12 @@ pub fn track(text: &str) -> Ran {
     let setup = Setup {
         plan: &robot.plan,
         robot: Robot::build(&robot.plan, &registry).unwrap_or_else(|error| panic!("{error}")),
-        machine: Some(machine),
+        machine: Some(machine.clone()),
         recording: None,
         live: None,
         stop: &AtomicBool::new(false),
         progress: &Progress::default(),
     };
-    run(link, clock, setup, &mut |_| {}).unwrap_or_else(|error| panic!("{error}"))
+    let ran = run(link, clock, setup, &mut |_| {})?;
+    Ok(Tracked { ran, machine })
 }

@@ -1,7 +1,7 @@
 //! A simulated servo on a wheel of the machine, and its process data as bytes: a SubDevice without its chip.
 
 use omnibase_ethercat_sim::device::axis::{Axis, AxisState};
-use omnibase_ethercat_sim::device::servo::{Servo, ServoConfig};
+use omnibase_ethercat_sim::device::servo::{Encoder, Servo, ServoConfig};
 use omnibase_ethercat_sim::device::{Device, Moment, Outputs};
 use omnibase_ethercat_sim::dictionary::Dictionary;
 use omnibase_ethercat_sim::dictionary::pdo::{self, Direction, Layout};
@@ -9,7 +9,7 @@ use omnibase_ethercat_sim::dictionary::standard::{Nameplate, PdoMap};
 use omnibase_ethercat_wire::coe::ObjectAddress;
 use omnibase_ethercat_wire::sii::Identity;
 use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
-use omnibase_robot::config::DrivePlan;
+use omnibase_robot::config::{DrivePlan, EncoderName};
 use omnibase_robot_sim::{MotorParameters, SharedMachine};
 
 /// One motor of the machine, as its servo knows it.
@@ -66,6 +66,10 @@ impl ServoBox {
             torque_time_constant_s: 0.0,
             // Any first value, one of them close to its wrap.
             initial_position: [2_147_480_000, -77_777, 123_456, 0][wheel % 4],
+            encoder: match drive.encoder {
+                EncoderName::Incremental => Encoder::Incremental,
+                EncoderName::Absolute => Encoder::Absolute,
+            },
             ..ServoConfig::default()
         };
         let maps = |pdos: &[omnibase_robot::config::PdoPlan]| -> Vec<PdoMap> {
@@ -149,6 +153,13 @@ impl ServoBox {
         }
         let code = AlStatusCode(0x001B);
         self.servo.state_changed(&mut self.dictionary, AlState::SafeOp, code);
+    }
+
+    /// It fails by itself.
+    pub(crate) fn fail(&mut self, error: u16) {
+        if self.is_powered {
+            self.servo.fault(&mut self.dictionary, error);
+        }
     }
 
     /// It is in OP again, as after a recovery.

@@ -5,6 +5,7 @@
 //! they stand.
 
 mod allowed;
+mod comeback;
 mod row;
 
 use omnibase_robot::signals::{SafetyAction, StopCategory};
@@ -78,6 +79,10 @@ pub enum Loss {
     DrivePower,
     /// One drive loses its process data: it goes on until its watchdog expires.
     DriveData,
+    /// A drive fails by itself.
+    DriveFault,
+    /// An emergency stop cuts the supply of all drives.
+    SupplyCut,
 }
 
 /// All states.
@@ -93,7 +98,7 @@ pub const STATES: [State; 9] = [
     State::Stopping,
 ];
 /// All losses; those from the sixth on can come on top of others.
-pub const LOSSES: [Loss; 13] = [
+pub const LOSSES: [Loss; 15] = [
     Loss::LetGo,
     Loss::StickGone,
     Loss::StickSilent,
@@ -107,6 +112,8 @@ pub const LOSSES: [Loss; 13] = [
     Loss::CableCut,
     Loss::DrivePower,
     Loss::DriveData,
+    Loss::DriveFault,
+    Loss::SupplyCut,
 ];
 /// What can come on top of a stop that is under way.
 const ON_TOP: &[Loss] = LOSSES.split_at(5).1;
@@ -141,6 +148,11 @@ impl Loss {
         matches!(self, Loss::DrivePower | Loss::DriveData)
     }
 
+    /// Whether a wheel is left that no drive brakes.
+    fn leaves_unbraked(self) -> bool {
+        self.is_drive() || matches!(self, Loss::DriveFault | Loss::SupplyCut)
+    }
+
     /// Whether whoever drove by it has to be enabled by a person.
     fn blocks(self) -> bool {
         matches!(self, Loss::StickGone | Loss::StickSilent | Loss::PageClosed | Loss::PageSilent)
@@ -158,7 +170,8 @@ impl Loss {
             Loss::Category1 | Loss::Emergency => SafetyAction::Stop(StopCategory::RampThenRemove),
             Loss::Category0 => SafetyAction::Stop(StopCategory::RemoveTorque),
             Loss::DrivePower | Loss::DriveData => lost_device_stop,
-            Loss::Killed | Loss::CableCut => return u8::MAX,
+            Loss::DriveFault => SafetyAction::QuickStop,
+            Loss::Killed | Loss::CableCut | Loss::SupplyCut => return u8::MAX,
         };
         action.severity()
     }
@@ -186,6 +199,23 @@ pub struct Case {
     pub torque_off_s: Option<(f64, f64)>,
     /// Whether a stick or page that was lost commanded again before a person enabled it, or not even then.
     pub blocking: Blocking,
+    /// Whether anything moved once what was lost was back.
+    pub comeback: Comeback,
+}
+
+/// What happened by itself when what was lost was back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comeback {
+    /// Nothing was lost on the bus.
+    NotConcerned,
+    /// It stayed without torque.
+    Stayed,
+    /// Its drives were enabled, and it holds.
+    Held,
+    /// It moved where the file says so, behind a loss alone, with a person there, and warned for long enough.
+    MovedAsWarned,
+    /// It moved, or was enabled, and must not have been.
+    WithoutPerson,
 }
 
 /// What became of a source that was lost.
@@ -207,5 +237,10 @@ impl Case {
         self.stopped_s <= self.allowed_s
             && self.torque_off_s.is_none_or(|(found_s, allowed_s)| found_s <= allowed_s)
             && matches!(self.blocking, Blocking::NotConcerned | Blocking::Kept)
+    }
+
+    /// Whether anything moved, or was enabled, that needs a person.
+    pub fn moves_without_person(&self) -> bool {
+        self.comeback == Comeback::WithoutPerson
     }
 }

@@ -171,6 +171,11 @@ impl Trial {
         }
     }
 
+    /// A drive fails by itself, with this error.
+    pub fn fail_drive(&mut self, wheel: usize, error: u16) {
+        self.servos[wheel].fail(error);
+    }
+
     /// The process-data watchdog of one drive runs out.
     pub fn watchdog_expires(&mut self, wheel: usize) {
         self.servos[wheel].watchdog_expires();

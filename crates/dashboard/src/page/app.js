@@ -1,11 +1,16 @@
 // The page: what is seen goes to its places, what is pressed goes to the robot.
 
-import { Link, read } from "./link.js";
+import { faultWords } from "./fault.js";
+import { AGAIN_MS, Link, OLD_MS, post, read } from "./link.js";
 import { Obstacles } from "./obstacles.js";
 import { Plots } from "./plots.js";
 import { Settings } from "./settings.js";
 import { Sticks } from "./stick.js";
+import { StopButton } from "./stop.js";
 import { View } from "./view.js";
+
+/** So long a slow line may take for a stop. */
+const STOP_MS = 10000;
 
 const by = (id) => document.getElementById(id);
 const view = new View(by("view"));
@@ -13,13 +18,24 @@ const link = new Link();
 const sticks = new Sticks(link, {
   stick: by("stick"), turn: by("turn"), share: by("share"), odom: by("odom"), gamepad: by("gamepad"),
 });
+const stop = new StopButton(by("stop"), link);
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
-let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, planned = null, plannedKey = "";
+let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "";
 
 // What is pressed.
 
-async function ask(call) {
-  const said = await link.call(call);
+async function ask(call, pressed_ms) {
+  return show(await link.call(call, pressed_ms));
+}
+
+/** A stop is said into a silent line too, and by the second way. */
+async function halt(call) {
+  if (!link.isSilent) return ask(call);
+  link.say(call);
+  return show(await post(call, STOP_MS));
+}
+
+function show(said) {
   by("said").textContent = said.text;
   by("said").classList.toggle("no", !said.done);
   return said;
@@ -30,18 +46,22 @@ function refuse(text) {
   by("said").classList.add("no");
 }
 
-for (const button of document.querySelectorAll("[data-do]")) button.onclick = () => ask({ do: button.dataset.do });
-for (const button of document.querySelectorAll("[data-stop]")) {
-  button.onclick = () => ask({ do: "stop", category: button.dataset.stop });
+for (const button of document.querySelectorAll("[data-do]")) {
+  button.onclick = ({ timeStamp }) => ask({ do: button.dataset.do }, timeStamp);
 }
-by("stop").addEventListener("pointerdown", () => ask({ do: "emergency_stop" }));
-by("stop").addEventListener("click", () => ask({ do: "emergency_stop" }));
+for (const button of document.querySelectorAll("[data-stop]")) {
+  button.onclick = () => halt({ do: "stop", category: button.dataset.stop });
+}
+by("give-up").onclick = () => stop.giveUp();
+by("stop").addEventListener("said", showAge);
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches?.("input:not([type=range]):not([type=checkbox]), select, textarea");
   if (event.code !== "Space" || typing) return;
   event.preventDefault();
-  if (!event.repeat) ask({ do: "emergency_stop" });
+  if (!event.repeat) stop.press();
 });
+// A button that has the focus isn't pressed by the same key.
+document.addEventListener("keyup", (event) => event.code === "Space" && event.target.matches?.("button") && event.preventDefault());
 by("share").oninput = () => (by("share-is").textContent = `${by("share").value} %`);
 by("controller").onchange = () => ask({ do: "controller", name: by("controller").value });
 by("follow").onclick = () => view.setFollow(!view.follow);
@@ -71,11 +91,13 @@ function picking(button, then) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
     for (const other of [by("go"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
-    view.onPick = on ? (place) => (button.click(), then(place)) : null;
+    view.onPick = on ? (place, pressed_ms) => (button.click(), then(place, pressed_ms)) : null;
     view.canvas.style.cursor = on ? "crosshair" : "";
   };
 }
-picking(by("go"), ([x, y]) => ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }));
+picking(by("go"), ([x, y], pressed_ms) => {
+  ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }, pressed_ms);
+});
 
 picking(by("obstacle"), (place) => obstacles.put(place, facts.obstacle_places));
 const obstacles = new Obstacles(view, by("obstacle-bar"), { ask, send: (call) => link.send(call), refuse });
@@ -98,37 +120,38 @@ function pose(topic) {
 
 const fixed = (number, digits) => (number === null ? "–" : number.toFixed(digits));
 
-link.addEventListener("open", () => by("link").classList.remove("lost"));
-link.addEventListener("lost", () => {
-  by("link").textContent = "no connection: what this page commanded has stopped";
-  by("link").classList.add("lost");
-  sticks.mayDrive = false;
-});
+for (const change of ["open", "lost", "watched"]) link.addEventListener(change, showAge);
 link.addEventListener("welcome", async ({ detail }) => {
   me = detail.you;
   bit = detail.stick_bit;
   may = detail.may;
-  try {
-    await begin();
-  } catch (error) {
-    by("link").textContent = error.message;
+  const { socket } = link;
+  while (socket === link.socket) {
+    try {
+      return await begin();
+    } catch (error) {
+      who = error.message;
+      await new Promise((later) => setTimeout(later, AGAIN_MS));
+    }
   }
 });
-link.addEventListener("seen", ({ detail }) => facts && see(detail));
+link.addEventListener("seen", ({ detail }) => {
+  stop.see(detail.emergency_stop);
+  if (facts) see(detail);
+});
 
 async function begin() {
   facts = await read("robot");
   document.title = `${facts.name} · omnibase`;
   by("name").textContent = facts.name + (facts.simulated ? " (simulated)" : "");
   by("truth-key").hidden = !facts.simulated;
-  by("link").textContent = me ? `you are ${me}` : may === "stop"
-    ? "all sessions are taken: you may look, and stop"
-    : "you may look: open the address with its token to command";
+  who = me ? `you are ${me}` : may === "stop" ? "all sessions taken: you may look, and stop" : "you may look, and stop";
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
     if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
   }
-  for (const stop of [by("stop"), ...document.querySelectorAll("[data-stop]")]) stop.disabled = may === "look";
+  // Whoever sees the robot may stop it.
+  for (const button of [by("stop"), by("give-up"), ...document.querySelectorAll("[data-stop]")]) button.disabled = false;
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
   savedPaths(facts.saved_paths);
@@ -171,39 +194,46 @@ async function drawPlanned(seen) {
   view.planned = planned.poses;
 }
 
+/** Every message counts, but only the latest is drawn: a page that draws slowly must not see ever older ones. */
 function see(seen) {
   last = seen;
-  const badge = by("phase");
+  isBlocked = bit !== null && Boolean((BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n);
+  const believed = pose("state");
+  if (believed) view.add(believed, facts.simulated ? pose("truth") : null);
+  if (seen.values.length) plots.take(seen.time_s, seen.values);
+  seen.events.forEach(happened);
+  if (!isDrawing) requestAnimationFrame(draw);
+  isDrawing = true;
+}
+
+function draw() {
+  isDrawing = false;
+  const seen = last, badge = by("phase");
   badge.textContent = seen.phase;
-  badge.className = `badge ${seen.phase.split(" ")[0]}`;
+  badge.className = `badge seen ${seen.phase.split(" ")[0]}`;
   const mine = seen.commander === me ? `you (${me})` : seen.commander;
   const how = seen.by_stick ? "by hand" : seen.course === "way" ? "going somewhere" : "on the path";
   by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
-  const isBlocked = bit !== null && (BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n;
-  sticks.mayDrive = me !== null && !isBlocked;
-  by("stop").classList.toggle("set", seen.emergency_stop);
-  showBanner(seen, isBlocked);
-  showStick(seen, isBlocked);
+  showAge();
   // What comes next, in green.
-  const next = seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
+  const next = seen.emergency_stop ? "" : seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
   for (const button of document.querySelectorAll(".buttons [data-do]")) {
     button.classList.toggle("go", button.dataset.do === next);
   }
   by("teach").textContent = seen.teaching_since_s === null
     ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
-  const [believed, truth] = [pose("state"), facts.simulated ? pose("truth") : null];
   obstacles.show(seen.obstacles);
   view.goal = seen.goal;
+  view.kept = value("guard/fence_kept_m");
   by("view").dataset.obstacles = seen.obstacles.length;
-  if (believed) view.add(believed, truth);
-  showPose(believed);
+  showPose(pose("state"));
   showDrives(seen);
   settings.show(seen.settings, me !== null);
   const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
   by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
-  if (seen.values.length) plots.take(seen.time_s, seen.values);
-  seen.events.forEach(happened);
+  view.draw();
+  plots.draw();
   drawPlanned(seen).catch(() => {});
 }
 
@@ -215,25 +245,58 @@ const JOYSTICK = {
   blocked: "The joystick at the robot is blocked until it is enabled, here or by its own button. Let go of it first.",
 };
 
+const seconds = (ms) => `${(ms / 1000).toFixed(1)} s`;
+
+/** What is old is grey, with its age; and nobody drives by it. */
+function showAge() {
+  const { isOld, isSilent, isOpen, age_ms, delay_ms } = link;
+  const age = age_ms === null ? "nothing seen yet" : isSilent ? `${seconds(age_ms)} old` : `up to ${seconds(delay_ms)} old`;
+  document.body.classList.toggle("old", isOld);
+  document.documentElement.style.setProperty("--age", JSON.stringify(age));
+  by("age").hidden = !isOld;
+  by("age").textContent = age;
+  const isLost = isSilent && age_ms !== null;
+  by("link").textContent = !isSilent ? who : age_ms === null ? "connecting" : isOpen ? "nothing is heard" : "no connection";
+  by("link").classList.toggle("lost", isLost);
+  by("delay").textContent = isSilent || delay_ms === null ? "" : `delay ${delay_ms > OLD_MS ? seconds(delay_ms) : `${delay_ms} ms`}`;
+  by("delay").className = `link ${delay_ms > OLD_MS ? "lost" : delay_ms > SLOW_MS ? "slow" : ""}`;
+  sticks.mayDrive = me !== null && !isBlocked && !isOld;
+  showBanner(last);
+  if (last) showStick(last);
+}
+
+/** A delay above it is told in another colour. */
+const SLOW_MS = 200;
+
 /** What a person must know wherever on the page they are, the worst of it, with what mends it. */
-function showBanner(seen, isBlocked) {
+function showBanner(seen) {
+  const isLost = link.isSilent && link.age_ms !== null;
   const [text, kind, button] =
-    seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", "", "release"]
-    : seen.phase === "fault" ? [`Fault: ${seen.stop_reason}`, "", "mend"]
+    stop.isUnheard ? ["STOP was not heard. Use the emergency stop on the machine. This page tries on until it is heard.", "", "give-up"]
+    : isLost ? [`${link.isOpen ? "Nothing is heard of the robot" : "No connection"}: what this page commanded has stopped; what is pressed is not sent.`, "", ""]
+    : !seen ? ["", "", ""]
+    : seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", "", "release"]
+    : seen.moves_again_in_s != null ? [`It moves again by itself in ${seen.moves_again_in_s.toFixed(1)} s: keep away from it, or stop it.`, "", ""]
+    : seen.phase === "fault" ? [`Fault: ${faultWords(seen, facts.wheels)}`, "", "mend"]
+    : seen.phase === "quick stopping" ? [`Quick stop: ${faultWords(seen, facts.wheels)}`, "", ""]
+    : link.isOld ? [`The line is slow (${seconds(link.delay_ms)}): whatever begins a motion is refused. Stops are heard, late.`, "warn", ""]
     : isBlocked ? ["The stick was lost: enable it again to drive.", "", "enable-pad"]
     : seen.joystick === "blocked" ? [JOYSTICK.blocked, "warn", "enable-joystick"]
     : seen.joystick === "lost" ? [JOYSTICK.lost, "warn", ""]
     : ["", "", ""];
   by("banner").hidden = !text;
   by("banner").className = `banner ${kind}`;
-  by("banner-is").textContent = text;
-  for (const id of ["release", "mend", "enable-pad", "enable-joystick"]) by(id).hidden = id !== button;
+  // What is said again isn't announced again.
+  if (by("banner-is").textContent !== text) by("banner-is").textContent = text;
+  for (const id of ["release", "mend", "enable-pad", "enable-joystick"]) by(id).hidden = id !== button || me === null;
+  by("give-up").hidden = button !== "give-up";
 }
 
 /** Why the stick on the page drives or doesn't; and what became of the one at the robot's computer. */
-function showStick(seen, isBlocked) {
+function showStick(seen) {
   const why =
-    !me ? "Without the token nobody drives."
+    !me ? "Without the token nobody drives: open the address with its token."
+    : link.isOld ? "What is seen is old: nobody drives by it."
     : seen.emergency_stop ? "The emergency stop is set."
     : isBlocked ? "The stick was lost: enable it again."
     : seen.by_stick && seen.commander !== me ? `Now drives: ${seen.commander}.`
@@ -241,7 +304,7 @@ function showStick(seen, isBlocked) {
   by("why").textContent = why;
   for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !why.startsWith("Drag"));
   by("joystick-is").hidden = seen.joystick === "absent";
-  by("joystick-is").className = `joystick ${seen.joystick}`;
+  by("joystick-is").className = `joystick seen ${seen.joystick}`;
   by("joystick-is").textContent = JOYSTICK[seen.joystick] ?? "";
 }
 

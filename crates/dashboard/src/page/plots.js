@@ -35,6 +35,9 @@ export class Plots {
       this.times.splice(0, old);
       this.rows.splice(0, old);
     }
+  }
+
+  draw() {
     for (const plot of this.plots) plot.draw();
   }
 }
@@ -85,7 +88,8 @@ class Plot {
   draw() {
     const { canvas, plots: { times, rows, columns } } = this;
     const ratio = devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
-    if (!w) return;
+    const { top, bottom: end_px } = canvas.getBoundingClientRect();
+    if (!w || end_px < 0 || top > innerHeight) return;
     if (canvas.width !== Math.round(w * ratio)) [canvas.width, canvas.height] = [Math.round(w * ratio), Math.round(h * ratio)];
     const g = canvas.getContext("2d");
     const style = getComputedStyle(canvas);

@@ -12,9 +12,12 @@ class Knob {
     this.x = 0;
     this.y = 0;
     this.pointer = null;
+    this.mayHold = false;
     element.addEventListener("pointerdown", (event) => {
-      if (this.pointer !== null) return;
+      if (this.pointer !== null || !this.mayHold) return;
       this.pointer = event.pointerId;
+      // Where it was taken hold of: what makes way on the page meanwhile doesn't move it.
+      this.box = element.getBoundingClientRect();
       element.setPointerCapture(event.pointerId);
       this.move(event);
     });
@@ -30,7 +33,7 @@ class Knob {
   }
 
   move(event) {
-    const box = this.element.getBoundingClientRect();
+    const { box } = this;
     const reach = this.axes === "x" ? box.width / 2 - box.height / 2 : box.width / 2 - 20;
     let x = (event.clientX - box.left - box.width / 2) / reach;
     let y = this.axes === "x" ? 0 : -(event.clientY - box.top - box.height / 2) / reach;
@@ -66,10 +69,25 @@ export class Sticks {
     this.odom = odom;
     this.gamepad = gamepad;
     this.was_held = false;
-    this.mayDrive = false;
+    this.may = false;
     this.couldDrive = false;
+    /** Something is in hand that was so when nobody could drive: it must be let go before it counts. */
+    this.mustLetGo = false;
     this.gamepadDrove = false;
     setInterval(() => this.tick(), SEND_MS);
+  }
+
+  get mayDrive() {
+    return this.may && !document.hidden;
+  }
+
+  /** Who may not drive holds nothing. */
+  set mayDrive(may) {
+    this.may = may;
+    for (const knob of [this.stick, this.turn]) {
+      knob.mayHold = may;
+      if (!may && knob.held) knob.let_go();
+    }
   }
 
   /** Left stick: move, right stick: turn; a shoulder button is the dead-man button. */
@@ -101,7 +119,9 @@ export class Sticks {
 
   tick() {
     const wished = this.wish();
-    const wish = this.mayDrive && !document.hidden ? wished : null;
+    const letsGo = this.mustLetGo && wished === null;
+    this.mustLetGo = wished !== null && (this.mustLetGo || !this.mayDrive);
+    const wish = this.mayDrive && !this.mustLetGo ? wished : null;
     if (wish === "lost") {
       this.link.send({ do: "lose_pad" });
     } else if (wish) {
@@ -109,7 +129,7 @@ export class Sticks {
       const clamp = (value) => Math.max(-1, Math.min(1, value * share));
       const frame = this.odom.checked ? "odom" : "body";
       this.link.send({ do: "pad", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
-    } else if (this.was_held || (this.mayDrive && !this.couldDrive && wished === null)) {
+    } else if (this.was_held || (this.mayDrive && wished === null && (letsGo || !this.couldDrive))) {
       // Let go; or enabled again, or a new session, with nothing in hand: the robot waits for that word.
       this.link.send({ do: "release_pad" });
     }

@@ -20,6 +20,8 @@ export class View {
     this.pose = null;
     this.truth = null;
     this.fence = [];
+    /** What the footprint keeps from the fence now, m. */
+    this.kept = null;
     this.onPick = null;
     this.onDrag = null;
     this.onDrop = null;
@@ -66,7 +68,6 @@ export class View {
         this.centre = [lerp(this.centre[0], pose[0], 0.15), lerp(this.centre[1], pose[1], 0.15)];
       }
     }
-    this.draw();
   }
 
   fit() {
@@ -130,7 +131,7 @@ export class View {
     const end = (event) => {
       if (!this.pointers.delete(event.pointerId)) return;
       if (this.dragged && event.type === "pointerup") (this.moved ? this.onDrop : this.onSelect)?.(this.dragged);
-      if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)));
+      if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)), event.timeStamp);
       this.dragged = null;
     };
     this.canvas.addEventListener("pointerup", end);
@@ -166,6 +167,7 @@ export class View {
     this.drawGrid(g, c);
     if (this.fence.length) this.drawLine(g, [...this.fence, this.fence[0]], c.bad, 2);
     g.setLineDash([7, 5]);
+    if (this.fence.length && this.kept > 0) this.drawLine(g, inset(this.fence, this.kept), c.bad, 1);
     this.drawLine(g, this.planned, c.planned, 2);
     if (this.goal && this.pose) this.drawLine(g, [this.pose, this.goal], c.planned, 2);
     g.setLineDash([]);
@@ -274,4 +276,22 @@ function corners({ position_m: [x, y], rolling: [u, v], radius_m: radius }) {
   const [a, b] = [(u / length) * radius, (v / length) * radius];
   const [p, q] = [-b * 0.35, a * 0.35];
   return [[x + a + p, y + b + q], [x - a + p, y - b + q], [x - a - p, y - b - q], [x + a - p, y + b - q]];
+}
+
+/** A closed polygon whose sides lie further inside by a distance; its corners where those sides meet. */
+function inset(polygon, distance) {
+  const count = polygon.length;
+  const at = (n) => polygon[(n + count) % count];
+  const area = polygon.reduce((sum, [x, y], n) => sum + x * at(n + 1)[1] - y * at(n + 1)[0], 0);
+  const inwards = (n) => {
+    const [[x, y], [u, v]] = [at(n), at(n + 1)];
+    const size = Math.sign(area) * Math.hypot(u - x, v - y);
+    return [(y - v) / size, (u - x) / size];
+  };
+  const corners = polygon.map(([x, y], n) => {
+    const [[a, b], [c, d]] = [inwards(n - 1), inwards(n)];
+    const part = distance / Math.max(0.1, 1 + a * c + b * d);
+    return [x + part * (a + c), y + part * (b + d)];
+  });
+  return [...corners, corners[0]];
 }

@@ -54,10 +54,22 @@ pub struct ServoConfig {
     pub loop_period_ns: u64,
     /// 0x6064 at power-on.
     pub initial_position: i32,
+    /// What it shows at later power-ons.
+    pub encoder: Encoder,
     /// What the drive can be synchronised with.
     pub synchronization: Synchronization,
     /// Error codes of 0x603F for faults of the communication.
     pub faults: CommunicationFaults,
+}
+
+/// What an encoder shows after its supply was off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoder {
+    /// It counts from 0.
+    #[default]
+    Incremental,
+    /// Its position, with every turn meanwhile.
+    Absolute,
 }
 
 /// Error codes (0x603F) with which a drive answers faults of the communication in OP.
@@ -83,6 +95,7 @@ impl Default for ServoConfig {
             torque_time_constant_s: 0.000_2,
             loop_period_ns: 250_000,
             initial_position: 0,
+            encoder: Encoder::Incremental,
             synchronization: Synchronization {
                 supported: Synchronization::FREE_RUN
                     | Synchronization::SYNC_MANAGER

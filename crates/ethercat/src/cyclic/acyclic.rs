@@ -6,7 +6,8 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-use crate::mailbox::{Mailbox, ReceivedEmergency};
+use crate::error::Found;
+use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, Next, Procedure, Request};
 use crate::subdevice::SubDevice;
 use crate::wire::HostTime;
@@ -33,7 +34,7 @@ struct RegisterJob {
     register: u16,
     data: Vec<u8>,
     deadline: HostTime,
-    working_counter: u16,
+    found: Found,
     done: bool,
 }
 
@@ -157,6 +158,18 @@ impl Acyclic {
             self.finished.push_back(job.complete());
         }
         recovery.begin(mailbox, place);
+        // What waits for its mailbox was asked of the SubDevice as it was: nothing of that happens later by itself.
+        for _ in 0..self.queue.len() {
+            match self.queue.pop_front() {
+                Some(request)
+                    if request.position == position && matches!(request.work, AcyclicWork::Mailbox(_)) =>
+                {
+                    self.refuse(request, AcyclicError::Mailbox(MailboxError::Reset));
+                }
+                Some(request) => self.queue.push_back(request),
+                None => {}
+            }
+        }
         if !self.active.contains(&position) {
             self.active.push_back(position);
         }
@@ -273,7 +286,7 @@ impl Acyclic {
                         register,
                         data,
                         deadline: now + REGISTER_TIMEOUT,
-                        working_counter: 0,
+                        found: Found::Nothing,
                         done: false,
                     });
                 }
@@ -429,7 +442,7 @@ impl RegisterJob {
 
     fn answer(&mut self, answer: Answer<'_>) {
         let Answer::Returned { working_counter, data } = answer else { return };
-        self.working_counter = working_counter;
+        self.found = Found::WorkingCounter(working_counter);
         if working_counter != 1 {
             return;
         }
@@ -440,11 +453,11 @@ impl RegisterJob {
     }
 
     fn complete(self) -> AcyclicCompletion {
-        let RegisterJob { tag, position, way, register, data, working_counter, .. } = self;
+        let RegisterJob { tag, position, way, register, data, found, .. } = self;
         let result = if self.done {
             Ok(())
         } else {
-            Err(AcyclicError::Register { register, working_counter, after: REGISTER_TIMEOUT })
+            Err(AcyclicError::Register { register, found, after: REGISTER_TIMEOUT })
         };
         AcyclicCompletion { tag, position, work: AcyclicWork::Registers { way, register, data }, result }
     }

@@ -4,7 +4,6 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::config::DcConfig;
-use crate::error::Found;
 use crate::wire::{AlState, AlStatusCode};
 
 /// What a SubDevice was given before it refused.
@@ -83,15 +82,27 @@ pub enum TransitionError {
         /// How long.
         after: Duration,
     },
+    /// No frame came back with a register access, however often it was tried.
+    #[error(
+        "no frame came back with register 0x{register:04x} of SubDevice {position}: frames are lost on their way"
+    )]
+    RegisterUnheard {
+        /// Position.
+        position: u16,
+        /// First register.
+        register: u16,
+    },
     /// A register access failed again and again.
-    #[error("SubDevice {position} does not take register 0x{register:04x}: {found}")]
+    #[error(
+        "SubDevice {position} does not take register 0x{register:04x}: working counter {working_counter}"
+    )]
     RegisterRefused {
         /// Position.
         position: u16,
         /// First register.
         register: u16,
-        /// What the last attempt found.
-        found: Found,
+        /// That of the last answer.
+        working_counter: u16,
     },
     /// A SubDevice reports an error instead of the state.
     #[error("SubDevice {position} refuses {target} and is in {}: {code}{}; programmed: {programmed}", Status(*.status), Cause(*.code))]

@@ -325,7 +325,11 @@ impl Recovery {
             }
             _ => {}
         }
-        if found != 0 && found != station {
+        // It has its address after all: the question before was lost, or its cable wasn't back yet.
+        if found == station {
+            return;
+        }
+        if found != 0 {
             return self.fail(RecoveryError::OtherStation { position, expected: station, found });
         }
         if let Some(expected) = self.alias.filter(|expected| *expected != alias) {

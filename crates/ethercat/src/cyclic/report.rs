@@ -57,6 +57,11 @@ impl<L> CyclicBus<L> {
         self.nothing_back
     }
 
+    /// Whether the link said that it is down, and no frame of ours has come back since.
+    pub fn is_link_down(&self) -> bool {
+        self.exchanger.is_down
+    }
+
     /// Rounds of questions that wrong counters or states led to.
     pub fn diagnosis_rounds(&self) -> u64 {
         self.diagnosis.rounds

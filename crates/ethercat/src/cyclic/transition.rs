@@ -6,6 +6,7 @@ use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
 use super::error::{Programmed, TransitionError};
 use super::{Exchange, SegmentStatus};
 use crate::config::{CyclicControl, DcConfig};
+use crate::error::Found;
 use crate::image::{ClockUse, Member};
 use crate::subdevice::{DcWidth, Direction};
 use crate::wire::bytes::{u16_at, u32_at};
@@ -401,7 +402,13 @@ pub(super) fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTi
 fn refused(items: &[Item]) -> Option<TransitionError> {
     items.iter().find_map(|item| match item.state {
         ItemState::Failed { found } => {
-            Some(TransitionError::RegisterRefused { position: item.position, register: item.register, found })
+            let (position, register) = (item.position, item.register);
+            Some(match found {
+                Found::Nothing => TransitionError::RegisterUnheard { position, register },
+                Found::WorkingCounter(working_counter) => {
+                    TransitionError::RegisterRefused { position, register, working_counter }
+                }
+            })
         }
         _ => None,
     })

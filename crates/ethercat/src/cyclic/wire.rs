@@ -20,6 +20,8 @@ pub(super) struct Exchanger<L> {
     sequence: u32,
     /// Where the next frame is received.
     inbox: FrameBytes,
+    /// The link said that it is down, and no frame of ours has come back since.
+    pub is_down: bool,
     pub counters: CycleCounters,
 }
 
@@ -30,12 +32,13 @@ impl<L: Link> Exchanger<L> {
             frames,
             sequence: 0,
             inbox: Box::new([0; MAX_FRAME]),
+            is_down: false,
             counters: CycleCounters::default(),
         }
     }
 
     /// Sends every frame that is marked [`Flight::Sent`], then waits for all of them until `deadline`; returns how
-    /// many were lost.
+    /// many were lost. A link that is down loses them; `Err` where the port itself is broken.
     pub fn exchange(&mut self, deadline: HostTime) -> Result<usize, LinkError> {
         self.counters.cycles += 1;
         self.sequence = self.sequence.wrapping_add(self.frames.len() as u32);
@@ -43,14 +46,27 @@ impl<L: Link> Exchanger<L> {
         for (number, frame) in self.frames.iter_mut().enumerate() {
             if frame.flight == Flight::Sent {
                 frame.stamp(self.sequence.wrapping_add(number as u32));
-                self.link.send(frame.bytes())?;
+                match self.link.send(frame.bytes()) {
+                    Ok(()) => {}
+                    // Awaited all the same: only who receives learns that the link is up again.
+                    Err(LinkError::Down) => self.is_down = true,
+                    Err(error) => return Err(error),
+                }
                 outstanding += 1;
             }
         }
         self.counters.frames_sent += outstanding as u64;
         let mut strays = 0;
         while outstanding > 0 && strays < STRAYS_PER_CYCLE {
-            let Some(length) = self.link.receive(&mut self.inbox[..], deadline)? else { break };
+            let length = match self.link.receive(&mut self.inbox[..], deadline) {
+                Ok(Some(length)) => length,
+                Ok(None) => break,
+                Err(LinkError::Down) => {
+                    self.is_down = true;
+                    break;
+                }
+                Err(error) => return Err(error),
+            };
             if self.take(length) {
                 outstanding -= 1;
             } else {
@@ -71,6 +87,7 @@ impl<L: Link> Exchanger<L> {
         {
             core::mem::swap(&mut frame.back, &mut self.inbox);
             frame.flight = Flight::Back;
+            self.is_down = false;
             return true;
         }
         self.count_stray(usize::from(number), length);

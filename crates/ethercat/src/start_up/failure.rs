@@ -120,21 +120,34 @@ impl fmt::Display for ObjectBytes {
     }
 }
 
+/// Bytes of registers, no more of them than a person reads.
+struct RegisterBytes<'a>(&'a [u8]);
+
+impl fmt::Display for RegisterBytes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RegisterBytes(bytes) = self;
+        match (bytes.len(), bytes.get(..ObjectBytes::SHOWN)) {
+            (length, Some(_)) if bytes.iter().all(|byte| *byte == 0) => write!(f, "{length} bytes, all zero"),
+            (length, Some(first)) if length > first.len() => {
+                write!(f, "{length} bytes, the first {first:02x?}")
+            }
+            _ => write!(f, "{bytes:02x?}"),
+        }
+    }
+}
+
 impl fmt::Display for StartUpError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let StartUpFailure::State { error, programmed } = &self.cause {
             write!(f, "{error}{}", if programmed.is_empty() { "" } else { "; programmed:" })?;
             return programmed.iter().try_for_each(|ProgrammedRegisters { what, register, data }| {
-                write!(f, " {what} (0x{register:04x}) {data:02x?}")
+                write!(f, " {what} (0x{register:04x}) {}", RegisterBytes(data))
             });
         }
         write!(f, "SubDevice {}: ", self.position)?;
         let origin = match &self.cause {
             StartUpFailure::Registers { what, register, found } => {
-                write!(
-                    f,
-                    "{what} (register 0x{register:04x}): {found} where working counter 1 was expected"
-                )?;
+                write!(f, "{what} (register 0x{register:04x}): {}", found.against(1))?;
                 &None
             }
             StartUpFailure::NoMailbox { object, origin } => {

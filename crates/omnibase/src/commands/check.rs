@@ -3,8 +3,8 @@
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_robot::config::{
-    AvoidanceKind, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile, SafetyPlan,
-    json_schema,
+    AvoidanceKind, ComebackEnd, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile,
+    SafetyPlan, TorqueLimit, TorqueLimitTold, json_schema,
 };
 use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
@@ -86,6 +86,18 @@ fn place(drive: &DrivePlan) -> String {
     }
 }
 
+/// How a drive is held to its torque limit: `2 N·m, told as 285 in 6072, every cycle`.
+fn torque_limit(drive: &DrivePlan) -> String {
+    let TorqueLimit { wheel_nm, objects, told } = drive.torque_limit;
+    let names: Vec<String> = objects.objects().iter().map(|object| format!("{object:04X}")).collect();
+    let when = match told {
+        TorqueLimitTold::EveryCycle => "every cycle",
+        TorqueLimitTold::AtStartUp => "at start-up",
+    };
+    let per_mille = drive.scale.torque_limit_per_mille(wheel_nm);
+    format!("{wheel_nm} N·m, told as {per_mille} in {}, {when}", names.join(" and "))
+}
+
 /// Every limit with its name and unit.
 fn limits(limits: &Limits) -> [(&'static str, f64, &'static str); 8] {
     [
@@ -105,7 +117,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
     let SafetyPlan {
         lost_exchanges_tolerated,
         lost_device_stop,
-        resume_within_ns,
+        comeback,
         command_age_ns,
         enabling_timeout_ns,
         stop_timeout_ns,
@@ -116,7 +128,11 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         reference_speed_stop,
         fence_stop,
         tracking_error_stop,
+        wheel_torque_stop,
+        wheel_torque_margin_nm,
+        wheel_torque_time_ns,
     } = &plan.safety;
+    let margin = wheel_torque_margin_nm.map_or("the default margin".to_owned(), |nm| format!("{nm} N·m"));
     let ms = |ns: u64| format!("{} ms", ns / 1_000_000);
     let then = |category: &StopCategory| match category {
         StopCategory::RemoveTorque => "category 0: torque removed",
@@ -127,7 +143,16 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         SafetyAction::Stop(category) => then(category),
         SafetyAction::QuickStop | SafetyAction::Pass => "quick stop of the drives",
     };
-    let back = resume_within_ns.map_or("the run ends".to_owned(), |ns| format!("goes on within {}", ms(ns)));
+    let back = comeback.map_or("stays without torque until a person".to_owned(), |plan| {
+        let (within, steady) = (ms(plan.within_ns), ms(plan.steady_ns));
+        match plan.end {
+            ComebackEnd::Hold => format!("holds within {within}, after {steady} of rest; a person resumes"),
+            ComebackEnd::MoveAgain { warning_ns } => format!(
+                "MOVES AGAIN WITHOUT A PERSON within {within}, after {steady} of rest and {} of warning",
+                ms(warning_ns)
+            ),
+        }
+    });
     let guard = &plan.guard;
     let corner = |[x, y]: &[f64; 2]| format!("({x}, {y})");
     let fence = guard.fence.as_ref().map_or("none".to_owned(), |fence| {
@@ -150,6 +175,10 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         ("start_distance", format!("{start_distance_m} m, {start_heading_rad} rad")),
         ("wheel_speed_stop", then(wheel_speed_stop).to_owned()),
         ("reference_speed_stop", then(reference_speed_stop).to_owned()),
+        (
+            "wheel_torque_stop",
+            format!("{} above for {}; {}", margin, ms(*wheel_torque_time_ns), then(wheel_torque_stop)),
+        ),
         ("fence_stop", then(fence_stop).to_owned()),
         ("fence", fence),
         ("avoidance", kind),
@@ -234,6 +263,7 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             scale.peak_torque_nm,
             drive.parameters.len()
         )?;
+        writeln!(output, "    torque limit {}", torque_limit(drive))?;
         for (name, pdos, bytes) in
             [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
         {

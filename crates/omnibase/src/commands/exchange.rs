@@ -4,7 +4,7 @@ mod report;
 mod runner;
 
 use crate::real_time::RealTime;
-use crate::target::{Port, Target, finish_recording};
+use crate::target::{Manners, Port, Target, finish_recording};
 use crate::{Outcome, commands};
 use omnibase_ethercat::cyclic::ClockDirection;
 use omnibase_ethercat::image::FramePlan;
@@ -33,6 +33,8 @@ pub struct Arguments {
     /// Network interface, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
     target: Target,
+    #[command(flatten)]
+    manners: Manners,
     /// Cycle time, microseconds, from 10 to 1000000.
     #[arg(long, default_value = "1000", value_name = "MICROSECONDS", value_parser = parse_cycle)]
     cycle_us: Duration,
@@ -82,7 +84,7 @@ enum Leader {
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let stop = stop_on_signals()?;
-    let mut cable = arguments.target.open(arguments.port())?;
+    let mut cable = arguments.manners.enter(&arguments.target, arguments.port())?;
     let mut recorder = None;
     if let Some(path) = &arguments.record {
         let (recorded, running) = cable.record(path)?;

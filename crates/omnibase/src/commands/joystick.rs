@@ -148,7 +148,7 @@ fn watch(
                 if let Some(path) = &arguments.record
                     && recorder.is_none()
                 {
-                    let file = Box::new(std::fs::File::create(path)?);
+                    let file = Box::new(omnibase_record::create(path)?);
                     recorder = Some(Recorder::start(file, device, state)?);
                 }
                 if let Some(map) = port.stick().map() {

@@ -4,10 +4,13 @@ mod top;
 
 use crate::Outcome;
 use crate::running::{self, Found};
+use crate::token;
 use anyhow::Context;
 use serde_json::{Map, Value, json};
+use std::convert::Infallible;
 use std::io::Write;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// The longest wait for a robot's answer.
@@ -19,9 +22,13 @@ pub struct Which {
     /// Where its dashboard listens; default: the robot that was started last on this machine.
     #[arg(long, value_name = "ADDRESS")]
     at: Option<SocketAddr>,
-    /// Its token; not needed for one's own robots on this machine.
-    #[arg(long, value_name = "TOKEN")]
-    token: Option<String>,
+    /// A file of mode 0600 with its token, which the environment variable OMNIBASE_TOKEN may hold too; neither is needed
+    /// for one's own robots on this machine.
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// Refused: everybody would see it.
+    #[arg(long, hide = true, value_parser = token::refused)]
+    token: Option<Infallible>,
 }
 
 /// Shows values of a running robot.
@@ -61,11 +68,16 @@ pub struct Set {
   enable_joystick                          the stick at the robot's computer, after it was lost or stopped
   stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
   go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
+  set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known
   controller name=adaptive_torque
   teach, teach_end name=round              remember where it is driven; save it as a path
   load_saved name=round
   set_obstacle index=0 centre_m=[1.5,0.2] radius_m=0.3 velocity_m_s=[0,-0.1]
   remove_obstacle index=0
+  scan                                     what hangs at its bus, and in which state
+  sdo_read subdevice=0 object=6041:00      by SDO, beside its cycle
+  sdo_write subdevice=0 object=6083:00 value=20000
+                                           while no drive is enabled, or where [bus] sdo_write_while_enabled allows
   load reference={\"kind\":\"circle\",\"radius_m\":0.5}
 
 What a command begins goes on when the command has ended; `omnibase call emergency_stop` ends it.")]
@@ -104,14 +116,14 @@ fn parse_argument(text: &str) -> Result<(String, Value), String> {
 }
 
 /// A running robot at the other end of a line.
-struct Line {
+pub struct Line {
     robot: Found,
     agent: ureq::Agent,
 }
 
 impl Line {
     fn new(which: &Which) -> anyhow::Result<Self> {
-        let robot = running::robot(which.at, which.token.as_deref())?;
+        let robot = running::robot(which.at, which.token_file.as_deref())?;
         let config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(LONGEST));
         Ok(Line { robot, agent: config.build().into() })
     }
@@ -126,12 +138,37 @@ impl Line {
     }
 
     fn call(&self, call: &Value) -> anyhow::Result<(bool, String)> {
+        let said = self.ask(call)?;
+        Ok((said["done"] == true, said["text"].as_str().unwrap_or_default().to_owned()))
+    }
+
+    /// The robot that runs at `address`, or that was started last.
+    pub fn to(address: Option<SocketAddr>) -> anyhow::Result<Self> {
+        Line::new(&Which { at: address, token_file: None, token: None }).context(
+            "a robot answers for its segment where it runs with --dashboard; without it nobody reaches it",
+        )
+    }
+
+    /// What a call brought for programs; an error where it wasn't done.
+    pub fn data(&self, call: &Value) -> anyhow::Result<Value> {
+        let mut said = self.ask(call)?;
+        anyhow::ensure!(said["done"] == true, "{}", said["text"].as_str().unwrap_or("no answer"));
+        Ok(said["data"].take())
+    }
+
+    fn ask(&self, call: &Value) -> anyhow::Result<Value> {
+        let mut call = call.clone();
+        // What begins something counts from here, and the robot refuses what took too long on its way. A stop waits
+        // for nothing.
+        let is_stop = matches!(call["do"].as_str(), Some("stop" | "emergency_stop"));
+        if let Some(call) = call.as_object_mut().filter(|_| !is_stop) {
+            call.insert("stamp".to_owned(), self.read("now")?["stamp"].take());
+        }
         let url = format!("http://{}/api/call", self.robot.address);
         let request = self.agent.post(&url).header("Authorization", format!("Bearer {}", self.robot.token));
         let mut answer = request.send(call.to_string()).with_context(|| self.nobody())?;
         let text = answer.body_mut().read_to_string()?;
-        let Ok(said) = serde_json::from_str::<Value>(&text) else { return Ok((false, text)) };
-        Ok((said["done"] == true, said["text"].as_str().unwrap_or_default().to_owned()))
+        Ok(serde_json::from_str(&text).unwrap_or_else(|_| json!({ "done": false, "text": text })))
     }
 
     fn nobody(&self) -> String {

@@ -9,11 +9,18 @@ use std::path::PathBuf;
 
 /// Computes every cycle of a recording again and compares bit by bit; needs nothing but the recording.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit code 1 where a cycle comes out differently; the first difference is named.")]
+#[command(
+    after_help = "Exit code 1 where a cycle comes out differently (the first difference is named), and where the recording \
+ends early."
+)]
 pub struct Arguments {
     /// A recording, from `omnibase run --record`.
     recording: PathBuf,
-    /// Print one JSON object: {"cycles", "same", "difference": null or {"cycle", "channel", "recorded", "computed"}}.
+    /// Be content with a recording that ends early: its cycles up to there decide.
+    #[arg(long)]
+    partial: bool,
+    /// Print one JSON object: {"cycles", "same", "difference": null or {"cycle", "channel", "recorded", "computed"},
+    /// "ends_early": null or {"why", "until_s"}}.
     #[arg(long)]
     json: bool,
 }
@@ -23,20 +30,25 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let path = arguments.recording.display();
     let bytes = std::fs::read(&arguments.recording).with_context(|| format!("reading `{path}`"))?;
     let run = RecordedRun::read(&bytes).with_context(|| format!("`{path}`"))?;
-    if let Some(reason) = &run.truncated {
+    let replayed = omnibase_run::replay(&run, &Registry::with_built_in())?;
+    let until_s = run.times_ns.last().map_or(0.0, |&time_ns| time_ns as f64 * 1e-9);
+    if let Some(why) = &run.truncated {
+        let way_out = if arguments.partial { "" } else { "; give --partial to be content with that" };
         crate::progress::note(format_args!(
-            "warning: `{path}` ends early ({reason}); what is there is computed"
+            "warning: `{path}` ends early ({why}): there are {} cycles, up to {until_s:.3} s{way_out}",
+            run.raw.len()
         ));
     }
-    let replayed = omnibase_run::replay(&run, &Registry::with_built_in())?;
     let difference = replayed.difference.as_ref();
     if arguments.json {
         let found = difference.map(|found| {
             serde_json::json!({ "cycle": found.index, "channel": found.channel,
                 "recorded": format!("{:?}", found.recorded), "computed": format!("{:?}", found.computed) })
         });
-        let all =
-            serde_json::json!({ "cycles": replayed.cycles, "same": found.is_none(), "difference": found });
+        let ends_early =
+            run.truncated.as_ref().map(|why| serde_json::json!({ "why": why, "until_s": until_s }));
+        let all = serde_json::json!({ "cycles": replayed.cycles, "same": found.is_none(), "difference": found,
+            "ends_early": ends_early });
         writeln!(output, "{}", serde_json::to_string_pretty(&all)?)?;
     } else {
         match difference {
@@ -48,5 +60,6 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             )?,
         }
     }
-    Ok(if difference.is_none() { Outcome::Done } else { Outcome::Failed })
+    let is_enough = run.truncated.is_none() || arguments.partial;
+    Ok(if difference.is_none() && is_enough { Outcome::Done } else { Outcome::Failed })
 }

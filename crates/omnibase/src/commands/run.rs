@@ -10,7 +10,7 @@ use crate::Outcome;
 use crate::progress::{bar, note};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
-use crate::target::{AnyClock, PacedClock, Port, Target};
+use crate::target::{AnyClock, Manners, PacedClock, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat::RedundantLink;
 use omnibase_ethercat_sim::in_process;
@@ -57,6 +57,8 @@ pub struct Arguments {
     /// Second network interface, at the other end of a ring: one break of a cable loses no cycle.
     #[arg(long, value_name = "NIC", requires = "interface")]
     redundant: Option<String>,
+    #[command(flatten)]
+    manners: Manners,
     #[command(flatten)]
     real_time: RealTime,
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
@@ -194,11 +196,11 @@ impl Arguments {
             (true, false) => Port::Ring(Waiting::Sleep),
             (true, true) => Port::Ring(Waiting::BusyPoll),
         };
-        let cable = Target::Interface(interface.clone()).open(port)?;
+        let cable = self.manners.enter(&Target::Interface(interface.clone()), port)?;
         let link = match &self.redundant {
             None => cable.link,
             Some(other) => {
-                let end = Target::Interface(other.clone()).open(port)?;
+                let end = self.manners.enter(&Target::Interface(other.clone()), port)?;
                 Box::new(RedundantLink::new(cable.link, end.link, cable.clock.clone()))
             }
         };

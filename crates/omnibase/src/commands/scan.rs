@@ -2,9 +2,10 @@
 
 mod report;
 
+use crate::commands::at_robot;
 use crate::dictionary;
 use crate::progress::note;
-use crate::target::{AnyBus, Target};
+use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::transaction::Access;
@@ -18,14 +19,18 @@ use std::io::Write;
 #[command(after_help = "Examples:
   omnibase scan eth1                                   what hangs at this interface
   omnibase scan eth1 --dictionary                      with all objects and their values
+  omnibase scan @robot                                 through the robot that runs on this machine
   omnibase scan sim:segments/three-sgdv.toml --json    a simulated segment, as JSON
 
-The segment is reset to INIT and brought to PRE-OP, where it stays; no object is written. Don't run this while
-another program drives the segment. Exit code 1 where no SubDevice was found or one of them refused.")]
+The segment is reset to INIT and brought to PRE-OP, where it stays; no object is written. Refused where
+another program drives the segment. Exit code 1 where no SubDevice was found or one of them is
+broken: it is named with the reason and left out.")]
 pub struct Arguments {
-    /// Network interface, or sim:<segment.toml>.
+    /// Network interface, @robot, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
     target: Target,
+    #[command(flatten)]
+    manners: Manners,
     /// Read the whole object dictionary with its values (SDO Information).
     #[arg(long)]
     dictionary: bool,
@@ -36,10 +41,18 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let mut bus = arguments.target.bus()?;
+    if let Target::Running(address) = &arguments.target {
+        anyhow::ensure!(
+            !arguments.dictionary,
+            "--dictionary: not of a robot that runs; read objects by `sdo`"
+        );
+        at_robot::scan(*address, arguments.json, output)?;
+        return Ok(Outcome::Done);
+    }
+    let mut bus = arguments.manners.enter(&arguments.target, Port::Socket)?.into_bus();
     commands::scan_bus(&mut bus, &arguments.target)?;
     // What was found is shown even where it can't be configured.
-    let refusal = bus.configure(&[]).err();
+    let refusal = bus.configure_sound().err();
     commands::note_warnings(&bus);
     let states = states(&mut bus);
     let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
@@ -59,6 +72,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     match refusal {
         Some(error) => Err(error.into()),
+        None if report.subdevices.iter().any(|one| one.broken.is_some()) => Ok(Outcome::Failed),
         None => Ok(Outcome::Done),
     }
 }

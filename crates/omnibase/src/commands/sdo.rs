@@ -1,8 +1,9 @@
 //! `omnibase sdo`: objects of one SubDevice.
 
+use crate::commands::at_robot::Remote;
 use crate::hex;
 use crate::progress::note;
-use crate::target::{AnyBus, Target};
+use crate::target::{AnyBus, Manners, Port, Target};
 use crate::value::DataType;
 use crate::{Outcome, commands, dictionary};
 use anyhow::Context;
@@ -32,10 +33,12 @@ enum Action {
   omnibase sdo read eth1 0 6041:00                        the status word of the first SubDevice
   omnibase sdo read eth1 2 1008:0 1018:1 1018:2 --json    several objects, as JSON
   omnibase sdo read eth1 0 1c12 --complete                a whole object in one transfer
+  omnibase sdo read @robot 0 6041:00                      through the robot that runs on this machine
   omnibase sdo read sim:segments/three-sgdv.toml 0 6064:0 --type i32
 
 Index and subindex are hexadecimal. Without --type the type comes from the SubDevice's SDO Information, else
-the bytes are shown. The segment is reset to INIT and brought to PRE-OP first.")]
+the bytes are shown. The segment is reset to INIT and brought to PRE-OP first, but that of a running robot
+(@robot), which reads beside its cycle.")]
 struct ReadArguments {
     #[command(flatten)]
     place: Place,
@@ -52,7 +55,8 @@ struct ReadArguments {
   omnibase sdo write eth1 0 2000:1 0a0b0c --type hex      any bytes
 
 Index and subindex are hexadecimal; numbers are decimal, or hexadecimal with 0x. Stops at the first object that is
-refused. The segment is reset to INIT and brought to PRE-OP first.")]
+refused. The segment is reset to INIT and brought to PRE-OP first. A running robot (@robot) writes beside its cycle,
+while no drive is enabled or what [bus] sdo_write_while_enabled of its file names, never what its cycle owns.")]
 struct WriteArguments {
     #[command(flatten)]
     place: Place,
@@ -63,9 +67,11 @@ struct WriteArguments {
 
 #[derive(Debug, clap::Args)]
 struct Place {
-    /// Network interface, or sim:<segment.toml>.
+    /// Network interface, @robot, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
     target: Target,
+    #[command(flatten)]
+    manners: Manners,
     /// Position of the SubDevice, from 0.
     position: u16,
     /// Type of all values: bool, u8 to u64, i8 to i64, f32, f64, string, hex.
@@ -101,19 +107,19 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let place = &arguments.place;
-    let mut bus = place.open()?;
+    let mut way = place.open()?;
     let (mut objects, mut failed) = (Vec::new(), false);
     for &object in &arguments.objects {
-        let data = match bus.sdo_read(place.position, object, place.access()) {
+        let data = match way.read(place, object) {
             Ok(data) => data,
             // The other objects may be there all the same.
             Err(error) => {
-                note(format_args!("error: {error}"));
+                note(format_args!("error: {error:#}"));
                 failed = true;
                 continue;
             }
         };
-        let data_type = place.data_type(&mut bus, object)?.unwrap_or(DataType::Bytes);
+        let data_type = place.data_type(&mut way, object)?.unwrap_or(DataType::Bytes);
         if !place.json {
             writeln!(output, "{object} {}", data_type.to_words(&data))?;
         }
@@ -140,15 +146,14 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
             data_type.parse(text)?;
         }
     }
-    let mut bus = place.open()?;
+    let mut way = place.open()?;
     let mut objects = Vec::new();
     for (object, text) in pairs {
-        let data_type = place.data_type(&mut bus, object)?.with_context(|| {
+        let data_type = place.data_type(&mut way, object)?.with_context(|| {
             format!("SubDevice {} does not tell the type of {object}: give it with --type", place.position)
         })?;
         let data = data_type.parse(text).with_context(|| format!("value for {object}"))?;
-        let operation = Operation::Download { object, access: place.access() };
-        bus.request(place.position, MailboxRequest::new(operation, data.clone()))?;
+        way.write(place, object, &data)?;
         if !place.json {
             writeln!(output, "{object} written: {}", data_type.to_words(&data))?;
         }
@@ -159,12 +164,19 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 }
 
 impl Place {
-    fn open(&self) -> anyhow::Result<AnyBus> {
-        let mut bus = self.target.bus()?;
+    fn open(&self) -> anyhow::Result<Way> {
+        if let Target::Running(address) = self.target {
+            anyhow::ensure!(!self.complete, "--complete: not of a robot that runs; read entries one by one");
+            return Ok(Way::Robot(Remote::new(address, self.position)?));
+        }
+        let mut bus = self.manners.enter(&self.target, Port::Socket)?.into_bus();
         commands::scan_bus(&mut bus, &self.target)?;
         bus.subdevice(self.position)?;
-        bus.configure(&[])?;
-        Ok(bus)
+        bus.configure_sound()?;
+        if let Some(cause) = &bus.subdevice(self.position)?.broken {
+            anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
+        }
+        Ok(Way::Bus(Box::new(bus)))
     }
 
     fn access(&self) -> SdoAccess {
@@ -172,13 +184,17 @@ impl Place {
     }
 
     /// The type as given or as the SubDevice tells it.
-    fn data_type(&self, bus: &mut AnyBus, object: ObjectAddress) -> anyhow::Result<Option<DataType>> {
+    fn data_type(&self, way: &mut Way, object: ObjectAddress) -> anyhow::Result<Option<DataType>> {
         if self.data_type.is_some() {
             return Ok(self.data_type);
         }
         if self.complete {
             return Ok(Some(DataType::Bytes));
         }
+        let bus = match way {
+            Way::Bus(bus) => bus,
+            Way::Robot(remote) => return Ok(remote.data_type(object)),
+        };
         if bus.subdevice(self.position)?.coe_details & sii::COE_SDO_INFO == 0 {
             return Ok(None);
         }
@@ -191,6 +207,34 @@ impl Place {
             writeln!(output)?;
         }
         Ok(())
+    }
+}
+
+/// Who reads and writes the objects.
+enum Way {
+    /// This program, which set the segment up.
+    Bus(Box<AnyBus>),
+    /// A robot that runs.
+    Robot(Remote),
+}
+
+impl Way {
+    fn read(&mut self, place: &Place, object: ObjectAddress) -> anyhow::Result<Vec<u8>> {
+        match self {
+            Way::Bus(bus) => Ok(bus.sdo_read(place.position, object, place.access())?),
+            Way::Robot(remote) => remote.read(object),
+        }
+    }
+
+    fn write(&mut self, place: &Place, object: ObjectAddress, data: &[u8]) -> anyhow::Result<()> {
+        match self {
+            Way::Bus(bus) => {
+                let operation = Operation::Download { object, access: place.access() };
+                bus.request(place.position, MailboxRequest::new(operation, data.to_vec()))?;
+                Ok(())
+            }
+            Way::Robot(remote) => remote.write(object, data),
+        }
     }
 }
 

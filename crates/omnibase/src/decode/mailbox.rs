@@ -4,6 +4,7 @@ use crate::hex;
 use omnibase_ethercat_wire::bytes::{u16_at, u32_at};
 use omnibase_ethercat_wire::coe::{self, AbortCode, Emergency, InfoHeader, SdoHeader, Service, info, sdo};
 use omnibase_ethercat_wire::mailbox::{self, Protocol};
+use omnibase_ethercat_wire::printable::printable;
 
 /// Bytes of data shown in words; all of them stand in the datagram's data.
 const SHOWN: usize = 16;
@@ -141,7 +142,7 @@ fn info_words(body: &[u8]) -> Option<String> {
         info::LIST_RESPONSE => format!("list of objects, {} bytes", data.len()),
         info::OBJECT_REQUEST => format!("description of {:04x} wanted", u16_of(data)?),
         info::OBJECT_RESPONSE => {
-            let name = String::from_utf8_lossy(data.get(6..)?);
+            let name = printable(data.get(6..)?);
             format!(
                 "description of {:04x}: type 0x{:04x}, up to subindex {}, \"{name}\"",
                 u16_of(data)?,

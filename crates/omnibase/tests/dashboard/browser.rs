@@ -11,6 +11,13 @@ use tungstenite::{Message, WebSocket};
 /// The longest wait for anything in the page; only a failure takes so long.
 const LONGEST: Duration = Duration::from_secs(60);
 
+/// Runs in the page before its own code: what the robot says passes through `tamper`, which may change it, or swallow
+/// it by giving nothing.
+const TAMPER: &str = "(() => { const Real = WebSocket; window.tamper = (message) => message; \
+    window.WebSocket = class extends Real { set onmessage(hear) { super.onmessage = hear && ((event) => { \
+    const message = window.tamper(JSON.parse(event.data)); \
+    if (message) hear({ data: JSON.stringify(message) }); }); } }; })()";
+
 /// A browser with one page.
 pub struct Browser {
     process: Child,
@@ -78,6 +85,25 @@ impl Browser {
     /// Opens an address.
     pub fn open(&mut self, url: &str) {
         self.ask("Page.navigate", json!({"url": url}));
+    }
+
+    /// From the next page on, what the robot says can be changed or swallowed.
+    pub fn tamper(&mut self) {
+        self.ask("Page.addScriptToEvaluateOnNewDocument", json!({"source": TAMPER}));
+    }
+
+    /// What the robot says it sees, `seen`, is changed by these words of JavaScript on its way.
+    pub fn change(&mut self, how: &str) {
+        self.value(&format!(
+            "void (window.changed = 0, window.tamper = (seen) => {{ if (!('phase' in seen)) return seen; \
+             window.changed += 1; {how}; return seen; }})"
+        ));
+        self.wait("window.changed > 1");
+    }
+
+    /// From now on the page sees nothing any more of what the robot says it sees.
+    pub fn swallow(&mut self) {
+        self.value("void (window.tamper = (seen) => 'phase' in seen ? null : seen)");
     }
 
     /// The value of an expression in the page.

@@ -1,10 +1,13 @@
 //! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
 
 mod browser;
+mod line;
+mod old;
 mod robot;
 mod socket;
 #[path = "../stick_recording/mod.rs"]
 mod stick_recording;
+mod stop;
 
 use browser::Browser;
 use robot::{Robot, TOKEN};
@@ -31,6 +34,65 @@ fn opened(page: &mut Browser) {
     page.wait("document.querySelectorAll('.plot').length > 3");
 }
 
+/// Presses a button until what it shall bring about is true: what a busy machine makes late is refused, as it shall be.
+fn press(page: &mut Browser, selector: &str, brings: &str) {
+    loop {
+        page.value("void (document.getElementById('said').className = 'said')");
+        page.click(selector);
+        page.wait(&format!("({brings}) || document.getElementById('said').classList.contains('no')"));
+        if page.value(&format!("Boolean({brings})")) == json!(true) {
+            return;
+        }
+    }
+}
+
+/// Lets the robot's cycle turn so often.
+fn cycles_pass(robot: &Robot, count: u64, meanwhile: impl Fn(&Robot)) {
+    let cycles = || robot.read("now")["counts"][0].as_u64().unwrap();
+    let then = cycles();
+    robot.wait("its cycles go on", |robot| {
+        meanwhile(robot);
+        cycles() > then + count
+    });
+}
+
+/// A stick as a test moves it.
+struct Stick<'a> {
+    hold: &'a dyn Fn(&mut Browser),
+    let_go: &'a dyn Fn(&mut Browser),
+}
+
+/// Holds a stick until the robot drives.
+fn drive(page: &mut Browser, robot: &Robot, stick: &Stick<'_>) {
+    drive_until(page, robot, stick, |robot| robot.speed_m_s() > 0.2);
+}
+
+/// Holds a stick until something is true. A browser that gets no time meanwhile loses its stick, as it shall: then it is
+/// let go, enabled, and held again.
+fn drive_until(page: &mut Browser, robot: &Robot, stick: &Stick<'_>, is: impl Fn(&Robot) -> bool) {
+    for _ in 0..100 {
+        (stick.hold)(page);
+        for _ in 0..50 {
+            if is(robot) {
+                return;
+            }
+            cycles_pass(robot, 20, |_| ());
+        }
+        (stick.let_go)(page);
+        mend(page);
+        cycles_pass(robot, 100, |_| ());
+    }
+    panic!("it never drives: {}", robot.read("now"));
+}
+
+/// Presses whatever the banner offers until it has nothing more to say.
+fn mend(page: &mut Browser) {
+    page.wait(
+        "(() => { const banner = document.getElementById('banner'); \
+         banner.querySelector('button:not([hidden])')?.click(); return banner.hidden; })()",
+    );
+}
+
 #[test]
 fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
     let Some(mut page) = browser(1400, 1000) else { return };
@@ -38,14 +100,18 @@ fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
     page.open(&robot.url());
     opened(&mut page);
     assert_eq!(page.value("location.search"), json!(""), "the token leaves the address");
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('phase').textContent === 'holding'");
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
 
     // The stick forward: the robot moves, and it is said who drives.
     let stick = page.middle("#stick");
-    page.mouse("mousePressed", stick);
-    page.mouse("mouseMoved", [stick[0], stick[1] - 60.0]);
-    robot.wait("it moves", |robot| robot.speed_m_s() > 0.2);
+    let held = Stick {
+        hold: &|page| {
+            page.mouse("mousePressed", stick);
+            page.mouse("mouseMoved", [stick[0], stick[1] - 60.0]);
+        },
+        let_go: &|page| page.mouse("mouseReleased", stick),
+    };
+    drive(&mut page, &robot, &held);
     page.wait("document.getElementById('commander').textContent.includes('you (page 1) commands, by hand')");
     page.picture("driving");
 
@@ -55,16 +121,19 @@ fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
     page.wait("!document.getElementById('banner').hidden");
     page.picture("stopped");
     page.mouse("mouseReleased", stick);
-    page.click("#release");
-    page.wait("document.getElementById('banner').hidden");
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('phase').textContent === 'holding'");
+    mend(&mut page);
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
 
     // Driving again, and the page dies.
     let stick = page.middle("#stick");
-    page.mouse("mousePressed", stick);
-    page.mouse("mouseMoved", [stick[0] - 60.0, stick[1]]);
-    robot.wait("it moves", |robot| robot.speed_m_s() > 0.2);
+    let held = Stick {
+        hold: &|page| {
+            page.mouse("mousePressed", stick);
+            page.mouse("mouseMoved", [stick[0] - 60.0, stick[1]]);
+        },
+        let_go: &|page| page.mouse("mouseReleased", stick),
+    };
+    drive(&mut page, &robot, &held);
     drop(page);
     robot.wait("it stops", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     let summary = robot.end();
@@ -84,20 +153,22 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
          buttons: Array.from({ length: 16 }, () => ({ pressed: false })) }; \
          navigator.getGamepads = () => [window.pad]; })()",
     );
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('phase').textContent === 'holding'");
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
     page.picture("phone-across");
     page.value("document.querySelector('.drive').scrollIntoView()");
     page.picture("phone-across-stick");
-    page.value("void (window.pad.buttons[4].pressed = true)");
-    robot.wait("it drives", |robot| robot.read("now")["by_stick"] == true && robot.speed_m_s() > 0.2);
+    let held = Stick {
+        hold: &|page| drop(page.value("void (window.pad.buttons[4].pressed = true)")),
+        let_go: &|page| drop(page.value("void (window.pad.buttons[4].pressed = false)")),
+    };
+    drive(&mut page, &robot, &held);
+    assert_eq!(robot.read("now")["by_stick"], true);
     page.value("void (navigator.getGamepads = () => [])");
     robot.wait("it stops", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     page.wait("document.getElementById('banner').textContent.includes('The stick was lost')");
     // Back with its button held: not before it is enabled, and then not before it was let go.
     page.value("void (navigator.getGamepads = () => [window.pad])");
-    page.click("#enable-pad");
-    page.wait("document.getElementById('banner').hidden");
+    press(&mut page, "#enable-pad", "document.getElementById('banner').hidden");
     let cycles = || robot.read("now")["counts"][0].as_u64().unwrap();
     let then = cycles();
     robot.wait("it stands", |robot| {
@@ -107,11 +178,10 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     page.value("void (window.pad.buttons[4].pressed = false)");
     let then = cycles();
     robot.wait("the page tells that", |_| cycles() > then + 300);
-    page.value("void (window.pad.buttons[4].pressed = true)");
-    robot.wait("it drives again", |robot| robot.speed_m_s() > 0.2);
+    drive(&mut page, &robot, &held);
     // In its corner the stick reaches 1.41; half of the speed was chosen, and the robot's file says 1 m/s.
     page.value("void (window.pad.axes = [-1, -1, 0, 0])");
-    robot.wait("it goes as fast", |robot| robot.value("setpoint/twist_y_m_s") > 0.34);
+    drive_until(&mut page, &robot, &held, |robot| robot.value("setpoint/twist_y_m_s") > 0.34);
     let then = cycles();
     robot.wait("it goes on", |robot| {
         let speed = ["setpoint/twist_x_m_s", "setpoint/twist_y_m_s"].map(|name| robot.value(name));
@@ -127,15 +197,24 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     let robot = Robot::start(&[]);
     page.open(&robot.url());
     opened(&mut page);
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('phase').textContent === 'holding'");
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
     page.picture("phone");
     page.click("#teach");
     page.wait("document.getElementById('teach').textContent.startsWith('End')");
     let stick = page.middle("#stick");
-    page.mouse("mousePressed", stick);
-    page.mouse("mouseMoved", [stick[0] - 30.0, stick[1] - 50.0]);
-    robot.wait("it is far enough", |robot| robot.value("state/pose_x_m") > 0.3);
+    let held = Stick {
+        hold: &|page| {
+            page.mouse("mousePressed", stick);
+            page.mouse("mouseMoved", [stick[0] - 30.0, stick[1] - 50.0]);
+        },
+        let_go: &|page| page.mouse("mouseReleased", stick),
+    };
+    while robot.value("state/pose_x_m") < 0.3 {
+        if robot.speed_m_s() < 0.2 {
+            drive(&mut page, &robot, &held);
+        }
+        cycles_pass(&robot, 20, |_| ());
+    }
     page.picture("phone-driving");
     page.mouse("mouseReleased", stick);
     robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
@@ -167,8 +246,7 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     let robot = Robot::start(&["--set", "avoidance.kind=guarded", "--set", fence]);
     page.open(&robot.url());
     opened(&mut page);
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('phase').textContent === 'holding'");
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
     // Where a place of odom is on the screen, before the view is moved: its centre is the origin.
     let footprint = robot.read("robot")["footprint"].clone();
     let reach_m = footprint.as_array().unwrap().iter().fold(0.2, |reach: f64, corner| {
@@ -244,7 +322,15 @@ fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
     assert_eq!(status(&[bearer], &"x".repeat(300 * 1024)), 413);
     assert_eq!(status(&[bearer], r#"{"do":"pad","x":1,"y":0,"turn":0}"#), 409);
     assert_eq!(robot.read("now")["phase"], "disabled");
-    assert_eq!(status(&[bearer], enable), 200);
+    // Nor is what begins something without saying how old it is; a stop is, by whoever may look.
+    assert_eq!(status(&[bearer], enable), 409);
+    assert_eq!(robot.read("now")["phase"], "disabled");
+    assert_eq!(robot.call(&json!({"do": "enable"})).0, 200);
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    assert_eq!(status(&[], r#"{"do":"stop","category":"category_1"}"#), 200);
+    robot.wait("it is stopped", |robot| robot.read("now")["phase"] == "disabled");
+    assert_eq!(status(&[], r#"{"do":"release"}"#), 403);
+    assert_eq!(status(&[bearer, ("Sec-Fetch-Site", "cross-site")], r#"{"do":"emergency_stop"}"#), 403);
     // To let a joystick drive again is a command like any other.
     assert_eq!(status(&[], r#"{"do":"enable_joystick"}"#), 403);
     let (code, said) = robot.call(&json!({"do": "set", "values": {"speed_m_s": 0.5, "speed": 1.0}}));

@@ -4,6 +4,7 @@
 //! is measured is measured by the simulator, in the segment's own time.
 
 mod ends;
+mod manners;
 mod recovery;
 mod redundancy;
 mod refusals;

@@ -1,7 +1,7 @@
 //! A run as a text file of columns with a header line, as Kst and numpy read it.
 
 use super::RunSchema;
-use std::io::{self, Write};
+use std::io::{self, BufRead, Write};
 
 /// Writes one line a cycle; the first line names the columns, `time_s` first.
 pub struct ColumnWriter<W: Write> {
@@ -64,5 +64,22 @@ impl<W: Write> ColumnWriter<W> {
     pub fn finish(mut self) -> io::Result<W> {
         self.output.flush()?;
         Ok(self.output)
+    }
+}
+
+/// Complete rows of a column file, each as long as its header.
+pub(super) fn complete_rows(mut input: impl BufRead) -> io::Result<u64> {
+    let (mut line, mut width, mut rows) = (Vec::new(), None, 0);
+    loop {
+        line.clear();
+        if input.read_until(b'\n', &mut line)? == 0 || line.last() != Some(&b'\n') {
+            return Ok(rows);
+        }
+        let words = line.split(|byte| *byte == b' ').count();
+        match width {
+            None => width = Some(words),
+            Some(width) if width == words => rows += 1,
+            Some(_) => return Ok(rows),
+        }
     }
 }

@@ -124,10 +124,10 @@ impl<W: Write + Seek> McapRun<W> {
         self.send(self.events, event.time_ns)
     }
 
-    /// Writes index and end; without it the file is still read to its last whole chunk.
-    pub fn finish(mut self) -> Result<(), RunError> {
+    /// Writes index and end, and gives the output back; without it the file is still read to its last whole chunk.
+    pub fn finish(mut self) -> Result<W, RunError> {
         self.writer.finish()?;
-        Ok(())
+        Ok(self.writer.into_inner())
     }
 
     fn send(&mut self, channel_id: u16, time_ns: u64) -> Result<(), RunError> {

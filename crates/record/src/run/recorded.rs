@@ -40,6 +40,8 @@ pub struct RecordedRun {
 pub enum Keep {
     /// Everything.
     All,
+    /// When each complete cycle was, and the events.
+    Times,
     /// Signals for which this is so, by their topic and name; and nothing for replay.
     Signals(fn(&str, &str) -> bool),
 }
@@ -117,7 +119,10 @@ fn fill_their_chunk(mut records: &[u8]) -> bool {
 /// What broke off, as a person reads it.
 fn words(error: &McapError) -> String {
     match error {
-        McapError::UnexpectedEof | McapError::UnexpectedEoc => "it breaks off inside a record".to_owned(),
+        // The length of a chunk is written last; until then it is the greatest number.
+        McapError::UnexpectedEof
+        | McapError::UnexpectedEoc
+        | McapError::RecordTooLarge { len: u64::MAX, .. } => "it breaks off inside a record".to_owned(),
         other => other.to_string(),
     }
 }
@@ -236,7 +241,7 @@ impl Reading {
         let (mut signals, mut fields) = (Vec::new(), Vec::new());
         for name in names {
             let is_kept = match self.keep {
-                Keep::All => true,
+                Keep::All | Keep::Times => true,
                 Keep::Signals(is_kept) => is_kept(&topic, &name),
             };
             fields.push(is_kept.then_some(signals.len()));
@@ -245,7 +250,7 @@ impl Reading {
             }
         }
         let width = signals.len();
-        if width > 0 || matches!(self.keep, Keep::All) {
+        if width > 0 || !matches!(self.keep, Keep::Signals(_)) {
             self.run.schema.topics.push(Topic { name: topic, signals });
         }
         Content::Signals { at, width, fields }
@@ -255,7 +260,9 @@ impl Reading {
     fn cycle(&mut self, time_ns: u64, message: &[u8]) {
         if self.partial.len() == self.run.schema.width() {
             self.run.times_ns.push(time_ns);
-            self.run.values.append(&mut self.partial);
+            if !matches!(self.keep, Keep::Times) {
+                self.run.values.append(&mut self.partial);
+            }
             if matches!(self.keep, Keep::All) {
                 self.run.raw.push(first_bytes(message).unwrap_or_default().to_vec());
             }

@@ -1,11 +1,13 @@
 //! From the cyclic thread to the files: a ring without locks, and a thread that writes.
 
-use super::{ColumnError, ColumnWriter, McapRun, RunError, RunEvent, RunSchema};
+use super::columns::complete_rows;
+use super::{ColumnError, ColumnWriter, Keep, McapRun, RecordedRun, RunError, RunEvent, RunSchema};
+use crate::output::{WholeFile, create};
 use crate::ring::take;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -34,9 +36,9 @@ pub enum OnFull {
 /// What became of a recording.
 #[derive(Debug, Default)]
 pub struct RunRecorded {
-    /// Cycles that were written to the files.
+    /// Cycles that can be read again, from each of the files.
     pub written: u64,
-    /// Cycles and events that found the ring full, or no writer any more.
+    /// Cycles that can't, and events that found the ring full, or no writer any more.
     pub dropped: u64,
     /// Why the files end early, where they do; they can be read to their last complete record.
     pub failure: Option<RecorderError>,
@@ -77,8 +79,19 @@ pub enum RecorderError {
 /// The cyclic thread's end: never allocates; never waits, unless it was asked to.
 pub struct RunSink {
     ring: Producer<u64>,
-    dropped: Arc<AtomicU64>,
+    count: Arc<Count>,
     on_full: OnFull,
+}
+
+/// What went in, and what came out.
+#[derive(Debug, Default)]
+struct Count {
+    /// Cycles that were handed over.
+    cycles: AtomicU64,
+    /// Of them, those that were given to the files.
+    written: AtomicU64,
+    /// Events that found no room.
+    events_dropped: AtomicU64,
 }
 
 impl RunSink {
@@ -106,16 +119,17 @@ impl RunSink {
         words: impl Iterator<Item = u64>,
         bytes: &[u8],
     ) {
+        if kind == ROW {
+            self.count.cycles.fetch_add(1, Ordering::Relaxed);
+        }
         let length = HEADER + count + bytes.len().div_ceil(8);
         let head = [kind | (count as u64) << 8 | (bytes.len() as u64) << 32, time_ns];
         if self.is_broken() {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
-            return;
+            return self.drop(kind);
         }
         while self.ring.slots() < length {
             if self.on_full == OnFull::Drop || self.is_broken() {
-                self.dropped.fetch_add(1, Ordering::Relaxed);
-                return;
+                return self.drop(kind);
             }
             std::thread::yield_now();
         }
@@ -128,13 +142,20 @@ impl RunSink {
             chunk.fill_from_iter(head.into_iter().chain(words).chain(packed));
         }
     }
+
+    /// Cycles that come to nothing are seen by what came out.
+    fn drop(&mut self, kind: u64) {
+        if kind == EVENT {
+            self.count.events_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
 }
 
 /// The thread that writes the files.
 pub struct RunRecorder {
     thread: JoinHandle<Result<Writers, RecorderError>>,
-    written: Arc<AtomicU64>,
-    dropped: Arc<AtomicU64>,
+    count: Arc<Count>,
+    files: RunFiles,
     describe: mpsc::Sender<(String, String)>,
 }
 
@@ -160,7 +181,7 @@ pub struct RunFiles {
     pub description: BTreeMap<String, String>,
 }
 
-type Output = BufWriter<File>;
+type Output = BufWriter<WholeFile>;
 
 struct Writers {
     mcap: Option<(PathBuf, McapRun<Output>)>,
@@ -175,8 +196,8 @@ impl RunRecorder {
         on_full: OnFull,
     ) -> Result<(RunRecorder, RunSink), RecorderError> {
         let create = |path: &Path| {
-            let file = File::create(path);
-            file.map(BufWriter::new).map_err(|source| RecorderError::File { path: path.to_owned(), source })
+            let file = create(path).map(|file| BufWriter::new(WholeFile::new(file)));
+            file.map_err(|source| RecorderError::File { path: path.to_owned(), source })
         };
         let mut writers = Writers { mcap: None, columns: None };
         if let Some(path) = &files.mcap {
@@ -191,14 +212,14 @@ impl RunRecorder {
         }
         let (ring, consumer) = RingBuffer::new(RING);
         let (describe, described) = mpsc::channel();
-        let (written, dropped) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
-        let count = written.clone();
+        let count = Arc::new(Count::default());
+        let counted = count.clone();
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || drain(consumer, &described, writers, &count))
+            .spawn(move || drain(consumer, &described, writers, &counted.written))
             .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
-        let sink = RunSink { ring, dropped: dropped.clone(), on_full };
-        Ok((RunRecorder { thread, written, dropped, describe }, sink))
+        let sink = RunSink { ring, count: count.clone(), on_full };
+        Ok((RunRecorder { thread, count, files: files.clone(), describe }, sink))
     }
 
     /// A way to add to the description while the run goes on.
@@ -220,20 +241,39 @@ impl RunRecorder {
             Ok(ended) => ended,
             Err(panic) => Err(RecorderError::Died(words(panic.as_ref()))),
         };
-        let mut recorded = RunRecorded {
-            written: self.written.load(Ordering::Relaxed),
-            dropped: self.dropped.load(Ordering::Relaxed),
-            failure: None,
+        let [cycles, written, events_dropped] =
+            [&self.count.cycles, &self.count.written, &self.count.events_dropped]
+                .map(|count| count.load(Ordering::Relaxed));
+        let recorded = |written: u64, failure| RunRecorded {
+            written,
+            dropped: cycles.saturating_sub(written) + events_dropped,
+            failure,
         };
         let finished = ended.and_then(|mut writers| {
-            for (key, text) in last_words(&recorded) {
+            for (key, text) in last_words(&recorded(written, None)) {
                 writers.describe(&key, &text)?;
             }
             writers.finish()
         });
-        recorded.failure = finished.err();
-        recorded
+        match finished {
+            Ok(()) => recorded(written, None),
+            // What was given to a file need not have reached it.
+            Err(failure) => recorded(readable(&self.files), Some(failure)),
+        }
     }
+}
+
+/// Cycles that can be read from each of the files.
+fn readable(files: &RunFiles) -> u64 {
+    let mcap = files.mcap.as_ref().map(|path| {
+        let run = File::open(path).map_err(RunError::from);
+        run.and_then(|file| RecordedRun::read_from(file, Keep::Times))
+            .map_or(0, |run| run.times_ns.len() as u64)
+    });
+    let columns = files.columns.as_ref().map(|path| {
+        File::open(path).and_then(|file| complete_rows(BufReader::new(file))).unwrap_or_default()
+    });
+    mcap.into_iter().chain(columns).min().unwrap_or_default()
 }
 
 /// What a panic said.
@@ -307,33 +347,83 @@ impl Writers {
 
     fn finish(self) -> Result<(), RecorderError> {
         if let Some((path, mcap)) = self.mcap {
-            mcap.finish().map_err(|source| RecorderError::Mcap { path, source })?;
+            let finished = mcap.finish().and_then(|output| Ok(ended(output)?));
+            finished.map_err(|source| RecorderError::Mcap { path, source })?;
         }
         if let Some((path, columns)) = self.columns {
-            columns.finish().map_err(|source| RecorderError::File { path, source })?;
+            columns.finish().and_then(ended).map_err(|source| RecorderError::File { path, source })?;
         }
         Ok(())
     }
 }
 
+/// Writes what is still held back, and looks whether all of the file is there.
+fn ended(mut output: Output) -> io::Result<()> {
+    output.flush()?;
+    output.get_ref().check()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::OpenOptions;
+
+    fn schema() -> RunSchema {
+        let mut schema = RunSchema::default();
+        schema.push("/wheels", ["a", "b", "c", "d"]);
+        schema
+    }
+
+    fn files(name: &str) -> RunFiles {
+        let folder = std::env::temp_dir().join(format!("omnibase-recorder-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let (mcap, columns) = (Some(folder.join("run.mcap")), Some(folder.join("run.txt")));
+        RunFiles { mcap, columns, ..RunFiles::default() }
+    }
+
+    /// What a reader reads, counted in its own way.
+    fn read(files: &RunFiles) -> [u64; 2] {
+        let mcap = std::fs::read(files.mcap.as_ref().unwrap());
+        let run = mcap.ok().and_then(|bytes| RecordedRun::read(&bytes).ok());
+        let columns = std::fs::read_to_string(files.columns.as_ref().unwrap()).unwrap_or_default();
+        let lines = columns.matches('\n').count().saturating_sub(1);
+        [run.map_or(0, |run| run.raw.len() as u64), lines as u64]
+    }
+
+    fn words_of_all(error: &dyn std::error::Error) -> String {
+        let further = error.source().map(words_of_all).unwrap_or_default();
+        format!("{error}: {further}")
+    }
+
+    fn remove(files: &RunFiles) {
+        std::fs::remove_dir_all(files.mcap.as_ref().unwrap().parent().unwrap()).unwrap();
+    }
 
     #[test]
     fn a_dead_writer_is_seen_counted_and_told_of() {
         let (ring, consumer) = RingBuffer::new(1024);
-        let (dropped, written) = (Arc::new(AtomicU64::new(0)), Arc::default());
+        let count = Arc::new(Count::default());
         let (describe, _described) = mpsc::channel();
         let (die, told_to) = mpsc::channel::<()>();
-        let thread = std::thread::spawn(move || -> Result<Writers, RecorderError> {
-            let _ring = consumer;
-            let _ = told_to.recv();
-            panic!("out of luck");
+        let counted = count.clone();
+        let files = files("dead");
+        let thread = std::thread::spawn({
+            let files = files.clone();
+            move || -> Result<Writers, RecorderError> {
+                let _ring = consumer;
+                let output = BufWriter::new(WholeFile::new(create(files.mcap.as_ref().unwrap()).unwrap()));
+                let mut mcap = McapRun::create(output, &schema(), &BTreeMap::new()).unwrap();
+                mcap.write_row(0, &[0.5; 4], &[7; 8]).unwrap();
+                counted.written.fetch_add(1, Ordering::Relaxed);
+                let _ = told_to.recv();
+                panic!("out of luck");
+            }
         });
         // Also where it waits for room: there won't be any.
-        let mut sink = RunSink { ring, dropped: dropped.clone(), on_full: OnFull::Wait };
-        let recorder = RunRecorder { thread, written, dropped, describe };
+        let mut sink = RunSink { ring, count: count.clone(), on_full: OnFull::Wait };
+        let written = RunFiles { columns: None, ..files.clone() };
+        let recorder = RunRecorder { thread, count, files: written, describe };
+        sink.push_row(0, &[0.5; 4], &[7; 8]);
         sink.push_row(1, &[0.5; 4], &[7; 8]);
         assert!(!sink.is_broken());
         drop(die);
@@ -344,8 +434,42 @@ mod tests {
         sink.push_event(3, "nobody hears it");
         drop(sink);
         let recorded = recorder.finish();
-        assert_eq!(recorded.dropped, 2);
+        assert_eq!((recorded.written, recorded.dropped), (1, 3));
+        assert_eq!(read(&files)[0], 1);
         let failure = recorded.failure.expect("it died");
         assert_eq!(failure.to_string(), "the recorder's thread died: out of luck");
+        remove(&files);
+    }
+
+    #[test]
+    fn what_is_said_to_be_written_is_what_can_be_read_of_a_file_that_was_cut_off() {
+        for cut_at in [0, 10_000, 700_000] {
+            let files = files(&format!("cut-{cut_at}"));
+            let (recorder, mut sink) = RunRecorder::start(&files, &schema(), OnFull::Wait).unwrap();
+            let path = files.mcap.as_ref().unwrap();
+            // Some chunks of 1 MiB, of numbers that don't become smaller by compression.
+            let rows = 60_000_u64;
+            for row in 0..rows {
+                let values = [1, 3, 5, 7].map(|odd| (row * odd).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64);
+                sink.push_row(row, &values, &row.to_le_bytes());
+                if row == rows / 2 {
+                    // Half of it at least is on its way to the file: the ring has room for less.
+                    while recorder.count.written.load(Ordering::Relaxed) < row {
+                        std::thread::yield_now();
+                    }
+                    OpenOptions::new().write(true).open(path).unwrap().set_len(cut_at).unwrap();
+                }
+            }
+            drop(sink);
+            let recorded = recorder.finish();
+            let failure = words_of_all(&recorded.failure.expect("it was cut off"));
+            assert!(failure.contains(&format!("the file was cut off at {cut_at} of ")), "{failure}");
+            let [mcap, columns] = read(&files);
+            assert!(mcap < rows && columns < rows, "{mcap}, {columns}");
+            assert_eq!(recorded.written, mcap.min(columns));
+            assert_eq!(recorded.written + recorded.dropped, rows);
+            assert!(cut_at < 700_000 || mcap > 0, "{mcap}");
+            remove(&files);
+        }
     }
 }

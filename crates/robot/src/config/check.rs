@@ -8,7 +8,9 @@ use super::guard_check;
 use super::plan::*;
 use super::platform;
 use super::problem::{Problem, ProblemKind};
+use super::sdo_writes;
 use super::source::{Locations, Source, nearest};
+use super::torque_limit;
 use crate::registry::Registry;
 use crate::signals::{SafetyAction, StopCategory};
 
@@ -108,6 +110,8 @@ impl Check {
     fn robot(&mut self, file: RobotFile, registry: &Registry, read_file: ReadFile<'_>) -> Option<RobotPlan> {
         let name = self.need(file.name.clone(), "name", "recordings and reports carry it");
         let bus = self.bus(&file.bus, &file.safety);
+        let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
+        let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len());
         let limits = self.limits(&file.limits);
@@ -123,8 +127,9 @@ impl Check {
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
             self.reachable(reference, limits);
         }
-        let (limits, drives) = (limits?, drives?);
+        let (limits, mut drives) = (limits?, drives?);
         self.motors_reach_limits(&drives, &limits);
+        torque_limit::resolve(self, &mut drives, &limits);
         if let Some(controller) = &controller {
             self.targets_are_mapped(&drives, controller);
         }
@@ -132,6 +137,7 @@ impl Check {
         Some(RobotPlan {
             name: name?,
             bus: bus?,
+            sdo_write_while_enabled,
             drives,
             kinematics: kinematics?,
             limits,
@@ -230,8 +236,19 @@ impl Check {
                 LostDeviceName::Ramp => SafetyAction::Stop(StopCategory::RampThenRemove),
                 LostDeviceName::RemoveTorque => SafetyAction::Stop(StopCategory::RemoveTorque),
             },
-            resume_within_ns: (table.after_lost_device == Some(ComebackName::Resume))
-                .then_some(ns(table.lost_device_wait_ms, 30_000)),
+            comeback: match table.after_lost_device.unwrap_or(ComebackName::Stay) {
+                ComebackName::Stay => None,
+                ComebackName::Hold => Some(ComebackEnd::Hold),
+                ComebackName::MoveAgainUnattended => {
+                    Some(ComebackEnd::MoveAgain { warning_ns: ns(table.move_again_warning_ms, 5000) })
+                }
+            }
+            .map(|end| ComebackPlan {
+                end,
+                within_ns: ns(table.lost_device_wait_ms, 30_000),
+                steady_ns: ns(table.steady_before_comeback_ms, 1000),
+                lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
+            }),
             command_age_ns: ns(table.command_age_ms, 200),
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),
             stop_timeout_ns: ns(table.stop_timeout_ms, 5000),
@@ -242,6 +259,9 @@ impl Check {
             reference_speed_stop: stop(table.reference_speed_stop, StopName::Category1),
             fence_stop: stop(table.fence_stop, StopName::Category2),
             tracking_error_stop: stop(table.tracking_error_stop, StopName::Category1),
+            wheel_torque_stop: stop(table.wheel_torque_stop, StopName::Category1),
+            wheel_torque_margin_nm: table.wheel_torque_margin_nm,
+            wheel_torque_time_ns: ns(table.wheel_torque_time_ms, 50),
         }
     }
 

@@ -32,6 +32,8 @@ pub struct DriveTable {
     /// Encoder counts per revolution of the motor.
     #[schemars(range(min = 1))]
     pub counts_per_revolution: Option<u32>,
+    /// Whether the encoder keeps its count of turns without supply; default: `incremental`.
+    pub encoder: Option<EncoderName>,
     /// Revolutions of the motor per revolution of the wheel; default: 1.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub gear_ratio: Option<f64>,
@@ -45,12 +47,26 @@ pub struct DriveTable {
     /// The motor's peak torque, N·m; default: the rated torque.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub peak_torque_nm: Option<f64>,
+    /// The objects that hold the drive to `limits.wheel_torque_nm`: in every cycle where they are mapped among
+    /// `outputs`, else by SDO at start-up, read back; default: `max_torque`.
+    pub torque_limit: Option<TorqueLimitName>,
     /// SDOs written in PRE-OP and read back.
     pub parameters: Option<Vec<ParameterTable>>,
     /// A file of `[[parameter]]` tables, sent before `parameters`.
     pub parameters_file: Option<String>,
     /// Parameters of a registered device, handed to it as they stand.
     pub custom: Parameters,
+}
+
+/// What an encoder knows after a loss of its drive's supply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EncoderName {
+    /// Nothing: its count begins anew, or lacks whole turns.
+    #[default]
+    Incremental,
+    /// Its angle and its whole turns: 0x6064 goes on where it was, with what turned meanwhile (a battery for its turns).
+    Absolute,
 }
 
 /// Which way the wheel turns when the counts rise.
@@ -61,6 +77,16 @@ pub enum TurnDirection {
     Forward,
     /// Against it.
     Backward,
+}
+
+/// The objects that hold a drive to a torque.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TorqueLimitName {
+    /// Max torque (0x6072).
+    MaxTorque,
+    /// Positive and negative torque limit value (0x60E0, 0x60E1).
+    PositiveAndNegative,
 }
 
 /// Unit of 0x60FF and 0x606C.
@@ -89,7 +115,7 @@ pub struct PdoTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ParameterTable {
-    /// Object as `"0x6072"` or `"0x60C2.1"`.
+    /// Object as `"0x6085"` or `"0x60C2.1"`.
     pub object: Option<String>,
     /// Type of the value.
     #[serde(rename = "type")]

@@ -10,6 +10,7 @@ use super::mapping::{PdoPlan, find, parse_map, parse_object};
 use super::plan::*;
 use super::problem::ProblemKind;
 use super::source::Source;
+use super::torque_limit::{self, TorqueLimit};
 use crate::registry::{DeviceDefaults, Registry};
 use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 
@@ -107,6 +108,7 @@ impl Drive<'_> {
                 parameters.extend(parameter(self.check, table, &setting));
             }
         }
+        let torque_limit = self.torque_limit(&outputs, &parameters);
         let mut custom = self.defaults.custom.clone();
         custom.extend(self.own.custom.clone());
         Some(DrivePlan {
@@ -117,6 +119,8 @@ impl Drive<'_> {
             outputs: outputs?,
             inputs: inputs?,
             scale: scale?,
+            torque_limit: torque_limit?,
+            encoder: self.pick("encoder", |table| &table.encoder).0.unwrap_or_default(),
             parameters,
             custom,
         })
@@ -261,6 +265,21 @@ impl Drive<'_> {
             rated_torque_nm: rated,
             peak_torque_nm: peak,
         })
+    }
+
+    /// How the drive is told its torque limit; how much that is needs the limits.
+    fn torque_limit(
+        &mut self,
+        outputs: &Option<Vec<PdoPlan>>,
+        parameters: &[ParameterPlan],
+    ) -> Option<TorqueLimit> {
+        let objects = self.pick("torque_limit", |table| &table.torque_limit).0;
+        let objects = objects.unwrap_or(TorqueLimitName::MaxTorque);
+        let setting = self.setting("parameters", self.own.parameters.is_some());
+        torque_limit::no_parameter_contradicts(self.check, (&setting, parameters), objects);
+        let setting = self.setting("outputs", self.own.outputs.is_some());
+        let told = torque_limit::told(self.check, (&setting, outputs.as_ref()?), objects);
+        Some(TorqueLimit { wheel_nm: 0.0, objects, told })
     }
 
     fn parameters_file(&mut self, name: &str, setting: &str, read_file: ReadFile<'_>) -> Vec<ParameterPlan> {

@@ -66,6 +66,9 @@ pub struct BusTable {
     pub sync0_shift_us: Option<i32>,
     /// Who sets the pace; default: `distributed_clock`.
     pub clock_source: Option<ClockSource>,
+    /// Objects of the drives that may be written by SDO while these are enabled, as `"6083"` or `"60F6:0A"`; default:
+    /// none. Others only while no drive is enabled, and those that the cycle owns never.
+    pub sdo_write_while_enabled: Option<Vec<String>>,
 }
 
 /// How the drives are synchronised (0x1C32, 0x1C33).
@@ -175,7 +178,8 @@ pub struct LimitsTable {
     /// Greatest wheel speed, rad/s: commands are scaled to it, a measured speed 10 % above stops.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub wheel_speed_rad_s: Option<f64>,
-    /// Greatest wheel torque, N·m.
+    /// Greatest wheel torque, N·m: each drive is told it and holds its motor to it, whatever the control law; a torque
+    /// measured above it stops (`safety.wheel_torque_stop`).
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub wheel_torque_nm: Option<f64>,
 }
@@ -193,6 +197,26 @@ pub struct EstimatorTable {
     /// polyurethane; default: none.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub creep: Option<f64>,
+    /// Standard deviation of each wheel's true rolling radius over the one that is given, for the covariance: tread, load
+    /// and wear; default: 0.001.
+    #[schemars(range(min = 1e-6, max = 0.1))]
+    pub radius_share: Option<f64>,
+    /// Standard deviation of each coordinate of the pose at start, or where it was set, m: how well the robot stands in the
+    /// origin of odom; default: 0.0001.
+    #[schemars(range(min = 1e-6, max = 10.0))]
+    pub start_sigma_m: Option<f64>,
+    /// Standard deviation of the heading there, rad; default: 0.0001.
+    #[schemars(range(min = 1e-6, max = 3.2))]
+    pub start_sigma_rad: Option<f64>,
+    /// Standard deviation of each coordinate after a metre, m, growing with the root of the way; default: 0.001.
+    #[schemars(range(min = 1e-6, max = 1.0))]
+    pub way_sigma_m: Option<f64>,
+    /// Standard deviation of the heading after a metre, rad, likewise; default: 0.001.
+    #[schemars(range(min = 1e-6, max = 1.0))]
+    pub way_sigma_rad: Option<f64>,
+    /// Standard deviation of the heading after a radian, rad, likewise; default: 0.0012.
+    #[schemars(range(min = 1e-6, max = 1.0))]
+    pub turn_sigma_rad: Option<f64>,
     /// Parameters of a registered estimator.
     pub custom: Parameters,
 }
@@ -256,7 +280,7 @@ pub struct ReferenceTable {
     /// Reference by name: `hold`, `circle`, `ellipse`, `spiral`, `eight`, `holonomic` (a circle whose heading follows
     /// the tangent), `path`, or one that a user registered; default: `hold`.
     pub kind: Option<String>,
-    /// Time of the whole motion, s; default: as short as the limits allow. A path has its own times.
+    /// Time of the whole motion, s, at most 1e6; default: as short as the limits allow. A path has its own times.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub duration_s: Option<f64>,
     /// `circle`, `holonomic`: radius, m.
@@ -336,11 +360,18 @@ pub struct SafetyTable {
     pub lost_exchanges_tolerated: Option<u32>,
     /// What follows where a SubDevice takes no part in more exchanges in a row than that; default: `quick_stop`.
     pub on_lost_device: Option<LostDeviceName>,
-    /// Who lets the robot move again when the SubDevice is back; default: `stay`.
+    /// What the robot does by itself when the SubDevice is back; default: `stay`.
     pub after_lost_device: Option<ComebackName>,
-    /// How long `resume` waits for it, ms; default: 30 000.
+    /// How long it is awaited where that isn't `stay`, ms; default: 30 000.
     #[schemars(range(min = 1, max = 86_400_000))]
     pub lost_device_wait_ms: Option<u32>,
+    /// For how long all exchanges were complete and all wheels stood before the drives are enabled again by themselves,
+    /// ms; default: 1000.
+    #[schemars(range(min = 1000, max = 600_000))]
+    pub steady_before_comeback_ms: Option<u32>,
+    /// For how long `move_again_unattended` warns before anything moves, ms; default: 5000.
+    #[schemars(range(min = 3000, max = 600_000))]
+    pub move_again_warning_ms: Option<u32>,
     /// Time without process data after which the drives stop by themselves, us: their watchdog, in steps of 100;
     /// default: 100000.
     #[schemars(range(min = 100, max = 6_553_500))]
@@ -371,6 +402,15 @@ pub struct SafetyTable {
     pub fence_stop: Option<StopName>,
     /// What a lasting loss of the tracked path leads to; default: `category_1`.
     pub tracking_error_stop: Option<StopName>,
+    /// What a measured wheel torque above its limit leads to; default: `category_1`.
+    pub wheel_torque_stop: Option<StopName>,
+    /// How far a measured torque may lie above its limit, N·m at the wheel; default: the greater of a tenth of the limit
+    /// and a twentieth of the motor's rated torque.
+    #[schemars(range(min = 0.0))]
+    pub wheel_torque_margin_nm: Option<f64>,
+    /// For how long a measured torque may lie further above than that, ms; time below counts back; default: 50.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub wheel_torque_time_ms: Option<u32>,
 }
 
 /// What the loss of a SubDevice leads to.
@@ -385,14 +425,16 @@ pub enum LostDeviceName {
     RemoveTorque,
 }
 
-/// Who lets a robot move again whose SubDevice was lost and is back.
+/// What a robot does by itself whose SubDevice was lost and is back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ComebackName {
-    /// A person: the robot stays disabled until somebody acknowledges and enables it.
+    /// Nothing: it stays without torque until a person acknowledges and enables it.
     Stay,
-    /// The run: it acknowledges, enables, and goes on with the path where it was left.
-    Resume,
+    /// Where nothing else happened its drives are acknowledged and enabled; it holds, and a person resumes.
+    Hold,
+    /// As `hold`; then, after a warning, it moves on along its path without a person.
+    MoveAgainUnattended,
 }
 
 /// Stop categories of IEC 60204-1.

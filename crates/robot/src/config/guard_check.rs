@@ -19,6 +19,12 @@ const FENCE_MARGIN_M: f64 = 0.05;
 const OBSTACLE_DISTANCE_M: f64 = 0.1;
 /// Coefficient of the circular speed, 1/s.
 const CIRCULATE_1_S: f64 = 0.5;
+/// Standard deviations of the believed pose that are kept.
+const SIGMAS: f64 = 3.0;
+/// After so long without headway a plan is given up, s.
+const GIVE_UP_S: f64 = 5.0;
+/// How much faster than the path's own speed is caught up.
+const CATCH_UP_FACTOR: f64 = 1.2;
 
 pub(super) fn resolve(
     check: &mut Check,
@@ -45,6 +51,9 @@ pub(super) fn resolve(
         avoidance: file.avoidance.kind.unwrap_or_default(),
         distance_m: file.avoidance.distance_m.unwrap_or(OBSTACLE_DISTANCE_M),
         circulate_1_s: file.avoidance.circulate_1_s.unwrap_or(CIRCULATE_1_S),
+        obstacle_sigmas: file.avoidance.sigmas.unwrap_or(SIGMAS),
+        give_up_s: file.avoidance.give_up_s.unwrap_or(GIVE_UP_S),
+        catch_up_factor: file.avoidance.catch_up_factor.unwrap_or(CATCH_UP_FACTOR),
         obstacles,
     })
 }
@@ -152,7 +161,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
         problem.limit = Some(format!("at least fence.margin_m = {margin_m}"));
         return None;
     }
-    Some(FencePlan { corners_m, margin_m })
+    Some(FencePlan { corners_m, margin_m, sigmas: table.sigmas.unwrap_or(SIGMAS) })
 }
 
 fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {

@@ -14,6 +14,9 @@ pub struct FenceTable {
     /// What the footprint keeps from the fence, m: room for the error with which the motion is followed; default: 0.05.
     #[schemars(range(min = 0.0))]
     pub margin_m: Option<f64>,
+    /// How many standard deviations of the believed pose are kept beside the margin; default: 3.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub sigmas: Option<f64>,
 }
 
 /// What the robot does about obstacles.
@@ -29,6 +32,15 @@ pub struct AvoidanceTable {
     /// default: 0.5.
     #[schemars(range(min = 0.01, max = 100.0))]
     pub circulate_1_s: Option<f64>,
+    /// How many standard deviations of the believed pose are kept beside the distance; default: 3.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub sigmas: Option<f64>,
+    /// A plan that makes no headway for so long is given up: category 2, "the way is blocked", s; default: 5.
+    #[schemars(range(min = 0.5, max = 3600.0))]
+    pub give_up_s: Option<f64>,
+    /// How much faster than the path's own speed a robot may be that had to give way and catches up; default: 1.2.
+    #[schemars(range(min = 1.0, max = 10.0))]
+    pub catch_up_factor: Option<f64>,
 }
 
 /// A way of avoiding obstacles.

@@ -36,11 +36,15 @@ pub enum MapError {
     Bits(String),
 }
 
-/// Reads an object: `6040`, `0x6040`, `60C1.1`.
+/// Reads an object: `6040`, `0x6040`, `60C1.1`, or with a hexadecimal subindex `60C1:01`.
 pub fn parse_object(text: &str) -> Result<(u16, u8), MapError> {
     let wrong = || MapError::Object(text.into());
     let (index, subindex) = text.trim().split_once('.').unwrap_or((text.trim(), "0"));
     let index = index.strip_prefix("0x").or(index.strip_prefix("0X")).unwrap_or(index);
+    if let Some((index, subindex)) = index.split_once(':') {
+        let index = u16::from_str_radix(index, 16).map_err(|_| wrong())?;
+        return Ok((index, u8::from_str_radix(subindex, 16).map_err(|_| wrong())?));
+    }
     let index = u16::from_str_radix(index, 16).map_err(|_| wrong())?;
     Ok((index, subindex.parse().map_err(|_| wrong())?))
 }

@@ -6,6 +6,7 @@ use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
+use super::drive_tables::EncoderName;
 use super::drive_tables::{SpeedUnit, TurnDirection};
 use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable,
@@ -14,6 +15,7 @@ use super::file::{
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
+use super::torque_limit::TorqueLimit;
 use crate::guard::Obstacle;
 use crate::signals::{SafetyAction, StopCategory};
 
@@ -24,6 +26,8 @@ pub struct RobotPlan {
     pub name: String,
     /// The bus and its cycle.
     pub bus: BusPlan,
+    /// Objects that may be written by SDO while drives are enabled.
+    pub sdo_write_while_enabled: Vec<ObjectAddress>,
     /// The drives in the order of the wheels.
     pub drives: Vec<DrivePlan>,
     /// Wheels and where they stand.
@@ -68,6 +72,12 @@ pub struct GuardPlan {
     pub distance_m: f64,
     /// Coefficient of `circulate`, 1/s.
     pub circulate_1_s: f64,
+    /// How many standard deviations of the believed pose are kept beside that distance.
+    pub obstacle_sigmas: f64,
+    /// After so long without headway a plan is given up, s.
+    pub give_up_s: f64,
+    /// How much faster than the path's own speed is caught up, at most.
+    pub catch_up_factor: f64,
     /// Obstacles that are there from the start, at most [`MAX_OBSTACLES`](crate::guard::MAX_OBSTACLES).
     pub obstacles: Vec<Obstacle>,
 }
@@ -88,6 +98,8 @@ pub struct FencePlan {
     pub corners_m: Vec<[f64; 2]>,
     /// What the footprint keeps from it, m.
     pub margin_m: f64,
+    /// How many standard deviations of the believed pose are kept beside the margin.
+    pub sigmas: f64,
 }
 
 /// The bus and its cycle.
@@ -149,6 +161,10 @@ pub struct DrivePlan {
     pub inputs: Vec<PdoPlan>,
     /// Between the drive's units and the wheel's.
     pub scale: DriveScale,
+    /// How it is held to the torque limit of its wheel.
+    pub torque_limit: TorqueLimit,
+    /// What its encoder knows after a loss of supply.
+    pub encoder: EncoderName,
     /// SDOs in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
     /// Parameters of a registered device.
@@ -228,6 +244,47 @@ pub struct Limits {
     pub wheel_torque_nm: f64,
 }
 
+/// The part of the limits that is the wheels' own, and can be set lower while the robot runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelLimits {
+    /// Wheel speed, rad/s.
+    pub speed_rad_s: f64,
+    /// Wheel torque, N·m.
+    pub torque_nm: f64,
+}
+
+impl Limits {
+    /// What the robot's file allows the wheels.
+    pub fn wheels(&self) -> WheelLimits {
+        WheelLimits { speed_rad_s: self.wheel_speed_rad_s, torque_nm: self.wheel_torque_nm }
+    }
+}
+
+/// What comes by itself when a lost SubDevice is back, and nothing else happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ComebackPlan {
+    /// How far it goes.
+    pub end: ComebackEnd,
+    /// How long the SubDevice is awaited, ns.
+    pub within_ns: u64,
+    /// For how long exchanges were complete and wheels stood before that, ns.
+    pub steady_ns: u64,
+    /// Lost exchanges in a row that are tolerated; more of them are all drives gone.
+    pub lost_exchanges_tolerated: u32,
+}
+
+/// How far a comeback goes by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ComebackEnd {
+    /// The drives are enabled and hold.
+    Hold,
+    /// After a warning the motion goes on.
+    MoveAgain {
+        /// How long it is warned, ns.
+        warning_ns: u64,
+    },
+}
+
 /// Watchdogs and stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyPlan {
@@ -235,8 +292,8 @@ pub struct SafetyPlan {
     pub lost_exchanges_tolerated: u32,
     /// What follows where a SubDevice takes no part in more than that.
     pub lost_device_stop: SafetyAction,
-    /// How long a run waits for a lost SubDevice to go on, ns; `None` where it doesn't go on by itself.
-    pub resume_within_ns: Option<u64>,
+    /// What comes by itself when a lost SubDevice is back; `None`: nothing.
+    pub comeback: Option<ComebackPlan>,
     /// Age at which a velocity command no longer counts, ns.
     pub command_age_ns: u64,
     /// Longest time for enabling all drives, ns.
@@ -257,6 +314,13 @@ pub struct SafetyPlan {
     pub fence_stop: StopCategory,
     /// What the loss of the tracked path leads to.
     pub tracking_error_stop: StopCategory,
+    /// What a measured wheel torque above its limit leads to.
+    pub wheel_torque_stop: StopCategory,
+    /// How far a measured torque may lie above its limit, N·m at the wheel; `None`: the greater of a tenth of the limit
+    /// and a twentieth of the rated torque.
+    pub wheel_torque_margin_nm: Option<f64>,
+    /// For how long it may lie further above, ns.
+    pub wheel_torque_time_ns: u64,
 }
 
 impl DrivePlan {

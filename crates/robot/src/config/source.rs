@@ -91,6 +91,14 @@ pub fn json_schema<T: JsonSchema>() -> Value {
     Value::from(schema_for!(T))
 }
 
+/// Choices that were once there: their setting, their name, and what to write now.
+const RETIRED: [(&str, &str, &str); 1] = [(
+    "safety.after_lost_device",
+    "resume",
+    "no robot goes on by that name any more: `hold` ends in holding, and a person resumes; \
+     `move_again_unattended` moves again without a person, after a warning (docs/faults.md)",
+)];
+
 struct Walk<'s> {
     root: &'s Value,
     locations: Locations,
@@ -196,9 +204,11 @@ impl<'s> Walk<'s> {
                 if names.contains(&text.as_ref()) {
                     return Some(Value::String(text.to_string()));
                 }
-                let reason = match nearest(text, names.iter().copied()) {
-                    Some(near) => format!("no choice has this name; did you mean `{near}`?"),
-                    None => "no choice has this name".to_string(),
+                let retired = RETIRED.iter().find(|(setting, value, _)| *setting == path && value == text);
+                let reason = match (retired, nearest(text, names.iter().copied())) {
+                    (Some((.., words)), _) => (*words).to_string(),
+                    (None, Some(near)) => format!("no choice has this name; did you mean `{near}`?"),
+                    (None, None) => "no choice has this name".to_string(),
                 };
                 let value = Some(format!("\"{text}\""));
                 self.problem(ProblemKind::UnknownName, path, value, reason).limit = Some(names.join(", "));

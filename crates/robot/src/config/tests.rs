@@ -369,3 +369,97 @@ fn where_no_map_is_named_one_of_the_ready_maps_must_fit() {
     let problems = buttons("toggle_frame = \"BTN_BASE\"\nreset_frame = \"BTN_MODE\"");
     assert_eq!(problems.iter().map(|(.., line, _)| *line).collect::<Vec<_>>(), [2, 3]);
 }
+
+#[test]
+fn a_torque_limit_that_nothing_would_hold_is_refused() {
+    let mapped = |map: &str| MECANUM.replace("6071:16 6072:16", map);
+    for (map, limit) in [
+        ("6071:16 pad:4 6072:16 pad:4", "6072:16"),
+        ("6071:16 6072:8", "6072:16"),
+        ("60E0:32 6071:16 6072:16", "60E0:16"),
+    ] {
+        let all = problems(&mapped(map));
+        let (problem, kind, ..) = found(&all, "drive_defaults.outputs");
+        assert_eq!(
+            (kind, problem.limit.as_deref()),
+            (ProblemKind::OutOfRange, Some(limit)),
+            "{}",
+            show(&all)
+        );
+    }
+    let both =
+        MECANUM.replace("gear_ratio = 10.0", "gear_ratio = 10.0\ntorque_limit = \"positive_and_negative\"");
+    let all = problems(&both.replace("6071:16 6072:16", "6071:16 60E0:16"));
+    let (problem, kind, ..) = found(&all, "drive_defaults.outputs");
+    assert_eq!((kind, problem.limit.as_deref()), (ProblemKind::Missing, Some("60E0:16 60E1:16")));
+    // Less than the drive's unit.
+    let all = problems(&BMM.replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 0.006"));
+    let (problem, kind, ..) = found(&all, "limits.wheel_torque_nm");
+    assert_eq!(
+        (kind, problem.limit.as_deref()),
+        (ProblemKind::OutOfRange, Some("at least 0.007")),
+        "{}",
+        show(&all)
+    );
+}
+
+#[test]
+fn a_parameter_that_contradicts_the_torque_limit_is_refused() {
+    let with = |object: &str| {
+        BMM.replace(
+            "parameters = [",
+            &format!("parameters = [{{ object = \"{object}\", type = \"u16\", value = 3000 }}, "),
+        )
+    };
+    let all = problems(&with("6072"));
+    let (problem, kind, ..) = found(&all, "drive_defaults.parameters");
+    assert_eq!(kind, ProblemKind::Contradiction);
+    assert!(problem.value.as_deref().unwrap().starts_with("6072 (line"), "{}", show(&all));
+    // A further limit of the drive's own is the user's business.
+    assert!(check(&with("60E0")).is_ok());
+}
+
+#[test]
+fn motions_that_nobody_sees_the_end_of_are_refused() {
+    let circle = format!("{BMM}\n[reference]\nkind = \"circle\"\nradius_m = 0.5\n");
+    let all = problems(&(circle.clone() + "duration_s = 1e18\n"));
+    let (problem, kind, ..) = found(&all, "reference.duration_s");
+    assert_eq!(kind, ProblemKind::OutOfRange);
+    assert!(
+        problem.reason.contains("it takes 1000000000000000000 s, expected at most 1000000 s"),
+        "{problem}"
+    );
+    // As long as the limits make it, and as many turns.
+    assert!(show(&problems(&(circle.clone() + "turns = 1e15\n"))).contains("expected at most 1000000 s"));
+    let slow = circle.replace("speed_m_s = 1.0", "speed_m_s = 1e-12");
+    assert_ne!(slow, circle);
+    assert!(show(&problems(&slow)).contains("expected at most 1000000 s"));
+    let path = format!("{BMM}\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [1e18, 1, 0, 0]]\n");
+    assert!(show(&problems(&path)).contains("found 1000000000000000000 s"), "{}", show(&problems(&path)));
+}
+
+#[test]
+fn a_registered_motion_without_a_reachable_end_is_refused() {
+    struct Endless(f64);
+    impl crate::stages::Reference for Endless {
+        fn start(&mut self, _: &crate::signals::Setpoint) {}
+        fn sample(&mut self, _: f64) -> crate::signals::Setpoint {
+            crate::signals::Setpoint::default()
+        }
+        fn duration_s(&self) -> Option<f64> {
+            Some(self.0)
+        }
+    }
+    let built = |duration_s: f64| {
+        let mut registry = Registry::with_built_in();
+        registry.reference("endless", move |_| Ok(Box::new(Endless(duration_s))));
+        let text = format!("{BMM}\n[reference]\nkind = \"endless\"\n");
+        let plan = RobotPlan::from_toml(&text, &registry, &no_files).unwrap();
+        crate::Robot::build(&plan, &registry).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(built(60.0), Ok(()));
+    for duration_s in [1e18, f64::INFINITY, f64::NAN, -1.0] {
+        let refusal = built(duration_s).unwrap_err();
+        assert!(refusal.contains("expected 0 to 1000000 s"), "{duration_s}: {refusal}");
+    }
+}

@@ -7,7 +7,7 @@
 use omnibase_platform::Kinematics;
 
 use super::{axes, pose_error, saturated, wrench};
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, WheelLimits};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
@@ -51,6 +51,10 @@ impl Controller for AdaptiveModelFree {
 
     fn reset(&mut self) {
         self.learnt = [[0.0; 3]; 3];
+    }
+
+    fn limit_wheels(&mut self, limits: &WheelLimits) {
+        self.wheel_torque_nm = limits.torque_nm;
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {

@@ -18,7 +18,7 @@ use omnibase_platform::{Kinematics, Twist2};
 
 use super::friction::{WheelForces, WheelFriction};
 use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
-use crate::config::{ControllerTable, Limits, RobotPlan};
+use crate::config::{ControllerTable, Limits, RobotPlan, WheelLimits};
 use crate::registry::StageError;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
@@ -188,6 +188,10 @@ impl Controller for AdaptiveTorque {
     fn reset(&mut self) {
         self.estimates = self.start;
         self.wheel_forces_n = [0.0; 2];
+    }
+
+    fn limit_wheels(&mut self, limits: &WheelLimits) {
+        self.limits.wheel_torque_nm = limits.torque_nm;
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {

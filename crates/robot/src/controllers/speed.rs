@@ -3,7 +3,7 @@
 use omnibase_platform::{Kinematics, Twist2};
 
 use super::{LEAD_PERIODS, axes, pose_error, saturated, within_speed};
-use crate::config::{Limits, RobotPlan};
+use crate::config::{Limits, RobotPlan, WheelLimits};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
@@ -27,6 +27,10 @@ impl Controller for OpenLoop {
     }
 
     fn reset(&mut self) {}
+
+    fn limit_wheels(&mut self, limits: &WheelLimits) {
+        self.wheel_speed_rad_s = limits.speed_rad_s;
+    }
 
     fn update(&mut self, time: &CycleTime, _: &PlatformState, setpoint: &Setpoint) -> Commands {
         // The reference's own heading: what isn't measured can't be wrong. Its middle over the coming period, for
@@ -73,6 +77,10 @@ impl Controller for ClosedLoopSpeed {
     }
 
     fn reset(&mut self) {}
+
+    fn limit_wheels(&mut self, limits: &WheelLimits) {
+        self.limits.wheel_speed_rad_s = limits.speed_rad_s;
+    }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);

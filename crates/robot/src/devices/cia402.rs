@@ -8,7 +8,7 @@ use omnibase_cia402::{
 };
 
 use super::{DeviceDefaults, pdo};
-use crate::config::{DrivePlan, DriveScale, PdoPlan, SpeedUnit, TurnDirection};
+use crate::config::{DrivePlan, DriveScale, EncoderName, PdoPlan, SpeedUnit, TurnDirection};
 use crate::registry::StageError;
 use crate::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use crate::stages::{Device, DriveCommand};
@@ -86,7 +86,8 @@ struct Outputs {
     position: Option<Field>,
     speed: Option<Field>,
     torque: Option<Field>,
-    torque_limit: Option<Field>,
+    /// Max torque, positive and negative torque limit; those that are mapped.
+    torque_limits: [Option<Field>; 3],
     interpolated_position: Option<Field>,
 }
 
@@ -101,7 +102,10 @@ pub struct Cia402Device {
     rad_s_per_speed_unit: f64,
     /// Wheel torque of one per mille, N·m.
     nm_per_mille: f64,
-    torque_limit_per_mille: i32,
+    scale: DriveScale,
+    /// The most that its wheel ever gets, N·m.
+    torque_limit_nm: f64,
+    encoder: EncoderName,
     enabling: Enabling,
     feedback: Feedback,
     last_counts: Option<PositionCounts>,
@@ -137,17 +141,11 @@ impl Cia402Device {
             position: output(0x607A),
             speed: output(0x60FF),
             torque: output(0x6071),
-            torque_limit: output(0x6072),
+            torque_limits: [0x6072, 0x60E0, 0x60E1].map(output),
             interpolated_position: Field::find(&plan.outputs, 0x60C1, 1),
         };
-        let DriveScale {
-            counts_per_revolution,
-            gear_ratio,
-            direction,
-            speed_unit,
-            rated_torque_nm,
-            peak_torque_nm,
-        } = plan.scale;
+        let DriveScale { counts_per_revolution, gear_ratio, direction, speed_unit, rated_torque_nm, .. } =
+            plan.scale;
         let sign = match direction {
             TurnDirection::Forward => 1.0,
             TurnDirection::Backward => -1.0,
@@ -164,7 +162,9 @@ impl Cia402Device {
             rad_per_count,
             rad_s_per_speed_unit,
             nm_per_mille: sign * rated_torque_nm * gear_ratio / 1000.0,
-            torque_limit_per_mille: nearest(1000.0 * peak_torque_nm / rated_torque_nm, 16),
+            scale: plan.scale,
+            torque_limit_nm: plan.torque_limit.wheel_nm,
+            encoder: plan.encoder,
             enabling: Enabling::new(Settings::default()),
             feedback: Feedback {
                 status: StatusWord::default(),
@@ -220,12 +220,15 @@ impl Device for Cia402Device {
 
     fn write(&mut self, time: &CycleTime, command: &DriveCommand, outputs: &mut [u8]) -> DriveProgress {
         let mut targets = self.feedback.actual;
+        let torque_limit_nm = command.torque_limit_nm.min(self.torque_limit_nm);
+        let torque_limit = self.scale.torque_limit_per_mille(torque_limit_nm).min(i16::MAX as u16) as i16;
         match command.command {
             WheelCommand::SpeedRadS(speed) => {
                 targets.velocity_units = nearest(speed / self.rad_s_per_speed_unit, 32)
             }
             WheelCommand::TorqueNm(torque) => {
-                targets.torque_per_mille = nearest(torque / self.nm_per_mille, 16) as i16;
+                let torque = nearest(torque / self.nm_per_mille, 16) as i16;
+                targets.torque_per_mille = torque.clamp(-torque_limit, torque_limit);
             }
         }
         let request = Request { wanted: command.wanted, mode: command.mode, targets };
@@ -241,7 +244,9 @@ impl Device for Cia402Device {
         put(self.outputs.interpolated_position, output.targets.position_counts);
         put(self.outputs.speed, output.targets.velocity_units);
         put(self.outputs.torque, output.targets.torque_per_mille.into());
-        put(self.outputs.torque_limit, self.torque_limit_per_mille);
+        for field in self.outputs.torque_limits {
+            put(field, torque_limit.into());
+        }
         self.progress = match output.progress {
             Progress::Stepping { .. } => DriveProgress::UnderWay,
             Progress::SwitchingMode { .. } => DriveProgress::SwitchingMode,
@@ -257,6 +262,12 @@ impl Device for Cia402Device {
     fn restarted(&mut self) {
         self.last_counts = None;
         self.counted_rad_s = 0.0;
+    }
+
+    fn count_range_rad(&self) -> Option<f64> {
+        // Half of the 32 bits in which the count wraps.
+        let range_rad = f64::from(1_u32 << 31) * self.rad_per_count.abs();
+        (self.encoder == EncoderName::Absolute).then_some(range_rad)
     }
 
     fn acknowledge(&mut self) {

@@ -4,10 +4,13 @@
 //! manual SIEP C720829 04. The map is the drive's default with the measured speed in place of the touch probe, for
 //! one of its PDOs holds at most eight objects.
 
-use omnibase_cia402::EncoderScale;
+use omnibase_cia402::{EncoderScale, ErrorCode};
 
 use super::{DeviceDefaults, pdo, written};
 use crate::config::Identity;
+
+/// A.A10 to A.A12: SYNC0, AL state and process data that don't come as they should (manual, section 9.1).
+pub(super) const BUS_ALARMS: [ErrorCode; 3] = [ErrorCode(0x0A10), ErrorCode(0x0A11), ErrorCode(0x0A12)];
 
 pub(super) fn defaults() -> DeviceDefaults {
     DeviceDefaults {

@@ -177,7 +177,7 @@ impl Guard {
         if let Some(first) = constraints.all().iter().find(is_against) {
             by = first.by;
         }
-        if let Drive::Follow(_) = drive
+        if let Drive::Follow(..) = drive
             && self.avoidance == AvoidanceKind::Guarded
         {
             speed = self.around(here, &constraints, (wished, speed, w_rad_s));
@@ -212,7 +212,7 @@ impl Guard {
         };
         if let Some(fence) = &self.fence {
             let polygon = &fence.corners_m;
-            let need_m = now.fence_need_m + buffer_m;
+            let need_m = now.fence_need_m.standing_m + buffer_m;
             let mut add = |corner: Point, towards: Point, distance_m: f64| {
                 let size = length(towards);
                 let most_m_s = most_at(distance_m - need_m);
@@ -261,9 +261,9 @@ impl Guard {
                 // While the platform stops, an obstacle that comes nearer comes nearer.
                 let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
                 let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
-                let gap_m = room_m - now.obstacle_need_m - buffer_m - comes * stop_s;
+                let gap_m = room_m - now.obstacle_need_m.standing_m - buffer_m - comes * stop_s;
                 let mut most_m_s = most_at(gap_m);
-                if matches!(drive, Drive::Follow(_)) {
+                if matches!(drive, Drive::Follow(..)) {
                     // A plan gives way; a person's speed is only held back.
                     most_m_s -= comes;
                 } else if comes > 0.0 {
@@ -358,7 +358,7 @@ impl Guard {
         let around = plus(origin, obstacle.centre_m, -1.0);
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let way = match drive {
-            Drive::Follow(plan) => plus([plan.odom_from_body.x_m, plan.odom_from_body.y_m], origin, -1.0),
+            Drive::Follow(plan, _) => plus([plan.odom_from_body.x_m, plan.odom_from_body.y_m], origin, -1.0),
             Drive::Toward(_) => wished,
             Drive::Stop => return None,
         };

@@ -26,6 +26,9 @@ fn plan_around(footprint: &[Point]) -> GuardPlan {
         avoidance: AvoidanceKind::Guarded,
         distance_m: 0.1,
         circulate_1_s: 0.5,
+        obstacle_sigmas: 3.0,
+        give_up_s: 5.0,
+        catch_up_factor: 1.2,
         obstacles: Vec::new(),
     }
 }
@@ -37,15 +40,18 @@ struct Bench {
     guard: Guard,
     limiter: Limiter,
     cycle: u64,
+    /// What is believed beside the pose.
+    state: PlatformState,
 }
 
 impl Bench {
     fn new(plan: &GuardPlan) -> Self {
         let limits = limits();
         Bench {
-            guard: Guard::new(plan, &limits, PERIOD_S),
+            guard: Guard::new(plan, &limits, PERIOD_S, &PoseGrowth::default()),
             limiter: Limiter::new(&limits, PERIOD_S).expect("limits"),
             cycle: 0,
+            state: PlatformState::default(),
         }
     }
 
@@ -64,8 +70,8 @@ impl Bench {
     /// One period with a stick.
     fn stick(&mut self, twist: Twist2) -> Setpoint {
         self.cycle += 1;
-        self.guard.advance(&CycleTime::on_grid(self.cycle, (PERIOD_S * 1e9) as u64));
-        let state = PlatformState { odom_from_body: self.pose(), ..Default::default() };
+        let state = PlatformState { odom_from_body: self.pose(), ..self.state };
+        self.guard.advance(&CycleTime::on_grid(self.cycle, (PERIOD_S * 1e9) as u64), &state);
         self.guard.step(&mut self.limiter, Drive::Toward(twist), &state)
     }
 
@@ -137,7 +143,7 @@ fn what_is_too_near_is_never_brought_nearer() {
         if r.chance(0.5) {
             let far = r.between(0.52, 0.7);
             let corners_m = vec![[-far, -far], [far, -far], [far, far], [-far, far]];
-            plan.fence = Some(FencePlan { corners_m, margin_m: 0.02 });
+            plan.fence = Some(FencePlan { corners_m, margin_m: 0.02, sigmas: 3.0 });
         }
         let mut bench = Bench::new(&plan);
         let mut wish = Twist2::default();
@@ -222,7 +228,7 @@ fn a_corner_that_would_come_nearer_forbids_the_turn_and_no_other() {
 #[test]
 fn between_fence_and_obstacle_only_what_leaves_both_passes() {
     let corners_m = vec![[-3.0, -0.27], [3.0, -0.27], [3.0, 3.0], [-3.0, 3.0]];
-    let fence = Some(FencePlan { corners_m, margin_m: 0.05 });
+    let fence = Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 });
     let above = Obstacle { centre_m: [0.0, 0.3], radius_m: 0.05, velocity_m_s: [0.0; 2] };
     for (twist, passes) in [
         (Twist2::new(0.0, 0.3, 0.0), false),
@@ -250,7 +256,7 @@ fn a_robot_outside_of_its_fence_comes_in_and_goes_no_further_out() {
     let corners_m = vec![[-3.0, -3.0], [3.0, -3.0], [3.0, 0.0], [0.0, 0.0], [0.0, 3.0], [-3.0, 3.0]];
     let turned: Vec<Point> = corners_m.iter().rev().copied().collect();
     for corners_m in [corners_m, turned] {
-        let fence = FencePlan { corners_m, margin_m: 0.05 };
+        let fence = FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 };
         // Over the right side, in the notch, wholly outside, over an outer corner, with the inner corner in the body.
         for (x_m, y_m, heading_rad) in
             [(2.8, -1.5, 0.3), (1.5, 0.1, 0.0), (4.0, -1.5, 0.2), (2.9, -2.9, 0.8), (-0.1, -0.1, 0.7)]
@@ -278,7 +284,7 @@ fn a_robot_outside_of_its_fence_comes_in_and_goes_no_further_out() {
 fn along_a_corner_that_points_inwards_the_margin_holds() {
     // A wedge points into the room from above; the robot is driven past it while it turns.
     let corners_m = vec![[-3.0, -3.0], [3.0, -3.0], [3.0, 2.0], [0.0, 0.35], [-3.0, 2.0]];
-    let fence = FencePlan { corners_m, margin_m: 0.05 };
+    let fence = FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 };
     for turn in [0.0, 0.8, -0.8] {
         let mut bench = Bench::oblong(Some(fence.clone()), &[]);
         bench.put_at(Pose2::new(-1.2, 0.0, 0.0));
@@ -311,7 +317,7 @@ fn numbers_that_are_none_end_in_the_stop_that_was_let_through() {
                 }
                 _ => {
                     wished.odom_from_body.x_m = nan;
-                    Drive::Follow(&wished)
+                    Drive::Follow(&wished, SpeedBound { speed_m_s: 1.0, turn_speed_rad_s: 1.0 })
                 }
             };
             bench.guard.step(&mut bench.limiter, drive, &state);
@@ -324,7 +330,7 @@ fn numbers_that_are_none_end_in_the_stop_that_was_let_through() {
 #[test]
 fn a_wish_beyond_all_measure_keeps_limits_and_fence() {
     let corners_m = vec![[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-    let fence = FencePlan { corners_m, margin_m: 0.05 };
+    let fence = FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 };
     for size in [1e6, 1e150, f64::MAX] {
         for wish in [Twist2::new(size, -size, size), Twist2::new(-size, size, -size)] {
             let mut bench = Bench::oblong(Some(fence.clone()), &[]);
@@ -340,7 +346,7 @@ fn a_wish_beyond_all_measure_keeps_limits_and_fence() {
 #[test]
 fn obstacles_that_cannot_be_are_refused_and_change_nothing() {
     let good = Obstacle { centre_m: [2.0, 0.0], radius_m: 0.2, velocity_m_s: [0.1, 0.0] };
-    let mut guard = Guard::new(&plan_around(&OBLONG), &limits(), PERIOD_S);
+    let mut guard = Guard::new(&plan_around(&OBLONG), &limits(), PERIOD_S, &PoseGrowth::default());
     assert_eq!(guard.set(3, Some(good)), Ok(()));
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -2e6, 2e6] {
         for broken in [
@@ -406,5 +412,124 @@ fn a_concave_footprint_counts_as_its_hull() {
     for speed_m_s in [0.3, -0.3] {
         let (after, moved) = gets_away(&mut bench, Twist2::new(speed_m_s, 0.0, 0.0));
         assert!(moved && after.x_m < 0.0, "{speed_m_s}: {after:?}");
+    }
+}
+
+/// A square fence of so many metres to each side.
+fn square(half_m: f64) -> Option<FencePlan> {
+    let corners_m = vec![[-half_m, -half_m], [half_m, -half_m], [half_m, half_m], [-half_m, half_m]];
+    Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 })
+}
+
+/// A covariance with standard deviations along two axes, the first turned by an angle, and of the heading.
+fn covariance([along_m, across_m, heading_rad]: [f64; 3], angle: f64) -> [f64; 6] {
+    let (sin, cos) = angle.sin_cos();
+    let (a, b) = (along_m * along_m, across_m * across_m);
+    [
+        a * cos * cos + b * sin * sin,
+        (a - b) * sin * cos,
+        0.0,
+        a * sin * sin + b * cos * cos,
+        0.0,
+        heading_rad * heading_rad,
+    ]
+}
+
+#[test]
+fn the_margin_grows_with_the_covariance_however_it_is_turned() {
+    let radius_m = 0.4_f64.hypot(0.2);
+    for (angle, sigmas) in [(0.0, 3.0), (0.5, 3.0), (1.6, 3.0), (0.5, 1.0), (0.5, 0.0)] {
+        let mut bench = Bench::oblong(square(1.5).map(|fence| FencePlan { sigmas, ..fence }), &[]);
+        bench.state.covariance = covariance([0.02, 0.005, 0.03], angle);
+        let pose = bench.driven(Twist2::new(0.5, 0.0, 0.0), 8.0);
+        let kept_m = 0.05 + sigmas * (0.02 + radius_m * 0.03);
+        let room_m = bench.room_m(&pose);
+        assert!((kept_m - 1e-9..kept_m + 0.05).contains(&room_m), "{angle} {sigmas}: {room_m} of {kept_m}");
+        let report = bench.guard.report(&pose);
+        assert!((report.fence_kept_m.expect("a fence") - kept_m).abs() < 1e-12);
+        assert!((report.fence_margin_m.expect("a fence") - room_m).abs() < 1e-12);
+    }
+    // An obstacle likewise.
+    let wall = Obstacle { centre_m: [1.5, 0.0], radius_m: 0.3, velocity_m_s: [0.0; 2] };
+    let mut bench = Bench::oblong(None, &[wall]);
+    bench.state.covariance = covariance([0.02, 0.005, 0.03], 0.5);
+    let pose = bench.driven(Twist2::new(0.5, 0.0, 0.0), 8.0);
+    let kept_m = 0.1 + 3.0 * (0.02 + radius_m * 0.03);
+    let distance_m = bench.distances_m(&pose)[0];
+    assert!((kept_m - 1e-9..kept_m + 0.05).contains(&distance_m), "{distance_m} of {kept_m}");
+}
+
+/// What the model of [`PoseGrowth`] adds at most in a period, from a state before it; the heading is wrong by so much.
+fn grown(state: &PlatformState, growth: &PoseGrowth, [way_m, turn_rad]: [f64; 2]) -> [f64; 6] {
+    let left = WayLeft { way_m, turn_rad, duration_s: 0.0 };
+    let after = Spread::of(state).after(&left, growth);
+    let [position_m, with_heading_m] = [after.at_m(0.0), after.at_m(1.0)];
+    covariance([position_m, position_m, with_heading_m - position_m], 0.0)
+}
+
+#[test]
+fn the_margin_that_grows_until_the_stop_stands_is_kept() {
+    // Odometry as bad as can be: 20 mm after a metre, 1 % of radii; full speed at a wall, along it, and turning.
+    let mut growth = PoseGrowth::default();
+    growth.variances.position_per_m = 4e-4;
+    growth.variances.heading_per_m = 1e-4;
+    growth.variances.heading_per_rad = 1e-4;
+    (growth.position_per_m, growth.heading_per_rad) = (0.01, 0.01);
+    for (twist, seconds) in [
+        (Twist2::new(0.8, 0.0, 0.0), 5.0),
+        (Twist2::new(0.3, 0.8, 0.0), 8.0),
+        (Twist2::new(0.8, 0.1, 1.5), 8.0),
+        (Twist2::new(0.1, 0.1, -1.5), 12.0),
+    ] {
+        let mut bench = Bench::oblong(square(2.0), &[]);
+        bench.guard.growth = growth;
+        let (mut least_m, mut limited) = (f64::INFINITY, 0);
+        for _ in 0..(seconds / PERIOD_S) as u32 {
+            let setpoint = bench.stick(twist);
+            let now = setpoint.twist_in_odom;
+            let way = [now.speed_m_s() * PERIOD_S, now.w_rad_s.abs() * PERIOD_S];
+            bench.state.covariance = grown(&bench.state, &growth, way);
+            let state = PlatformState { odom_from_body: bench.pose(), ..bench.state };
+            bench.guard.spread = Spread::of(&state);
+            least_m = least_m.min(bench.guard.spare_room_m(&bench.pose()));
+            limited += u32::from(bench.guard.limited_by() == LimitedBy::Fence);
+        }
+        assert!(least_m > -1e-4, "{twist:?}: {least_m}");
+        assert!(limited > 100, "{twist:?}: it came to the fence");
+    }
+}
+
+#[test]
+fn a_margin_that_grows_over_a_standing_robot_moves_nothing_and_leaves_the_way_in() {
+    let mut bench = Bench::oblong(square(1.5), &[]);
+    let held = bench.driven(Twist2::new(0.5, 0.0, 0.0), 8.0);
+    // Something else than motion made the pose uncertain: by 0.2 m.
+    bench.state.covariance = covariance([0.06, 0.06, 0.0], 0.0);
+    let stays = bench.driven(Twist2::default(), 4.0);
+    let moved_m = stays.distance_m(held);
+    assert!(moved_m < 1e-6 && bench.limiter.is_at_rest(), "nobody wishes anything: {moved_m}");
+    for outwards in [Twist2::new(0.5, 0.0, 0.0), Twist2::new(0.0, 0.0, 0.5), Twist2::new(0.2, 0.4, 0.0)] {
+        let before_m = bench.room_m(&bench.pose());
+        let pose = bench.driven(outwards, 2.0);
+        assert!(bench.room_m(&pose) >= before_m - 1e-9, "{outwards:?}: no further out");
+    }
+    let pose = bench.driven(Twist2::new(-0.3, 0.0, 0.0), 2.0);
+    assert!(bench.guard.spare_room_m(&pose) > 0.0, "{pose:?}");
+}
+
+#[test]
+fn where_nothing_of_the_fence_is_left_only_what_leads_inwards_passes() {
+    // More uncertain than the fence is wide: near its side, and in its middle.
+    for x_m in [0.9, 0.0] {
+        let mut bench = Bench::oblong(square(1.5), &[]);
+        bench.put_at(Pose2::new(x_m, 0.0, 0.0));
+        bench.state.covariance = covariance([1.0, 1.0, 0.5], 0.0);
+        let first_m = bench.room_m(&bench.pose());
+        for number in 0..16 {
+            let angle = 0.4 * f64::from(number);
+            let pose = bench.driven(Twist2::new(0.4 * angle.cos(), 0.4 * angle.sin(), 0.3), 1.0);
+            assert!(bench.room_m(&pose) >= first_m - 1e-9, "{x_m} {angle}: {pose:?}");
+        }
+        assert!(bench.guard.spare_room_m(&Pose2::default()) < 0.0, "no goal is left");
     }
 }

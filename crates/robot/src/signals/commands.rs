@@ -133,6 +133,10 @@ pub enum SafetyReason {
     DeviceLost,
     /// What was followed leads out of the fence.
     Fence,
+    /// A measured wheel torque above its limit for longer than is tolerated.
+    WheelTorque,
+    /// Obstacles let a plan make no headway for too long.
+    WayBlocked,
 }
 
 coded!(SafetyReason {
@@ -150,6 +154,8 @@ coded!(SafetyReason {
     StopTimeout = 12,
     DeviceLost = 13,
     Fence = 14,
+    WheelTorque = 15,
+    WayBlocked = 16,
 });
 
 impl SafetyReason {
@@ -170,6 +176,8 @@ impl SafetyReason {
             SafetyReason::StopTimeout => "the ramp to a stop took too long",
             SafetyReason::DeviceLost => "a SubDevice was lost",
             SafetyReason::Fence => "the way led out of the fence",
+            SafetyReason::WheelTorque => "a wheel's drive gave more torque than its limit",
+            SafetyReason::WayBlocked => "the way is blocked",
         }
     }
 }

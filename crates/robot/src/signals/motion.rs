@@ -19,6 +19,9 @@ pub struct PlatformState {
     pub regime: Regime,
     /// Part of the wheels' speeds that no motion of a rigid body explains, m/s.
     pub slip_residual_m_s: f64,
+    /// The pose is known as well as the covariance says; not where wheels rolled that nobody read, until somebody sets
+    /// it or a sensor tells it.
+    pub pose_known: bool,
 }
 
 impl Default for PlatformState {
@@ -31,6 +34,7 @@ impl Default for PlatformState {
             covariance: [0.0; 6],
             regime: Regime::Standstill,
             slip_residual_m_s: 0.0,
+            pose_known: true,
         }
     }
 }

@@ -205,6 +205,9 @@ impl CycleRecord {
         v.u64("state.regime", "", &mut regime);
         self.state.regime = regime_from_code(regime).unwrap_or(Regime::Integrated);
         v.f64("state.slip_residual", "m/s", &mut self.state.slip_residual_m_s);
+        let mut pose_known = u64::from(self.state.pose_known);
+        v.u64("state.pose_known", "", &mut pose_known);
+        self.state.pose_known = pose_known != 0;
         v.code("reference.course", &mut self.course, Course::code, Course::from_code);
         v.f64("reference.time", "s", &mut self.reference_time_s);
         v.f64("reference.rate", "", &mut self.reference_rate);
@@ -215,6 +218,7 @@ impl CycleRecord {
             &mut self.setpoint,
         );
         v.option("guard.fence_margin", "m", &mut self.guard.fence_margin_m);
+        v.option("guard.fence_kept", "m", &mut self.guard.fence_kept_m);
         v.option("guard.obstacle_distance", "m", &mut self.guard.obstacle_distance_m);
         v.u64("guard.obstacle", "", &mut self.guard.nearest_obstacle);
         v.code("guard.limited_by", &mut self.guard.limited_by, LimitedBy::code, LimitedBy::from_code);

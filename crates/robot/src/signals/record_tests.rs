@@ -119,6 +119,7 @@ fn requests_about_obstacles_are_12_and_13_and_come_back_through_a_record() {
         let mut record = CycleRecord { request: Some(request), ..full(3) };
         record.guard = GuardReport {
             fence_margin_m: Some(-0.25),
+            fence_kept_m: Some(0.07),
             obstacle_distance_m: Some(0.5),
             nearest_obstacle: 16,
             limited_by: LimitedBy::Obstacle,
@@ -131,5 +132,21 @@ fn requests_about_obstacles_are_12_and_13_and_come_back_through_a_record() {
     for sort in [12, 13] {
         assert_eq!(Request::from_codes([sort, 1 << 32, 0], [0.0; 6]), None);
     }
-    assert_eq!(Request::from_codes([14, 0, 0], [0.0; 6]), None);
+}
+
+#[test]
+fn a_pose_that_is_set_is_14_and_comes_back_through_a_record() {
+    let odom_from_body = Pose2 { x_m: 1.5, y_m: -2.5, heading_rad: 0.5 };
+    let kind = RequestKind::SetPose { odom_from_body, sigma_m: 0.02, sigma_rad: 0.03 };
+    let request = Request { kind, valid_until_ns: 9 };
+    assert_eq!(Request::codes(Some(request)), ([14, 0, 9], [1.5, -2.5, 0.5, 0.02, 0.03, 0.0]));
+    for pose_known in [true, false] {
+        let mut record =
+            CycleRecord { request: Some(request), answer: RequestAnswer::PoseUnknown, ..full(3) };
+        record.state.pose_known = pose_known;
+        let mut values = Vec::new();
+        record.values(&mut values);
+        assert_eq!(CycleRecord::from_values(3, &values), Some(record));
+    }
+    assert_eq!(RequestAnswer::PoseUnknown.code(), 6);
 }

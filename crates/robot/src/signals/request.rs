@@ -75,6 +75,15 @@ pub enum RequestKind {
         /// Its place.
         index: u32,
     },
+    /// Say where the platform stands; only while it stands.
+    SetPose {
+        /// The pose, its heading in any turn.
+        odom_from_body: Pose2,
+        /// Standard deviation of x and of y, m.
+        sigma_m: f64,
+        /// Standard deviation of the heading, rad.
+        sigma_rad: f64,
+    },
 }
 
 /// Which changes of settings belong together: they act in the cycle of the last one, all of them or none.
@@ -165,6 +174,9 @@ impl Request {
                 (12, index.into(), [x, y, radius_m, vx, vy, 0.0])
             }
             RequestKind::RemoveObstacle { index } => (13, index.into(), [0.0; 6]),
+            RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad } => {
+                (14, 0, [x_m, y_m, heading_rad, sigma_m, sigma_rad, 0.0])
+            }
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -208,6 +220,10 @@ impl Request {
                 }
             }
             13 => RequestKind::RemoveObstacle { index: argument.try_into().ok()? },
+            14 => {
+                let [x_m, y_m, heading_rad, sigma_m, sigma_rad, _] = values;
+                RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad }
+            }
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
@@ -230,6 +246,22 @@ pub enum RequestAnswer {
     Refused,
     /// The platform stands too far from the reference's start.
     TooFar,
+    /// Nobody knows where the platform stands.
+    PoseUnknown,
+    /// A drive takes its torque limit at start-up only.
+    AtStartUpOnly,
+    /// An obstacle stands where the motion would begin or end.
+    Blocked,
 }
 
-coded!(RequestAnswer { None = 0, Taken = 1, TooOld = 2, WrongPhase = 3, Refused = 4, TooFar = 5 });
+coded!(RequestAnswer {
+    None = 0,
+    Taken = 1,
+    TooOld = 2,
+    WrongPhase = 3,
+    Refused = 4,
+    TooFar = 5,
+    PoseUnknown = 6,
+    Blocked = 7,
+    AtStartUpOnly = 8,
+});

@@ -1,5 +1,6 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
+mod blocked;
 mod courses;
 mod lifecycle;
 mod poison;
@@ -9,6 +10,7 @@ mod safety;
 mod settings;
 mod stops;
 mod support;
+mod torque;
 mod tracking;
 
 use omnibase_host::CountingAllocator;

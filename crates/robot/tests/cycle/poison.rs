@@ -221,14 +221,14 @@ fn requests_that_are_no_numbers_are_refused_and_change_nothing() {
                 }
             }
             for index in 0..15 {
-                let before: Vec<f64> = bench.robot.settings().map(|gain| gain.value).collect();
+                let before: Vec<f64> = bench.robot.settings().map(|(_, gain)| gain.value).collect();
                 let record = bench.step(Some(RequestKind::Set {
                     index,
                     value: wrong,
                     batch: omnibase_robot::signals::Batch::ALONE,
                 }));
                 assert_eq!(record.answer, RequestAnswer::Refused);
-                assert!(bench.robot.settings().map(|gain| gain.value).eq(before));
+                assert!(bench.robot.settings().map(|(_, gain)| gain.value).eq(before));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Every reason for which the robot stops: what leads to it, what it does at first, and where it ends.
 
 use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{
     Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
     Setpoint, StopCategory,
@@ -178,6 +179,19 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench
         }
         SafetyReason::Fence => tracking(BMM, fence),
+        SafetyReason::WheelTorque => {
+            let mut bench = driven("");
+            bench.lie_about_torque(1, 25.0);
+            bench
+        }
+        SafetyReason::WayBlocked => {
+            let mut bench = enabled(BMM, "[avoidance]\ngive_up_s = 1.0");
+            bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
+            bench.run(200);
+            let obstacle = Obstacle { centre_m: [1.0, 0.0], radius_m: 0.2, velocity_m_s: [0.0; 2] };
+            bench.step(Some(RequestKind::SetObstacle { index: 0, obstacle }));
+            bench
+        }
     };
     Some(stops(bench, reason))
 }
@@ -188,10 +202,13 @@ fn every_reason_stops_the_robot_as_it_should() {
     let expected = |reason| match reason {
         SafetyReason::None | SafetyReason::Torque => None,
         SafetyReason::Requested => Some((Phase::Stopping, Phase::Disabled)),
-        SafetyReason::WheelSpeed | SafetyReason::ReferenceSpeed | SafetyReason::TrackingError => {
-            Some((Phase::Stopping, Phase::Fault))
+        SafetyReason::WheelSpeed
+        | SafetyReason::WheelTorque
+        | SafetyReason::ReferenceSpeed
+        | SafetyReason::TrackingError => Some((Phase::Stopping, Phase::Fault)),
+        SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
+            Some((Phase::Stopping, Phase::Holding))
         }
-        SafetyReason::CommandAge | SafetyReason::Fence => Some((Phase::Stopping, Phase::Holding)),
         SafetyReason::NotFinite
         | SafetyReason::Drive
         | SafetyReason::StopTimeout
@@ -205,7 +222,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 14, "every reason has had its turn");
+    assert_eq!(seen, 16, "every reason has had its turn");
 }
 
 #[test]

@@ -6,11 +6,11 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Batch, Frame, RequestAnswer};
 
 fn index_of(bench: &Bench, name: &str) -> u32 {
-    bench.robot.settings().position(|setting| setting.name == name).unwrap() as u32
+    bench.robot.settings().find(|(_, setting)| setting.name == name).unwrap().0
 }
 
 fn value_of(bench: &Bench, name: &str) -> f64 {
-    bench.robot.settings().find(|setting| setting.name == name).unwrap().value
+    bench.robot.settings().find(|(_, setting)| setting.name == name).unwrap().1.value
 }
 
 fn set(bench: &mut Bench, index: u32, value: f64, batch: Batch) -> RequestAnswer {

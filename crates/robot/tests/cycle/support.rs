@@ -28,6 +28,8 @@ struct Servo {
     first_counts: i32,
     fault: bool,
     fault_reset: bool,
+    /// The torque that it shows, N·m at the wheel, where it isn't the one that it gives.
+    shown_nm: Option<f64>,
 }
 
 /// A body on wheels that never slip, its drives, and the cycle that drives it.
@@ -68,6 +70,7 @@ impl Bench {
             first_counts: [2_147_483_000, -5, 123_456, 0, 7, 9, 11, 13][wheel],
             fault: false,
             fault_reset: false,
+            shown_nm: None,
         };
         Bench {
             robot,
@@ -90,6 +93,11 @@ impl Bench {
 
     pub fn fail_drive(&mut self, wheel: usize) {
         self.servos[wheel].fault = true;
+    }
+
+    /// From now on a drive shows another torque than it gives, N·m at the wheel.
+    pub fn lie_about_torque(&mut self, wheel: usize, shown_nm: impl Into<Option<f64>>) {
+        self.servos[wheel].shown_nm = shown_nm.into();
     }
 
     pub fn repair_drive(&mut self, wheel: usize) {
@@ -158,7 +166,8 @@ impl Bench {
         None
     }
 
-    fn output(&self, wheel: usize, object: u16) -> i64 {
+    /// What a drive is sent: the value of an object of its outputs, its sign extended; 0 where it isn't mapped.
+    pub fn output(&self, wheel: usize, object: u16) -> i64 {
         let Some((at, bytes)) = self.field(false, wheel, object) else { return 0 };
         let raw =
             self.image.outputs[wheel][at..at + bytes].iter().rev().fold(0_i64, |v, b| v << 8 | i64::from(*b));
@@ -205,7 +214,8 @@ impl Bench {
         let speed = self.wheel_speeds[wheel];
         let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
         let (status, mode) = (servo.status, servo.mode);
-        let torque = 1000.0 * self.torques[wheel] / (scale.rated_torque_nm * scale.gear_ratio);
+        let torque_nm = self.servos[wheel].shown_nm.unwrap_or(self.torques[wheel]);
+        let torque = 1000.0 * torque_nm / (scale.rated_torque_nm * scale.gear_ratio);
         self.input(wheel, 0x6041, status.into());
         self.input(wheel, 0x6061, mode.into());
         self.input(wheel, 0x6064, counts.into());

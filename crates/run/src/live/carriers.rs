@@ -4,17 +4,21 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use omnibase_cia402::ErrorCode;
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::RequestKind;
-use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::config::{ComebackPlan, ReferenceTable};
 use omnibase_robot::signals::{Batch, Phase};
 use omnibase_robot::stages::Reference;
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, triple_buffer};
 
-use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS};
+use super::acyclic::{AcyclicEnd, AcyclicLine, acyclic};
+use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS, Refusal};
 use super::operator::{Ages, Note, Operator, Turn};
 use super::snapshot::Snapshot;
+use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
+use super::trace::{Trace, TraceGap, TracePoint};
 use crate::channels::Say;
 use crate::describe::reference_key;
 use crate::events::Words;
@@ -27,39 +31,8 @@ const KEPT_FOR_STOPS: usize = 32;
 const BACK: usize = 4096;
 /// Between two points of the trace, ns.
 const TRACE_NS: u64 = 10_000_000;
-/// Points of the trace that are kept: those of [`TRACE_KEPT_S`].
-const TRACE_KEPT: usize = 60_000;
-/// As long as that the trace is kept, s.
-pub const TRACE_KEPT_S: f64 = 600.0;
-/// The longest time between two points that follow each other, s: some cycles may be left out, and no more.
-const TRACE_STEP_S: f64 = 0.1;
 /// Events and answers that are kept.
 const KEPT: usize = 500;
-
-/// One point of where the robot went.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TracePoint {
-    /// Time of the run, s.
-    pub time_s: f64,
-    /// Believed pose in odom: x, y in m, heading in rad.
-    pub believed: [f64; 3],
-    /// Setpoint, likewise.
-    pub wished: [f64; 3],
-    /// True pose, likewise; `None` on hardware.
-    pub truth: Option<[f64; 3]>,
-}
-
-/// A part of the trace that isn't there.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "where the robot was from {from_s:.2} s to {until_s:.2} s is not known any more: {TRACE_KEPT_S} s are kept"
-)]
-pub struct TraceGap {
-    /// Its begin, in time of the run, s.
-    pub from_s: f64,
-    /// Its end, s.
-    pub until_s: f64,
-}
 
 /// Something that happened, with the client whom it is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,14 +65,18 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
     let (commands, inbox) = RingBuffer::new(COMMANDS);
     let (back, from_cycle) = RingBuffer::new(BACK);
     let (input, output) = triple_buffer(&Snapshot::default());
+    let clock_ns = Arc::new(AtomicU64::new(0));
+    let (acyclic_line, acyclic_end) = acyclic();
     let shared = Shared {
-        commands: Mutex::new(commands),
+        commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS] }),
+        clock_ns: clock_ns.clone(),
         seen: Mutex::new(Seen {
             output,
             from_cycle,
             events: VecDeque::new(),
             answers: VecDeque::new(),
-            trace: VecDeque::new(),
+            trace: Trace::default(),
+            dropped: Vec::new(),
             next_event: 1,
         }),
         references: Mutex::new(BTreeMap::new()),
@@ -114,25 +91,76 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
         inbox,
         back,
         snapshot: input,
+        clock_ns,
         reference: 0,
         reference_start: None,
         goal: None,
         last_trace_ns: None,
         unsent: None,
+        acyclic: acyclic_end,
     };
-    (Live { shared: Arc::new(shared) }, end)
+    (Live { shared: Arc::new(shared), acyclic: acyclic_line }, end)
 }
 
 /// Everybody else's end; clones talk to the same robot. Methods may wait for each other, never for the cycle.
 #[derive(Clone)]
 pub struct Live {
     shared: Arc<Shared>,
+    acyclic: AcyclicLine,
+}
+
+/// Whom a command comes from, and when it was asked.
+///
+/// Whoever computes between hearing and sending takes it at hearing: what begins a motion is then refused where a stop
+/// came between, or the end of the session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Asker {
+    /// Who.
+    pub client: Client,
+    /// When.
+    pub stamp: Stamp,
+    /// Stops and ends of this session before it; `None`: it is sent as soon as it is asked.
+    ends: Option<u64>,
+}
+
+impl From<Client> for Asker {
+    fn from(client: Client) -> Self {
+        Asker { client, stamp: Stamp::Here, ends: None }
+    }
+}
+
+impl Asker {
+    /// The same, who asked then.
+    #[must_use]
+    pub fn stamped(self, stamp: Stamp) -> Self {
+        Asker { stamp, ..self }
+    }
+}
+
+/// Where commands go, with what ended what was asked before.
+struct Sending {
+    commands: Producer<Command>,
+    stops: u64,
+    ended: [u64; MAX_SESSIONS],
+}
+
+impl Sending {
+    /// Everything so far that ends what this client asked before it.
+    fn ends(&self, client: Client) -> u64 {
+        let ended = match client {
+            Client::Page(number) => self.ended.get(usize::from(number)).copied(),
+            Client::Joystick | Client::Command => None,
+        };
+        self.stops + ended.unwrap_or(0)
+    }
 }
 
 struct Shared {
-    commands: Mutex<Producer<Command>>,
+    /// Held for a push only: stops go this way.
+    commands: Mutex<Sending>,
+    clock_ns: Arc<AtomicU64>,
     seen: Mutex<Seen>,
-    references: Mutex<BTreeMap<u32, ReferenceTable>>,
+    references: Mutex<BTreeMap<u32, Loaded>>,
     describer: Mutex<Option<RunDescriber>>,
     next_reference: AtomicU32,
     next_ticket: AtomicU64,
@@ -140,12 +168,20 @@ struct Shared {
     sessions: Mutex<[bool; MAX_SESSIONS]>,
 }
 
+/// What a reference was made of, and the ticket of the command that loads it.
+struct Loaded {
+    table: Arc<ReferenceTable>,
+    ticket: u64,
+}
+
 struct Seen {
     output: Output<Snapshot>,
     from_cycle: Consumer<Back>,
     events: VecDeque<LiveEvent>,
     answers: VecDeque<(u64, Answer)>,
-    trace: VecDeque<TracePoint>,
+    trace: Trace,
+    /// References to be dropped where nobody waits for it.
+    dropped: Vec<Box<dyn Reference>>,
     next_event: u64,
 }
 
@@ -181,24 +217,53 @@ impl Live {
         *lock(&self.shared.sessions) = [false; MAX_SESSIONS];
     }
 
+    /// The robot's own clock in its latest cycle, ns.
+    pub fn clock_ns(&self) -> u64 {
+        self.shared.clock_ns.load(Ordering::Relaxed)
+    }
+
+    /// A client that asks now for something that is sent later.
+    pub fn asker(&self, client: Client, stamp: Stamp) -> Asker {
+        Asker { client, stamp, ends: Some(lock(&self.shared.commands).ends(client)) }
+    }
+
     /// Sends a command; the ticket by which its answer will be found, or `None` where the cycle takes no more.
-    pub fn send(&self, client: Client, ask: Ask) -> Option<u64> {
+    pub fn send(&self, asker: impl Into<Asker>, ask: Ask) -> Option<u64> {
+        let Asker { client, stamp, ends } = asker.into();
         let ticket = self.ticket();
-        let mut commands = lock(&self.shared.commands);
+        let mut sending = lock(&self.shared.commands);
+        if ends.is_some_and(|ends| ends != sending.ends(client)) && begins_or_allows(&ask) {
+            drop(sending);
+            let refused = Answer::Refused(Refusal::Stopped);
+            self.seen(|seen| push_kept(&mut seen.answers, KEPT, (ticket, refused)));
+            return Some(ticket);
+        }
         // However much is asked: a stop finds room.
-        if commands.slots() <= KEPT_FOR_STOPS && !ask.stops() {
+        if sending.commands.slots() <= KEPT_FOR_STOPS && !ask.stops() {
             return None;
         }
-        commands.push(Command { client, ticket, ask }).ok()?;
+        match &ask {
+            Ask::EmergencyStop | Ask::PagesLost | Ask::Robot(RequestKind::Stop(_)) => sending.stops += 1,
+            Ask::Gone => {
+                if let Client::Page(number) = client
+                    && let Some(ended) = sending.ended.get_mut(usize::from(number))
+                {
+                    *ended += 1;
+                }
+            }
+            _ => {}
+        }
+        sending.commands.push(Command { client, ticket, ask, stamp }).ok()?;
         Some(ticket)
     }
 
     /// Sends settings, by their index, that are to act in one cycle, all of them or none; the ticket of their answer,
     /// or `None` where the cycle takes no more, or there are none or too many of them.
-    pub fn set(&self, client: Client, values: &[(u32, f64)]) -> Option<u64> {
+    pub fn set(&self, asker: impl Into<Asker>, values: &[(u32, f64)]) -> Option<u64> {
+        let Asker { client, stamp, .. } = asker.into();
         let number = self.shared.next_batch.fetch_add(1, Ordering::Relaxed);
         // Nobody's command comes between them.
-        let mut commands = lock(&self.shared.commands);
+        let commands = &mut lock(&self.shared.commands).commands;
         if commands.slots() < values.len() + KEPT_FOR_STOPS {
             return None;
         }
@@ -209,7 +274,7 @@ impl Live {
             batch = batch?.next();
             // The last one's answer is that of all.
             ticket = if batch.is_none() { self.ticket() } else { 0 };
-            commands.push(Command { client, ticket, ask }).ok()?;
+            commands.push(Command { client, ticket, ask, stamp }).ok()?;
         }
         Some(ticket)
     }
@@ -221,18 +286,23 @@ impl Live {
     /// Sends a reference with the table it was made of, which recordings keep; its number and ticket.
     pub fn load(
         &self,
-        client: Client,
+        asker: impl Into<Asker>,
         table: ReferenceTable,
         reference: Box<dyn Reference>,
     ) -> Option<(u32, u64)> {
+        // What became of the ones before: theirs may go.
+        self.seen(|_| ());
+        let describer = lock(&self.shared.describer).clone();
+        let told = describer.and_then(|describer| Some((describer, toml::to_string(&table).ok()?)));
+        // Held until it is sent: numbers reach the cycle in their order.
+        let mut references = lock(&self.shared.references);
         let number = self.shared.next_reference.fetch_add(1, Ordering::Relaxed);
-        if let Some(describer) = &*lock(&self.shared.describer)
-            && let Ok(text) = toml::to_string(&table)
-        {
+        if let Some((describer, text)) = told {
             describer.describe(reference_key(number), text);
         }
-        lock(&self.shared.references).insert(number, table);
-        Some((number, self.send(client, Ask::Load { number, reference })?))
+        let ticket = self.send(asker, Ask::Load { number, reference })?;
+        references.insert(number, Loaded { table: Arc::new(table), ticket });
+        Some((number, ticket))
     }
 
     /// From now on the recording is told of references, without which it can't be computed again.
@@ -240,62 +310,102 @@ impl Live {
         *lock(&self.shared.describer) = Some(describer);
     }
 
-    /// The tables of all references that were loaded, by their numbers.
-    pub fn references(&self) -> BTreeMap<u32, ReferenceTable> {
-        lock(&self.shared.references).clone()
+    /// The tables of the loaded references that are in use or on their way, by their numbers.
+    pub fn references(&self) -> BTreeMap<u32, Arc<ReferenceTable>> {
+        self.seen(|_| ());
+        let references = lock(&self.shared.references);
+        references.iter().map(|(number, loaded)| (*number, loaded.table.clone())).collect()
+    }
+
+    /// The table of a reference that was loaded, by its number.
+    pub fn reference(&self, number: u32) -> Option<Arc<ReferenceTable>> {
+        lock(&self.shared.references).get(&number).map(|loaded| loaded.table.clone())
+    }
+
+    /// Drops the tables of references that nothing will use any more.
+    fn loading_ended(&self, ticket: u64, answer: Answer) {
+        let mut references = lock(&self.shared.references);
+        let Some(number) = references.iter().find(|(_, loaded)| loaded.ticket == ticket).map(|(n, _)| *n)
+        else {
+            return;
+        };
+        let _over = if answer.is_done() {
+            // It takes the place of all before it.
+            let kept = references.split_off(&number);
+            std::mem::replace(&mut *references, kept)
+        } else {
+            BTreeMap::from_iter(references.remove_entry(&number))
+        };
+        // Freed where nobody waits for it.
+        drop(references);
+    }
+
+    /// Whether what was asked then is young enough to change the machine.
+    pub fn check_age(&self, stamp: Stamp) -> Result<(), Refusal> {
+        stamp.within(self.clock_ns(), BEGINNING_AGE_NS).map(drop)
+    }
+
+    /// SDOs and registers of the robot's SubDevices.
+    pub fn acyclic(&self) -> &AcyclicLine {
+        &self.acyclic
     }
 
     /// The latest of everything.
     pub fn snapshot(&self) -> Snapshot {
-        *self.seen().output.read()
+        self.seen(|seen| *seen.output.read())
     }
 
     /// The answer to a command, once it is there.
     pub fn answer(&self, ticket: u64) -> Option<Answer> {
-        self.seen().answers.iter().find(|(of, _)| *of == ticket).map(|(_, answer)| *answer)
+        self.seen(|seen| seen.answers.iter().find(|(of, _)| *of == ticket).map(|(_, answer)| *answer))
     }
 
     /// Events with a number above `after`, oldest first; as many as are kept.
     pub fn events_after(&self, after: u64) -> Vec<LiveEvent> {
-        self.seen().events.iter().filter(|event| event.number > after).copied().collect()
+        self.seen(|seen| seen.events.iter().filter(|event| event.number > after).copied().collect())
     }
 
     /// The trace since a time of the run, s.
     pub fn trace_since(&self, time_s: f64) -> Vec<TracePoint> {
-        let seen = self.seen();
-        let first = seen.trace.partition_point(|point| point.time_s <= time_s);
-        seen.trace.range(first..).copied().collect()
+        // Copied where nobody waits for it.
+        let trace = self.seen(|seen| seen.trace.shared());
+        trace.since(time_s)
     }
 
     /// The trace since a time of the run, s, where none of it is missing.
     pub fn whole_trace_since(&self, time_s: f64) -> Result<Vec<TracePoint>, TraceGap> {
         let trace = self.trace_since(time_s);
-        let mut last_s = time_s;
-        for point in &trace {
-            if point.time_s > last_s + TRACE_STEP_S {
-                return Err(TraceGap { from_s: last_s, until_s: point.time_s });
-            }
-            last_s = point.time_s;
-        }
-        Ok(trace)
+        TraceGap::in_trace(&trace, time_s).map_or(Ok(trace), Err)
     }
 
-    fn seen(&self) -> MutexGuard<'_, Seen> {
+    /// Looks at what came back from the cycle: for a moment, for stops' answers go this way too.
+    fn seen<T>(&self, look: impl FnOnce(&mut Seen) -> T) -> T {
         let mut seen = lock(&self.shared.seen);
+        let mut answered = Vec::new();
         while let Ok(back) = seen.from_cycle.pop() {
             match back {
-                Back::Answer(ticket, answer) => push_kept(&mut seen.answers, KEPT, (ticket, answer)),
+                Back::Answer(ticket, answer) => {
+                    answered.push((ticket, answer));
+                    push_kept(&mut seen.answers, KEPT, (ticket, answer));
+                }
                 Back::Event { time_ns, text, client } => {
                     let event =
                         LiveEvent { number: seen.next_event, time_s: time_ns as f64 * 1e-9, text, client };
                     seen.next_event += 1;
                     push_kept(&mut seen.events, KEPT, event);
                 }
-                Back::Trace(point) => push_kept(&mut seen.trace, TRACE_KEPT, point),
-                Back::Reference(reference) => drop(reference),
+                Back::Trace(point) => seen.trace.push(point),
+                Back::Reference(reference) => seen.dropped.push(reference),
             }
         }
-        seen
+        let dropped = std::mem::take(&mut seen.dropped);
+        let looked = look(&mut seen);
+        drop(seen);
+        drop(dropped);
+        for (ticket, answer) in answered {
+            self.loading_ended(ticket, answer);
+        }
+        looked
     }
 }
 
@@ -312,15 +422,22 @@ pub struct LiveEnd {
     inbox: Consumer<Command>,
     back: Producer<Back>,
     snapshot: Input<Snapshot>,
+    clock_ns: Arc<AtomicU64>,
     reference: u32,
     reference_start: Option<omnibase_robot::signals::Setpoint>,
     goal: Option<omnibase_platform::Pose2>,
     last_trace_ns: Option<u64>,
     /// A reference for which there was no room on the way back; kept, for dropping it would free memory.
     unsent: Option<Box<dyn Reference>>,
+    acyclic: AcyclicEnd,
 }
 
 impl LiveEnd {
+    /// What is asked of SubDevices beside the cycle.
+    pub(crate) fn acyclic(&mut self) -> &mut AcyclicEnd {
+        &mut self.acyclic
+    }
+
     /// What to ask in the coming cycle, at its time, from the last snapshot's record and phase.
     pub fn turn(&mut self, now_ns: u64, last: &omnibase_robot::CycleRecord, phase: Phase) -> Turn {
         // As many as were there at the beginning: a flood doesn't hold the cycle up.
@@ -338,9 +455,19 @@ impl LiveEnd {
         turn
     }
 
-    /// From now on a motion that a lost SubDevice ended goes on when that is back within so many ns.
-    pub fn resume_within(&mut self, within_ns: Option<u64>) {
-        self.operator.resume_within(within_ns);
+    /// What comes by itself from now on after a loss that ended a motion.
+    pub fn comes_back(&mut self, plan: Option<ComebackPlan>) {
+        self.operator.comes_back(plan);
+    }
+
+    /// A drive said by an emergency what is wrong with it.
+    pub fn drive_said(&mut self, wheel: usize, error: ErrorCode) {
+        self.operator.drive_said(wheel, error);
+    }
+
+    /// In how many s the robot moves again without a person; `None` where it doesn't.
+    pub fn moves_again_in_s(&self, now_ns: u64) -> Option<f64> {
+        self.operator.moves_again_in_s(now_ns)
     }
 
     /// Who has the say.
@@ -389,6 +516,7 @@ impl LiveEnd {
         };
         self.snapshot.publish();
         let now_ns = record.time.now_ns;
+        self.clock_ns.store(now_ns, Ordering::Relaxed);
         if self.last_trace_ns.is_none_or(|last_ns| now_ns >= last_ns + TRACE_NS) {
             self.last_trace_ns = Some(now_ns);
             let numbers = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
@@ -416,41 +544,5 @@ fn give_back(
         && let Some(older) = unsent.replace(reference)
     {
         std::mem::forget(older);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use omnibase_robot::signals::StopCategory;
-
-    /// A robot was looked at in every one of these cycles of 10 ms.
-    fn traced(cycles: impl Iterator<Item = u64>) -> Live {
-        let (live, mut end) = live(Ages { pad_ns: 1, session_ns: 1 }, StopCategory::RampAndHold);
-        let mut snapshot = Snapshot::default();
-        for cycle in cycles {
-            snapshot.record.time.now_ns = cycle * TRACE_NS;
-            end.show(&snapshot);
-            live.snapshot();
-        }
-        live
-    }
-
-    #[test]
-    fn a_trace_whose_beginning_or_middle_is_missing_is_refused_in_words() {
-        let kept = TRACE_KEPT as u64;
-        let live = traced(0..kept + 500);
-        assert_eq!(live.whole_trace_since(10.0).unwrap().len(), TRACE_KEPT - 501);
-        let gap = live.whole_trace_since(2.0).unwrap_err();
-        assert!((gap.from_s, gap.until_s) == (2.0, 5.0), "{gap}");
-        assert!(
-            gap.to_string().contains("from 2.00 s to 5.00 s") && gap.to_string().contains("600 s"),
-            "{gap}"
-        );
-        // A few cycles that were left out are no gap.
-        let live = traced((0..100).chain(105..200));
-        assert_eq!(live.whole_trace_since(0.5).unwrap().len(), 144);
-        let live = traced((0..100).chain(150..200));
-        assert!((live.whole_trace_since(0.5).unwrap_err().from_s - 0.99).abs() < 1e-9);
     }
 }

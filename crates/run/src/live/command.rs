@@ -1,9 +1,13 @@
 //! What a person or a program asks of a running robot.
 
+use std::borrow::Cow;
+
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Frame, RequestAnswer};
 use omnibase_robot::stages::Reference;
+
+use super::stamp::Stamp;
 
 /// Clients that can hold a session at the same time.
 pub const MAX_SESSIONS: usize = 16;
@@ -111,6 +115,8 @@ pub struct Command {
     pub ticket: u64,
     /// What is asked.
     pub ask: Ask,
+    /// When.
+    pub stamp: Stamp,
 }
 
 /// What became of a command.
@@ -139,11 +145,33 @@ pub enum Refusal {
     Stopped,
     /// There is no stick that could be enabled.
     NoStick,
+    /// It was asked too long ago.
+    TooOld {
+        /// How long ago, ns.
+        age_ns: u64,
+        /// How long ago it may be, ns.
+        most_ns: u64,
+    },
+    /// Nobody knows how old it is.
+    Unstamped,
+    /// Its stamp is later than the robot's clock.
+    OfAnotherRun,
 }
 
 impl Answer {
     /// The answer in words.
-    pub fn text(self) -> &'static str {
+    pub fn text(self) -> Cow<'static, str> {
+        if let Answer::Refused(Refusal::TooOld { age_ns, most_ns }) = self {
+            let [age_s, most_s] = [age_ns, most_ns].map(|ns| ns as f64 * 1e-9);
+            return format!(
+                "refused: it was asked {age_s:.2} s ago, and counts for {most_s} s: the line is slow; ask again"
+            )
+            .into();
+        }
+        Cow::Borrowed(self.fixed_text())
+    }
+
+    fn fixed_text(self) -> &'static str {
         match self {
             Answer::Done | Answer::Robot(RequestAnswer::Taken | RequestAnswer::None) => "done",
             Answer::Robot(RequestAnswer::TooOld) => "refused: it came too late",
@@ -154,12 +182,31 @@ impl Answer {
             Answer::Robot(RequestAnswer::TooFar) => {
                 "refused: the platform stands too far from the path's start"
             }
+            Answer::Robot(RequestAnswer::AtStartUpOnly) => {
+                "refused: a drive takes its torque limit at start-up only, for its object isn't mapped"
+            }
+            Answer::Robot(RequestAnswer::PoseUnknown) => {
+                "refused: nobody knows where the platform stands: set its pose first (set_pose); \
+                 a stick leads it slowly, in its own frame"
+            }
+            Answer::Robot(RequestAnswer::Blocked) => {
+                "refused: an obstacle is too near to where the motion would begin or end"
+            }
             Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
             Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
             Answer::Refused(Refusal::NotAPad) => "refused: a velocity comes from a pad",
             Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
             Answer::Refused(Refusal::NoStick) => "refused: the stick isn't there, so it can't be enabled",
+            Answer::Refused(Refusal::TooOld { .. }) => "refused: it was asked too long ago",
+            Answer::Refused(Refusal::Unstamped) => {
+                "refused: nobody knows how old it is: expected with it, as `stamp`, the newest one of the robot's \
+                 messages, or of /api/now"
+            }
+            Answer::Refused(Refusal::OfAnotherRun) => {
+                "refused: its stamp is later than the robot's clock, so it isn't of this run: expected the newest one \
+                 of the robot's messages, or of /api/now"
+            }
         }
     }
 

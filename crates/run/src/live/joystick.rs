@@ -3,7 +3,6 @@
 use omnibase_joystick::{Block, Hold, Map, Presence, Stick, StickCommand, StickFrame};
 use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
-use omnibase_robot::stages::Gain;
 use omnibase_robot::{RequestKind, RobotPlan, StickShape};
 
 use super::command::{Ask, Client, Pad};
@@ -74,7 +73,7 @@ impl JoystickDriver {
         let is_new = own.is_some() && !self.was_plugged;
         match own {
             Some(own) if is_new && !self.was_ever_plugged => {
-                self.to_tell = differences(&own, &seen.stick, &self.at_start, &seen.settings);
+                self.to_tell = differences(&own, &self.at_start, seen);
                 self.was_ever_plugged = true;
             }
             _ if is_new || seen.stick != self.shape => stick.reshape(&seen.stick),
@@ -146,19 +145,15 @@ impl JoystickDriver {
 }
 
 /// Settings of the robot's that a device asks otherwise for, and nobody changed; they change as a whole.
-fn differences(
-    own: &StickShape,
-    robot: &StickShape,
-    at_start: &StickShape,
-    settings: &[Option<Gain>],
-) -> Vec<(u32, f64)> {
+fn differences(own: &StickShape, at_start: &StickShape, seen: &Snapshot) -> Vec<(u32, f64)> {
+    let robot = &seen.stick;
     let value = |shape: &StickShape, place| shape.setting(place).map(|setting| setting.value);
     let wanted = (0..StickShape::SETTINGS).filter_map(|place| {
         let setting = own.setting(place)?;
         let is_free =
             value(robot, place) == value(at_start, place) && value(robot, place) != Some(setting.value);
-        let index = settings.iter().flatten().position(|known| known.name == setting.name)?;
-        is_free.then_some((index as u32, setting.value))
+        let (index, _) = seen.setting(setting.name)?;
+        is_free.then_some((index, setting.value))
     });
     wanted.collect()
 }

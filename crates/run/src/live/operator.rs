@@ -9,12 +9,16 @@ use omnibase_robot::signals::{Batch, CycleRecord, Phase, RequestAnswer, StopCate
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
+use omnibase_cia402::ErrorCode;
+use omnibase_robot::config::ComebackPlan;
+
 use crate::conductor::{Conductor, Wish};
 
 use self::sticks::{PADS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, StickState, begins_motion,
 };
+use super::stamp::BEGINNING_AGE_NS;
 
 /// Requests that can wait for their cycle.
 const MOST_WAITING: usize = 64;
@@ -53,6 +57,8 @@ struct Waiting {
     client: Client,
     ticket: u64,
     kind: RequestKind,
+    /// In which cycle it comes too late.
+    valid_until_ns: u64,
     reference: Option<(u32, Box<dyn Reference>)>,
 }
 
@@ -75,9 +81,9 @@ pub struct Operator {
     /// The next of the values that were heard last and belong together.
     next_of_batch: Option<Batch>,
     asked: Option<(Client, u64, RequestKind)>,
-    /// How long a lost SubDevice is awaited, ns; `None`: after a loss a person goes on.
-    resume_within_ns: Option<u64>,
-    /// Whose motion goes on by itself where a lost SubDevice comes back, and how far that is.
+    /// What comes by itself after a loss; `None`: a person goes on.
+    comeback_plan: Option<ComebackPlan>,
+    /// Whose motion a loss may end, or ended, and how far the way back from it is.
     comeback: Option<(Client, Conductor)>,
     answers: Vec<(u64, Answer)>,
     notes: Vec<Note>,
@@ -100,7 +106,7 @@ impl Operator {
             waiting: std::collections::VecDeque::with_capacity(MOST_WAITING),
             next_of_batch: None,
             asked: None,
-            resume_within_ns: None,
+            comeback_plan: None,
             comeback: None,
             answers: Vec::with_capacity(MOST_ANSWERS),
             notes: Vec::with_capacity(MOST_NOTES),
@@ -109,9 +115,19 @@ impl Operator {
         }
     }
 
-    /// From now on a motion that a lost SubDevice ended goes on when that is back within so many ns.
-    pub fn resume_within(&mut self, within_ns: Option<u64>) {
-        self.resume_within_ns = within_ns;
+    /// What comes by itself from now on after a loss that ended a motion.
+    pub fn comes_back(&mut self, plan: Option<ComebackPlan>) {
+        self.comeback_plan = plan;
+    }
+
+    /// A drive said by an emergency what is wrong with it.
+    pub fn drive_said(&mut self, wheel: usize, error: ErrorCode) {
+        self.comeback.iter_mut().for_each(|(_, conductor)| conductor.drive_said(wheel, error));
+    }
+
+    /// In how many s the robot moves again without a person; `None` where it doesn't.
+    pub fn moves_again_in_s(&self, now_ns: u64) -> Option<f64> {
+        self.comeback.as_ref()?.1.moves_again_in_s(now_ns)
     }
 
     /// Who commands.
@@ -168,12 +184,17 @@ impl Operator {
 
     /// Takes in a command, at the time of the coming cycle.
     pub fn hear(&mut self, now_ns: u64, command: Command) {
-        let Command { client, ticket, ask } = command;
-        if let Client::Page(number) = client
-            && let Some(session) = self.sessions.get_mut(usize::from(number))
-        {
-            *session = Some(now_ns);
-        }
+        let Command { client, ticket, ask, stamp } = command;
+        self.hear_page(now_ns, client, stamp);
+        let asked_ns = match stamp.judge(now_ns, &ask, self.ages.pad_ns) {
+            Ok(asked_ns) => asked_ns,
+            Err(refusal) => {
+                if matches!(ask, Ask::Pad(_)) {
+                    self.pad_refused(client, refusal);
+                }
+                return self.answer(ticket, Answer::Refused(refusal));
+            }
+        };
         match ask {
             Ask::Alive => {}
             Ask::Begun => self.begun(now_ns, client),
@@ -182,7 +203,7 @@ impl Operator {
                 self.forget_stick(client);
             }
             Ask::PagesLost => self.pages_lost(),
-            Ask::Pad(pad) => self.pad(now_ns, client, pad),
+            Ask::Pad(pad) => self.pad(now_ns, client, pad, stamp),
             Ask::EnablePad(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
                 if !self.is_emergency {
@@ -202,10 +223,15 @@ impl Operator {
             Ask::Robot(RequestKind::Velocity { .. }) => {
                 self.answer(ticket, Answer::Refused(Refusal::NotAPad));
             }
-            Ask::Robot(kind) => self.ask(Waiting { client, ticket, kind, reference: None }),
+            Ask::Robot(kind) => {
+                let valid_until_ns =
+                    if begins(&kind) { asked_ns.saturating_add(BEGINNING_AGE_NS) } else { u64::MAX };
+                self.ask(Waiting { client, ticket, kind, valid_until_ns, reference: None });
+            }
             Ask::Load { number, reference } => {
                 let kind = RequestKind::UseReference { number };
-                self.ask(Waiting { client, ticket, kind, reference: Some((number, reference)) });
+                let reference = Some((number, reference));
+                self.ask(Waiting { client, ticket, kind, valid_until_ns: u64::MAX, reference });
             }
         }
     }
@@ -232,30 +258,38 @@ impl Operator {
         let turn = self.next_waiting();
         match turn.request {
             Some(request) if leads(&request.kind) => self.comeback = None,
-            Some(_) => {}
+            Some(_) => self.comeback.iter_mut().for_each(|(_, conductor)| conductor.watch(last, phase)),
             None => return self.come_back(last, phase).unwrap_or_default(),
         }
         turn
     }
 
-    /// Where a lost SubDevice ended a motion and nobody asked for anything since: what leads back to it.
+    /// Where a lost SubDevice ended a motion and nothing else happened since: what leads back to it.
     fn come_back(&mut self, last: &CycleRecord, phase: Phase) -> Option<Turn> {
-        let within_ns = self.resume_within_ns?;
-        if let (Commander::Reference(client), Phase::Tracking) = (self.commander, phase) {
-            self.comeback = Some((client, Conductor::following(within_ns)));
+        let plan = self.comeback_plan?;
+        if let (Commander::Reference(client @ Client::Page(_)), Phase::Tracking) = (self.commander, phase) {
+            // A page is somebody living; what a command began nobody may stand beside.
+            let (_, conductor) = self.comeback.get_or_insert_with(|| (client, Conductor::following(plan)));
+            conductor.next(last, phase, Wish::GoOn);
             return None;
         }
         let (client, mut conductor) = self.comeback.take()?;
-        // Whoever takes a stick in hand leads from there.
-        if self.sticks.iter().any(Stick::is_held) {
+        // Whoever takes a stick in hand leads from there; and one that was lost was somebody's who watched.
+        if self.is_emergency || self.sticks.iter().any(Stick::is_held) || self.has_lost_stick() {
             return None;
         }
         let kind = conductor.next(last, phase, Wish::GoOn);
-        self.comeback = conductor.is_coming_back().then_some((client, conductor));
-        if kind == Some(RequestKind::Resume) {
-            self.say("what was lost is back: the motion goes on by itself", client);
+        if let Some(note) = conductor.take_note() {
+            self.say(note, client);
         }
+        self.comeback = conductor.is_coming_back().then_some((client, conductor));
         Some(self.send(client, 0, kind?, u64::MAX))
+    }
+
+    /// Whether the joystick is lost or blocked, or that of a page that is there.
+    fn has_lost_stick(&self) -> bool {
+        let living = self.sticks[1..].iter().zip(&self.sessions).filter(|(_, session)| session.is_some());
+        self.sticks[0].is_blocked || living.into_iter().any(|(stick, _)| stick.is_blocked)
     }
 
     /// The answer to what was asked in the cycle before, and the end of what it commanded.
@@ -319,7 +353,7 @@ impl Operator {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
                 Commander::Pad(_) if begins_motion(&kind) => Refusal::Commanded,
                 _ => {
-                    let turn = self.send(waiting.client, waiting.ticket, kind, u64::MAX);
+                    let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };
                 }
             };

@@ -1,16 +1,14 @@
 //! The latest of everything, for whoever looks at a running robot.
 
 use omnibase_platform::Pose2;
-use omnibase_robot::StickShape;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
+use omnibase_robot::{MOST_SETTINGS, StickShape};
 
 use crate::channels::Beside;
+use crate::drive_errors::DriveErrors;
 use crate::timing::TimingSeen;
-
-/// Settings that a snapshot has room for.
-pub const MAX_SETTINGS: usize = 48;
 
 /// The latest of everything.
 #[derive(Clone, Copy, Debug)]
@@ -21,8 +19,10 @@ pub struct Snapshot {
     pub phase: Phase,
     /// What stands beside it: times, errors, truth, who has the say.
     pub beside: Beside,
-    /// What may be set, in the order of its index.
-    pub settings: [Option<Gain>; MAX_SETTINGS],
+    /// Which errors the drives have.
+    pub drive_errors: DriveErrors,
+    /// What may be set, each at its index.
+    pub settings: [Option<Gain>; MOST_SETTINGS],
     /// How its stick is shaped.
     pub stick: StickShape,
     /// Obstacles that are there, where they are now.
@@ -43,13 +43,22 @@ pub struct Snapshot {
     pub overruns: u64,
 }
 
+impl Snapshot {
+    /// A setting by its name, with the index by which it is set.
+    pub fn setting(&self, name: &str) -> Option<(u32, Gain)> {
+        let mut settings = (0..).zip(&self.settings).filter_map(|(index, gain)| Some((index, (*gain)?)));
+        settings.find(|(_, gain)| gain.name == name)
+    }
+}
+
 impl Default for Snapshot {
     fn default() -> Self {
         Snapshot {
             record: CycleRecord::default(),
             phase: Phase::default(),
             beside: Beside::default(),
-            settings: [None; MAX_SETTINGS],
+            drive_errors: DriveErrors::default(),
+            settings: [None; MOST_SETTINGS],
             stick: StickShape::default(),
             obstacles: Default::default(),
             reference: 0,

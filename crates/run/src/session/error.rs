@@ -24,7 +24,7 @@ pub enum SessionError {
         /// Why it wasn't reached.
         error: TransitionError,
     },
-    /// The link is gone.
+    /// The port is broken, or the link down before the cycle began.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A drive's watchdog isn't what was written: it would stop late, or never.

@@ -7,7 +7,7 @@ use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, CyclicBus, Register
 use omnibase_ethercat::wire::bytes::u32_at;
 use omnibase_ethercat::wire::{HostTime, Link, register};
 
-use super::Supervisor;
+use super::{OTHERS, Supervisor};
 
 /// Between two looks at registers of some SubDevice.
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
@@ -55,13 +55,22 @@ impl Supervisor {
     /// One register access to one SubDevice at a time.
     pub(super) fn look_at_registers<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
         while let Some(done) = bus.poll_completion() {
-            if let AcyclicWork::Registers { data, .. } = done.work {
-                if done.result.is_ok() {
-                    self.looked(&data);
-                }
-                self.buffer = data;
+            if done.tag & OTHERS != 0 {
+                // There are never more than have room.
+                self.ended.push_back(done);
+                continue;
             }
-            self.look = None;
+            let is_there = done.result.is_ok();
+            match done.work {
+                AcyclicWork::Registers { data, .. } => {
+                    if is_there {
+                        self.looked(&data);
+                    }
+                    self.buffer = data;
+                    self.look = None;
+                }
+                AcyclicWork::Mailbox(answer) => self.answered(is_there, answer),
+            }
         }
         if self.look.is_some() || now < self.next_look || self.all.is_empty() {
             return;

@@ -40,6 +40,8 @@ pub struct Meddler {
     pub foreign: u32,
     /// Answers that are still to be cut short.
     pub short: u32,
+    /// Frames for which the link says that it is down.
+    pub down: u32,
     /// What breaks as soon as so many frames were sent.
     pub later: Option<(u64, usize, Fault)>,
 }
@@ -58,6 +60,11 @@ impl Link for Shared {
         let sent = link.counts().frames;
         if let Some((_, position, fault)) = self.1.borrow_mut().later.take_if(|(at, ..)| sent >= *at) {
             link.inner_mut().segment_mut().inject(position, fault).unwrap();
+        }
+        let mut meddler = self.1.borrow_mut();
+        if meddler.down > 0 {
+            meddler.down -= 1;
+            return Err(LinkError::Down);
         }
         link.send(frame)
     }

@@ -5,6 +5,7 @@ mod clocks;
 mod disturbances;
 mod lost;
 mod matrix;
+mod pose;
 mod recovery;
 mod resume;
 mod storm;

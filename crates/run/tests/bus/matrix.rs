@@ -3,6 +3,7 @@
 
 mod beside;
 mod case;
+mod comeback;
 mod ring;
 
 use std::sync::atomic::AtomicBool;
@@ -57,6 +58,8 @@ enum Trouble {
     Foreign(u32),
     /// Answers that are cut short.
     Short(u32),
+    /// The interface loses its carrier for so many frames.
+    Carrier(u32),
     /// Something with a SubDevice.
     Device(usize, fn() -> Fault),
     /// One more SubDevice is plugged in behind the last.
@@ -98,6 +101,18 @@ const ROWS: &[Row] = &[
         Trouble::Frames(FaultAction::DropRequest, 10),
         Expected::Stops,
         Some(|f| f.frames_lost),
+    ),
+    (
+        "the carrier is lost for 30 ms",
+        Trouble::Carrier(30),
+        Expected::Stops,
+        Some(|f| f.frames_lost.min(f.silences)),
+    ),
+    (
+        "the carrier is lost for 2 s",
+        Trouble::Carrier(2000),
+        Expected::Stops,
+        Some(|f| f.frames_lost.min(f.silences).min(f.recoveries)),
     ),
     (
         "a frame late by two cycles",
@@ -219,6 +234,7 @@ fn break_something(link: &Shared, trouble: Trouble) {
                 link.inject(Injection { target: Target::Frame(frame), action });
             }
         }
+        Trouble::Carrier(frames) => link.1.borrow_mut().down = frames,
         Trouble::Foreign(count) => link.1.borrow_mut().foreign = count,
         Trouble::Short(count) => link.1.borrow_mut().short = count,
         Trouble::Device(position, fault) => {
@@ -268,10 +284,12 @@ impl Case<Shared> {
             Expected::Stops | Expected::EndsAsAsked => false,
             Expected::StopsByHand => self.state != State::ByHand,
         };
-        for _ in 0..if goes_on { GOES_ON } else { WATCHED } {
+        // Until the carrier is back nobody is known to be unwell.
+        let silent = if let Trouble::Carrier(frames) = *trouble { u64::from(frames) + 100 } else { 0 };
+        for ms in 0..if goes_on { GOES_ON } else { WATCHED } {
             self.cycle();
             self.watch();
-            let is_back = self.bench.session.figures().unwell == 0;
+            let is_back = ms >= silent && self.bench.session.figures().unwell == 0;
             if self.is_quiet() && is_back {
                 break;
             }
@@ -386,6 +404,7 @@ impl<L: omnibase_ethercat::wire::Link + Clone> Case<L> {
 fn coming_up((name, trouble, ..): &Row) -> String {
     let concerns = match trouble {
         Trouble::Frames(..)
+        | Trouble::Carrier(_)
         | Trouble::Foreign(_)
         | Trouble::Short(_)
         | Trouble::Device(..)
@@ -414,6 +433,7 @@ fn coming_up((name, trouble, ..): &Row) -> String {
     let sent = link.0.borrow().counts();
     match trouble {
         Trouble::Frames(..) => assert!(sent.faults > from.faults, "{name}: it hit nothing"),
+        Trouble::Carrier(frames) => assert!(link.1.borrow().down < frames - 10, "{name}: it hit nothing"),
         _ => assert!(sent.frames > from.frames + 20, "{name}: over before it began"),
     }
     drop(session);
@@ -458,6 +478,7 @@ fn every_fault_in_every_state_ends_where_the_matrix_says() {
     text += &rows.concat();
     text += &ring::row();
     text += &beside::rows();
+    text += &comeback::rows();
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/fault-matrix.md");
     if std::env::var_os("UPDATE_DOCS").is_some() {
         std::fs::write(path, &text).unwrap();

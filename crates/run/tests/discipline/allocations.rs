@@ -59,7 +59,10 @@ fn a_bus_that_is_lost() {
 /// A run that goes on behind whatever happens to SubDevices, for so many cycles.
 #[track_caller]
 fn goes_on(what: &str, faults: &[(u64, usize, Fault)], cycles: u64) -> (Ran, Seen) {
-    let robot = robot_with(&["safety.after_lost_device = \"resume\""]);
+    let robot = robot_with(&[
+        "safety.after_lost_device = \"move_again_unattended\"",
+        "drive_defaults.encoder = \"absolute\"",
+    ]);
     let mut deeds: Vec<(u64, Deed)> =
         faults.iter().map(|(when, position, fault)| (*when, Deed::Break(*position, fault.clone()))).collect();
     deeds.push((cycles, Deed::Stop));

@@ -161,14 +161,16 @@ fn traced(namespace: &Namespace, attempt: u32) -> (String, String) {
 /// Whether the calls between marks are those that are allowed; `None` for too few cycles.
 fn looked_at(trace: &str) -> Option<()> {
     let calls = calls_between_marks(trace);
-    // Frames, the time, and the question whether the cable is in, which the port asks where a frame stays away.
+    // Frames, the time, and the questions whether the cable is in and the interface is there, which the port asks where a frame stays away.
     let allowed = ["getppid", "clock_nanosleep", "sendto", "recvfrom", "ppoll", "ioctl"];
     let others: BTreeSet<&str> =
         calls.iter().map(|(name, _)| *name).filter(|name| !allowed.contains(name)).collect();
     assert!(others.is_empty(), "the cycle also calls {others:?}");
     let ioctls = calls.iter().filter(|(name, _)| *name == "ioctl");
     assert!(
-        ioctls.clone().all(|(_, line)| line.contains("SIOCGIFFLAGS")),
+        ioctls
+            .clone()
+            .all(|(_, line)| ["SIOCGIFFLAGS", "SIOCGIFINDEX"].iter().any(|asked| line.contains(asked))),
         "{:?}",
         ioctls.collect::<Vec<_>>()
     );

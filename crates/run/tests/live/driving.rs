@@ -234,9 +234,43 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
     assert!(run.replayed.difference.is_none(), "a loaded reference replays too: {:?}", run.replayed);
 }
 
+#[test]
+fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_them() {
+    let run = played(9.0, |hands: &mut Hands| {
+        hands.send(0.5, Client::Page(1), robot(RequestKind::Enable));
+        hands.alive(0.4, 9.0, Client::Page(1));
+        let load = |live: &Live, metres: f64| {
+            let table: ReferenceTable = toml::from_str(&format!(
+                "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [3.0, {metres:?}, 0.0, 0.0]]"
+            ))
+            .unwrap();
+            let made = reference(&table, &crate::hands::plan().limits).unwrap();
+            live.load(Client::Page(1), table, made).unwrap();
+        };
+        for number in 1..=100 {
+            let metres = f64::from(number) * 4e-3;
+            hands.at(1.0 + f64::from(number) * 0.02, move |live, _| load(live, metres));
+        }
+        hands.at(3.2, |live, _| assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]));
+        hands.ask(3.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
+        // While it is tracked no other one is taken.
+        for number in 0..100 {
+            hands.at(4.0 + f64::from(number) * 0.02, move |live, _| load(live, 0.1));
+        }
+        hands.at(6.3, |live, seen| {
+            assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 100));
+            assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]);
+        });
+        hands.at(8.5, |_, seen| {
+            let pose = seen.record.state.odom_from_body;
+            assert!((pose.x_m - 0.4).abs() < 1e-3 && pose.y_m.abs() < 1e-3, "{pose:?}");
+        });
+    });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
 fn place(live: &Live, name: &str) -> u32 {
-    let found = live.snapshot().settings.iter().flatten().position(|setting| setting.name == name);
-    found.unwrap_or_else(|| panic!("no setting `{name}`")) as u32
+    live.snapshot().setting(name).unwrap_or_else(|| panic!("no setting `{name}`")).0
 }
 
 fn speeds(live: &Live, seen: &Snapshot) -> [Option<f64>; 2] {

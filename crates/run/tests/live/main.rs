@@ -3,5 +3,7 @@
 mod comeback;
 mod driving;
 mod hands;
+mod limits;
+mod stamps;
 mod stick;
 mod teaching;

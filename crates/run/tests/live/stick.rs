@@ -312,8 +312,7 @@ fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows
     let recorded = recording(&changes, 60_000);
     let vx_m_s = |seen: &Snapshot| seen.record.state.twist_in_body.vx_m_s;
     let place = |seen: &Snapshot, name: &str| {
-        let found = seen.settings.iter().flatten().position(|setting| setting.name == name);
-        found.unwrap_or_else(|| panic!("no setting `{name}`"))
+        seen.setting(name).unwrap_or_else(|| panic!("no setting `{name}`")).0 as usize
     };
     let set = move |live: &Live, seen: &Snapshot, client: Client, values: &[(&str, f64)]| {
         let values: Vec<(u32, f64)> =

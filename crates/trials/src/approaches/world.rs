@@ -8,8 +8,8 @@ use omnibase_robot::config::{FencePlan, FootprintSource, PathFrame};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::Frame;
 
-use super::FRAMES;
 use super::measure::{distance_to_circle_m, room_in_fence_m};
+use super::{FRAMES, SIGMAS};
 
 type Point = [f64; 2];
 
@@ -39,6 +39,12 @@ impl Random {
     /// Between two bounds, each order of magnitude as often.
     pub fn spread(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
+    }
+
+    /// With mean 0 and deviation 1 (Box and Muller).
+    pub fn normal(&mut self) -> f64 {
+        let [size, turn] = [self.between(f64::MIN_POSITIVE, 1.0), self.between(0.0, TAU)];
+        (-2.0 * size.ln()).sqrt() * turn.cos()
     }
 
     /// Below a number.
@@ -115,8 +121,9 @@ impl World {
         let stop_m = limits.speed_m_s * limits.speed_m_s / (2.0 * limits.acceleration_m_s2)
             + limits.speed_m_s * limits.acceleration_m_s2 / (2.0 * limits.jerk_m_s3);
         let size_m = 0.3 + 1.5 * stop_m;
+        odometry(seed, &mut plan);
         if r.below(4) > 0 {
-            plan.guard.fence = fence(r, &plan.guard.footprint_m, size_m);
+            plan.guard.fence = fence(r, &plan, size_m);
         }
         let count = if plan.guard.fence.is_some() { r.below(4) } else { 1 + r.below(4) };
         for _ in 0..count {
@@ -145,6 +152,20 @@ impl World {
     }
 }
 
+/// How well odometry knows where it is, from better than usual to hardly at all; and how soon it is known that a way is
+/// blocked, for an approach is short. Drawn apart, so that the rest of a seed's world stays what it was.
+fn odometry(seed: u64, plan: &mut RobotPlan) {
+    let mut random = Random::new(seed ^ 0x0D0E_7000_0000_0000);
+    let r = &mut random;
+    plan.estimator.start_sigma_m = Some(r.spread(1e-4, 0.05));
+    plan.estimator.start_sigma_rad = Some(r.spread(1e-4, 0.05));
+    plan.estimator.way_sigma_m = Some(r.spread(3e-4, 0.03));
+    plan.estimator.way_sigma_rad = Some(r.spread(3e-4, 0.03));
+    plan.estimator.turn_sigma_rad = Some(r.spread(3e-4, 0.03));
+    plan.estimator.radius_share = Some(r.spread(3e-4, 0.02));
+    plan.guard.give_up_s = r.spread(0.03, 1.0);
+}
+
 /// A convex footprint of three to eight corners around the origin.
 fn footprint(r: &mut Random) -> Vec<Point> {
     let count = 3 + r.below(6);
@@ -158,8 +179,13 @@ fn footprint(r: &mut Random) -> Vec<Point> {
 }
 
 /// A rectangle, an L or a T-like polygon at any angle, in which the robot has room at its start; not always found.
-fn fence(r: &mut Random, footprint: &[Point], size_m: f64) -> Option<FencePlan> {
+fn fence(r: &mut Random, plan: &RobotPlan, size_m: f64) -> Option<FencePlan> {
     let margin_m = r.between(0.01, 0.08);
+    let footprint = &plan.guard.footprint_m;
+    let reach_m = footprint.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+    let [start_m, start_rad] =
+        [plan.estimator.start_sigma_m, plan.estimator.start_sigma_rad].map(Option::unwrap_or_default);
+    let needed_m = margin_m + SIGMAS * (start_m + reach_m * start_rad);
     for _ in 0..20 {
         let (w, h) = (r.between(0.5, 1.0) + size_m, r.between(0.5, 1.0) + size_m);
         let (a, b) = (r.between(0.2, 0.8) * w, r.between(0.2, 0.8) * h);
@@ -180,8 +206,8 @@ fn fence(r: &mut Random, footprint: &[Point], size_m: f64) -> Option<FencePlan> 
         if r.below(2) == 0 {
             corners_m.reverse();
         }
-        if room_in_fence_m(footprint, &Pose2::default(), &corners_m) >= margin_m {
-            return Some(FencePlan { corners_m, margin_m });
+        if room_in_fence_m(footprint, &Pose2::default(), &corners_m) >= needed_m {
+            return Some(FencePlan { corners_m, margin_m, sigmas: SIGMAS });
         }
     }
     None

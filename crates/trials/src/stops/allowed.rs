@@ -13,7 +13,7 @@ impl Stops {
             // A page that drives by its stick is missed as a stick first.
             Loss::PageSilent => AGES.session_ns,
             Loss::Killed | Loss::CableCut => WATCHDOG_NS,
-            Loss::DrivePower | Loss::DriveData => self.tolerated_ns(),
+            Loss::DrivePower | Loss::DriveData | Loss::SupplyCut => self.tolerated_ns(),
             _ => 0,
         };
         ns as f64 * 1e-9
@@ -29,7 +29,11 @@ impl Stops {
     pub(super) fn allowed_s(&self, loss: Loss) -> f64 {
         let noticed_s = self.noticed_s(loss);
         let ramp_s = match loss {
-            Loss::Category0 => self.fastest_rad_s() / COASTING_RAD_S2,
+            Loss::Category0 | Loss::SupplyCut => self.fastest_rad_s() / COASTING_RAD_S2,
+            // The others brake by their own ramp, and leave one motion that rolls out.
+            Loss::DriveFault => {
+                self.fastest_rad_s() / self.quick_stop_rad_s2() + self.fastest_rad_s() / COASTING_RAD_S2
+            }
             // Without one drive the platform has one motion that nobody brakes: what is left of it after the ramp of the
             // others rolls out.
             Loss::DrivePower | Loss::DriveData => {

@@ -1,37 +1,46 @@
 //! A row of cases on one robot.
 
+use omnibase_cia402::ErrorCode;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 use omnibase_robot::{Exchange, RequestKind};
 use omnibase_run::live::Operator;
+use omnibase_run::live::Stamp;
 use omnibase_run::live::command::{Ask, Client, Command, Pad};
 
 use super::{
-    AGES, Blocking, Case, LOSSES, Loss, NEVER_S, ON_TOP, STANDING_RAD_S, STATES, STAYS, State, WATCHDOG_NS,
+    AGES, Blocking, Case, Comeback, LOSSES, Loss, NEVER_S, ON_TOP, STANDING_RAD_S, STATES, STAYS, State,
+    WATCHDOG_NS,
 };
 use crate::Trial;
 use crate::trial::Without;
 
 /// Exchanges after a loss until the bus knows who is missing.
 const UNKNOWN: u32 = 2;
+/// What a drive that fails by itself says: over-current.
+pub(super) const OWN_FAULT: ErrorCode = ErrorCode(0x2310);
 /// How long a source that was lost speaks before and after a person enables it, cycles.
 const INSISTS: u32 = 10;
 
 /// A row of cases on one robot.
 pub struct Stops {
     pub(super) trial: Trial,
-    operator: Operator,
+    pub(super) operator: Operator,
     random: Random,
     seed: u64,
     pub(super) cycle_s: f64,
     /// Whose words still come, every cycle.
     speaking: Option<(Client, Twist2, Frame)>,
-    page_lives: bool,
-    is_dead: bool,
+    pub(super) page_lives: bool,
+    pub(super) is_dead: bool,
     /// A lost drive, and for how many cycles.
-    lost: Option<(usize, Loss, u32)>,
+    pub(super) lost: Option<(usize, Loss, u32)>,
     /// Cycles since all drives were left alone.
-    silent: Option<u32>,
+    pub(super) silent: Option<u32>,
+    /// A drive that failed.
+    pub(super) failed: Option<usize>,
+    /// The joystick is there: it says so in every cycle.
+    has_joystick: bool,
 }
 
 impl Stops {
@@ -49,7 +58,10 @@ impl Stops {
             is_dead: false,
             lost: None,
             silent: None,
+            failed: None,
+            has_joystick: false,
         };
+        stops.operator.comes_back(stops.trial.plan.safety.comeback);
         stops.run(20);
         stops
     }
@@ -76,8 +88,9 @@ impl Stops {
             allowed_s: self.allowed_s(loss),
             torque_off_s: loss.is_drive().then_some((f64::INFINITY, self.torque_off_allowed_s(loss))),
             blocking: Blocking::NotConcerned,
+            comeback: Comeback::NotConcerned,
         };
-        let has_more = !matches!(loss, Loss::Category0 | Loss::Killed | Loss::CableCut);
+        let has_more = !matches!(loss, Loss::Category0 | Loss::Killed | Loss::CableCut | Loss::SupplyCut);
         if has_more && self.random.below(2) == 0 {
             let on_top = ON_TOP[self.random.below(ON_TOP.len())];
             // Two lost drives are no other case than one, and one that was lost already can't be lost.
@@ -87,6 +100,9 @@ impl Stops {
             }
         }
         self.lose(&mut case);
+        if case.stopped_s.is_finite() {
+            case.comeback = self.watch_comeback(&case);
+        }
         if case.then.is_none() && loss.blocks() && case.stopped_s.is_finite() {
             case.blocking = self.insist(state.client());
         }
@@ -95,14 +111,10 @@ impl Stops {
 
     /// Awake, enabled and holding.
     fn make_ready(&mut self) {
+        self.failed = None;
         if self.is_dead || self.trial.next_exchange != Exchange::Complete {
-            (self.is_dead, self.lost, self.silent) = (false, None, None);
-            let wheels = self.trial.back_in_op();
-            if wheels != 0 {
-                self.trial.next_exchange = Exchange::Restarted { wheels };
-                self.cycle();
-            }
-            self.trial.next_exchange = Exchange::Complete;
+            self.is_dead = false;
+            self.bring_back();
             // A robot that was dead meanwhile learns what became of its drives.
             self.run(20);
         }
@@ -110,7 +122,17 @@ impl Stops {
         self.page_lives = true;
         self.say(Client::Command, Ask::ReleaseEmergencyStop);
         for _ in 0..10_000 {
+            let is_known = self.trial.robot.record().state.pose_known;
             match self.trial.robot.phase() {
+                // It goes on behind a comeback.
+                Phase::Tracking => {
+                    self.say(Client::Command, Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)));
+                }
+                Phase::Holding if !is_known => {
+                    let odom_from_body = self.trial.pose();
+                    let kind = RequestKind::SetPose { odom_from_body, sigma_m: 0.01, sigma_rad: 0.01 };
+                    self.say(Client::Command, Ask::Robot(kind));
+                }
                 Phase::Holding if self.fastest_rad_s() < STANDING_RAD_S => return self.enable_sticks(),
                 Phase::Fault => self.say(Client::Command, Ask::Robot(RequestKind::Acknowledge)),
                 // Nobody enables drives while wheels roll.
@@ -125,8 +147,20 @@ impl Stops {
         panic!("seed {}: never ready: {:?} {problems:?}", self.seed, self.trial.robot.phase());
     }
 
+    /// What was lost on the bus is there again.
+    pub(super) fn bring_back(&mut self) {
+        (self.lost, self.silent) = (None, None);
+        let wheels = self.trial.back_in_op();
+        if wheels != 0 {
+            self.trial.next_exchange = Exchange::Restarted { wheels };
+            self.cycle();
+        }
+        self.trial.next_exchange = Exchange::Complete;
+    }
+
     /// Sticks that are there, let go, and free to drive.
     fn enable_sticks(&mut self) {
+        self.has_joystick = true;
         for client in [Client::Joystick, Client::Page(0)] {
             self.say(client, Ask::Pad(Pad::Released));
             self.say(client, Ask::EnablePad(client));
@@ -202,9 +236,9 @@ impl Stops {
                 let is_harder = on_top.severity(policy) > case.loss.severity(policy);
                 let allowed_s = at_s + self.allowed_s(on_top);
                 // What a lost drive leaves unbraked rolls out, whatever comes on top.
-                if case.loss.is_drive() {
+                if case.loss.leaves_unbraked() {
                     case.allowed_s = case.allowed_s.max(allowed_s);
-                } else if is_harder || is_unnoticed || on_top.is_drive() {
+                } else if is_harder || is_unnoticed || on_top.leaves_unbraked() {
                     case.allowed_s = allowed_s;
                     noticed_s = at_s + self.noticed_s(on_top);
                 }
@@ -243,10 +277,12 @@ impl Stops {
                 self.say(client, Ask::Pad(Pad::Released));
             }
             Loss::StickGone => {
-                self.speaking = None;
+                (self.speaking, self.has_joystick) = (None, self.has_joystick && client != Client::Joystick);
                 self.say(client, Ask::Pad(Pad::Lost));
             }
-            Loss::StickSilent => self.speaking = None,
+            Loss::StickSilent => {
+                (self.speaking, self.has_joystick) = (None, self.has_joystick && client != Client::Joystick);
+            }
             Loss::PageClosed => {
                 (self.speaking, self.page_lives) = (None, false);
                 self.say(Client::Page(0), Ask::Gone);
@@ -259,6 +295,20 @@ impl Stops {
             Loss::Emergency => self.say(Client::Page(1), Ask::EmergencyStop),
             Loss::Killed => (self.is_dead, self.silent) = (true, Some(0)),
             Loss::CableCut => self.silent = Some(0),
+            Loss::DriveFault => {
+                let wheels = self.trial.plan.drives.len();
+                let lost = self.lost.map(|(wheel, ..)| wheel);
+                let wheel = self.random.below(wheels);
+                // One that has no power can't fail.
+                let wheel = if lost == Some(wheel) { (wheel + 1) % wheels } else { wheel };
+                self.trial.fail_drive(wheel, OWN_FAULT.0);
+                self.failed = Some(wheel);
+            }
+            Loss::SupplyCut => {
+                (0..self.trial.plan.drives.len())
+                    .for_each(|wheel| self.trial.lose_drive(wheel, Without::Power));
+                (self.lost, self.silent) = (None, Some(0));
+            }
             Loss::DrivePower | Loss::DriveData => {
                 let wheel = self.random.below(self.trial.plan.drives.len());
                 let without = if loss == Loss::DrivePower { Without::Power } else { Without::Data };
@@ -308,10 +358,10 @@ impl Stops {
 
     fn say(&mut self, client: Client, ask: Ask) {
         let now_ns = self.trial.time().now_ns;
-        self.operator.hear(now_ns, Command { client, ticket: 0, ask });
+        self.operator.hear(now_ns, Command { client, ticket: 0, ask, stamp: Stamp::Here });
     }
 
-    fn run(&mut self, cycles: u32) {
+    pub(super) fn run(&mut self, cycles: u32) {
         for _ in 0..cycles {
             self.cycle();
         }
@@ -342,7 +392,7 @@ impl Stops {
     }
 
     /// One cycle of the world, and of the process where it lives.
-    fn cycle(&mut self) {
+    pub(super) fn cycle(&mut self) {
         self.lose_more();
         if self.is_dead {
             self.trial.exchange();
@@ -352,6 +402,10 @@ impl Stops {
         let now_ns = self.trial.time().now_ns;
         if let Some((client, twist, frame)) = self.speaking {
             self.say(client, Ask::Pad(Pad::Held { twist, frame }));
+        }
+        let speaks = self.speaking.is_some_and(|(client, ..)| client == Client::Joystick);
+        if self.has_joystick && !speaks {
+            self.say(Client::Joystick, Ask::Pad(Pad::Released));
         }
         if self.page_lives {
             self.say(Client::Page(0), Ask::Alive);

@@ -6,8 +6,8 @@
 
 mod profile;
 
-use super::ServoConfig;
 use super::objects::{Fields, SUPPORTED_MODES};
+use super::{Encoder, ServoConfig};
 use crate::device::Moment;
 use crate::device::axis::{Axis, AxisState};
 use crate::dictionary::Dictionary;
@@ -108,6 +108,7 @@ pub(super) struct Motion {
     /// Difference of 0x6064 and the axis' own counts.
     offset: i64,
     initial_position: i32,
+    encoder: Encoder,
     now: HostTime,
     state: AxisState,
     mode: Mode,
@@ -145,6 +146,7 @@ impl Motion {
             loop_period: Duration::from_nanos(config.loop_period_ns.max(1)),
             offset: 0,
             initial_position: config.initial_position,
+            encoder: config.encoder,
             now: HostTime(0),
             state: AxisState::default(),
             mode: Mode::None,
@@ -168,10 +170,12 @@ impl Motion {
         }
     }
 
-    /// The encoder shows its initial position where the axis is at the first power-on.
+    /// The encoder shows its initial position where the axis is at the first power-on; an incremental one begins at 0 at later ones.
     pub fn power_on(&mut self, now: HostTime, state: AxisState) {
         if self.now == HostTime(0) {
             self.offset = i64::from(self.initial_position) - self.encoder(state);
+        } else if self.encoder == Encoder::Incremental {
+            self.offset = -self.encoder(state);
         }
         self.now = now;
         self.state = state;

@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 use core::time::Duration;
 
+use crate::error::Found;
 use crate::mailbox::{MailboxError, MailboxRequest};
 
 /// What a request wants.
@@ -72,13 +73,13 @@ pub enum AcyclicError {
     /// The mailbox request failed.
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
-    /// Nobody took the register access.
-    #[error("register 0x{register:04x} was not accessed within {after:?}, working counter {working_counter}")]
+    /// Nobody took the register access, or no frame came back with it.
+    #[error("register 0x{register:04x} was not accessed within {after:?}: {}", .found.against(1))]
     Register {
         /// First register.
         register: u16,
-        /// Working counter of the last answer; `0` also where none came.
-        working_counter: u16,
+        /// The last that came back.
+        found: Found,
         /// How long it was tried.
         after: Duration,
     },

@@ -99,6 +99,11 @@ fn a_lost_frame_is_no_refusal() {
     }
     let Next::Done(Err(error)) = runner.next(now) else { panic!("passed over") };
     assert!(matches!(error.cause, StartUpFailure::Registers { found: Found::Nothing, .. }));
+    assert_eq!(
+        error.to_string(),
+        "SubDevice 3: a register (register 0x0980): the frame did not come back: it was lost on its way, nobody \
+         refused it"
+    );
 }
 
 #[test]

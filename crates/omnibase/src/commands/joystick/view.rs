@@ -234,7 +234,7 @@ impl View {
         lines.push(format!("  asked    {}", self.asked));
         if self.as_picture && self.drawn > 0 {
             // Up over the last picture, and away with it.
-            write!(output, "\x1b[{}A\x1b[J", self.drawn)?;
+            write!(io::stdout(), "\x1b[{}A\x1b[J", self.drawn)?;
         }
         for line in &lines {
             writeln!(output, "{line}")?;

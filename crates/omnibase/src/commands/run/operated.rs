@@ -3,6 +3,7 @@
 use super::stick_thread::StickThread;
 use crate::progress::note;
 use crate::running::RunningRobot;
+use crate::token;
 use anyhow::Context;
 use omnibase_dashboard::{About, Access, Dashboard, Streams};
 use omnibase_record::run::RunDescriber;
@@ -11,6 +12,7 @@ use omnibase_robot::signals::StopCategory;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, Live, LiveEnd, live};
 use omnibase_run::{LoadedRobot, RobotText};
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -30,9 +32,13 @@ pub struct Options {
         default_missing_value = "127.0.0.1:8400"
     )]
     dashboard: Option<SocketAddr>,
-    /// The secret of those who may command; otherwise a new one is made for each run.
-    #[arg(long, value_name = "TOKEN", requires = "dashboard", value_parser = token)]
-    token: Option<String>,
+    /// A file of mode 0600 with the secret of those who may command. Otherwise the environment variable OMNIBASE_TOKEN
+    /// says it, or a new one is made for each run.
+    #[arg(long, value_name = "FILE", requires = "dashboard")]
+    token_file: Option<PathBuf>,
+    /// Refused: everybody would see it.
+    #[arg(long, hide = true, value_parser = token::refused)]
+    token: Option<Infallible>,
     /// Send every value to PlotJuggler's UDP server, as JSON, a hundred times a second.
     #[arg(
         long,
@@ -116,8 +122,8 @@ impl Options {
 
     fn serve(&self, address: SocketAddr, live: Live, about: About) -> anyhow::Result<Dashboard> {
         let mut access = Access::new(address).context("making a token")?;
-        if let Some(token) = &self.token {
-            access.token.clone_from(token);
+        if let Some(token) = token::given(self.token_file.as_deref())? {
+            access.token = token;
         }
         let name = about.robot.plan.name.clone();
         let dashboard = Dashboard::start(access.clone(), live, about)?;
@@ -136,14 +142,6 @@ impl Options {
         }
         Ok(dashboard)
     }
-}
-
-fn token(text: &str) -> Result<String, String> {
-    let plain = text.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
-    if text.len() >= 8 && plain {
-        return Ok(text.to_owned());
-    }
-    Err("expected at least 8 letters, digits, - and _".to_owned())
 }
 
 /// Whoever connects may read: that is for this machine alone.

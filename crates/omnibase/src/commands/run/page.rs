@@ -32,6 +32,8 @@ impl Page {
             path.display(),
             folder.display()
         );
+        let is_file = std::fs::metadata(path).map_or(true, |there| there.is_file());
+        anyhow::ensure!(is_file, "--report {}: expected a regular file", path.display());
         let mut beside = OsString::from(path);
         beside.push(".mcap");
         Ok(Page {

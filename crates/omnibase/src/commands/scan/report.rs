@@ -41,6 +41,9 @@ pub struct SubDeviceReport {
     /// Only where it was asked for and there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dictionary: Option<Vec<Object>>,
+    /// Why it can't be used, where something of it is broken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -165,6 +168,7 @@ impl SubDeviceReport {
                 .collect(),
             pdos: one.sync_managers.iter().flat_map(pdo_reports).collect(),
             dictionary: None,
+            broken: one.broken.clone(),
         }
     }
 
@@ -177,6 +181,9 @@ impl SubDeviceReport {
             self.vendor_id, self.product_code, self.revision, self.serial
         )?;
         let alias = if self.alias == 0 { "none".to_owned() } else { format!("0x{:04x}", self.alias) };
+        if let Some(cause) = &self.broken {
+            writeln!(output, "    broken    {cause}")?;
+        }
         writeln!(
             output,
             "    state     {}, station 0x{:04x}, alias {alias}",

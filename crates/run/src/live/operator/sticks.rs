@@ -4,6 +4,7 @@ use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 
 use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion};
+use super::super::stamp::{BEGINNING_AGE_NS, Stamp};
 use super::Operator;
 
 /// Sticks: the joystick's and one for each page.
@@ -17,6 +18,8 @@ pub(super) struct Stick {
     pub(super) is_blocked: bool,
     /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
     pub(super) must_release: bool,
+    /// It was told that its wishes aren't taken: once, until it is let go.
+    is_told: bool,
 }
 
 impl Stick {
@@ -60,11 +63,39 @@ impl Operator {
         }
     }
 
-    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: Pad) {
+    /// A page is heard: it counts as there from when it spoke, not from when that arrived.
+    pub(super) fn hear_page(&mut self, now_ns: u64, client: Client, stamp: Stamp) {
+        let spoke_ns = match stamp {
+            Stamp::Here | Stamp::Missing => Some(now_ns),
+            Stamp::Told(_) => stamp.within(now_ns, self.ages.session_ns).ok(),
+        };
+        if let (Client::Page(number), Some(spoke_ns)) = (client, spoke_ns)
+            && let Some(session) = self.sessions.get_mut(usize::from(number))
+        {
+            *session = Some(spoke_ns.max(session.unwrap_or(0)));
+        }
+    }
+
+    /// A wish that is too old is none: the stick is as silent as it was before. Told once, not with every wish.
+    pub(super) fn pad_refused(&mut self, client: Client, refusal: Refusal) {
+        let Some(stick) = stick_of(client).map(|number| &mut self.sticks[number]) else { return };
+        if !std::mem::replace(&mut stick.is_told, true) {
+            let text = match refusal {
+                Refusal::Unstamped => "the stick's wishes have no stamp: they aren't taken",
+                Refusal::OfAnotherRun => "the stick's wishes are of another run: they aren't taken",
+                _ => "the stick's wishes come too late, the line is slow: they aren't taken",
+            };
+            self.say(text, client);
+        }
+    }
+
+    /// What a stick says, which counts from when it was said.
+    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: Pad, stamp: Stamp) {
         let Some(number) = stick_of(client) else { return };
         let drives = self.commander == Commander::Pad(client);
         let stick = &mut self.sticks[number];
-        stick.heard_ns = now_ns;
+        let said_ns = stamp.within(now_ns, self.ages.pad_ns).unwrap_or(now_ns);
+        stick.heard_ns = said_ns.max(stick.heard_ns);
         match pad {
             // What isn't a number is no wish.
             Pad::Held { twist, .. } if !twist.is_finite() => {
@@ -72,7 +103,9 @@ impl Operator {
             }
             Pad::Held { .. } => stick.wish = Some(pad),
             Pad::Released => {
-                (stick.wish, stick.must_release) = (Some(pad), false);
+                (stick.wish, stick.is_told) = (Some(pad), false);
+                // One of long ago doesn't tell that it is let go now.
+                stick.must_release &= stamp.within(now_ns, BEGINNING_AGE_NS).is_err();
                 if drives {
                     self.say("let go of the stick", client);
                     self.stop_with(StopCategory::RampAndHold, client, 0);
@@ -125,6 +158,8 @@ impl Operator {
         let counts = stick.is_held() || drives || (client == Client::Joystick && !is_known);
         stick.wish = None;
         if counts {
+            self.comeback = None;
+            let stick = &mut self.sticks[number];
             (stick.is_blocked, stick.must_release) = (true, true);
             self.say(text, client);
         }

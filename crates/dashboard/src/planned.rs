@@ -1,0 +1,89 @@
+//! The planned path as the page draws it: drawn once, and laid where the robot began it.
+
+use omnibase_platform::Pose2;
+use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::signals::Setpoint;
+use omnibase_robot::stages::Reference;
+use serde::Serialize;
+
+/// Points of a planned path as the page draws it.
+const POINTS: u32 = 400;
+
+/// A reference, drawn.
+#[derive(Debug)]
+pub(crate) struct Drawn {
+    name: String,
+    duration_s: Option<f64>,
+    /// Where the platform must stand at its start, in odom; `None` where it begins wherever that stands.
+    pub(crate) start_pose: Option<Pose2>,
+    /// In odom, or from its start where it has no pose of its own.
+    poses: Vec<Pose2>,
+}
+
+/// The planned path, where the robot follows it.
+#[derive(Debug, Serialize)]
+pub(crate) struct Planned {
+    number: u32,
+    name: String,
+    duration_s: Option<f64>,
+    /// x m, y m, heading rad.
+    poses: Vec<[f64; 3]>,
+}
+
+impl Drawn {
+    /// Draws a reference; it begins anew afterwards.
+    pub(crate) fn of(table: &ReferenceTable, made: &mut dyn Reference) -> Self {
+        made.start(&Setpoint::at_rest(Pose2::default()));
+        let duration_s = made.duration_s();
+        let at = |duration_s: f64, n: u32| duration_s * f64::from(n) / f64::from(POINTS);
+        let poses = duration_s
+            .map(|duration_s| (0..=POINTS).map(|n| made.sample(at(duration_s, n)).odom_from_body).collect());
+        Drawn {
+            name: table.kind.clone().unwrap_or_else(|| "hold".to_owned()),
+            duration_s,
+            start_pose: made.start_pose(),
+            poses: poses.unwrap_or_default(),
+        }
+    }
+
+    /// The path from where the platform stands, or stood, at its start.
+    pub(crate) fn laid(&self, number: u32, odom_from_start: Pose2) -> Planned {
+        let start = if self.start_pose.is_some() { Pose2::default() } else { odom_from_start };
+        let laid = self.poses.iter().map(|pose| {
+            let pose = start.then(*pose);
+            [pose.x_m, pose.y_m, pose.heading_rad]
+        });
+        Planned { number, name: self.name.clone(), duration_s: self.duration_s, poses: laid.collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use omnibase_robot::Registry;
+    use omnibase_robot::references::reference;
+    use omnibase_run::RobotText;
+
+    #[test]
+    fn what_was_drawn_once_lies_where_the_reference_itself_goes_from_any_start() {
+        let text = include_str!("../../../robots/bmm.toml").into();
+        let robot = RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap();
+        let begin = Pose2 { x_m: 3.0, y_m: -2.0, heading_rad: 7.5 };
+        let circle = "kind = \"circle\"\nradius_m = 0.5\nperiod_s = 20.0";
+        let path = "kind = \"path\"\nframe = \"odom\"\npoints = [[0.0, 1.0, 2.0, 0.3], [5.0, 1.5, 2.0, 0.3], [9.0, 2.0, 2.5, 0.1]]";
+        for text in [circle, path] {
+            let table: ReferenceTable = toml::from_str(text).unwrap();
+            let made = || reference(&table, &robot.plan.limits).unwrap_or_else(|why| panic!("{why:?}"));
+            let laid = Drawn::of(&table, &mut *made()).laid(1, begin);
+            let mut made = made();
+            made.start(&Setpoint::at_rest(begin));
+            let duration_s = made.duration_s().unwrap();
+            assert_eq!((laid.duration_s, laid.poses.len()), (Some(duration_s), 401));
+            for (n, [x_m, y_m, heading_rad]) in laid.poses.iter().enumerate() {
+                let pose = made.sample(duration_s * n as f64 / 400.0).odom_from_body;
+                let turned = (heading_rad - pose.heading_rad).sin().abs();
+                assert!((x_m - pose.x_m).hypot(y_m - pose.y_m) < 1e-9 && turned < 1e-9, "{text}: {n}");
+            }
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! What can be asked by HTTP.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use axum::body::Bytes;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{DefaultBodyLimit, FromRequest, Path, Query, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Extension, Json, Router};
+use omnibase_run::live::{Client, Stamp};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use crate::access::{COOKIE, Denied, Right};
+use crate::call::{Call, Message, Said};
+use crate::connections::Seat;
+use crate::page;
+use crate::seen::{Counters, EventSeen, Seen};
+use crate::shared::{SaidNow, Shared, Underway, stamp_of};
+use crate::socket;
+use crate::work::{Busy, For};
+
+/// The longest body of a request, such as a path.
+const LONGEST_BODY: usize = 256 * 1024;
+/// The longest body that is read at once; a longer one is read where it holds nobody up.
+pub(crate) const READ_AT_ONCE: usize = 4 * 1024;
+/// The longest time that a body may take.
+const BODY: Duration = Duration::from_secs(10);
+/// So long what `/api/now` says is said again.
+const NOW_KEPT: Duration = Duration::from_millis(10);
+
+/// Who is at the other end, and on which place.
+#[derive(Clone)]
+pub(crate) struct Peer {
+    pub(crate) address: SocketAddr,
+    pub(crate) seat: Seat,
+}
+
+/// All of it.
+pub(crate) fn all(shared: Shared) -> Router {
+    Router::new()
+        .route("/api/robot", get(robot))
+        .route("/api/now", get(now))
+        .route("/api/planned", get(planned))
+        .route("/api/trace", get(trace))
+        .route("/api/events", get(events))
+        .route("/api/call", post(call))
+        .route("/api/live", get(socket))
+        .route("/", get(file))
+        .route("/{name}", get(file))
+        .layer(DefaultBodyLimit::max(LONGEST_BODY))
+        .with_state(shared)
+}
+
+/// Lets everybody else have a turn, and begins where the request may.
+async fn begun(
+    shared: &Shared,
+    peer: &Peer,
+    headers: &HeaderMap,
+    token: Option<&str>,
+) -> Result<(Right, Underway), Response> {
+    tokio::task::yield_now().await;
+    let right = shared.right(peer, headers, token).map_err(|denied| shared.refuse(denied))?;
+    let underway = shared.begin(peer).map_err(IntoResponse::into_response)?;
+    Ok((right, underway))
+}
+
+#[derive(Deserialize)]
+struct Token {
+    token: Option<String>,
+}
+
+async fn file(
+    State(shared): State<Shared>,
+    Extension(peer): Extension<Peer>,
+    name: Option<Path<String>>,
+    Query(Token { token }): Query<Token>,
+    headers: HeaderMap,
+) -> Response {
+    let (right, _underway) = match begun(&shared, &peer, &headers, token.as_deref()).await {
+        Ok(begun) => begun,
+        Err(refusal) => return refusal,
+    };
+    if let (Some(token), Right::Command) = (&token, right) {
+        // The token leaves the address, so that it isn't shown, kept or sent on.
+        let cookie = format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        return (StatusCode::SEE_OTHER, [(header::SET_COOKIE, cookie.as_str()), (header::LOCATION, "/")])
+            .into_response();
+    }
+    let name = name.map_or(String::new(), |Path(name)| name);
+    match page::FILES.iter().find(|(known, ..)| *known == name) {
+        Some((_, kind, text)) => {
+            let headers = [
+                (header::CONTENT_TYPE, *kind),
+                (header::CONTENT_SECURITY_POLICY, page::POLICY),
+                (header::CACHE_CONTROL, "no-store"),
+                (header::REFERRER_POLICY, "no-referrer"),
+            ];
+            (headers, *text).into_response()
+        }
+        None => (StatusCode::NOT_FOUND, format!("there is no `/{name}`")).into_response(),
+    }
+}
+
+/// A request that only reads, and computes for it elsewhere.
+macro_rules! reading {
+    ($name:ident, $shared:ident, $right:ident, $value:expr) => {
+        async fn $name(
+            State($shared): State<Shared>,
+            Extension(peer): Extension<Peer>,
+            headers: HeaderMap,
+        ) -> Response {
+            let ($right, _underway) = match begun(&$shared, &peer, &headers, None).await {
+                Ok(begun) => begun,
+                Err(refusal) => return refusal,
+            };
+            let whom = if $right == Right::Command { For::Commander } else { For::Reader };
+            let work = $shared.work.clone();
+            let computed = work.run(whom, move || serde_json::to_vec(&$value).unwrap_or_default()).await;
+            computed.map_or_else(IntoResponse::into_response, json_text)
+        }
+    };
+}
+
+reading!(robot, shared, right, {
+    let facts = shared.desk.about.facts(right == Right::Command);
+    serde_json::to_value(Robot { facts, saved_paths: shared.desk.saved_names() }).unwrap_or_default()
+});
+reading!(planned, shared, _right, shared.desk.planned());
+reading!(events, shared, _right, {
+    shared.live.events_after(0).into_iter().map(EventSeen::from).collect::<Vec<_>>()
+});
+reading!(trace, shared, _right, {
+    let trace = shared.live.trace_since(-1.0);
+    // As many points as a page can draw.
+    let step = trace.len().div_ceil(3000).max(1);
+    let point = |point: &omnibase_run::live::TracePoint| (point.time_s, point.believed, point.truth);
+    trace.iter().step_by(step).map(point).collect::<Vec<_>>()
+});
+
+/// Said at once, for a stamp must be fresh; and made once for all who ask at the same time.
+async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, headers: HeaderMap) -> Response {
+    let _underway = match begun(&shared, &peer, &headers, None).await {
+        Ok(begun) => begun,
+        Err(refusal) => return refusal,
+    };
+    if let Some(text) = shared.said_now(NOW_KEPT) {
+        return json_text(text.as_bytes().to_vec());
+    }
+    let about = &shared.desk.about;
+    let mut seen = Seen::new(&shared.live.snapshot(), &mut about.rows());
+    seen.server = shared.counters.all();
+    let named = about.columns().into_iter().zip(&seen.values).map(|(name, value)| (name, json!(value)));
+    let named: Map<String, Value> = named.collect();
+    let mut all = serde_json::to_value(&seen).unwrap_or_default();
+    all["values"] = named.into();
+    let text: Arc<str> = all.to_string().into();
+    *shared.now.lock().unwrap_or_else(PoisonError::into_inner) =
+        Some(SaidNow { at: Instant::now(), text: text.clone() });
+    json_text(text.as_bytes().to_vec())
+}
+
+fn json_text(text: Vec<u8>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], text).into_response()
+}
+
+#[derive(Serialize)]
+struct Robot<'a> {
+    #[serde(flatten)]
+    facts: crate::about::Facts<'a>,
+    saved_paths: Vec<String>,
+}
+
+async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, request: Request) -> Response {
+    let headers = request.headers().clone();
+    let right = shared.right(&peer, &headers, None);
+    // Whoever may not even stop sends no body.
+    if let Err(denied) = shared.may_stop(&peer, &headers) {
+        return shared.refuse(right.err().unwrap_or(denied));
+    }
+    let body = match tokio::time::timeout(BODY, Bytes::from_request(request, &())).await {
+        Ok(Ok(body)) => body,
+        Ok(Err(rejection)) => {
+            Counters::count(&shared.counters.oversized);
+            return rejection.into_response();
+        }
+        Err(_) => {
+            Counters::count(&shared.counters.malformed);
+            let why = Said::refused("the body didn't come");
+            return (StatusCode::REQUEST_TIMEOUT, [(header::CONNECTION, "close")], Json(why)).into_response();
+        }
+    };
+    // From here on a stop ends it, whatever it needs to be computed.
+    let asker = shared.live.asker(Client::Command, Stamp::Missing);
+    if let Some(Message { call, .. }) = socket::stop(&body) {
+        // Not after anything: neither a turn of others, nor how much its address asked.
+        let reply = shared.desk.take(asker, call);
+        return said(shared.finish(reply).await);
+    }
+    tokio::task::yield_now().await;
+    match right {
+        Ok(Right::Command) => {}
+        Ok(Right::Read) => return shared.refuse(Denied::Token),
+        Err(denied) => return shared.refuse(denied),
+    }
+    let _underway = match shared.begin(&peer) {
+        Ok(underway) => underway,
+        Err(too_much) => return too_much.into_response(),
+    };
+    let message = match read(&shared, body).await {
+        Ok(Ok(message)) => message,
+        Ok(Err(error)) => {
+            Counters::count(&shared.counters.malformed);
+            return (StatusCode::BAD_REQUEST, Json(Said::refused(error))).into_response();
+        }
+        Err(busy) => return busy.into_response(),
+    };
+    let Message { stamp_ms, call, .. } = message;
+    // A program that asks and goes can't hold a stick.
+    let is_pad =
+        matches!(call, Call::Pad { .. } | Call::ReleasePad | Call::LosePad | Call::EnablePad | Call::Alive);
+    if is_pad {
+        let why = "a stick belongs to a page: expected a WebSocket at /api/live";
+        return (StatusCode::CONFLICT, Json(Said::refused(why))).into_response();
+    }
+    let reply = shared.take(asker.stamped(stamp_of(stamp_ms)), call).await;
+    said(shared.finish(reply).await)
+}
+
+fn said(said: Said) -> Response {
+    let status = if said.done { StatusCode::OK } else { StatusCode::CONFLICT };
+    (status, Json(said)).into_response()
+}
+
+/// Reads a message, elsewhere where it is long.
+async fn read(shared: &Shared, body: Bytes) -> Result<serde_json::Result<Message>, Busy> {
+    if body.len() <= READ_AT_ONCE {
+        return Ok(serde_json::from_slice(&body));
+    }
+    shared.work.run(For::Commander, move || serde_json::from_slice(&body)).await
+}
+
+impl IntoResponse for Busy {
+    fn into_response(self) -> Response {
+        (StatusCode::SERVICE_UNAVAILABLE, [(header::RETRY_AFTER, "1")], Json(Said::refused(self)))
+            .into_response()
+    }
+}
+
+async fn socket(
+    State(shared): State<Shared>,
+    Extension(peer): Extension<Peer>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let (right, _underway) = match begun(&shared, &peer, &headers, None).await {
+        Ok(begun) => begun,
+        Err(refusal) => return refusal,
+    };
+    if !peer.seat.look() {
+        Counters::count(&shared.counters.crowded);
+        let why = Said::refused("too many pages look on without the token");
+        return (StatusCode::SERVICE_UNAVAILABLE, Json(why)).into_response();
+    }
+    upgrade
+        .max_message_size(LONGEST_BODY)
+        .max_frame_size(LONGEST_BODY)
+        .max_write_buffer_size(4 * 1024 * 1024)
+        .on_upgrade(move |socket| socket::talk(socket, shared, right))
+}

@@ -1,0 +1,204 @@
+//! What all requests share, and what each of them may do.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use axum::Json;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use omnibase_run::live::{Asker, Live, Stamp};
+use tokio::sync::watch;
+
+use crate::access::{Access, Denied, Right};
+use crate::call::{Call, Said};
+use crate::connections::{Asking, Network};
+use crate::desk::{Desk, Reply};
+use crate::routes::Peer;
+use crate::seen::{Counters, NS_OF_MS};
+use crate::strangers::{Strangers, TooMuch};
+use crate::work::{For, Work};
+
+/// The longest wait for the robot's answer.
+const ANSWER: Duration = Duration::from_secs(2);
+/// How often an answer is looked for.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// What all requests share. Each lock in it is held for a moment, and never while something is computed.
+#[derive(Clone)]
+pub(crate) struct Shared {
+    access: Arc<Access>,
+    pub(crate) desk: Arc<Desk>,
+    pub(crate) live: Live,
+    pub(crate) counters: Arc<Counters>,
+    pub(crate) work: Work,
+    strangers: Arc<Strangers>,
+    began: Instant,
+    /// The latest message, to all pages.
+    pub(crate) sender: watch::Sender<Arc<str>>,
+    /// What `/api/now` said last.
+    pub(crate) now: Arc<Mutex<Option<SaidNow>>>,
+}
+
+/// What `/api/now` said, and when.
+pub(crate) struct SaidNow {
+    pub(crate) at: Instant,
+    pub(crate) text: Arc<str>,
+}
+
+/// A request that is under way; at its end there is room for another one of its network.
+pub(crate) struct Underway {
+    shared: Shared,
+    network: Network,
+    _asking: Asking,
+}
+
+impl Drop for Underway {
+    fn drop(&mut self) {
+        self.shared.strangers.end(self.network);
+    }
+}
+
+impl Shared {
+    pub(crate) fn new(access: Access, desk: Desk, counters: Arc<Counters>, work: Work) -> Self {
+        let (sender, _) = watch::channel(Arc::from("{}"));
+        Shared {
+            access: Arc::new(access),
+            live: desk.live.clone(),
+            desk: Arc::new(desk),
+            counters,
+            work,
+            strangers: Arc::default(),
+            began: Instant::now(),
+            sender,
+            now: Arc::default(),
+        }
+    }
+
+    /// The right of a request.
+    pub(crate) fn right(
+        &self,
+        peer: &Peer,
+        headers: &HeaderMap,
+        in_query: Option<&str>,
+    ) -> Result<Right, Denied> {
+        let shown = self.access.shown(headers, in_query)?;
+        let (now, network) = (self.began.elapsed(), Network::of(peer.address.ip()));
+        let Some(token) = shown else { return self.access.right(peer.address.ip(), None) };
+        // Whoever showed it on this connection before is no guesser.
+        if let Some(wait) = self.strangers.wait(now, network)
+            && !peer.seat.is_proven()
+        {
+            return Err(Denied::Wait(wait));
+        }
+        let right = self.access.right(peer.address.ip(), shown);
+        match right {
+            Ok(Right::Command) => peer.seat.prove(),
+            Ok(Right::Read) | Err(_) => self.strangers.wrong(now, network, token),
+        }
+        right
+    }
+
+    /// The right to stop: tokens are always looked at, for nobody guesses 128 bits, and a stop doesn't wait.
+    pub(crate) fn may_stop(&self, peer: &Peer, headers: &HeaderMap) -> Result<(), Denied> {
+        let shown = self.access.shown(headers, None)?;
+        self.access.right(peer.address.ip(), shown).map(|_| ())
+    }
+
+    pub(crate) fn refuse(&self, denied: Denied) -> Response {
+        Counters::count(&self.counters.denied);
+        match denied {
+            Denied::Wait(wait) => {
+                let wait_s = wait.as_secs_f64().ceil().to_string();
+                let headers = [(header::RETRY_AFTER, wait_s), (header::CONNECTION, "close".to_owned())];
+                (StatusCode::TOO_MANY_REQUESTS, headers, denied.text()).into_response()
+            }
+            Denied::Origin | Denied::Token | Denied::Site | Denied::Hosts => {
+                (StatusCode::FORBIDDEN, denied.text()).into_response()
+            }
+        }
+    }
+
+    /// A request that is no stop begins, where its network didn't ask too much.
+    pub(crate) fn begin(&self, peer: &Peer) -> Result<Underway, TooMuch> {
+        let network = Network::of(peer.address.ip());
+        self.strangers.begin(self.began.elapsed(), network).inspect_err(|_| {
+            Counters::count(&self.counters.flooding);
+        })?;
+        Ok(Underway { shared: self.clone(), network, _asking: peer.seat.ask() })
+    }
+
+    /// Time since the server began.
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// Carries a call out, elsewhere where that takes more than a moment.
+    pub(crate) async fn take(&self, asker: Asker, call: Call) -> Reply {
+        if !call.computes() {
+            return self.desk.take(asker, call);
+        }
+        let desk = self.desk.clone();
+        let taken = self.work.run(For::Commander, move || desk.take(asker, call)).await;
+        taken.unwrap_or_else(|busy| Reply::Said(Said::refused(busy)))
+    }
+
+    /// The robot's clock as it was last seen, ms.
+    pub(crate) fn stamp(&self) -> u64 {
+        self.live.clock_ns() / NS_OF_MS
+    }
+
+    /// The messages from now on.
+    pub(crate) fn subscribe(&self) -> watch::Receiver<Arc<str>> {
+        self.sender.subscribe()
+    }
+
+    /// What `/api/now` said a moment ago.
+    pub(crate) fn said_now(&self, within: Duration) -> Option<Arc<str>> {
+        let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
+        let SaidNow { at, text } = now.as_ref()?;
+        (at.elapsed() < within).then(|| text.clone())
+    }
+
+    /// What came of a call, once the robot answered.
+    pub(crate) async fn finish(&self, reply: Reply) -> Said {
+        match reply {
+            Reply::Nothing => Said::done("done"),
+            Reply::Said(said) => said,
+            Reply::Ticket(ticket, text) => self.answer(ticket, text).await,
+            Reply::Bus(call, plan) => {
+                let line = self.live.acyclic().clone();
+                // It sleeps more than it computes: not in the threads that compute for others.
+                let answered = tokio::task::spawn_blocking(move || call.answer(&line, &plan)).await;
+                answered.unwrap_or_else(Said::refused)
+            }
+        }
+    }
+
+    async fn answer(&self, ticket: u64, text: String) -> Said {
+        let mut waited = Duration::ZERO;
+        while waited < ANSWER {
+            if let Some(answer) = self.live.answer(ticket) {
+                return if answer.is_done() { Said::done(text) } else { Said::not_done(answer.text()) };
+            }
+            tokio::time::sleep(LOOK).await;
+            waited += LOOK;
+        }
+        Said::refused("the robot's cycle doesn't answer")
+    }
+}
+
+/// A stamp as messages have it.
+pub(crate) fn stamp_of(stamp_ms: Option<u64>) -> Stamp {
+    stamp_ms.map_or(Stamp::Missing, |ms| Stamp::Told(ms.saturating_mul(NS_OF_MS)))
+}
+
+impl IntoResponse for TooMuch {
+    fn into_response(self) -> Response {
+        let why = match self {
+            TooMuch::Rate => "this address asks too often",
+            TooMuch::Asking => "this address asks too much at the same time",
+        };
+        let headers = [(header::RETRY_AFTER, "1"), (header::CONNECTION, "close")];
+        (StatusCode::TOO_MANY_REQUESTS, headers, Json(Said::refused(why))).into_response()
+    }
+}

@@ -1,0 +1,242 @@
+//! SDOs and registers of SubDevices beside a running cycle: what others ask, and what the bus said.
+//!
+//! One at a time goes through the mailbox in the cycle's spare datagrams. Buffers are the asker's own: the cycle neither
+//! takes memory for them nor gives any back. Nothing waits for a SubDevice that is away: it is refused at once, so that
+//! nothing asked of the machine as it was happens to it later.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+
+use omnibase_ethercat::cyclic::{AcyclicError, AcyclicRequest, AcyclicWork};
+use omnibase_ethercat::mailbox::{MailboxRequest, Operation};
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_robot::signals::Phase;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::events::Words;
+use crate::session::Session;
+use crate::supervision::OTHERS;
+
+/// Questions on their way.
+const MOST: usize = 8;
+
+/// When the cycle may pass a question on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Permission {
+    /// In every phase.
+    Always,
+    /// While no drive is enabled.
+    WhileDisabled,
+}
+
+/// Why nothing came of a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AcyclicRefusal {
+    /// The drives are enabled.
+    #[error(
+        "the drives are enabled: this object is written while they are not, or where `[bus] sdo_write_while_enabled` \
+         of the robot's file names it"
+    )]
+    Enabled,
+    /// The SubDevice is lost or on its way back.
+    #[error("SubDevice {0} is away")]
+    Away(u16),
+    /// Too much is asked beside the cycle.
+    #[error("too much was asked at once")]
+    Full,
+    /// The bus's own error.
+    #[error(transparent)]
+    Failed(#[from] AcyclicError),
+}
+
+/// What the bus said.
+#[derive(Debug)]
+pub struct Told {
+    ticket: u64,
+    /// The work with its buffer; on success its data are the result.
+    pub work: AcyclicWork,
+    /// How it ended.
+    pub result: Result<(), AcyclicRefusal>,
+}
+
+struct Asked {
+    ticket: u64,
+    position: u16,
+    work: AcyclicWork,
+    permission: Permission,
+}
+
+/// What is known of a SubDevice since the start.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SubDeviceFacts {
+    /// Place in the order of frames, from 0.
+    pub position: u16,
+    /// Its drive's name in the robot's file; empty where it has none.
+    pub drive: String,
+    /// Its name by its SII.
+    pub name: String,
+    /// Vendor, product, revision, serial.
+    pub identity: omnibase_ethercat::wire::sii::Identity,
+    /// Alias; `None` where it has none.
+    pub alias: Option<u16>,
+    /// Station address.
+    pub station_address: u16,
+}
+
+impl SubDeviceFacts {
+    pub(crate) fn of(one: &SubDevice) -> Self {
+        SubDeviceFacts {
+            position: one.position,
+            drive: one.config.name.clone().unwrap_or_default(),
+            name: one.name.clone(),
+            identity: one.identity,
+            alias: one.alias,
+            station_address: one.station_address,
+        }
+    }
+}
+
+/// Everybody else's end; clones talk to the same robot, and none of them waits for the cycle.
+#[derive(Clone)]
+pub struct AcyclicLine {
+    shared: Arc<Mutex<Asker>>,
+    facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
+}
+
+struct Asker {
+    to_cycle: Producer<Asked>,
+    from_cycle: Consumer<Told>,
+    told: VecDeque<Told>,
+    next_ticket: u64,
+}
+
+/// The cycle's end.
+pub struct AcyclicEnd {
+    inbox: Consumer<Asked>,
+    back: Producer<Told>,
+    under_way: Option<(u64, Permission)>,
+    facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
+}
+
+/// Both ends.
+pub(super) fn acyclic() -> (AcyclicLine, AcyclicEnd) {
+    let (to_cycle, inbox) = RingBuffer::new(MOST);
+    let (back, from_cycle) = RingBuffer::new(MOST);
+    let facts = Arc::new(OnceLock::new());
+    let asker = Asker { to_cycle, from_cycle, told: VecDeque::new(), next_ticket: 0 };
+    let line = AcyclicLine { shared: Arc::new(Mutex::new(asker)), facts: facts.clone() };
+    (line, AcyclicEnd { inbox, back, under_way: None, facts })
+}
+
+impl AcyclicLine {
+    /// The SubDevices by position; empty before the bus is set up.
+    pub fn subdevices(&self) -> &[SubDeviceFacts] {
+        self.facts.get().map_or(&[], Vec::as_slice)
+    }
+
+    /// Asks; the ticket by which [`AcyclicLine::told`] finds what came of it, `None` where too much is asked.
+    pub fn ask(&self, position: u16, work: AcyclicWork, permission: Permission) -> Option<u64> {
+        let mut asker = self.asker();
+        let ticket = asker.next_ticket;
+        asker.next_ticket = ticket.wrapping_add(1) & !OTHERS;
+        asker.to_cycle.push(Asked { ticket, position, work, permission }).ok()?;
+        Some(ticket)
+    }
+
+    /// What came of a question, once.
+    pub fn told(&self, ticket: u64) -> Option<Told> {
+        let mut asker = self.asker();
+        let at = asker.told.iter().position(|told| told.ticket == ticket)?;
+        asker.told.remove(at)
+    }
+
+    fn asker(&self) -> MutexGuard<'_, Asker> {
+        let mut asker = self.shared.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        while let Ok(told) = asker.from_cycle.pop() {
+            // Whoever asked and went doesn't fetch it.
+            if asker.told.len() == MOST {
+                asker.told.pop_front();
+            }
+            asker.told.push_back(told);
+        }
+        asker
+    }
+}
+
+impl AcyclicEnd {
+    /// Says who is there, before the cycle begins.
+    pub(crate) fn introduce(&self, subdevices: Vec<SubDeviceFacts>) {
+        let _ = self.facts.set(subdevices);
+    }
+
+    /// Whether something is being written that must not be while drives are enabled: nobody enables them meanwhile.
+    pub(crate) fn keeps_disabled(&self) -> bool {
+        matches!(self.under_way, Some((_, Permission::WhileDisabled)))
+    }
+
+    /// One step after an exchange, in this phase of the robot; what was written, for people to read.
+    #[inline]
+    pub(crate) fn step<L: Link, C: Clock>(
+        &mut self,
+        session: &mut Session<L, C>,
+        phase: Phase,
+    ) -> Option<Words> {
+        if self.under_way.is_none() && self.inbox.is_empty() {
+            return None;
+        }
+        self.work(session, phase)
+    }
+
+    #[cold]
+    fn work<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>, phase: Phase) -> Option<Words> {
+        let mut written = None;
+        if let Some((ticket, _)) = self.under_way
+            && let Some(done) = session.take_acyclic(ticket | OTHERS)
+        {
+            self.under_way = None;
+            if let (
+                Ok(()),
+                AcyclicWork::Mailbox(MailboxRequest {
+                    operation: Operation::Download { object, .. }, ..
+                }),
+            ) = (&done.result, &done.work)
+            {
+                written = Some(Words::new(format_args!(
+                    "SDO: {object} of SubDevice {} was written",
+                    done.position
+                )));
+            }
+            self.tell(Told { ticket, work: done.work, result: done.result.map_err(AcyclicRefusal::Failed) });
+        }
+        // Where nobody fetches answers no more is done: dropping them would free memory.
+        if self.under_way.is_some() || self.back.slots() == 0 {
+            return written;
+        }
+        let Ok(Asked { ticket, position, work, permission }) = self.inbox.pop() else { return written };
+        let is_disabled = matches!(phase, Phase::Disabled | Phase::Fault);
+        let refusal = match permission {
+            Permission::WhileDisabled if !is_disabled => Some(AcyclicRefusal::Enabled),
+            _ if session.is_away(position) => Some(AcyclicRefusal::Away(position)),
+            _ => None,
+        };
+        if let Some(refusal) = refusal {
+            self.tell(Told { ticket, work, result: Err(refusal) });
+            return written;
+        }
+        match session.submit_acyclic(AcyclicRequest { tag: ticket | OTHERS, position, work }) {
+            Ok(()) => self.under_way = Some((ticket, permission)),
+            Err(AcyclicRequest { work, .. }) => {
+                self.tell(Told { ticket, work, result: Err(AcyclicRefusal::Full) });
+            }
+        }
+        written
+    }
+
+    fn tell(&mut self, told: Told) {
+        if let Err(rtrb::PushError::Full(told)) = self.back.push(told) {
+            // Never: there was room before it began. Its memory is kept, for the cycle frees none.
+            std::mem::forget(told);
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! Objects of a running robot's SubDevices, read and written by whoever may wait: never by the cycle.
+
+use std::time::{Duration, Instant};
+
+use omnibase_ethercat::cyclic::{AcyclicWork, RegisterWay};
+use omnibase_ethercat::mailbox::{EntryDescription, MailboxRequest, Operation};
+use omnibase_ethercat::wire::bytes::u16_at;
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::{AlState, register};
+use omnibase_robot::RobotPlan;
+use omnibase_robot::config::{SdoWriteRule, parse_object};
+
+use super::acyclic::{AcyclicLine, Permission, SubDeviceFacts};
+
+/// The longest wait for an answer: each message to a SubDevice has 2 s of its own.
+const ANSWER: Duration = Duration::from_secs(3);
+/// Between two looks for it.
+const LOOK: Duration = Duration::from_millis(2);
+/// The longest value that is read.
+const LONGEST: usize = 4096;
+
+/// An object of a SubDevice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SdoPlace {
+    /// The SubDevice.
+    pub position: u16,
+    /// The object.
+    pub object: ObjectAddress,
+}
+
+/// What a SubDevice's SDO Information says of an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EntryType {
+    /// CoE data type.
+    pub data_type: u16,
+    /// Length, bits.
+    pub bit_length: u16,
+}
+
+/// A SubDevice as a running robot knows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SubDeviceSeen {
+    /// Since the start.
+    pub facts: SubDeviceFacts,
+    /// Its state just now, or why that isn't known.
+    pub state: String,
+}
+
+/// Why nothing was read or written, in words.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct SdoError(String);
+
+impl SdoError {
+    /// In these words.
+    pub fn new(why: String) -> Self {
+        SdoError(why)
+    }
+}
+
+impl SdoPlace {
+    /// The object `text`, as `6041:00` (hexadecimal) or `60C1.1`, of the SubDevice at `position`.
+    pub fn new(position: u16, text: &str) -> Result<Self, SdoError> {
+        let (index, subindex) = parse_object(text).map_err(|error| SdoError(error.to_string()))?;
+        Ok(SdoPlace { position, object: ObjectAddress::new(index, subindex) })
+    }
+}
+
+impl AcyclicLine {
+    /// The bytes of an object.
+    pub fn sdo_read(&self, place: SdoPlace) -> Result<Vec<u8>, SdoError> {
+        let request = MailboxRequest::upload(place.object, Vec::with_capacity(LONGEST));
+        self.mailbox(place.position, request, Permission::Always)
+    }
+
+    /// What the SubDevice says of an entry's type.
+    pub fn sdo_type(&self, place: SdoPlace) -> Result<EntryType, SdoError> {
+        let operation = Operation::DescribeEntry { object: place.object, value_info: 0 };
+        let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
+        let bytes = self.mailbox(place.position, request, Permission::Always)?;
+        match EntryDescription::read(&bytes) {
+            Some(EntryDescription { data_type, bit_length, .. }) => Ok(EntryType { data_type, bit_length }),
+            None => Err(SdoError(format!(
+                "{}: a description of {} bytes is too short",
+                place.object,
+                bytes.len()
+            ))),
+        }
+    }
+
+    /// Writes an object, where and when the plan allows it.
+    pub fn sdo_write(&self, plan: &RobotPlan, place: SdoPlace, data: Vec<u8>) -> Result<(), SdoError> {
+        let object = place.object;
+        let permission = match plan.sdo_write_rule(object) {
+            SdoWriteRule::Never(why) => {
+                return Err(SdoError(format!("{object} is not written while the robot runs: {why}")));
+            }
+            SdoWriteRule::Always => Permission::Always,
+            SdoWriteRule::WhileDisabled => Permission::WhileDisabled,
+        };
+        self.mailbox(place.position, MailboxRequest::download(object, data), permission).map(drop)
+    }
+
+    /// Every SubDevice with its state.
+    pub fn scan(&self) -> Vec<SubDeviceSeen> {
+        let see = |facts: &SubDeviceFacts| {
+            let (way, register) = (RegisterWay::Read, register::AL_STATUS);
+            let work = AcyclicWork::Registers { way, register, data: vec![0; 6] };
+            let state = match self.wait(facts.position, work, Permission::Always) {
+                Ok(AcyclicWork::Registers { data, .. }) => state_words(u16_at(&data, 0)),
+                Ok(AcyclicWork::Mailbox(_)) => "unknown".to_owned(),
+                Err(SdoError(why)) => why,
+            };
+            SubDeviceSeen { facts: facts.clone(), state }
+        };
+        self.subdevices().iter().map(see).collect()
+    }
+
+    fn mailbox(
+        &self,
+        position: u16,
+        request: MailboxRequest,
+        permission: Permission,
+    ) -> Result<Vec<u8>, SdoError> {
+        let operation = request.operation;
+        let failed = |SdoError(why)| SdoError(format!("SubDevice {position}: {operation}: {why}"));
+        match self.wait(position, AcyclicWork::Mailbox(request), permission).map_err(failed)? {
+            AcyclicWork::Mailbox(request) => Ok(request.data),
+            AcyclicWork::Registers { data, .. } => Ok(data),
+        }
+    }
+
+    fn wait(
+        &self,
+        position: u16,
+        work: AcyclicWork,
+        permission: Permission,
+    ) -> Result<AcyclicWork, SdoError> {
+        let count = self.subdevices().len();
+        if count == 0 {
+            return Err(SdoError("the robot's bus is not set up yet".to_owned()));
+        }
+        if usize::from(position) >= count {
+            return Err(SdoError(format!("there is no SubDevice {position}: the robot has {count}")));
+        }
+        let ticket = self
+            .ask(position, work, permission)
+            .ok_or_else(|| SdoError("too much was asked at once".into()))?;
+        let until = Instant::now() + ANSWER;
+        while Instant::now() < until {
+            if let Some(told) = self.told(ticket) {
+                return told.result.map(|()| told.work).map_err(|why| SdoError(why.to_string()));
+            }
+            std::thread::sleep(LOOK);
+        }
+        let waited_s = ANSWER.as_secs();
+        Err(SdoError(format!(
+            "no answer within {waited_s} s; what was asked may have been done all the same"
+        )))
+    }
+}
+
+fn state_words(status: u16) -> String {
+    let state = AlState::from_bits(status).map_or("unknown state", AlState::name);
+    if status & AlState::ERROR == 0 { state.to_owned() } else { format!("{state} with error") }
+}
