@@ -12,6 +12,9 @@ use std::time::{Duration, Instant};
 /// The longest wait for what has to come; only a test that fails waits so long.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// A link that is down for 30 ms loses more exchanges than this.
+const SHORT_PATIENCE: [&str; 2] = ["--set", "safety.lost_exchanges_tolerated=5"];
+
 /// A robot with its page at the near end of the cable, and the simulator at the far end.
 struct Operated {
     run: Program,
@@ -28,8 +31,7 @@ impl Operated {
         let simulator = Program::simulate(&[&robot]);
         let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
         command.args(["run", &robot, "--interface", Namespace::NEAR, "--realtime", "--json"]);
-        command.args(["--dashboard=127.0.0.1:0", "--set", "bus.receive_timeout_us=3800"]);
-        command.args(PATIENT).args(more).env("XDG_RUNTIME_DIR", &folder.0);
+        command.arg("--dashboard=127.0.0.1:0").args(PATIENT).args(more).env("XDG_RUNTIME_DIR", &folder.0);
         let mut run = Program::start(command);
         run.wait_for("dashboard: ");
         let operated = Operated { run, simulator, folder };
@@ -97,7 +99,7 @@ fn a_carrier_that_is_lost_stops_the_robot_and_a_person_goes_on_when_it_is_back()
     ];
     for (what, more, down, up, ms) in cases {
         let words = namespace.run(|| {
-            let robot = Operated::start("carrier", more);
+            let robot = Operated::start("carrier", &[more, &SHORT_PATIENCE].concat());
             robot.enable();
             down.iter().for_each(|step| namespace.ip(step).unwrap());
             std::thread::sleep(Duration::from_millis(ms));

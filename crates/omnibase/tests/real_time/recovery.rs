@@ -1,6 +1,6 @@
 //! A drive of the simulator's process loses its supply while the robot runs in another, and comes back.
 
-use crate::support::{IN_OP, PATIENT, Program, Seen, events, number, repository, undisturbed};
+use crate::support::{IN_OP, Program, Seen, WITH_SYNC0, events, number, repository, undisturbed};
 use omnibase_host::Namespace;
 use serde_json::Value;
 
@@ -16,13 +16,8 @@ const ABSOLUTE: &str = "drive_defaults.encoder=\"absolute\"";
 fn power_cycled(after_lost_device: &str) -> Seen {
     let robot = repository("robots/bmm.toml");
     let policy = format!("safety.after_lost_device=\"{after_lost_device}\"");
-    let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:6:0.5", "--set", ABSOLUTE]);
-    let more = [
-        // Drives that run in another process answer when this machine gets round to it.
-        &["--set", "bus.receive_timeout_us=3800", "--set", &policy, "--circle", "radius=0.3,period=12"][..],
-        &["--set", ABSOLUTE],
-        &PATIENT,
-    ];
+    let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:3:0.5", "--set", ABSOLUTE]);
+    let more = [&["--set", &policy, "--circle", "radius=0.3,period=8", "--set", ABSOLUTE][..], &WITH_SYNC0];
     let run = Program::run(&[&[robot.as_str()][..], &more.concat()].concat());
     simulator.wait_for("fault: power-cycle@2");
     Seen::of(run, simulator)

@@ -35,12 +35,7 @@ fn wait_for_carrier(namespace: &Namespace) {
 fn start(more: &[&str]) -> (Program, Program) {
     let robot = repository("robots/bmm.toml");
     let simulator = Program::simulate(&[&[robot.as_str(), "--redundant", FAR], more].concat());
-    let arguments = [
-        &[robot.as_str(), "--redundant", NEAR, "--circle", "radius=0.3,period=10"][..],
-        // Drives that run in another process answer when this machine gets round to it.
-        &["--set", "bus.receive_timeout_us=3800"],
-        &PATIENT,
-    ];
+    let arguments = [&[robot.as_str(), "--redundant", NEAR, "--circle", "radius=0.3,period=7"][..], &PATIENT];
     (simulator, Program::run(&arguments.concat()))
 }
 
@@ -61,7 +56,7 @@ fn a_cable_that_is_cut_in_a_ring_loses_no_cycle_and_is_named_and_so_is_its_mendi
     let Some(namespace) = two_cables(TEST) else { return };
     let attempt = || {
         namespace.run(|| {
-            let faults = ["--fault", "cable-cut@0:5:1", "--fault", "cable-restored@0:7:1"];
+            let faults = ["--fault", "cable-cut@0:3:1", "--fault", "cable-restored@0:4:1"];
             let (simulator, run) = start(&faults);
             Seen::of(run, simulator)
         })
@@ -75,8 +70,9 @@ fn a_cable_that_is_cut_in_a_ring_loses_no_cycle_and_is_named_and_so_is_its_mendi
     went_on(&seen);
 }
 
-/// Waits until an interface has sent so many more frames: cycles of the run. To be called inside the namespace.
-fn wait_for_frames(interface: &str, frames: u64) {
+/// Waits until an interface has sent so many more frames, cycles of the run, or the run has ended. To be called inside
+/// the namespace.
+fn wait_for_frames(interface: &str, frames: u64, run: &mut Program) {
     let sent = || -> u64 {
         let text = std::fs::read_to_string("/proc/thread-self/net/dev").unwrap();
         let own = |line: &str| Some(line.trim().strip_prefix(interface)?.strip_prefix(':')?.to_owned());
@@ -84,7 +80,7 @@ fn wait_for_frames(interface: &str, frames: u64) {
         line.split_whitespace().nth(8).unwrap().parse().unwrap()
     };
     let until = sent() + frames;
-    while sent() < until {
+    while sent() < until && !run.has_ended() {
         std::thread::sleep(Duration::from_millis(1));
     }
 }
@@ -100,15 +96,15 @@ fn either_interface_may_lose_its_cable_and_get_it_back() {
     ];
     let attempt = || {
         namespace.run(|| {
-            let (mut simulator, run) = start(&[]);
+            let (mut simulator, mut run) = start(&[]);
             simulator.wait_for("the robot moves");
             for (near, far, _, other) in pulled {
                 namespace.ip(&format!("link set {near} down")).unwrap();
                 simulator.wait_for(&format!("the cable of {far} is out"));
-                wait_for_frames(other, 100);
+                wait_for_frames(other, 100, &mut run);
                 namespace.ip(&format!("link set {near} up")).unwrap();
                 simulator.wait_for(&format!("the cable of {far} is in again"));
-                wait_for_frames(other, 100);
+                wait_for_frames(other, 100, &mut run);
             }
             Seen::of(run, simulator)
         })

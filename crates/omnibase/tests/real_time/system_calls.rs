@@ -20,8 +20,7 @@ fn traced(ring: &[&str]) -> String {
     let mut command = Command::new("strace");
     command.args(["-f", "-o", trace.path(), env!("CARGO_BIN_EXE_omnibase"), "run", &robot, "--realtime"]);
     command.args(["--interface", Namespace::NEAR, "--circle", "radius=0.3,period=6", "--json"]);
-    // Drives that run in another process answer when this machine gets round to it.
-    command.args(["--set", "bus.receive_timeout_us=3800", "--record", recording.path()]).args(PATIENT);
+    command.args(["--record", recording.path()]).args(PATIENT);
     command.args(["--set", "safety.after_lost_device=\"move_again_unattended\""]).args(ring);
     // However it ends: cycles that are late, and those of a stop, count too.
     Program::start(command).end();
