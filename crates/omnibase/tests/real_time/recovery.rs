@@ -1,6 +1,6 @@
 //! A drive of the simulator's process loses its supply while the robot runs in another, and comes back.
 
-use crate::support::{IN_OP, Program, Seen, WITH_SYNC0, events, number, repository, undisturbed};
+use crate::support::{IN_OP, PATIENT, Program, Seen, WITH_SYNC0, events, number, repository, undisturbed};
 use omnibase_host::Namespace;
 use serde_json::Value;
 
@@ -13,12 +13,12 @@ const LOCKED_NS: f64 = 1000.0;
 const ABSOLUTE: &str = "drive_defaults.encoder=\"absolute\"";
 
 /// One power cycle of the last drive in the line.
-fn power_cycled(after_lost_device: &str) -> Seen {
+fn power_cycled(after_lost_device: &str, more: &[&str]) -> Seen {
     let robot = repository("robots/bmm.toml");
     let policy = format!("safety.after_lost_device=\"{after_lost_device}\"");
     let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:3:0.5", "--set", ABSOLUTE]);
-    let more = [&["--set", &policy, "--circle", "radius=0.3,period=8", "--set", ABSOLUTE][..], &WITH_SYNC0];
-    let run = Program::run(&[&[robot.as_str()][..], &more.concat()].concat());
+    let circle = ["--set", &policy, "--circle", "radius=0.3,period=8", "--set", ABSOLUTE];
+    let run = Program::run(&[&[robot.as_str()], &circle[..], more].concat());
     simulator.wait_for("fault: power-cycle@2");
     Seen::of(run, simulator)
 }
@@ -39,21 +39,32 @@ fn a_power_cycled_drive_comes_back_into_the_run_while_the_others_stay_in_op() {
     let Some(namespace) = Namespace::for_test(TEST) else { return };
     // Where it stays nobody is there to enable it, and the run ends with safe outputs.
     for (policy, code, tracking) in [("move_again_unattended", 0, 2), ("stay", 1, 1)] {
-        let attempt = || namespace.run(|| power_cycled(policy));
-        let Some(seen) = undisturbed(&format!("{TEST}, {policy}"), attempt) else { return };
+        let seen = namespace.run(|| power_cycled(policy, &PATIENT));
         let words = events(&seen.report);
         let told = |text: &str| words.iter().filter(|event| event.contains(text)).count();
-        assert_eq!(told("`wheel_3` (SubDevice 2): lost: it does not answer"), 1, "{words:?}");
+        assert_eq!(told("`wheel_3` (SubDevice 2): lost: "), 1, "{words:?}");
         assert_eq!((seen.states(0), seen.states(1)), (IN_OP.to_vec(), IN_OP.to_vec()));
-        assert_eq!((seen.report["lost_frames"].as_u64(), seen.bus("losses")), (Some(0), 1.0), "{words:?}");
-        if policy != "stay" {
-            let back_s = way_back_s(&seen.simulated);
-            eprintln!(
-                "{TEST}: in OP with SYNC0 {back_s:.3} s after it answers again; the others missed no cycle"
-            );
-            assert!(back_s < BACK_WITHIN_S, "{back_s} s");
-            assert_eq!(told("`wheel_3` (SubDevice 2): back in OP"), 1, "{words:?}");
+        assert_eq!(seen.bus("losses"), 1.0, "{words:?}");
+        assert_eq!(told("`wheel_3` (SubDevice 2): back in OP"), tracking - 1, "{words:?}");
+        if code != 0 || seen.is_undisturbed() {
+            assert_eq!((seen.ended, told("tracking the reference")), (Some(code), tracking), "{words:?}");
+        } else {
+            // Whoever goes on alone must see a steady bus first.
+            eprintln!("SKIPPED: {TEST}: that it goes on: this machine didn't keep its time");
         }
-        assert_eq!((seen.ended, told("tracking the reference")), (Some(code), tracking), "{words:?}");
     }
+}
+
+#[test]
+fn a_power_cycled_drive_comes_back_with_sync0_and_no_frame_is_lost() {
+    const TEST: &str = "a_power_cycled_drive_comes_back_with_sync0";
+    let Some(namespace) = Namespace::for_test(TEST) else { return };
+    let attempt = || namespace.run(|| power_cycled("move_again_unattended", &WITH_SYNC0));
+    let Some(seen) = undisturbed(TEST, attempt) else { return };
+    let words = events(&seen.report);
+    let back_s = way_back_s(&seen.simulated);
+    eprintln!("{TEST}: in OP with SYNC0 {back_s:.3} s after it answers again; the others missed no cycle");
+    assert!(back_s < BACK_WITHIN_S, "{back_s} s");
+    assert_eq!((seen.states(0), seen.states(1)), (IN_OP.to_vec(), IN_OP.to_vec()));
+    assert_eq!((seen.ended, seen.report["lost_frames"].as_u64()), (Some(0), Some(0)), "{words:?}");
 }

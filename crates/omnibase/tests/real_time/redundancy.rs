@@ -1,6 +1,6 @@
 //! Two interfaces at the ends of a ring, the simulator behind both: a cable is cut while the robot runs, and mended.
 
-use crate::support::{IN_OP, PATIENT, Program, Seen, events, repository, undisturbed};
+use crate::support::{IN_OP, PATIENT, Program, Seen, events, repository};
 use omnibase_host::{LinkState, Namespace, interface};
 use std::time::Duration;
 
@@ -39,13 +39,23 @@ fn start(more: &[&str]) -> (Program, Program) {
     (simulator, Program::run(&arguments.concat()))
 }
 
-/// Goes on as if nothing had been: nobody left OP, nothing was lost, and the reference was followed to its end.
-fn went_on(seen: &Seen) {
+/// Goes on as if nothing had been: nobody left OP, every event was told once, nothing was lost, and the reference was
+/// followed to its end. A machine that kept both from their time may lose frames of its own, which may look like a cable.
+fn went_on(test: &str, seen: &Seen, told: &[(&str, usize)]) {
     let words = events(&seen.report);
     for position in 0..3 {
         assert_eq!(seen.states(position), IN_OP, "{words:?}");
     }
     assert_eq!((seen.ended, seen.bus("losses")), (Some(0), 0.0), "{words:?}");
+    for (expected, times) in told {
+        let found = words.iter().filter(|text| *text == expected).count();
+        assert!(found >= *times, "{expected}: {words:?}");
+        assert!(found == *times || !seen.is_undisturbed(), "{expected}: {words:?}");
+    }
+    if !seen.is_undisturbed() {
+        eprintln!("SKIPPED: {test}: that no frame is lost: this machine didn't keep its time");
+        return;
+    }
     assert_eq!(seen.report["lost_frames"], 0, "{words:?}");
     assert_eq!(seen.bus("working_counter_errors"), 0.0, "{words:?}");
 }
@@ -54,20 +64,12 @@ fn went_on(seen: &Seen) {
 fn a_cable_that_is_cut_in_a_ring_loses_no_cycle_and_is_named_and_so_is_its_mending() {
     const TEST: &str = "a_cable_that_is_cut_in_a_ring";
     let Some(namespace) = two_cables(TEST) else { return };
-    let attempt = || {
-        namespace.run(|| {
-            let faults = ["--fault", "cable-cut@0:3:1", "--fault", "cable-restored@0:4:1"];
-            let (simulator, run) = start(&faults);
-            Seen::of(run, simulator)
-        })
-    };
-    let Some(seen) = undisturbed(TEST, attempt) else { return };
-    let words = events(&seen.report);
+    let seen = namespace.run(|| {
+        let (simulator, run) = start(&["--fault", "cable-cut@0:3:1", "--fault", "cable-restored@0:4:1"]);
+        Seen::of(run, simulator)
+    });
     let broken = "the ring is broken between `wheel_1` (SubDevice 0) and `wheel_2` (SubDevice 1)";
-    assert_eq!(words.iter().filter(|text| **text == broken).count(), 1, "{words:?}");
-    assert_eq!(words.iter().filter(|text| **text == "the ring is whole again").count(), 1, "{words:?}");
-    assert_eq!(seen.bus("ring_breaks"), 1.0);
-    went_on(&seen);
+    went_on(TEST, &seen, &[(broken, 1), ("the ring is whole again", 1)]);
 }
 
 /// Waits until an interface has sent so many more frames, cycles of the run, or the run has ended. To be called inside
@@ -94,27 +96,19 @@ fn either_interface_may_lose_its_cable_and_get_it_back() {
         (NEAR, FAR, "`wheel_3` (SubDevice 2) and the redundant interface", Namespace::NEAR),
         (Namespace::NEAR, Namespace::FAR, "the primary interface and `wheel_1` (SubDevice 0)", NEAR),
     ];
-    let attempt = || {
-        namespace.run(|| {
-            let (mut simulator, mut run) = start(&[]);
-            simulator.wait_for("the robot moves");
-            for (near, far, _, other) in pulled {
-                namespace.ip(&format!("link set {near} down")).unwrap();
-                simulator.wait_for(&format!("the cable of {far} is out"));
-                wait_for_frames(other, 100, &mut run);
-                namespace.ip(&format!("link set {near} up")).unwrap();
-                simulator.wait_for(&format!("the cable of {far} is in again"));
-                wait_for_frames(other, 100, &mut run);
-            }
-            Seen::of(run, simulator)
-        })
-    };
-    let Some(seen) = undisturbed(TEST, attempt) else { return };
-    let words = events(&seen.report);
-    for (.., between, _) in pulled {
-        let broken = format!("the ring is broken between {between}");
-        assert_eq!(words.iter().filter(|text| **text == broken).count(), 1, "{broken}: {words:?}");
-    }
-    assert_eq!(words.iter().filter(|text| **text == "the ring is whole again").count(), 2, "{words:?}");
-    went_on(&seen);
+    let seen = namespace.run(|| {
+        let (mut simulator, mut run) = start(&[]);
+        simulator.wait_for("the robot moves");
+        for (near, far, _, other) in pulled {
+            namespace.ip(&format!("link set {near} down")).unwrap();
+            simulator.wait_for(&format!("the cable of {far} is out"));
+            wait_for_frames(other, 100, &mut run);
+            namespace.ip(&format!("link set {near} up")).unwrap();
+            simulator.wait_for(&format!("the cable of {far} is in again"));
+            wait_for_frames(other, 100, &mut run);
+        }
+        Seen::of(run, simulator)
+    });
+    let broken = pulled.map(|(.., between, _)| format!("the ring is broken between {between}"));
+    went_on(TEST, &seen, &[("the ring is whole again", 2), (&broken[0], 1), (&broken[1], 1)]);
 }

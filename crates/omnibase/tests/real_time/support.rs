@@ -206,7 +206,7 @@ impl Seen {
     }
 
     /// Whether this machine served cycle and simulator in time: what it disturbed shows nothing of the bus.
-    fn is_undisturbed(&self) -> bool {
+    pub fn is_undisturbed(&self) -> bool {
         self.report["overruns"].as_u64() == Some(0) && !is_late(&self.simulated)
     }
 
@@ -228,7 +228,7 @@ pub const IN_OP: [&str; 5] = ["PRE-OP", "SAFE-OP", "OP", "PRE-OP", "INIT"];
 /// A frame that waited so long for the simulator is answered too late for a cycle of 4 ms, ms.
 const LATE_MS: f64 = 2.0;
 /// Runs until one is seen that the machine didn't disturb.
-pub const ATTEMPTS: u32 = 5;
+pub const ATTEMPTS: u32 = 3;
 
 /// Whether the machine kept frames waiting for the simulator.
 pub fn is_late(simulated: &Value) -> bool {
