@@ -17,6 +17,7 @@
 //! - [`image`]: where process data stand, and which datagrams of which frames carry them.
 //! - [`cyclic`]: exchange, the way to OP and back, diagnosis, recovery, acyclic work, both directions of clock
 //!   following.
+//! - [`paced`]: the same in time: sleep, exchange, follow or lead the clocks, and the way back to INIT.
 //!
 //! Used by set-up and cycle alike:
 //!
@@ -38,6 +39,7 @@ pub mod fmmu;
 pub mod image;
 pub mod mailbox;
 pub mod mapping;
+pub mod paced;
 pub mod procedure;
 pub mod redundant;
 pub mod scan;

@@ -127,7 +127,7 @@ pub fn soak(hours: f64, seed: u64) -> bool {
             _ => None,
         };
         let time = CycleTime::on_grid(cycle, plan.bus.cycle_ns);
-        let record = robot.compute(time, exchange, request.map(Request::lasting), &mut session.image());
+        let record = robot.compute(time, exchange, request.map(Request::lasting), session.image());
         let drives = record.measurements;
         session.look_at_drives(drives.present());
         while session.take_event().is_some() {}

@@ -219,7 +219,7 @@ impl<'a> Cycle<'a> {
         }
         let request = self.request(wish).map(|request| self.unless_written(request));
         let from = session.clock().now();
-        self.last = *self.robot.compute(self.time, exchange, request, &mut session.image());
+        self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
         let inputs_ns = times.wake.0.saturating_sub(input_age_ns(&self.plan.bus));
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));

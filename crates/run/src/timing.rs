@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::events::{Event, phase_words};
 use crate::quantiles::{Bin, Distribution, Quantiles, microseconds};
-use crate::session::Times;
+use omnibase_ethercat::paced::Times;
 
 /// Bins of a histogram at most.
 const BINS: usize = 12;

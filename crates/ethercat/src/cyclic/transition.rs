@@ -56,6 +56,17 @@ pub enum Goal {
     Init,
 }
 
+impl Goal {
+    /// The state that everyone shall be in.
+    pub fn state(self) -> AlState {
+        match self {
+            Goal::Op => AlState::Op,
+            Goal::PreOp => AlState::PreOp,
+            Goal::Init => AlState::Init,
+        }
+    }
+}
+
 /// The steps, in their order; [`Goal::Op`] takes the first half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {

@@ -98,28 +98,28 @@ fn simulated_drives_stay_in_op_on_a_bad_cable() {
         ClockDirection::CycleFollowsDc,
     );
     assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
-    runner.bus.link_mut().inner.set_rates(RATES);
+    runner.bus().link_mut().inner.set_rates(RATES);
     let complete = (0..20_000).filter(|_| runner.cycle() == Exchange::Complete).count();
     assert!(complete > 19_500, "{complete} of 20000");
-    runner.bus.link_mut().inner.set_rates(FaultRates::default());
+    runner.bus().link_mut().inner.set_rates(FaultRates::default());
     // What was under way may still disturb the first.
     for _ in 0..700 {
         runner.cycle();
     }
     assert!((0..100).all(|_| runner.cycle() == Exchange::Complete));
     assert!(runner.worst_clock_ns() < 1000);
-    assert!(runner.bus.health().iter().all(|health| *health == Health::Well));
+    assert!(runner.bus().health().iter().all(|health| *health == Health::Well));
 }
 
 /// Puts one request through the cycle and gives its result, and how many cycles it took.
 fn through_the_cycle(runner: &mut Runner, position: u16, request: MailboxRequest) -> (Vec<u8>, u32) {
     let request = AcyclicRequest { tag: 7, position, work: AcyclicWork::Mailbox(request) };
-    runner.bus.submit(request).unwrap();
+    runner.bus().submit(request).unwrap();
     for cycle in 1..20_000 {
-        let frames = runner.bus.link().frames;
+        let frames = runner.bus().link().frames;
         assert_eq!(runner.cycle(), Exchange::Complete);
-        assert_eq!(runner.bus.link().frames - frames, 1, "acyclic work rides in the frame of the cycle");
-        if let Some(done) = runner.bus.poll_completion() {
+        assert_eq!(runner.bus().link().frames - frames, 1, "acyclic work rides in the frame of the cycle");
+        if let Some(done) = runner.bus().poll_completion() {
             assert_eq!((done.tag, done.position, done.result), (7, position, Ok(())));
             let AcyclicWork::Mailbox(request) = done.work else { panic!("other work") };
             return (request.data, cycle);
@@ -169,10 +169,10 @@ fn a_power_cycled_drive_is_named_within_two_cycles_and_the_others_miss_none() {
     runner.segment().inject(1, Fault::PowerOn).unwrap();
     assert!(matches!(runner.cycle(), Exchange::ShortCount { .. }));
     runner.cycle();
-    assert_eq!(runner.bus.health(), [Health::Well, Health::Silent, Health::Well]);
+    assert_eq!(runner.bus().health(), [Health::Well, Health::Silent, Health::Well]);
     for _ in 0..100 {
         assert_eq!(runner.cycle(), Exchange::Without { unwell: 1 });
-        assert_eq!(runner.bus.freshness(2), Freshness::Fresh);
+        assert_eq!(runner.bus().freshness(2), Freshness::Fresh);
     }
 }
 
@@ -188,19 +188,19 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
     runner.segment().inject(1, Fault::PowerOn).unwrap();
     runner.cycle();
     runner.cycle();
-    assert!(runner.bus.recover(1));
-    assert!(!runner.bus.recover(1), "it is on its way already");
+    assert!(runner.bus().recover(1));
+    assert!(!runner.bus().recover(1), "it is on its way already");
     let mut recovered = None;
     for cycle in 0..5000 {
-        let frames = runner.bus.link().frames;
+        let frames = runner.bus().link().frames;
         let exchange = runner.cycle();
         assert!(
             matches!(exchange, Exchange::Without { .. } | Exchange::Complete),
             "cycle {cycle}: {exchange:?} while drive 1 comes back"
         );
-        assert!(runner.bus.link().frames - frames <= 2, "a diagnosis round is one frame more");
-        recovered = recovered.or_else(|| runner.bus.poll_recovered());
-        if recovered.is_some() && runner.bus.health().iter().all(|health| *health == Health::Well) {
+        assert!(runner.bus().link().frames - frames <= 2, "a diagnosis round is one frame more");
+        recovered = recovered.or_else(|| runner.bus().poll_recovered());
+        if recovered.is_some() && runner.bus().health().iter().all(|health| *health == Health::Well) {
             println!("back in OP after {cycle} cycles");
             break;
         }
@@ -228,12 +228,12 @@ fn one_of_two_lost_drives_comes_back_while_the_third_misses_no_cycle() {
     runner.cycle();
     runner.cycle();
     assert_eq!(runner.cycle(), Exchange::Without { unwell: 2 });
-    assert!(runner.bus.recover(1));
+    assert!(runner.bus().recover(1));
     let ended = (0..5000).find_map(|cycle| {
         let exchange = runner.cycle();
         assert!(matches!(exchange, Exchange::Without { .. }), "cycle {cycle}: {exchange:?}");
-        assert_eq!(runner.bus.freshness(0), Freshness::Fresh);
-        runner.bus.poll_recovered()
+        assert_eq!(runner.bus().freshness(0), Freshness::Fresh);
+        runner.bus().poll_recovered()
     });
     assert_eq!(ended, Some((1, Ok(Comeback::Restarted))));
 }
@@ -247,19 +247,19 @@ fn another_product_in_the_place_of_a_lost_one_is_refused() {
     );
     assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
     runner.segment().inject(2, Fault::PowerOff).unwrap();
-    assert!(runner.bus.recover(2));
+    assert!(runner.bus().recover(2));
     let end = |runner: &mut Runner| {
         (0..20_000).find_map(|_| {
             runner.cycle();
-            runner.bus.poll_recovered()
+            runner.bus().poll_recovered()
         })
     };
     assert!(matches!(end(&mut runner), Some((2, Err(RecoveryError::NotThere { position: 2, .. })))));
     runner.segment().inject(2, Fault::PowerOn).unwrap();
     let mut gone = runner.subdevices[2].clone();
     gone.identity.product_code = 7;
-    runner.bus.prepare_recovery(&gone);
-    assert!(runner.bus.recover(2));
+    runner.bus().prepare_recovery(&gone);
+    assert!(runner.bus().recover(2));
     let expected = (0x0539, 7);
     let error = RecoveryError::OtherProduct { position: 2, expected, found: (0x0539, 0x0220_0001) };
     assert_eq!(end(&mut runner), Some((2, Err(error))));
@@ -277,7 +277,7 @@ fn a_drive_with_an_al_error_is_named_with_its_code() {
     runner.cycle();
     runner.cycle();
     runner.cycle();
-    let Health::NotOperational { status, code } = runner.bus.health()[2] else { panic!() };
+    let Health::NotOperational { status, code } = runner.bus().health()[2] else { panic!() };
     assert_eq!((status, code.0), (0x14, 0x001A));
 }
 
@@ -292,7 +292,7 @@ fn an_emergency_is_found_without_being_asked_for() {
     runner.segment().inject(1, Fault::Application(ApplicationFault::DriveFault(0x0710))).unwrap();
     let found = (0..1000).find_map(|_| {
         runner.cycle();
-        runner.bus.take_emergency()
+        runner.bus().take_emergency()
     });
     assert_eq!(found.expect("an emergency").0, 1);
 }

@@ -23,10 +23,10 @@ fn in_op(segment: Segment) -> Runner {
 
 /// Sends for the SubDevice at `position` and gives the end of its way.
 fn way_of(runner: &mut Runner, position: u16) -> Result<Comeback, RecoveryError> {
-    assert!(runner.bus.recover(position));
+    assert!(runner.bus().recover(position));
     let ended = (0..20_000).find_map(|_| {
         runner.cycle();
-        runner.bus.poll_recovered()
+        runner.bus().poll_recovered()
     });
     let (who, ended) = ended.expect("its way ends");
     assert_eq!(who, position);
@@ -49,7 +49,7 @@ fn one_that_is_in_op_all_the_time_is_left_alone() {
     let mut runner = in_op(segment_file("three-sgdv.toml"));
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Stayed));
     assert_eq!(runner.segment().sub_devices()[1].esc().peek(0x0130, 2).unwrap(), [8, 0]);
-    let commands: Vec<_> = runner.bus.commands_used().iter().collect();
+    let commands: Vec<_> = runner.bus().commands_used().iter().collect();
     assert!(!commands.contains(&Command::Apwr), "{commands:?}");
 }
 
@@ -59,33 +59,33 @@ fn one_that_is_in_op_with_an_error_has_it_acknowledged_and_stays() {
     // BOOT can't be reached from OP: it is refused with an error, in OP.
     let (way, register) = (RegisterWay::Write, register::AL_CONTROL);
     let work = AcyclicWork::Registers { way, register, data: vec![3, 0] };
-    runner.bus.submit(AcyclicRequest { tag: 0, position: 1, work }).unwrap();
+    runner.bus().submit(AcyclicRequest { tag: 0, position: 1, work }).unwrap();
     runner.cycles(20);
-    let Health::NotOperational { status, .. } = runner.bus.health()[1] else {
-        panic!("{:?}", runner.bus.health());
+    let Health::NotOperational { status, .. } = runner.bus().health()[1] else {
+        panic!("{:?}", runner.bus().health());
     };
     assert_eq!(status, 0x18);
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Stayed));
     assert_eq!(runner.segment().sub_devices()[1].esc().peek(0x0130, 2).unwrap(), [8, 0]);
     runner.cycles(3);
-    assert_eq!(runner.bus.health()[1], Health::Well);
+    assert_eq!(runner.bus().health()[1], Health::Well);
 }
 
 #[test]
 fn a_way_back_is_called_off_while_nothing_was_changed() {
     let mut runner = in_op(segment_file("three-sgdv.toml"));
     runner.segment().inject(2, Fault::PowerOff).unwrap();
-    assert!(runner.bus.recover(2));
+    assert!(runner.bus().recover(2));
     runner.cycles(50);
-    assert!(runner.bus.call_off(2));
-    assert!(!runner.bus.call_off(2), "it isn't on its way any more");
+    assert!(runner.bus().call_off(2));
+    assert!(!runner.bus().call_off(2), "it isn't on its way any more");
     runner.segment().inject(2, Fault::PowerOn).unwrap();
-    assert!(runner.bus.recover(2));
+    assert!(runner.bus().recover(2));
     runner.cycles(200);
-    assert!(!runner.bus.call_off(2), "it was given its address");
+    assert!(!runner.bus().call_off(2), "it was given its address");
     let ended = (0..20_000).find_map(|_| {
         runner.cycle();
-        runner.bus.poll_recovered()
+        runner.bus().poll_recovered()
     });
     assert_eq!(ended, Some((2, Ok(Comeback::Restarted))));
 }
@@ -97,7 +97,7 @@ fn two_of_one_product_that_are_known_by_alias_and_were_swapped_are_refused() {
     for (position, alias) in [(1, 7), (2, 6)] {
         let mut other = runner.subdevices[position].clone();
         other.config.place = Some(Match::Alias(alias));
-        runner.bus.prepare_recovery(&other);
+        runner.bus().prepare_recovery(&other);
         restart(&mut runner, position);
     }
     runner.cycles(5);
@@ -115,7 +115,7 @@ fn the_right_alias_is_taken_back() {
     let mut runner = in_op(servos("alias = 5\ncount = 3"));
     let mut same = runner.subdevices[1].clone();
     same.config.place = Some(Match::Alias(6));
-    runner.bus.prepare_recovery(&same);
+    runner.bus().prepare_recovery(&same);
     restart(&mut runner, 1);
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Restarted));
 }
@@ -126,7 +126,7 @@ fn another_revision_is_refused() {
     let mut other = runner.subdevices[1].clone();
     let found = other.identity.revision;
     other.identity.revision = found + 1;
-    runner.bus.prepare_recovery(&other);
+    runner.bus().prepare_recovery(&other);
     restart(&mut runner, 1);
     let error = RecoveryError::OtherRevision { position: 1, expected: found + 1, found };
     assert_eq!(way_of(&mut runner, 1), Err(error));
@@ -136,13 +136,13 @@ fn another_revision_is_refused() {
 fn one_that_started_anew_is_told_so_after_a_failed_attempt_too() {
     let mut runner = in_op(segment_file("three-sgdv.toml"));
     restart(&mut runner, 1);
-    assert!(runner.bus.recover(1));
+    assert!(runner.bus().recover(1));
     // It has its address by then, and loses its cable.
     runner.cycles(100);
     runner.segment().inject(1, Fault::CableCut { port: 0 }).unwrap();
     let ended = (0..20_000).find_map(|_| {
         runner.cycle();
-        runner.bus.poll_recovered()
+        runner.bus().poll_recovered()
     });
     assert!(matches!(ended, Some((1, Err(_)))), "{ended:?}");
     runner.segment().inject(1, Fault::CableRestored { port: 0 }).unwrap();

@@ -2,12 +2,14 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use omnibase_ethercat::cyclic::{ClockDirection, DcFollower, FollowerGains, Goal, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionOptions};
+use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::redundant::RedundantLink;
-use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError, RingState};
-use omnibase_ethercat::{Bus, BusOptions, CyclicBus, Exchange, ProcessImage};
+use omnibase_ethercat::wire::{HostTime, Link, LinkError, RingState};
+use omnibase_ethercat::{Bus, BusOptions, Exchange, ProcessImage};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile, SimPort, VirtualClock, ring_in_process};
 
 use crate::runner::synchronous;
@@ -37,14 +39,11 @@ impl Link for Lossy {
 }
 
 struct Ring {
-    bus: CyclicBus<RedundantLink<Lossy, Lossy, VirtualClock>>,
+    paced: PacedBus<RedundantLink<Lossy, Lossy, VirtualClock>, VirtualClock>,
     /// Answers that each interface is to lose.
     to_lose: [Rc<Cell<u32>>; 2],
     image: ProcessImage,
-    clock: VirtualClock,
     port: SimPort,
-    follower: DcFollower,
-    wake: HostTime,
     count: usize,
 }
 
@@ -64,33 +63,19 @@ impl Ring {
         bus.scan().unwrap();
         bus.configure(&synchronous(count, CYCLE)).unwrap();
         let ready = bus.into_cyclic(ClockDirection::CycleFollowsDc).unwrap();
-        let mut ring = Ring {
-            image: ready.bus.plan().image(),
-            wake: ready.clock.now(),
-            bus: ready.bus,
-            to_lose,
-            clock: ready.clock,
-            port,
-            follower: DcFollower::new(CYCLE, CYCLE / 2, FollowerGains::default()),
-            count,
-        };
-        ring.bus.request(Goal::Op, TransitionOptions::default(), ring.wake);
-        for _ in 0..60_000 {
-            ring.cycle();
-            if !matches!(ring.bus.phase(), Phase::Moving { .. }) {
-                break;
-            }
-        }
-        assert_eq!(ring.bus.phase(), Phase::Reached(Goal::Op));
-        ring
+        let pace =
+            Pace { cycle: CYCLE, timeout: CYCLE * 4 / 5, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
+        let mut image = ready.bus.plan().image();
+        let mut paced = PacedBus::new(ready.bus, ready.clock, pace);
+        let reached = paced.reach(Goal::Op, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
+            paced.exchange(&mut image).map(drop)
+        });
+        assert_eq!(reached, Ok(true));
+        Ring { image, paced, to_lose, port, count }
     }
 
     fn cycle(&mut self) -> Exchange {
-        self.clock.sleep_until(self.wake);
-        let exchange = self.bus.exchange(&mut self.image, self.wake + CYCLE * 4 / 5).unwrap();
-        let clock = self.bus.clock().filter(|_| !matches!(exchange, Exchange::Lost { .. }));
-        self.wake = self.follower.next_wake(self.wake, clock);
-        exchange
+        self.paced.exchange(&mut self.image).unwrap().0
     }
 
     fn complete(&mut self, cycles: usize, what: &str) {
@@ -107,7 +92,7 @@ impl Ring {
     }
 
     fn state(&self) -> Option<RingState> {
-        self.bus.link().ring()
+        self.paced.bus().link().ring()
     }
 
     fn worst_clock_ns(&self) -> u32 {
@@ -130,7 +115,7 @@ fn each_break_of_a_ring_loses_no_cycle_and_is_located_and_mended() {
     for count in [3, 20] {
         let mut ring = Ring::new(count);
         ring.complete(100, "whole");
-        let before = ring.bus.counters();
+        let before = ring.paced.bus().counters();
         assert_eq!(ring.state(), Some(RingState::Whole));
         for place in 0..=count {
             let what = format!("{count} devices, break before {place}");
@@ -146,7 +131,7 @@ fn each_break_of_a_ring_loses_no_cycle_and_is_located_and_mended() {
             ring.complete(500, &format!("{what}, mended"));
             assert_eq!(ring.state(), Some(RingState::Whole), "{what}, mended");
         }
-        let after = ring.bus.counters();
+        let after = ring.paced.bus().counters();
         assert_eq!(after.working_counter_errors, before.working_counter_errors);
         assert_eq!(after.frames_lost, before.frames_lost);
         assert_eq!(ring.statuses(), vec![8; count]);

@@ -1,13 +1,13 @@
 //! A segment file brought up and cycled in virtual time, over a link that notes what passes.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use omnibase_ethercat::cyclic::{
-    ClockDirection, DcFollower, FollowerGains, Goal, HostToDc, Phase, TransitionOptions,
-};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, Phase, TransitionOptions};
+use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::wire::frame::Datagrams;
-use omnibase_ethercat::wire::{Clock, Command, HostTime, Link, LinkError};
+use omnibase_ethercat::wire::{Command, HostTime, Link, LinkError};
 use omnibase_ethercat::{
     Bus, BusOptions, CyclicBus, DcConfig, Exchange, ProcessImage, SubDevice, SubDeviceConfig,
 };
@@ -54,16 +54,11 @@ pub fn synchronous(count: usize, cycle: Duration) -> Vec<SubDeviceConfig> {
     (0..count).map(|_| SubDeviceConfig { dc, ..SubDeviceConfig::default() }).collect()
 }
 
-/// A cycling segment and the clocks that belong to it.
+/// A cycling segment.
 pub struct Runner {
-    pub bus: CyclicBus<SpyLink>,
+    pub paced: PacedBus<SpyLink, VirtualClock>,
     pub image: ProcessImage,
-    pub clock: VirtualClock,
     pub subdevices: Vec<SubDevice>,
-    pub cycle: Duration,
-    pub follower: DcFollower,
-    pub leader: Option<HostToDc>,
-    wake: HostTime,
 }
 
 impl Runner {
@@ -75,36 +70,31 @@ impl Runner {
         bus.scan().unwrap();
         bus.configure(configs).unwrap();
         let ready = bus.into_cyclic(following).unwrap();
-        let cycle = Duration::from_millis(1);
-        let wake = ready.clock.now();
+        let leader = match following {
+            ClockDirection::CycleFollowsDc => Leader::ReferenceClock,
+            ClockDirection::DcFollowsHost => Leader::Host,
+            ClockDirection::NoClock => Leader::Nobody,
+        };
+        let cycle = match configs.first().map(|config| config.dc) {
+            Some(DcConfig::Sync0 { cycle_ns, .. }) => Duration::from_nanos(cycle_ns.into()),
+            _ => Duration::from_millis(1),
+        };
+        let pace = Pace { cycle, timeout: cycle * 4 / 5, leader, sync0_shift_ns: 0 };
         Runner {
             image: ready.bus.plan().image(),
-            bus: ready.bus,
-            clock: ready.clock,
             subdevices: ready.subdevices,
-            cycle,
-            follower: DcFollower::new(cycle, cycle / 2, FollowerGains::default()),
-            leader: (following == ClockDirection::DcFollowsHost).then(HostToDc::new),
-            wake,
+            paced: PacedBus::new(ready.bus, ready.clock, pace),
         }
     }
 
-    /// One cycle; the next follows the distributed clock, or leads it.
+    /// The bus between two cycles.
+    pub fn bus(&mut self) -> &mut CyclicBus<SpyLink> {
+        self.paced.bus_mut()
+    }
+
+    /// One cycle.
     pub fn cycle(&mut self) -> Exchange {
-        self.clock.sleep_until(self.wake);
-        if let Some(leader) = &self.leader {
-            self.bus.steer_clock(leader.time_at(self.wake));
-        }
-        let exchange = self.bus.exchange(&mut self.image, self.wake + self.cycle * 4 / 5).unwrap();
-        let fresh = !matches!(exchange, Exchange::Lost { .. });
-        let clock = self.bus.clock().filter(|_| fresh);
-        if let (Some(leader), Some(clock)) = (&mut self.leader, clock) {
-            leader.read(self.wake, clock);
-            self.wake = self.wake + self.cycle;
-        } else {
-            self.wake = self.follower.next_wake(self.wake, clock);
-        }
-        exchange
+        self.paced.exchange(&mut self.image).unwrap().0
     }
 
     /// So many cycles, whatever becomes of them.
@@ -115,19 +105,17 @@ impl Runner {
     }
 
     pub fn segment(&mut self) -> &mut Segment {
-        self.bus.link_mut().segment()
+        self.bus().link_mut().segment()
     }
 
     /// Cycles until the goal is reached or refused.
     pub fn to(&mut self, goal: Goal) -> Phase {
-        self.bus.request(goal, TransitionOptions::default(), self.wake);
-        for _ in 0..60_000 {
-            self.cycle();
-            if !matches!(self.bus.phase(), Phase::Moving { .. }) {
-                break;
-            }
-        }
-        self.bus.phase()
+        let Runner { paced, image, .. } = self;
+        // What became of it, the phase says.
+        let _ = paced.reach(goal, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
+            paced.exchange(image).map(drop)
+        });
+        self.bus().phase()
     }
 
     /// The farthest clock, as the SubDevices' own registers 0x092C show it, ns.

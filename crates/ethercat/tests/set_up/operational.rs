@@ -1,12 +1,12 @@
 //! From power-on to OP: the segments that the repository ships, with and without SYNC0.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use omnibase_ethercat::config::DcConfig;
-use omnibase_ethercat::cyclic::{
-    ClockDirection, DcFollower, Exchange, FollowerGains, Goal, Handover, Phase, TransitionOptions,
-};
+use omnibase_ethercat::cyclic::{ClockDirection, Exchange, Goal, Handover, TransitionOptions};
+use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, Clock, HostTime, Link, register};
@@ -17,8 +17,6 @@ use omnibase_ethercat_sim::{Segment, SegmentFile, VirtualClock, in_process};
 use crate::segment::recorded_sii;
 
 const CYCLE: Duration = Duration::from_millis(1);
-/// Where in the cycle frames leave, after SYNC0.
-const PHASE: Duration = Duration::from_micros(500);
 /// First SYNC0 so far ahead: a tenth of what a real host takes, whose cycles are late now and then.
 const SYNC_MARGIN: Duration = Duration::from_millis(10);
 /// Cycles after which a segment counts as hung.
@@ -32,8 +30,8 @@ pub fn segment_file(name: &str) -> Segment {
 }
 
 /// A segment that cycles.
-pub struct Operational<L> {
-    pub bus: CyclicBus<L>,
+pub struct Operational<L: Link> {
+    pub paced: PacedBus<L, VirtualClock>,
     pub image: ProcessImage,
     pub subdevices: Vec<SubDevice>,
 }
@@ -49,25 +47,21 @@ pub fn to_op<L: Link>(
     let configs = configs(bus.subdevices());
     bus.configure(&configs).map_err(|error| error.to_string())?;
     let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| error.to_string())?;
-    let Handover { mut bus, mut clock, subdevices } = handover;
+    let Handover { bus, clock, subdevices } = handover;
     let mut image = bus.plan().image();
-    let mut follower = DcFollower::new(CYCLE, PHASE, FollowerGains::default());
-    let mut wake = clock.now();
+    let pace = Pace { cycle: CYCLE, timeout: CYCLE / 2, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
+    let mut paced = PacedBus::new(bus, clock, pace);
     let options = TransitionOptions { sync_margin: SYNC_MARGIN, ..TransitionOptions::default() };
-    bus.request(Goal::Op, options, wake);
-    for _ in 0..CYCLE_LIMIT {
-        clock.sleep_until(wake);
-        bus.exchange(&mut image, wake + CYCLE / 2).map_err(|error| error.to_string())?;
-        match bus.phase() {
-            Phase::Reached(Goal::Op) => {
-                return Ok(Operational { bus, image, subdevices });
-            }
-            Phase::Failed(error) => return Err(error.to_string()),
-            _ => {}
-        }
-        wake = follower.next_wake(wake, bus.clock());
+    let (stop, mut cycles) = (AtomicBool::new(false), 0);
+    let reached = paced.reach(Goal::Op, options, &stop, |paced| {
+        cycles += 1;
+        stop.store(cycles == CYCLE_LIMIT, Ordering::Relaxed);
+        paced.exchange(&mut image).map(drop)
+    });
+    if !reached.map_err(|error| error.to_string())? {
+        return Err("hung".into());
     }
-    Err("hung".into())
+    Ok(Operational { paced, image, subdevices })
 }
 
 pub fn unconfigured(_: &[SubDevice]) -> Vec<SubDeviceConfig> {
@@ -89,8 +83,8 @@ fn check(name: &str, configs: impl Fn(&[SubDevice]) -> Vec<SubDeviceConfig>) -> 
     let (link, clock) = in_process(segment_file(name));
     let operational = to_op(link, clock.clone(), configs).unwrap();
     let reached = clock.now();
-    assert_eq!(operational.bus.last_exchange(), Exchange::Complete);
-    let segment = operational.bus.link().segment();
+    assert_eq!(operational.paced.bus().last_exchange(), Exchange::Complete);
+    let segment = operational.paced.bus().link().segment();
     let time_at = |n: usize| segment.sub_devices()[n].esc().system_time(reached);
     let reference = (0..operational.subdevices.len()).find_map(time_at).map(|time| time.0);
     for (number, one) in operational.subdevices.iter().enumerate() {
@@ -130,13 +124,13 @@ fn a_hundred_servos_reach_op_within_ten_seconds() {
 fn a_mixed_tree_reaches_op_and_its_bits_arrive() {
     assert!(check("mixed-tree.toml", with_sync0) < seconds(4));
     let (link, clock) = in_process(segment_file("mixed-tree.toml"));
-    let Operational { mut bus, mut image, subdevices } = to_op(link, clock.clone(), with_sync0).unwrap();
+    let Operational { mut paced, mut image, subdevices } = to_op(link, clock, with_sync0).unwrap();
     let lengths =
         subdevices.iter().map(|one| (one.bit_length(Direction::Outputs), one.bit_length(Direction::Inputs)));
     let bits = [(0, 0), (0, 8), (8, 0), (5, 3), (160, 160), (160, 160), (128, 128), (0, 0), (16, 0)];
     assert_eq!(lengths.collect::<Vec<_>>(), bits);
     // The bits that the plan gives to "odd-bits" are those that reach its memory, and no others.
-    let odd = bus.plan().placements_of(3).iter().find(|place| place.direction == Direction::Outputs);
+    let odd = paced.bus().plan().placements_of(3).iter().find(|place| place.direction == Direction::Outputs);
     let odd = *odd.unwrap();
     let memory = |bus: &CyclicBus<_>| -> Option<u8> {
         let start = subdevices[3].process_data(Direction::Outputs).next()?.area.start;
@@ -146,11 +140,9 @@ fn a_mixed_tree_reaches_op_and_its_bits_arrive() {
     for pattern in [0b10101u8, 0b01010] {
         image.outputs.fill(0);
         image.outputs[odd.offset] = pattern << odd.logical.start_bit;
-        let deadline = clock.now() + CYCLE;
-        assert_eq!(bus.exchange(&mut image, deadline).unwrap(), Exchange::Complete);
-        let deadline = clock.now() + CYCLE;
-        bus.exchange(&mut image, deadline).unwrap();
-        assert_eq!(memory(&bus).map(|byte| byte & 0x1F), Some(pattern));
+        assert_eq!(paced.exchange(&mut image).unwrap().0, Exchange::Complete);
+        paced.exchange(&mut image).unwrap();
+        assert_eq!(memory(paced.bus()).map(|byte| byte & 0x1F), Some(pattern));
     }
 }
 
@@ -160,17 +152,18 @@ fn recorded_devices_reach_op() {
     let names = ["ek1100-sii.bin", "el2828-sii.bin", "el2889-sii.bin", "akd-sii.bin"];
     let Some(images) = names.map(recorded_sii).into_iter().collect::<Option<Vec<_>>>() else { return };
     let (link, clock) = in_process(line_of_images(&images).unwrap());
-    let Operational { mut bus, mut image, subdevices } = to_op(link, clock.clone(), unconfigured).unwrap();
+    let Operational { mut paced, mut image, subdevices } = to_op(link, clock, unconfigured).unwrap();
     let outputs = subdevices.iter().map(|one| one.bit_length(Direction::Outputs));
     assert_eq!(outputs.collect::<Vec<_>>(), [0, 8, 16, 48]);
     // Each terminal's bytes arrive in its digital outputs, those of the EL2889 through two SyncManagers.
     for (position, pattern) in [(1, vec![0xA5]), (2, vec![0x3C, 0xC3])] {
-        let places: Vec<_> = bus.plan().placements_of(position).iter().map(|place| place.offset).collect();
+        let places: Vec<_> =
+            paced.bus().plan().placements_of(position).iter().map(|place| place.offset).collect();
         for (offset, byte) in places.into_iter().zip(&pattern) {
             image.outputs[offset] = *byte;
         }
-        assert_eq!(bus.exchange(&mut image, clock.now() + CYCLE).unwrap(), Exchange::Complete);
-        let esc = bus.link().segment().sub_devices()[usize::from(position)].esc();
+        assert_eq!(paced.exchange(&mut image).unwrap().0, Exchange::Complete);
+        let esc = paced.bus().link().segment().sub_devices()[usize::from(position)].esc();
         assert_eq!(esc.peek(0x0F00, pattern.len()), Some(&pattern[..]));
     }
 }

@@ -8,12 +8,13 @@ use crate::target::{Manners, Port, Target, finish_recording};
 use crate::{Outcome, commands};
 use omnibase_ethercat::cyclic::ClockDirection;
 use omnibase_ethercat::image::FramePlan;
+use omnibase_ethercat::paced::{self, Pace};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MIN_FRAME};
 use omnibase_ethercat::wire::sii::{self, Identity};
 use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
 use omnibase_host::{Waiting, stop_on_signals};
-use runner::{Pace, Plan, Runner};
+use runner::{Plan, Runner};
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -47,7 +48,7 @@ pub struct Arguments {
     /// Whose time leads with --dc: the reference clock's (the cycle follows it) or this host's (it follows the cycle).
     #[arg(long, value_enum, default_value_t = Leader::Dc, requires = "dc")]
     clock: Leader,
-    /// Shift of SYNC0 against the multiples of the cycle, microseconds (frames pass half a cycle before it).
+    /// Shift of SYNC0 against the multiples of the cycle, microseconds (frames pass half a cycle before and behind it).
     #[arg(
         long,
         default_value_t = 0,
@@ -99,10 +100,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     if !arguments.json {
         list(bus.subdevices(), output)?;
     }
-    let (pace, direction) = match (arguments.dc, arguments.clock) {
-        (false, _) => (Pace::Free, ClockDirection::CycleFollowsDc),
-        (true, Leader::Dc) => (Pace::FollowDc, ClockDirection::CycleFollowsDc),
-        (true, Leader::Host) => (Pace::LeadDc, ClockDirection::DcFollowsHost),
+    let (leader, direction) = match (arguments.dc, arguments.clock) {
+        (false, _) => (paced::Leader::Nobody, ClockDirection::CycleFollowsDc),
+        (true, Leader::Dc) => (paced::Leader::ReferenceClock, ClockDirection::CycleFollowsDc),
+        (true, Leader::Host) => (paced::Leader::Host, ClockDirection::DcFollowsHost),
     };
     let handover = bus.into_cyclic(direction)?;
     check_wire_time(&handover.bus.plan().frames, arguments.cycle_us)?;
@@ -110,9 +111,13 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     // Until the end of the cycle.
     let _granted = arguments.real_time.apply(arguments.cycle_us)?;
     let plan = Plan {
-        cycle: arguments.cycle_us,
+        pace: Pace {
+            cycle: arguments.cycle_us,
+            timeout: arguments.cycle_us * 9 / 10,
+            leader,
+            sync0_shift_ns: arguments.sync0_shift_ns(),
+        },
         cycles: arguments.cycles,
-        pace,
         paced: matches!(arguments.target, Target::Interface(_)),
     };
     let mut runner = Runner::new(handover, plan);
@@ -141,12 +146,13 @@ impl Arguments {
         }
     }
 
+    fn sync0_shift_ns(&self) -> i32 {
+        self.shift_us.saturating_mul(1000)
+    }
+
     fn config(&self, one: &SubDevice) -> SubDeviceConfig {
         let dc = if self.dc && wants_sync(one) {
-            DcConfig::Sync0 {
-                cycle_ns: self.cycle_us.as_nanos() as u32,
-                shift_ns: self.shift_us.saturating_mul(1000),
-            }
+            DcConfig::Sync0 { cycle_ns: self.cycle_us.as_nanos() as u32, shift_ns: self.sync0_shift_ns() }
         } else {
             DcConfig::Off
         };

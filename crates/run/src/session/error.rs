@@ -3,8 +3,8 @@
 use std::fmt;
 
 use omnibase_ethercat::SetUpError;
-use omnibase_ethercat::cyclic::TransitionError;
 use omnibase_ethercat::image::PlanError;
+use omnibase_ethercat::paced::ReachError;
 use omnibase_ethercat::wire::LinkError;
 
 /// Why a robot's bus couldn't be brought to OP, or kept.
@@ -17,14 +17,9 @@ pub enum SessionError {
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// A drive refused a state.
-    #[error("on the way to {goal}: {error}")]
-    Transition {
-        /// The state that was asked for.
-        goal: &'static str,
-        /// Why it wasn't reached.
-        error: TransitionError,
-    },
-    /// The port is broken, or the link down before the cycle began.
+    #[error(transparent)]
+    Reach(ReachError),
+    /// The port is broken.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A drive's watchdog isn't what was written: it would stop late, or never.
@@ -53,6 +48,15 @@ pub enum SessionError {
         /// Bytes on the bus.
         found: usize,
     },
+}
+
+impl From<ReachError> for SessionError {
+    fn from(error: ReachError) -> Self {
+        match error {
+            ReachError::Link(error) => SessionError::Link(error),
+            ReachError::Transition { .. } => SessionError::Reach(error),
+        }
+    }
 }
 
 /// The registers of a drive's process-data watchdog.

@@ -190,7 +190,7 @@ impl<L: Link + Clone> Bench<L> {
         self.cycles += times.periods;
         self.left_out += times.periods - 1;
         let time = CycleTime::on_grid(self.cycles, self.period_ns);
-        let record: CycleRecord = *self.robot.compute(time, exchange, request, &mut self.session.image());
+        let record: CycleRecord = *self.robot.compute(time, exchange, request, self.session.image());
         self.session.look_at_drives(record.measurements.present());
         while let Some(words) = self.session.take_event() {
             self.events.push((self.cycles, words.to_string()));

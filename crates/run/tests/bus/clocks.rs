@@ -91,3 +91,17 @@ fn a_clock_that_strays_in_op_is_named_and_so_is_its_return() {
         assert_eq!(figures.iter().map(|one| one.clock_strays).collect::<Vec<_>>(), [0, 0, 1]);
     }
 }
+
+#[test]
+fn the_reference_goes_on_following_the_host_while_drives_are_asked_what_is_wrong() {
+    let mut bench = led_by("host");
+    let (dc, host) = bench.dc_and_host_ns(0);
+    // One that doesn't answer: the others are cycled for it.
+    bench.inject(2, Fault::PowerOff);
+    let codes = bench.session.error_codes().unwrap();
+    assert_eq!((codes[0].is_some(), codes[2]), (true, None), "{codes:?}");
+    let (later_dc, later_host) = bench.dc_and_host_ns(0);
+    let (passed, expected) = (later_dc - dc, later_host - host);
+    assert!(expected > 100_000_000, "{expected} ns");
+    assert!(passed.abs_diff(expected) < 2000, "{passed} ns in {expected} ns");
+}
