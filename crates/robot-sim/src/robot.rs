@@ -6,7 +6,6 @@ pub use axis::SharedMachine;
 
 use crate::machine::{Machine, MachineError, MachineParameters};
 use crate::motor::MotorParameters;
-use axis::WheelAxis;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
 use omnibase_ethercat_sim::device::servo::Encoder;
@@ -49,6 +48,20 @@ impl DriveStation {
             encoder: Encoder::Incremental,
             counts_per_revolution: 1 << 20,
         }
+    }
+
+    /// The drive with the figures of its motor.
+    pub fn drive(&self, motor: &MotorParameters) -> Drive {
+        let mut drive = Drive::new(self.kind);
+        drive.servo.rated_torque_n_m = motor.rated_torque_n_m;
+        drive.servo.peak_torque_n_m = motor.peak_torque_n_m;
+        drive.servo.max_speed_rad_s = motor.maximum_speed_rad_s;
+        drive.servo.initial_position = self.initial_position;
+        drive.servo.encoder = self.encoder;
+        drive.servo.counts_per_revolution = self.counts_per_revolution;
+        // The current loop is the motor's, where it runs in the machine's fine steps.
+        drive.servo.torque_time_constant_s = 0.0;
+        drive
     }
 }
 
@@ -115,8 +128,7 @@ impl RobotSim {
         let machine = SharedMachine::new(Machine::new(&description.machine)?);
         let sub_devices = description.drives.iter().map(|station| {
             let motor = &description.machine.wheels[station.wheel].motor;
-            let axis = WheelAxis::new(machine.clone(), station.wheel);
-            drive(station, motor).build_on(&station.piece, Box::new(axis))
+            station.drive(motor).build_on(&station.piece, machine.axis(station.wheel))
         });
         Ok(Self { sub_devices: sub_devices.collect(), machine })
     }
@@ -125,18 +137,4 @@ impl RobotSim {
     pub fn into_line(self) -> Result<(Segment, SharedMachine), TopologyError> {
         Ok((Segment::line(self.sub_devices)?, self.machine))
     }
-}
-
-/// The drive that belongs to a motor.
-fn drive(station: &DriveStation, motor: &MotorParameters) -> Drive {
-    let mut drive = Drive::new(station.kind);
-    drive.servo.rated_torque_n_m = motor.rated_torque_n_m;
-    drive.servo.peak_torque_n_m = motor.peak_torque_n_m;
-    drive.servo.max_speed_rad_s = motor.maximum_speed_rad_s;
-    drive.servo.initial_position = station.initial_position;
-    drive.servo.encoder = station.encoder;
-    drive.servo.counts_per_revolution = station.counts_per_revolution;
-    // The current loop is the motor's, where it runs in the machine's fine steps.
-    drive.servo.torque_time_constant_s = 0.0;
-    drive
 }

@@ -1,7 +1,6 @@
 //! The control half of a robot on the simulated machine, in the process and without a bus: fast enough for hours.
 //!
 //! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
-//! - [`plant`]: the machine and drives that belong to a robot's plan.
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
@@ -13,7 +12,6 @@
 
 pub mod approaches;
 pub mod framed;
-pub mod plant;
 pub mod robots;
 mod run;
 mod servo_box;

@@ -1,5 +1,7 @@
 //! The shipped robots, loaded, and what they are asked to follow.
 
+use omnibase_run::simulated;
+
 /// Three omni wheels on direct drives.
 pub const BMM: &str = include_str!("../../../robots/bmm.toml");
 /// Four mecanum wheels on geared servos.
@@ -16,9 +18,9 @@ pub const PAYLOAD_INERTIA_KG_M2: f64 = 4.3;
 
 /// A robot with a payload of 100 kg, a control law, and first estimates that are wrong by a factor.
 pub fn loaded(robot: &str, law: &str, factor: f64, reference: &str) -> String {
-    let plan = crate::plan_of(robot);
-    let mass_kg = factor * (plan.simulation.mass_kg.unwrap_or(70.0) + PAYLOAD_KG);
-    let inertia_kg_m2 = factor * (plan.simulation.inertia_kg_m2.unwrap_or(7.0) + PAYLOAD_INERTIA_KG_M2);
+    let body = simulated::description(&crate::plan_of(robot)).machine.body;
+    let mass_kg = factor * (body.mass_kg + PAYLOAD_KG);
+    let inertia_kg_m2 = factor * (body.yaw_inertia_kg_m2 + PAYLOAD_INERTIA_KG_M2);
     let begin = robot.find("[controller]").unwrap_or(robot.len());
     let end = robot.find("[simulation]").unwrap_or(robot.len());
     format!(

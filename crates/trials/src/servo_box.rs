@@ -1,43 +1,14 @@
 //! A simulated servo on a wheel of the machine, and its process data as bytes: a SubDevice without its chip.
 
-use omnibase_ethercat_sim::device::axis::{Axis, AxisState};
-use omnibase_ethercat_sim::device::servo::{Encoder, Servo, ServoConfig};
+use omnibase_ethercat_sim::device::servo::Servo;
 use omnibase_ethercat_sim::device::{Device, Moment, Outputs};
 use omnibase_ethercat_sim::dictionary::Dictionary;
 use omnibase_ethercat_sim::dictionary::pdo::{self, Direction, Layout};
-use omnibase_ethercat_sim::dictionary::standard::{Nameplate, PdoMap};
+use omnibase_ethercat_sim::dictionary::standard::PdoMap;
 use omnibase_ethercat_wire::coe::ObjectAddress;
-use omnibase_ethercat_wire::sii::Identity;
 use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
-use omnibase_robot::config::{DrivePlan, EncoderName};
-use omnibase_robot_sim::{MotorParameters, SharedMachine};
-
-/// One motor of the machine, as its servo knows it.
-struct WheelAxis {
-    machine: SharedMachine,
-    wheel: usize,
-}
-
-impl Axis for WheelAxis {
-    fn advance(&mut self, now: HostTime) -> AxisState {
-        let mut machine = self.machine.lock();
-        machine.advance(now.0);
-        let shaft = machine.shaft(self.wheel);
-        AxisState {
-            position_rad: shaft.angle_rad,
-            speed_rad_s: shaft.speed_rad_s,
-            torque_n_m: shaft.torque_n_m,
-        }
-    }
-
-    fn apply(&mut self, torque_n_m: f64) {
-        self.machine.lock().ask(self.wheel, torque_n_m);
-    }
-
-    fn nominal_inertia_kg_m2(&self) -> f64 {
-        self.machine.lock().nominal_inertia_kg_m2(self.wheel)
-    }
-}
+use omnibase_robot::config::{DrivePlan, PdoPlan};
+use omnibase_robot_sim::{DriveStation, MotorParameters, SharedMachine};
 
 pub(crate) struct ServoBox {
     servo: Servo,
@@ -52,49 +23,14 @@ pub(crate) struct ServoBox {
 impl ServoBox {
     /// The servo of a wheel, in OP, with the plan's mapping.
     pub(crate) fn new(
-        drive: &DrivePlan,
+        plan: &DrivePlan,
+        station: &DriveStation,
         motor: &MotorParameters,
-        machine: SharedMachine,
-        wheel: usize,
+        machine: &SharedMachine,
     ) -> Self {
-        let config = ServoConfig {
-            counts_per_revolution: drive.scale.counts_per_revolution,
-            rated_torque_n_m: motor.rated_torque_n_m,
-            peak_torque_n_m: motor.peak_torque_n_m,
-            max_speed_rad_s: motor.maximum_speed_rad_s,
-            // The current loop is the motor's, in the machine's fine steps.
-            torque_time_constant_s: 0.0,
-            // Any first value, one of them close to its wrap.
-            initial_position: [2_147_480_000, -77_777, 123_456, 0][wheel % 4],
-            encoder: match drive.encoder {
-                EncoderName::Incremental => Encoder::Incremental,
-                EncoderName::Absolute => Encoder::Absolute,
-            },
-            ..ServoConfig::default()
-        };
-        let maps = |pdos: &[omnibase_robot::config::PdoPlan]| -> Vec<PdoMap> {
-            pdos.iter()
-                .map(|pdo| PdoMap {
-                    index: pdo.index,
-                    name: "PDO".into(),
-                    entries: pdo
-                        .entries
-                        .iter()
-                        .map(|entry| (ObjectAddress::new(entry.index, entry.subindex), entry.bits))
-                        .collect(),
-                })
-                .collect()
-        };
-        let pdos: Vec<PdoMap> = maps(&drive.outputs).into_iter().chain(maps(&drive.inputs)).collect();
-        let nameplate = Nameplate {
-            device_type: 0x0002_0192,
-            name: "servo".into(),
-            hardware_version: "1".into(),
-            software_version: "1".into(),
-            identity: Identity { vendor_id: 1, product_code: 1, revision: 1, serial: 1 },
-        };
-        let axis = Box::new(WheelAxis { machine, wheel });
-        let (servo, dictionary) = Servo::new(config, &nameplate, &pdos, axis);
+        let pdos: Vec<PdoMap> = plan.outputs.iter().chain(&plan.inputs).map(pdo_map).collect();
+        let axis = machine.axis(station.wheel);
+        let (servo, dictionary) = station.drive(motor).servo(&station.piece, &pdos, axis);
         let layout =
             |dictionary: &Dictionary, object, direction| match pdo::layout(dictionary, object, direction) {
                 Ok(layout) => layout,
@@ -102,7 +38,7 @@ impl ServoBox {
             };
         let outputs = layout(&dictionary, 0x1C12, Direction::Outputs);
         let inputs = layout(&dictionary, 0x1C13, Direction::Inputs);
-        let parameters = drive.parameters.iter().map(|parameter| {
+        let parameters = plan.parameters.iter().map(|parameter| {
             (ObjectAddress::new(parameter.index, parameter.subindex), parameter.data.clone())
         });
         let parameters = parameters.collect();
@@ -177,5 +113,14 @@ impl ServoBox {
         if self.is_powered {
             self.servo.tick(&mut self.dictionary, HostTime(now_ns));
         }
+    }
+}
+
+fn pdo_map(pdo: &PdoPlan) -> PdoMap {
+    let entries = pdo.entries.iter();
+    PdoMap {
+        index: pdo.index,
+        name: "PDO".into(),
+        entries: entries.map(|entry| (ObjectAddress::new(entry.index, entry.subindex), entry.bits)).collect(),
     }
 }

@@ -6,8 +6,8 @@ use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
 use omnibase_robot_sim::{Machine, SharedMachine};
+use omnibase_run::simulated;
 
-use crate::plant;
 use crate::servo_box::ServoBox;
 
 /// The plan of a robot's file.
@@ -20,6 +20,9 @@ pub fn plan_of(text: &str) -> RobotPlan {
         panic!("{}", problems.iter().map(|problem| format!("{problem}\n")).collect::<String>())
     })
 }
+
+/// Position from which the first drive counts: 0.02 rad below the greatest.
+const CLOSE_TO_WRAP: i32 = 2_147_480_000;
 
 /// What a drive is without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,19 +65,23 @@ impl Trial {
             Ok(robot) => robot,
             Err(error) => panic!("{error}"),
         };
-        let parameters = plant::machine(&plan);
-        let machine = match Machine::new(&parameters) {
+        let mut description = simulated::description(&plan);
+        let machine = match Machine::new(&description.machine) {
             Ok(machine) => SharedMachine::new(machine),
             Err(error) => panic!("{error}"),
         };
-        let servos = plan.drives.iter().zip(&parameters.wheels).enumerate();
-        let servos = servos.map(|(wheel, (drive, parameters))| {
-            ServoBox::new(drive, &parameters.motor, machine.clone(), wheel)
-        });
+        description.drives.sort_by_key(|station| station.wheel);
+        if let Some(station) = description.drives.first_mut() {
+            station.initial_position = CLOSE_TO_WRAP;
+        }
+        let wheels = plan.drives.iter().zip(&description.drives).zip(&description.machine.wheels);
+        let servos = wheels
+            .map(|((drive, station), wheel)| ServoBox::new(drive, station, &wheel.motor, &machine))
+            .collect();
         Trial {
             robot,
             image: ImageBuffer::new(&plan),
-            servos: servos.collect(),
+            servos,
             away: vec![None; plan.drives.len()],
             plan,
             machine,

@@ -145,7 +145,7 @@ impl Drive {
 
     /// A SubDevice with this drive on any axis.
     pub fn build_on(&self, piece: &Piece, axis: Box<dyn Axis>) -> SubDevice {
-        let (servo, dictionary) = self.servo(piece, axis);
+        let (servo, dictionary) = self.servo(piece, &self.pdos(), axis);
         let sii = self.image(piece, &dictionary);
         let refused = match self.kind {
             DriveKind::Generic => 0,
@@ -165,13 +165,17 @@ impl Drive {
 
     /// The drive's firmware alone, to run it behind another chip.
     pub fn firmware(&self, piece: &Piece, axis: Box<dyn Axis>) -> Firmware {
-        let (servo, dictionary) = self.servo(piece, axis);
+        let (servo, dictionary) = self.servo(piece, &self.pdos(), axis);
         self.stack(servo, dictionary)
     }
 
-    fn servo(&self, piece: &Piece, axis: Box<dyn Axis>) -> (Servo, Dictionary) {
-        let pdos = [self.rx_pdo.clone(), self.tx_pdo.clone()];
-        Servo::new(self.servo.clone(), &self.nameplate(piece), &pdos, axis)
+    /// The drive's servo with these PDOs, without firmware and chip.
+    pub fn servo(&self, piece: &Piece, pdos: &[PdoMap], axis: Box<dyn Axis>) -> (Servo, Dictionary) {
+        Servo::new(self.servo.clone(), &self.nameplate(piece), pdos, axis)
+    }
+
+    fn pdos(&self) -> [PdoMap; 2] {
+        [self.rx_pdo.clone(), self.tx_pdo.clone()]
     }
 
     fn stack(&self, servo: Servo, dictionary: Dictionary) -> Firmware {
@@ -210,7 +214,7 @@ impl Drive {
                     | sii::COE_COMPLETE_ACCESS,
             }),
             process_data: &PROCESS_DATA,
-            pdos: &[self.rx_pdo.clone(), self.tx_pdo.clone()],
+            pdos: &self.pdos(),
             dictionary: Some(dictionary),
             dc_modes: &[("Free run", 0x0000), ("SYNC0", 0x0300)],
         })
@@ -219,7 +223,7 @@ impl Drive {
     /// Whether the default PDOs can be mapped; says which entry can't.
     pub fn check(&self) -> Result<(), String> {
         let axis = Box::new(SingleAxis::new(Load::default()));
-        let (_, dictionary) = self.servo(&Piece::default(), axis);
+        let (_, dictionary) = self.servo(&Piece::default(), &self.pdos(), axis);
         for (assignment, direction) in [(0x1C12, Direction::Outputs), (0x1C13, Direction::Inputs)] {
             let layout = pdo::layout(&dictionary, assignment, direction)
                 .map_err(|error| format!("mapping {}: {}", error.at, error.abort))?;

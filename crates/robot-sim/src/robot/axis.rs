@@ -31,6 +31,11 @@ impl SharedMachine {
         self.lock().truth()
     }
 
+    /// The motor of a wheel, for its servo; one that never moves for an index without a wheel.
+    pub fn axis(&self, wheel: usize) -> Box<dyn Axis> {
+        Box::new(WheelAxis { machine: self.clone(), wheel })
+    }
+
     /// Changes the payload.
     pub fn set_payload(&self, payload: Payload) -> Result<(), BodyError> {
         self.lock().set_payload(payload)
@@ -39,15 +44,9 @@ impl SharedMachine {
 
 /// One motor of a shared machine, as its servo knows it.
 #[derive(Debug)]
-pub(super) struct WheelAxis {
+struct WheelAxis {
     machine: SharedMachine,
     wheel: usize,
-}
-
-impl WheelAxis {
-    pub(super) fn new(machine: SharedMachine, wheel: usize) -> Self {
-        Self { machine, wheel }
-    }
 }
 
 impl Axis for WheelAxis {

@@ -419,9 +419,7 @@ impl Stops {
 
     pub(super) fn fastest_rad_s(&self) -> f64 {
         let machine = self.trial.machine.lock();
-        let speed =
-            |wheel: usize| machine.shaft(wheel).speed_rad_s / self.trial.plan.drives[wheel].scale.gear_ratio;
-        (0..self.trial.plan.drives.len()).map(|wheel| speed(wheel).abs()).fold(0.0, f64::max)
+        machine.body().wheels().iter().map(|wheel| wheel.speed_rad_s.abs()).fold(0.0, f64::max)
     }
 
     fn any_twist(&mut self) -> Twist2 {
