@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionStatus, TransitionOptions};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, Datagrams};
@@ -166,12 +166,12 @@ fuzz_target!(|bytes: &[u8]| {
             Exchange::Lost { .. } | Exchange::ShortCount { .. } => assert_eq!(before, image.inputs),
             Exchange::Complete | Exchange::Without { .. } => {}
         }
-        match ready.bus.phase() {
-            Phase::Failed(error) => {
+        match ready.bus.transition() {
+            TransitionStatus::Failed(error) => {
                 assert!(ready.bus.link().told > 0, "the truth was refused: {error}");
                 return;
             }
-            Phase::Reached(Goal::Op) if cycle % SENT_FOR_EVERY == 0 => {
+            TransitionStatus::Reached(Goal::Op) if cycle % SENT_FOR_EVERY == 0 => {
                 let (number, round) = (cycle / SENT_FOR_EVERY % COUNT, cycle / SENT_FOR_EVERY / COUNT);
                 if ready.bus.recover(number as u16) {
                     let link = ready.bus.link_mut();

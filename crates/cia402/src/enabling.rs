@@ -8,7 +8,7 @@
 //!    ([`Enabling::position_origin_counts`]), so that the owner counts from wherever it likes; the difference of a velocity or
 //!    torque fades out over [`Settings::fade_ns`].
 //! 3. A fault, a quick stop, a drive that left operation by itself and a step that took too long are a
-//!    [`Problem`]: kept until a person calls [`Enabling::acknowledge`].
+//!    [`EnablingError`]: kept until a person calls [`Enabling::acknowledge`].
 
 use crate::error_code::ErrorCode;
 use crate::mode::{Mode, Quantity, SupportedModes};
@@ -58,7 +58,7 @@ pub struct Feedback {
 
 /// What the owner wants in this cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
+pub struct DriveRequest {
     /// The state in which the drive shall be.
     pub wanted: Wanted,
     /// The mode in which it shall run.
@@ -100,12 +100,12 @@ pub enum Progress {
     /// In the wanted state, which is not operation.
     Holding(DriveState),
     /// Stopped until a person acknowledges.
-    Stopped(Problem),
+    Stopped(EnablingError),
 }
 
 /// Why a drive was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Problem {
+pub enum EnablingError {
     /// The drive reports a fault.
     #[error("the drive is in fault: {}", FaultWords(.0))]
     Fault(Option<ErrorCode>),
@@ -203,7 +203,7 @@ enum Reset {
 #[derive(Clone, Debug)]
 pub struct Enabling {
     settings: Settings,
-    problem: Option<Problem>,
+    problem: Option<EnablingError>,
     step: Option<(Step, u64)>,
     reset: Reset,
     leaving_quick_stop: bool,
@@ -251,7 +251,7 @@ impl Enabling {
     }
 
     /// Why the drive is stopped, until acknowledged.
-    pub fn problem(&self) -> Option<Problem> {
+    pub fn problem(&self) -> Option<EnablingError> {
         self.problem
     }
 
@@ -278,7 +278,7 @@ impl Enabling {
     }
 
     /// One cycle: what the drive is told, from what it said and what is wanted. `now_ns` must not run backwards.
-    pub fn advance(&mut self, now_ns: u64, feedback: &Feedback, request: &Request) -> Output {
+    pub fn advance(&mut self, now_ns: u64, feedback: &Feedback, request: &DriveRequest) -> Output {
         // A pattern without a meaning changes nothing; the step's timeout bounds how long it may last.
         let state = feedback.status.state().unwrap_or(self.state);
         self.state = state;
@@ -321,7 +321,7 @@ impl Enabling {
         Output { control, mode, targets, progress }
     }
 
-    fn find_problem(&mut self, feedback: &Feedback, request: &Request) {
+    fn find_problem(&mut self, feedback: &Feedback, request: &DriveRequest) {
         if self.reset != Reset::None {
             if self.state == DriveState::Fault || self.state == DriveState::FaultReactionActive {
                 return;
@@ -331,25 +331,25 @@ impl Enabling {
         let found = match self.state {
             DriveState::Fault | DriveState::FaultReactionActive => match self.problem {
                 // The code may arrive some cycles after the state; after that the first one stays.
-                Some(Problem::FaultPersists(_)) => None,
-                Some(Problem::Fault(Some(code))) if code != ErrorCode::NONE => None,
-                _ => Some(Problem::Fault(feedback.error)),
+                Some(EnablingError::FaultPersists(_)) => None,
+                Some(EnablingError::Fault(Some(code))) if code != ErrorCode::NONE => None,
+                _ => Some(EnablingError::Fault(feedback.error)),
             },
             _ if self.problem.is_some() => None,
-            _ if request.wanted == Wanted::QuickStop => Some(Problem::QuickStop),
-            DriveState::QuickStopActive if !self.leaving_quick_stop => Some(Problem::QuickStopByDrive),
+            _ if request.wanted == Wanted::QuickStop => Some(EnablingError::QuickStop),
+            DriveState::QuickStopActive if !self.leaving_quick_stop => Some(EnablingError::QuickStopByDrive),
             found
                 if self.operating
                     && found != DriveState::OperationEnabled
                     && request.wanted == Wanted::OperationEnabled =>
             {
-                Some(Problem::LeftOperation { found, status: feedback.status })
+                Some(EnablingError::LeftOperation { found, status: feedback.status })
             }
             _ => match self.settings.supported {
                 Some(supported)
                     if request.wanted == Wanted::OperationEnabled && !supported.supports(request.mode) =>
                 {
-                    Some(Problem::UnsupportedMode { wanted: request.mode, supported })
+                    Some(EnablingError::UnsupportedMode { wanted: request.mode, supported })
                 }
                 _ => None,
             },
@@ -374,11 +374,11 @@ impl Enabling {
     }
 
     /// The mode to ask for: a mode that the drive lacks is never asked for.
-    fn mode(&self, feedback: &Feedback, request: &Request) -> Mode {
+    fn mode(&self, feedback: &Feedback, request: &DriveRequest) -> Mode {
         match (self.problem, self.running) {
             // While stopping nothing is switched.
             (Some(_), Some((mode, _))) => mode,
-            (Some(Problem::UnsupportedMode { .. }), None) => {
+            (Some(EnablingError::UnsupportedMode { .. }), None) => {
                 feedback.mode_code.and_then(Mode::from_code).unwrap_or(request.mode)
             }
             _ => request.mode,
@@ -400,9 +400,13 @@ impl Enabling {
             return;
         }
         let problem = match step {
-            _ if self.reset != Reset::None => Problem::FaultPersists(feedback.error),
-            Step::State(from, to) => Problem::StateTimeout { from, to, status: feedback.status, waited_ns },
-            Step::Mode(to) => Problem::ModeTimeout { to, found: feedback.mode_code.unwrap_or(0), waited_ns },
+            _ if self.reset != Reset::None => EnablingError::FaultPersists(feedback.error),
+            Step::State(from, to) => {
+                EnablingError::StateTimeout { from, to, status: feedback.status, waited_ns }
+            }
+            Step::Mode(to) => {
+                EnablingError::ModeTimeout { to, found: feedback.mode_code.unwrap_or(0), waited_ns }
+            }
         };
         if matches!(step, Step::State(_, Wanted::QuickStop)) {
             // It does not brake: take the torque away (IEC 60204-1, category 0).
@@ -432,7 +436,7 @@ impl Enabling {
         &mut self,
         now_ns: u64,
         feedback: &Feedback,
-        request: &Request,
+        request: &DriveRequest,
         shown: Option<Mode>,
     ) -> Targets {
         let mut targets = feedback.actual;

@@ -19,7 +19,7 @@ pub mod object;
 pub mod scaling;
 pub mod state;
 
-pub use enabling::{Enabling, Feedback, Output, Problem, Progress, Request, Settings, Targets};
+pub use enabling::{DriveRequest, Enabling, EnablingError, Feedback, Output, Progress, Settings, Targets};
 pub use error_code::ErrorCode;
 pub use mode::{Mode, Quantity, SupportedModes};
 pub use object::{DataType, Object};

@@ -1,8 +1,8 @@
 //! One drive, modelled after the state diagram of the standard, run by [`Enabling`].
 
 use omnibase_cia402::{
-    ControlWord, DriveState, Enabling, ErrorCode, Feedback, Mode, Output, Problem, Progress, Request,
-    Settings, StatusWord, SupportedModes, Targets, Wanted, next_control_word,
+    ControlWord, DriveRequest, DriveState, Enabling, EnablingError, ErrorCode, Feedback, Mode, Output,
+    Progress, Settings, StatusWord, SupportedModes, Targets, Wanted, next_control_word,
 };
 use proptest::prelude::*;
 
@@ -109,13 +109,13 @@ impl Drive {
 struct Bench {
     drive: Drive,
     machine: Enabling,
-    request: Request,
+    request: DriveRequest,
     now_ns: u64,
 }
 
 impl Bench {
     fn new(mode: Mode) -> Bench {
-        let request = Request {
+        let request = DriveRequest {
             wanted: Wanted::OperationEnabled,
             mode,
             targets: Targets { position_counts: 1_000_000, velocity_units: 40, torque_per_mille: 0 },
@@ -240,7 +240,7 @@ fn a_fault_is_named_and_reset_by_an_edge_only_when_acknowledged() {
     bench.cycle();
     bench.drive.error = 0x8611;
     let output = bench.run_until(|_| true);
-    assert_eq!(output.progress, Progress::Stopped(Problem::Fault(Some(ErrorCode(0x8611)))));
+    assert_eq!(output.progress, Progress::Stopped(EnablingError::Fault(Some(ErrorCode(0x8611)))));
     assert_eq!(
         bench.machine.problem().unwrap().to_string(),
         "the drive is in fault: error 0x8611 (following error)"
@@ -261,7 +261,7 @@ fn a_fault_with_a_lasting_cause_persists() {
     bench.cycle();
     bench.machine.acknowledge();
     let output = bench.run_until(|output| matches!(output.progress, Progress::Stopped(_)));
-    assert_eq!(output.progress, Progress::Stopped(Problem::FaultPersists(Some(ErrorCode(0x3220)))));
+    assert_eq!(output.progress, Progress::Stopped(EnablingError::FaultPersists(Some(ErrorCode(0x3220)))));
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn a_quick_stop_is_never_left_by_itself() {
     for _ in 0..5000 {
         let output = bench.cycle();
         assert_eq!(output.control, ControlWord::COMMAND_QUICK_STOP);
-        assert_eq!(output.progress, Progress::Stopped(Problem::QuickStop));
+        assert_eq!(output.progress, Progress::Stopped(EnablingError::QuickStop));
     }
     assert_eq!(bench.drive.state, DriveState::QuickStopActive);
     // A drive whose option code leaves quick stop afterwards is not enabled again either.
@@ -289,7 +289,7 @@ fn a_quick_stop_is_never_left_by_itself() {
 fn a_quick_stop_is_left_by_way_of_switch_on_disabled() {
     let mut bench = Bench::running(Mode::CyclicSynchronousVelocity);
     bench.drive.state = DriveState::QuickStopActive;
-    assert_eq!(bench.cycle().progress, Progress::Stopped(Problem::QuickStopByDrive));
+    assert_eq!(bench.cycle().progress, Progress::Stopped(EnablingError::QuickStopByDrive));
     bench.machine.acknowledge();
     let mut seen_disabled = false;
     bench.run_until(|output| output.control == ControlWord::COMMAND_DISABLE_VOLTAGE);
@@ -325,7 +325,7 @@ fn leaving_operation_by_itself_is_named_and_not_repaired() {
     bench.drive.state = DriveState::SwitchOnDisabled;
     bench.drive.voltage = false;
     let output = bench.cycle();
-    let Progress::Stopped(problem @ Problem::LeftOperation { found, .. }) = output.progress else {
+    let Progress::Stopped(problem @ EnablingError::LeftOperation { found, .. }) = output.progress else {
         panic!("{output:?}")
     };
     assert_eq!(found, DriveState::SwitchOnDisabled);
@@ -341,7 +341,7 @@ fn a_step_that_takes_too_long_is_named() {
     let mut bench = Bench::new(Mode::CyclicSynchronousVelocity);
     bench.drive.voltage = false;
     let output = bench.run_until(|output| matches!(output.progress, Progress::Stopped(_)));
-    let Progress::Stopped(Problem::StateTimeout { from, to, waited_ns, .. }) = output.progress else {
+    let Progress::Stopped(EnablingError::StateTimeout { from, to, waited_ns, .. }) = output.progress else {
         panic!("{output:?}")
     };
     assert_eq!((from, to), (DriveState::SwitchOnDisabled, Wanted::OperationEnabled));
@@ -360,7 +360,10 @@ fn a_mode_that_never_shows_is_named_and_stops_quickly() {
         let output = bench.machine.advance(now_ns, &feedback, &bench.request);
         if let Progress::Stopped(problem) = output.progress {
             assert!(
-                matches!(problem, Problem::ModeTimeout { to: Mode::CyclicSynchronousTorque, found: 9, .. }),
+                matches!(
+                    problem,
+                    EnablingError::ModeTimeout { to: Mode::CyclicSynchronousTorque, found: 9, .. }
+                ),
                 "{problem}"
             );
             assert_eq!(output.control, ControlWord::COMMAND_QUICK_STOP);
@@ -378,7 +381,7 @@ fn an_unsupported_mode_is_refused_before_the_drive_is_enabled() {
     bench.machine = Enabling::new(settings);
     for _ in 0..100 {
         let output = bench.cycle();
-        assert!(matches!(output.progress, Progress::Stopped(Problem::UnsupportedMode { .. })));
+        assert!(matches!(output.progress, Progress::Stopped(EnablingError::UnsupportedMode { .. })));
         assert_eq!(output.control, ControlWord::COMMAND_DISABLE_VOLTAGE);
     }
     assert!(SupportedModes(0x180).supports(Mode::CyclicSynchronousVelocity));
@@ -445,7 +448,7 @@ proptest! {
             let actual = Targets { position_counts: position, velocity_units: velocity, torque_per_mille: torque };
             let status = StatusWord(status);
             let feedback = Feedback { status, mode_code: Some(mode), actual, error: None };
-            let request = Request {
+            let request = DriveRequest {
                 wanted: Wanted::OperationEnabled,
                 mode: Mode::CyclicSynchronousVelocity,
                 targets: Targets { velocity_units: i32::MIN, ..Targets::default() },

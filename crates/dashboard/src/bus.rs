@@ -4,7 +4,7 @@ use omnibase_robot::RobotPlan;
 use omnibase_run::live::{AcyclicLine, EntryType, SdoError, SdoPlace, SubDeviceSeen};
 use serde_json::{Value, json};
 
-use crate::call::Said;
+use crate::call::CallResult;
 
 /// A question that the bus answers.
 #[derive(Debug)]
@@ -48,10 +48,10 @@ impl NewValue {
 
 impl BusCall {
     /// The answer; waits for it.
-    pub(crate) fn answer(self, line: &AcyclicLine, plan: &RobotPlan) -> Said {
+    pub(crate) fn answer(self, line: &AcyclicLine, plan: &RobotPlan) -> CallResult {
         match self.try_answer(line, plan) {
-            Ok((text, data)) => Said { data: Some(data), ..Said::done(text) },
-            Err(error) => Said::refused(error),
+            Ok((text, data)) => CallResult { data: Some(data), ..CallResult::done(text) },
+            Err(error) => CallResult::refused(error),
         }
     }
 

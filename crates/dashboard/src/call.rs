@@ -57,7 +57,7 @@ pub enum Call {
     },
     /// A stick's wish, in shares of the limits, each from -1 to 1; it counts from where the session said once that its
     /// stick was let go.
-    Pad {
+    StickWish {
         /// Forward, or along x.
         x: f64,
         /// To the left, or along y.
@@ -154,7 +154,7 @@ pub enum Call {
 
 /// A call as it comes in, with what stands beside it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "Beside")]
+#[serde(try_from = "WrittenMessage")]
 pub(crate) struct Message {
     /// The number by which a page knows the answer.
     pub(crate) number: u64,
@@ -166,7 +166,7 @@ pub(crate) struct Message {
 
 /// A [`Message`] as it is written.
 #[derive(Deserialize)]
-struct Beside {
+struct WrittenMessage {
     #[serde(default)]
     number: u64,
     #[serde(default)]
@@ -175,11 +175,11 @@ struct Beside {
     call: serde_json::Value,
 }
 
-impl TryFrom<Beside> for Message {
+impl TryFrom<WrittenMessage> for Message {
     type Error = serde_json::Error;
 
-    fn try_from(beside: Beside) -> Result<Self, Self::Error> {
-        let Beside { number, stamp, call } = beside;
+    fn try_from(beside: WrittenMessage) -> Result<Self, Self::Error> {
+        let WrittenMessage { number, stamp, call } = beside;
         Ok(Message { number, stamp_ms: stamp, call: serde_json::from_value(call)? })
     }
 }
@@ -209,7 +209,7 @@ impl Call {
             | Call::Release
             | Call::Controller { .. }
             | Call::Set { .. }
-            | Call::Pad { .. }
+            | Call::StickWish { .. }
             | Call::ReleasePad
             | Call::LosePad
             | Call::EnablePad
@@ -234,7 +234,7 @@ impl Call {
                 | Call::EmergencyStop
                 | Call::Release
                 | Call::Pause
-                | Call::Pad { .. }
+                | Call::StickWish { .. }
                 | Call::ReleasePad
                 | Call::LosePad
                 | Call::Alive
@@ -285,7 +285,7 @@ impl From<PadFrame> for Frame {
 
 /// What came of a call.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Said {
+pub struct CallResult {
     /// Whether it was done.
     pub done: bool,
     /// In words.
@@ -295,17 +295,17 @@ pub struct Said {
     pub data: Option<serde_json::Value>,
 }
 
-impl Said {
+impl CallResult {
     pub(crate) fn done(text: impl Into<String>) -> Self {
-        Said { done: true, text: text.into(), data: None }
+        CallResult { done: true, text: text.into(), data: None }
     }
 
     pub(crate) fn refused(why: impl std::fmt::Display) -> Self {
-        Said::not_done(format!("refused: {why}"))
+        CallResult::not_done(format!("refused: {why}"))
     }
 
     pub(crate) fn not_done(text: impl Into<String>) -> Self {
-        Said { done: false, text: text.into(), data: None }
+        CallResult { done: false, text: text.into(), data: None }
     }
 }
 
@@ -328,7 +328,7 @@ mod tests {
         assert_eq!(read(r#"{"do": "enable"}"#).unwrap(), Call::Enable);
         assert_eq!(read(r#"{"do":"go_to","pose":[1,2,3]}"#).unwrap(), Call::GoTo { pose: [1.0, 2.0, 3.0] });
         let pad = read(r#"{"do":"pad","x":0.5,"y":0,"turn":0}"#).unwrap();
-        assert_eq!(pad, Call::Pad { x: 0.5, y: 0.0, turn: 0.0, frame: PadFrame::Body });
+        assert_eq!(pad, Call::StickWish { x: 0.5, y: 0.0, turn: 0.0, frame: PadFrame::Body });
         let set = read(r#"{"do":"set_pose","pose":[1,2,3],"sigma_m":0.05}"#).unwrap();
         assert_eq!(set, Call::SetPose { pose: [1.0, 2.0, 3.0], sigma_m: Some(0.05), sigma_rad: None });
         let stop = read(r#"{"do":"stop","category":"category_1"}"#).unwrap();

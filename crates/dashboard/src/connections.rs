@@ -128,7 +128,7 @@ impl Places {
     }
 
     /// A place for whoever comes, and whether somebody else had to go for it.
-    pub(crate) fn take(&self, from: IpAddr) -> (Place, bool) {
+    pub(crate) fn take(&self, from: IpAddr) -> (Slot, bool) {
         let from = Network::of(from);
         let mut table = self.table();
         let is_crowded = table.make_room(from);
@@ -136,25 +136,25 @@ impl Places {
         table.next += 1;
         let (life, ended) = oneshot::channel();
         table.held.insert(number, Held { from, state: State::Waits, is_proven: false, _life: life });
-        (Place { seat: Seat { places: self.clone(), number }, ended: Some(ended) }, is_crowded)
+        (Slot { seat: Seat { places: self.clone(), number }, ended: Some(ended) }, is_crowded)
     }
 }
 
 /// One connection's place; it is given back when this is dropped.
-pub(crate) struct Place {
+pub(crate) struct Slot {
     seat: Seat,
     /// `None` once it was taken away.
     ended: Option<oneshot::Receiver<()>>,
 }
 
-impl Place {
+impl Slot {
     /// By which its requests tell what they are about.
     pub(crate) fn seat(&self) -> Seat {
         self.seat.clone()
     }
 }
 
-impl Drop for Place {
+impl Drop for Slot {
     fn drop(&mut self) {
         self.seat.places.table().held.remove(&self.seat.number);
     }
@@ -222,11 +222,11 @@ impl Drop for Asking {
 /// A connection that ends when its place is taken, and gives it back at its own end.
 pub(crate) struct Connection {
     stream: TcpStream,
-    place: Place,
+    place: Slot,
 }
 
 impl Connection {
-    pub(crate) fn new(stream: TcpStream, place: Place) -> Self {
+    pub(crate) fn new(stream: TcpStream, place: Slot) -> Self {
         Connection { stream, place }
     }
 
@@ -276,13 +276,13 @@ mod tests {
         IpAddr::from([192, 168, 1, n])
     }
 
-    fn is_ended(place: &mut Place) -> bool {
+    fn is_ended(place: &mut Slot) -> bool {
         let ended = place.ended.as_mut().map(|ended| ended.try_recv());
         ended == Some(Err(oneshot::error::TryRecvError::Closed))
     }
 
     /// So many from an address; a newcomer always gets a place.
-    fn held(places: &Places, from: IpAddr, count: usize) -> Vec<Place> {
+    fn held(places: &Places, from: IpAddr, count: usize) -> Vec<Slot> {
         (0..count).map(|_| places.take(from).0).collect()
     }
 
@@ -317,7 +317,7 @@ mod tests {
         let mut own = held(&places, here, MOST - MOST_FROM_ELSEWHERE);
         let (mut proven, _) = places.take(address(1));
         proven.seat().prove();
-        let _flood: Vec<Place> = (1..=250).flat_map(|n| held(&places, address(n), 2)).collect();
+        let _flood: Vec<Slot> = (1..=250).flat_map(|n| held(&places, address(n), 2)).collect();
         assert!(own.iter_mut().all(|place| !is_ended(place)) && !is_ended(&mut proven));
         // Nor does this computer itself drive out who showed the token.
         let _here = held(&places, here, 1000);

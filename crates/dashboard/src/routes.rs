@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::access::{COOKIE, Denied, Right};
-use crate::call::{Call, Message, Said};
+use crate::call::{Call, CallResult, Message};
 use crate::connections::Seat;
 use crate::page;
-use crate::seen::{Counters, EventSeen, Seen};
 use crate::shared::{SaidNow, Shared, Underway, stamp_of};
 use crate::socket;
+use crate::status::{Counters, EventSeen, StatusMessage};
 use crate::work::{Busy, For};
 
 /// The longest body of a request, such as a path.
@@ -152,7 +152,7 @@ async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, hea
         return json_text(text.as_bytes().to_vec());
     }
     let about = &shared.desk.about;
-    let mut seen = Seen::new(&shared.live.snapshot(), &mut about.rows());
+    let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut about.rows());
     seen.server = shared.counters.all();
     let named = about.columns().into_iter().zip(&seen.values).map(|(name, value)| (name, json!(value)));
     let named: Map<String, Value> = named.collect();
@@ -171,7 +171,7 @@ fn json_text(text: Vec<u8>) -> Response {
 #[derive(Serialize)]
 struct Robot<'a> {
     #[serde(flatten)]
-    facts: crate::about::Facts<'a>,
+    facts: crate::robot_info::Facts<'a>,
     saved_paths: Vec<String>,
 }
 
@@ -190,7 +190,7 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
         }
         Err(_) => {
             Counters::count(&shared.counters.malformed);
-            let why = Said::refused("the body didn't come");
+            let why = CallResult::refused("the body didn't come");
             return (StatusCode::REQUEST_TIMEOUT, [(header::CONNECTION, "close")], Json(why)).into_response();
         }
     };
@@ -215,23 +215,25 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
         Ok(Ok(message)) => message,
         Ok(Err(error)) => {
             Counters::count(&shared.counters.malformed);
-            return (StatusCode::BAD_REQUEST, Json(Said::refused(error))).into_response();
+            return (StatusCode::BAD_REQUEST, Json(CallResult::refused(error))).into_response();
         }
         Err(busy) => return busy.into_response(),
     };
     let Message { stamp_ms, call, .. } = message;
     // A program that asks and goes can't hold a stick.
-    let is_pad =
-        matches!(call, Call::Pad { .. } | Call::ReleasePad | Call::LosePad | Call::EnablePad | Call::Alive);
+    let is_pad = matches!(
+        call,
+        Call::StickWish { .. } | Call::ReleasePad | Call::LosePad | Call::EnablePad | Call::Alive
+    );
     if is_pad {
         let why = "a stick belongs to a page: expected a WebSocket at /api/live";
-        return (StatusCode::CONFLICT, Json(Said::refused(why))).into_response();
+        return (StatusCode::CONFLICT, Json(CallResult::refused(why))).into_response();
     }
     let reply = shared.take(asker.stamped(stamp_of(stamp_ms)), call).await;
     said(shared.finish(reply).await)
 }
 
-fn said(said: Said) -> Response {
+fn said(said: CallResult) -> Response {
     let status = if said.done { StatusCode::OK } else { StatusCode::CONFLICT };
     (status, Json(said)).into_response()
 }
@@ -246,7 +248,7 @@ async fn read(shared: &Shared, body: Bytes) -> Result<serde_json::Result<Message
 
 impl IntoResponse for Busy {
     fn into_response(self) -> Response {
-        (StatusCode::SERVICE_UNAVAILABLE, [(header::RETRY_AFTER, "1")], Json(Said::refused(self)))
+        (StatusCode::SERVICE_UNAVAILABLE, [(header::RETRY_AFTER, "1")], Json(CallResult::refused(self)))
             .into_response()
     }
 }
@@ -263,7 +265,7 @@ async fn socket(
     };
     if !peer.seat.look() {
         Counters::count(&shared.counters.crowded);
-        let why = Said::refused("too many pages look on without the token");
+        let why = CallResult::refused("too many pages look on without the token");
         return (StatusCode::SERVICE_UNAVAILABLE, Json(why)).into_response();
     }
     upgrade

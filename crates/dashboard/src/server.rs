@@ -20,13 +20,13 @@ use omnibase_run::live::Live;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
-use crate::about::About;
 use crate::access::Access;
+use crate::call_handler::CallHandler;
 use crate::connections::{Connection, Places};
-use crate::desk::Desk;
+use crate::robot_info::RobotInfo;
 use crate::routes::{self, Peer};
-use crate::seen::Counters;
 use crate::shared::Shared;
+use crate::status::Counters;
 use crate::streams::{self, Streams};
 use crate::tick::tick;
 use crate::work::{self, Work};
@@ -80,7 +80,7 @@ enum Ended {
 
 impl Dashboard {
     /// Serves a robot's page.
-    pub fn start(access: Access, live: Live, about: About) -> Result<Dashboard, DashboardError> {
+    pub fn start(access: Access, live: Live, about: RobotInfo) -> Result<Dashboard, DashboardError> {
         let failed = |error| DashboardError::Address { address: access.address, error };
         let listener = std::net::TcpListener::bind(access.address).map_err(failed)?;
         // Those that come all at once wait to be taken: where they are turned away they come again after a second.
@@ -101,7 +101,7 @@ impl Dashboard {
         let thread = std::thread::Builder::new().name("dashboard".into()).spawn(move || {
             watched(&live.clone(), || {
                 let work = Work::new(beside.handle().clone());
-                let shared = Shared::new(access, Desk::new(live, about), shared, work);
+                let shared = Shared::new(access, CallHandler::new(live, about), shared, work);
                 runtime.block_on(serve(listener, shared, ended))
             });
             // What is being computed for nobody any more holds nothing up.
@@ -207,16 +207,16 @@ mod tests {
     use super::*;
     use omnibase_robot::signals::{CycleRecord, Phase, StopCategory};
     use omnibase_robot::{Request, RequestKind};
-    use omnibase_run::live::{Ages, Ask, LiveEnd, Pad, live};
+    use omnibase_run::live::{Ages, Ask, LiveEnd, StickWish, live};
 
     /// A page drives, and then its server ends so; what the robot is asked in the cycle after it, and what is said.
     fn after(serve: impl FnOnce() -> Ended) -> (Option<RequestKind>, Option<&'static str>) {
         let ages = Ages { pad_ns: u64::MAX, session_ns: u64::MAX };
         let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
         let page = live.begin_session().unwrap();
-        let held = Pad::Held { twist: Default::default(), frame: Default::default() };
-        for pad in [Pad::Released, held] {
-            live.send(page, Ask::Pad(pad)).unwrap();
+        let held = StickWish::Held { twist: Default::default(), frame: Default::default() };
+        for pad in [StickWish::Released, held] {
+            live.send(page, Ask::Stick(pad)).unwrap();
         }
         let record = CycleRecord::default();
         let asked = |request: Option<Request>| request.map(|request| request.kind);

@@ -10,11 +10,11 @@ use omnibase_run::live::{Asker, Live, Stamp};
 use tokio::sync::watch;
 
 use crate::access::{Access, Denied, Right};
-use crate::call::{Call, Said};
+use crate::call::{Call, CallResult};
+use crate::call_handler::{CallHandler, Reply};
 use crate::connections::{Asking, Network};
-use crate::desk::{Desk, Reply};
 use crate::routes::Peer;
-use crate::seen::{Counters, NS_OF_MS};
+use crate::status::{Counters, NS_OF_MS};
 use crate::strangers::{Strangers, TooMuch};
 use crate::work::{For, Work};
 
@@ -27,7 +27,7 @@ const LOOK: Duration = Duration::from_millis(5);
 #[derive(Clone)]
 pub(crate) struct Shared {
     access: Arc<Access>,
-    pub(crate) desk: Arc<Desk>,
+    pub(crate) desk: Arc<CallHandler>,
     pub(crate) live: Live,
     pub(crate) counters: Arc<Counters>,
     pub(crate) work: Work,
@@ -59,7 +59,7 @@ impl Drop for Underway {
 }
 
 impl Shared {
-    pub(crate) fn new(access: Access, desk: Desk, counters: Arc<Counters>, work: Work) -> Self {
+    pub(crate) fn new(access: Access, desk: CallHandler, counters: Arc<Counters>, work: Work) -> Self {
         let (sender, _) = watch::channel(Arc::from("{}"));
         Shared {
             access: Arc::new(access),
@@ -139,7 +139,7 @@ impl Shared {
         }
         let desk = self.desk.clone();
         let taken = self.work.run(For::Commander, move || desk.take(asker, call)).await;
-        taken.unwrap_or_else(|busy| Reply::Said(Said::refused(busy)))
+        taken.unwrap_or_else(|busy| Reply::CallResult(CallResult::refused(busy)))
     }
 
     /// The robot's clock as it was last seen, ms.
@@ -160,30 +160,34 @@ impl Shared {
     }
 
     /// What came of a call, once the robot answered.
-    pub(crate) async fn finish(&self, reply: Reply) -> Said {
+    pub(crate) async fn finish(&self, reply: Reply) -> CallResult {
         match reply {
-            Reply::Nothing => Said::done("done"),
-            Reply::Said(said) => said,
+            Reply::Nothing => CallResult::done("done"),
+            Reply::CallResult(said) => said,
             Reply::Ticket(ticket, text) => self.answer(ticket, text).await,
             Reply::Bus(call, plan) => {
                 let line = self.live.acyclic().clone();
                 // It sleeps more than it computes: not in the threads that compute for others.
                 let answered = tokio::task::spawn_blocking(move || call.answer(&line, &plan)).await;
-                answered.unwrap_or_else(Said::refused)
+                answered.unwrap_or_else(CallResult::refused)
             }
         }
     }
 
-    async fn answer(&self, ticket: u64, text: String) -> Said {
+    async fn answer(&self, ticket: u64, text: String) -> CallResult {
         let mut waited = Duration::ZERO;
         while waited < ANSWER {
             if let Some(answer) = self.live.answer(ticket) {
-                return if answer.is_done() { Said::done(text) } else { Said::not_done(answer.text()) };
+                return if answer.is_done() {
+                    CallResult::done(text)
+                } else {
+                    CallResult::not_done(answer.text())
+                };
             }
             tokio::time::sleep(LOOK).await;
             waited += LOOK;
         }
-        Said::refused("the robot's cycle doesn't answer")
+        CallResult::refused("the robot's cycle doesn't answer")
     }
 }
 
@@ -199,6 +203,6 @@ impl IntoResponse for TooMuch {
             TooMuch::Asking => "this address asks too much at the same time",
         };
         let headers = [(header::RETRY_AFTER, "1"), (header::CONNECTION, "close")];
-        (StatusCode::TOO_MANY_REQUESTS, headers, Json(Said::refused(why))).into_response()
+        (StatusCode::TOO_MANY_REQUESTS, headers, Json(CallResult::refused(why))).into_response()
     }
 }

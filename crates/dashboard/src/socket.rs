@@ -10,11 +10,11 @@ use serde::Serialize;
 use tokio::sync::mpsc;
 
 use crate::access::Right;
-use crate::call::{Call, Message, Said};
-use crate::desk::Reply;
+use crate::call::{Call, CallResult, Message};
+use crate::call_handler::Reply;
 use crate::routes::READ_AT_ONCE;
-use crate::seen::Counters;
 use crate::shared::{Shared, stamp_of};
+use crate::status::Counters;
 use crate::strangers::Allowance;
 use crate::work::For;
 
@@ -31,7 +31,7 @@ const STUCK: Duration = Duration::from_secs(3);
 struct Answer {
     answer: u64,
     #[serde(flatten)]
-    said: Said,
+    said: CallResult,
 }
 
 #[derive(Serialize)]
@@ -250,11 +250,11 @@ impl Lane {
         self.left.fetch_add(1, Ordering::Relaxed);
         if self.jobs.try_send(job).is_err() {
             self.left.fetch_sub(1, Ordering::Relaxed);
-            self.say(number, Said::refused("too much was asked at once"));
+            self.say(number, CallResult::refused("too much was asked at once"));
         }
     }
 
-    fn say(&self, number: u64, said: Said) {
+    fn say(&self, number: u64, said: CallResult) {
         let _ = self.answers.try_send(Answer { answer: number, said });
     }
 }
@@ -279,11 +279,11 @@ impl Job {
         let (number, reply) = match read {
             Ok(Message { number, stamp_ms, call }) => match caller.client(&call) {
                 Ok(_) => (number, shared.take(asker.stamped(stamp_of(stamp_ms)), call).await),
-                Err(why) => (number, Reply::Said(Said::not_done(why))),
+                Err(why) => (number, Reply::CallResult(CallResult::not_done(why))),
             },
             Err(why) => {
                 Counters::count(&shared.counters.malformed);
-                (0, Reply::Said(Said::refused(why)))
+                (0, Reply::CallResult(CallResult::refused(why)))
             }
         };
         tell(number, reply, shared, answers);
@@ -328,7 +328,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
         Ok(message) => message,
         Err(error) => {
             Counters::count(&shared.counters.malformed);
-            lane.say(0, Said::refused(error));
+            lane.say(0, CallResult::refused(error));
             return None;
         }
     };
@@ -336,7 +336,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
     if let Err(why) = caller.client(&message.call) {
         if message.call != Call::Alive {
             Counters::count(&shared.counters.denied);
-            lane.say(number, Said::not_done(why));
+            lane.say(number, CallResult::not_done(why));
         }
         return stamp_ms;
     }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::seen::{EventSeen, Seen};
 use crate::shared::Shared;
+use crate::status::{EventSeen, StatusMessage};
 
 /// Between two messages to the pages.
 const TICK: Duration = Duration::from_nanos(33_333_333);
@@ -23,7 +23,7 @@ pub(crate) async fn tick(shared: Shared) {
         if shared.sender.receiver_count() == 0 {
             continue;
         }
-        let mut seen = Seen::new(&shared.live.snapshot(), &mut rows);
+        let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut rows);
         seen.teaching_since_s = shared.desk.teaching_since_s();
         seen.events = events.into_iter().map(EventSeen::from).collect();
         seen.server = shared.counters.all();

@@ -14,7 +14,7 @@ use omnibase_ethercat_wire::frame::{
     DATAGRAM_HEADER, DATAGRAM_OVERHEAD, Datagrams, FrameError, MIN_FRAME, PROCESSED_BIT,
 };
 use omnibase_ethercat_wire::{Command, HostTime};
-use topology::{Cable, Cables, Plug, Ports, Way};
+use topology::{Cable, Cables, FramePath, Plug, Ports};
 
 /// Time of a byte on a 100 Mbit/s cable, ns.
 const BYTE_NS: u64 = 80;
@@ -45,7 +45,7 @@ pub struct Segment {
     sub_devices: Vec<SubDevice>,
     cables: Cables,
     /// From the primary interface, and from the redundant one.
-    ways: [Way; 2],
+    ways: [FramePath; 2],
     /// Which of them the present frame takes.
     taken: usize,
     now: HostTime,
@@ -300,7 +300,7 @@ impl Segment {
         self.due[position] = self.sub_devices[position].due();
     }
 
-    fn way(&self) -> &Way {
+    fn way(&self) -> &FramePath {
         &self.ways[self.taken]
     }
 
@@ -393,7 +393,7 @@ impl Segment {
         }
         let view = PortView(&self.sub_devices);
         self.ways =
-            [MainPort::Primary, MainPort::Redundant].map(|port| Way::follow(&self.cables, &view, port));
+            [MainPort::Primary, MainPort::Redundant].map(|port| FramePath::follow(&self.cables, &view, port));
         let mut arrivals = vec![[None; 4]; self.sub_devices.len()];
         let mut units = vec![None; self.sub_devices.len()];
         // Where both ways lead to a chip the primary one measures.
@@ -413,7 +413,7 @@ impl Segment {
     }
 }
 
-/// Cables and chips as [`Way::follow`] sees them.
+/// Cables and chips as [`FramePath::follow`] sees them.
 struct PortView<'a>(&'a [SubDevice]);
 
 impl Ports for PortView<'_> {

@@ -42,7 +42,7 @@ const CABLE_DELAY_NS: u32 = 100;
 
 /// Something wrong in a segment file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
+pub struct Mistake {
     /// Line, from 1.
     pub line: usize,
     /// Column, from 1.
@@ -51,7 +51,7 @@ pub struct Problem {
     pub text: String,
 }
 
-impl core::fmt::Display for Problem {
+impl core::fmt::Display for Mistake {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{}:{}: {}", self.line, self.column, self.text)
     }
@@ -62,11 +62,11 @@ impl core::fmt::Display for Problem {
 #[error("{}", lines(.problems))]
 pub struct SegmentFileError {
     /// The problems, at least one.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<Mistake>,
 }
 
-fn lines(problems: &[Problem]) -> String {
-    let lines: Vec<String> = problems.iter().map(Problem::to_string).collect();
+fn lines(problems: &[Mistake]) -> String {
+    let lines: Vec<String> = problems.iter().map(Mistake::to_string).collect();
     lines.join("\n")
 }
 

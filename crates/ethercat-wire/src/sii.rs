@@ -1,6 +1,6 @@
 //! The SII: a device's EEPROM image (ETG.2010), read without loss and written.
 //!
-//! [`Image::parse`] keeps what it can read of a damaged image and names the rest as [`Problem`]s.
+//! [`Image::parse`] keeps what it can read of a damaged image and names the rest as [`SiiDefect`]s.
 
 mod read;
 mod write;
@@ -369,14 +369,14 @@ pub struct ImageTooShort {
 
 /// Something in an image that couldn't be read, and where; the rest was.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
+pub struct SiiDefect {
     /// Byte offset in the image.
     pub offset: usize,
     /// What is wrong, with expected and found.
     pub text: String,
 }
 
-impl core::fmt::Display for Problem {
+impl core::fmt::Display for SiiDefect {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "byte 0x{:04x}: {}", self.offset, self.text)
     }

@@ -66,7 +66,7 @@ pub enum Warning {
         /// The SubDevice.
         position: u16,
         /// What, and where in the image.
-        problem: crate::wire::sii::Problem,
+        problem: crate::wire::sii::SiiDefect,
     },
 }
 

@@ -43,7 +43,7 @@ use batch::{BATCH_FRAMES, Batch};
 use clock::ClockReading;
 use diagnosis::{Diagnosis, Finding, is_process_data};
 use frame::{CyclicFrame, Flight, MOST_DATAGRAMS, Purpose};
-use recovery::Seen;
+use recovery::Observed;
 use transition::{Progress, Transition, View};
 use wire::Exchanger;
 
@@ -53,7 +53,7 @@ pub use counters::{CommandSet, CycleCounters, DatagramCount};
 pub use diagnosis::Health;
 pub use error::{Programmed, TransitionError};
 pub use handover::{ClockDirection, Handover};
-pub use outcome::{Exchange, Freshness, Phase, SegmentStatus};
+pub use outcome::{Exchange, Freshness, SegmentStatus, TransitionStatus};
 pub use recovery::{Comeback, RecoveryError};
 pub use transition::{Goal, Step, TransitionOptions};
 
@@ -108,7 +108,7 @@ pub struct CyclicBus<L> {
     acyclic: Acyclic,
     diagnosis: Diagnosis,
     transition: Option<Transition>,
-    phase: Phase,
+    phase: TransitionStatus,
     clock: ClockReading,
     /// The last frame brought a reading.
     clock_is_new: bool,
@@ -116,12 +116,12 @@ pub struct CyclicBus<L> {
     steer_slot: Option<usize>,
     status_slot: Option<usize>,
     /// Who is being set to the reference's time to become the reference.
-    heir: Option<u16>,
+    pending_reference: Option<u16>,
     /// The reference started anew or was away with nobody to lead in its place: its clock is neither read, nor written
     /// by the host, nor distributed until it has the time that it would show.
     reference_is_unset: bool,
     /// Who became the reference that way, before its own way was over.
-    crowned: Option<u16>,
+    promoted_reference: Option<u16>,
     /// Exchanges in a row of which no frame came back.
     nothing_back: u64,
     status: Option<SegmentStatus>,
@@ -194,15 +194,15 @@ impl<L: Link> CyclicBus<L> {
             acyclic: Acyclic::new(stations.zip(mailboxes), plan.spare_length),
             diagnosis: Diagnosis::new(members.len(), plan.placements.len()),
             transition: None,
-            phase: Phase::Standby,
+            phase: TransitionStatus::Standby,
             clock: ClockReading::default(),
             clock_is_new: false,
             clock_slot: slot_of(Role::Clock),
             steer_slot: slot_of(Role::SteerClock),
             status_slot: slot_of(Role::Status),
-            heir: None,
+            pending_reference: None,
             reference_is_unset: false,
-            crowned: None,
+            promoted_reference: None,
             nothing_back: 0,
             status: None,
             last: Exchange::Lost { lost: 0, sent: 0 },
@@ -347,7 +347,7 @@ impl<L: Link> CyclicBus<L> {
         }
         self.exchanger.counters.working_counter_errors += 1;
         self.take_inputs_of_the_well(image);
-        Exchange::Without { unwell: self.diagnosis.unwell() as u16 }
+        Exchange::Without { not_operational: self.diagnosis.not_operational() as u16 }
     }
 
     /// The inputs of missing SubDevices stay as they were, and so does a byte that they share with others.
@@ -380,7 +380,7 @@ impl<L: Link> CyclicBus<L> {
         self.keep_reference();
         if self.transition.is_some() {
             self.advance_transition(now);
-        } else if self.phase == Phase::Reached(Goal::Op) {
+        } else if self.phase == TransitionStatus::Reached(Goal::Op) {
             let healthy = self.last == Exchange::Complete
                 && self.status.is_some_and(|status| {
                     usize::from(status.answered) == self.members.len() && status.bits == AlState::Op.bits()
@@ -397,9 +397,9 @@ impl<L: Link> CyclicBus<L> {
             true => self.clock.expected(now),
             false => self.clock.last().filter(|_| self.clock_is_new),
         };
-        let seen = Seen {
+        let seen = Observed {
             time,
-            is_distributed: self.clock_is_new && self.heir.is_none(),
+            is_distributed: self.clock_is_new && self.pending_reference.is_none(),
             answered: self.status.map(|status| status.answered),
             expected: self.members.len() as u16,
         };
@@ -436,11 +436,11 @@ impl<L: Link> CyclicBus<L> {
         };
         let goal = transition.goal();
         self.phase = match transition.advance(&mut view) {
-            Progress::Going => Phase::Moving { goal, step: transition.step() },
-            Progress::Done => Phase::Reached(goal),
-            Progress::Failed(error) => Phase::Failed(error),
+            Progress::Going => TransitionStatus::Moving { goal, step: transition.step() },
+            Progress::Done => TransitionStatus::Reached(goal),
+            Progress::Failed(error) => TransitionStatus::Failed(error),
         };
-        if !matches!(self.phase, Phase::Moving { .. }) {
+        if !matches!(self.phase, TransitionStatus::Moving { .. }) {
             self.transition = None;
             self.batch.begin(1);
         }
@@ -468,12 +468,12 @@ impl<L: Link> CyclicBus<L> {
         self.diagnosis.reset(&mut self.exchanger.frames[..self.planned]);
         self.lead_on();
         self.phase = if self.members.is_empty() {
-            Phase::Reached(goal)
+            TransitionStatus::Reached(goal)
         } else {
             let transition = Transition::new(goal, options, now);
             let step = transition.step();
             self.transition = Some(transition);
-            Phase::Moving { goal, step }
+            TransitionStatus::Moving { goal, step }
         };
     }
 

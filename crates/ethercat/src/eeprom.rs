@@ -5,7 +5,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::error::Found;
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::transaction::Target;
 use crate::wire::HostTime;
 use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
@@ -89,7 +89,7 @@ impl core::error::Error for EepromError {}
 
 /// What the next datagram is.
 #[derive(Clone, Copy, Debug)]
-enum Phase {
+enum Stage {
     /// Look whether the interface is free.
     Free,
     /// Order the read.
@@ -118,7 +118,7 @@ pub struct SiiReader {
     /// Byte in the EEPROM that is read next; always even.
     cursor: usize,
     part: Part,
-    phase: Phase,
+    phase: Stage,
     wait_until: Option<HostTime>,
     busy_since: Option<HostTime>,
     failures: u32,
@@ -142,7 +142,7 @@ impl SiiReader {
             image: Vec::new(),
             cursor: 0,
             part: Part::Header,
-            phase: Phase::Free,
+            phase: Stage::Free,
             wait_until: None,
             busy_since: None,
             failures: 0,
@@ -282,8 +282,8 @@ impl SiiReader {
             return;
         }
         self.busy_since = None;
-        if let Phase::Free = self.phase {
-            self.phase = Phase::Order;
+        if let Stage::Free = self.phase {
+            self.phase = Stage::Order;
             return;
         }
         let address = u32_at(data, 2);
@@ -292,7 +292,7 @@ impl SiiReader {
             if self.nacks >= NACK_LIMIT {
                 self.outcome = Some(Err(EepromFailure::NotAcknowledged { status }));
             }
-            self.phase = Phase::Order;
+            self.phase = Stage::Order;
             self.wait_until = Some(now + NACK_PAUSE);
             return;
         }
@@ -301,7 +301,7 @@ impl SiiReader {
         let mut bytes = [0; 8];
         bytes[..length].copy_from_slice(&data[6..6 + length]);
         self.fetched = (self.cursor, bytes, length);
-        self.phase = Phase::Order;
+        self.phase = Stage::Order;
         self.take_fetched();
     }
 }
@@ -322,14 +322,14 @@ impl Procedure for SiiReader {
         }
         let station = self.target.station;
         Next::Send(match self.phase {
-            Phase::Free => Request::read(station, register::SII_CONTROL, 2),
-            Phase::Order => Request::write(station, register::SII_CONTROL, 6),
-            Phase::Fetch => Request::read(station, register::SII_CONTROL, 14),
+            Stage::Free => DatagramRequest::read(station, register::SII_CONTROL, 2),
+            Stage::Order => DatagramRequest::write(station, register::SII_CONTROL, 6),
+            Stage::Fetch => DatagramRequest::read(station, register::SII_CONTROL, 14),
         })
     }
 
     fn fill(&self, data: &mut [u8]) {
-        if let Phase::Order = self.phase {
+        if let Stage::Order = self.phase {
             put_u16(data, 0, COMMAND_READ);
             put_u32(data, 2, self.word());
         }
@@ -349,8 +349,8 @@ impl Procedure for SiiReader {
         };
         self.failures = 0;
         match self.phase {
-            Phase::Order => self.phase = Phase::Fetch,
-            Phase::Free | Phase::Fetch => self.take_status(data, now),
+            Stage::Order => self.phase = Stage::Fetch,
+            Stage::Free | Stage::Fetch => self.take_status(data, now),
         }
     }
 }

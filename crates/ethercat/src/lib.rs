@@ -58,7 +58,7 @@ pub use config::{DcConfig, Match, SubDeviceConfig};
 pub use cyclic::{CyclicBus, CyclicParts, Exchange};
 pub use error::SetUpError;
 pub use image::{ImagePlan, Member, ProcessImage};
-pub use procedure::{Answer, Next, Procedure, Request};
+pub use procedure::{Answer, DatagramRequest, Next, Procedure};
 pub use redundant::RedundantLink;
 pub use start_up::{StartUpList, StartUpStep};
 pub use subdevice::SubDevice;

@@ -20,7 +20,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use core::time::Duration;
 
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::MailboxConfig;
 use crate::wire::bytes::u16_at;
 use crate::wire::coe::{self, AbortCode, Emergency, Service};
@@ -324,19 +324,19 @@ impl Mailbox {
     }
 
     /// The request that belongs to the present stage.
-    fn datagram(&self) -> Option<Request> {
+    fn datagram(&self) -> Option<DatagramRequest> {
         let station = self.station;
         Some(match self.stage {
             Stage::Idle => return None,
-            Stage::Look => Request::read(station, WRITE_STATUS, BOTH_STATUS),
-            Stage::Write => Request::write(station, self.config.write.start, self.message.len()),
-            Stage::Poll => Request::read(station, READ_STATUS, 1),
+            Stage::Look => DatagramRequest::read(station, WRITE_STATUS, BOTH_STATUS),
+            Stage::Write => DatagramRequest::write(station, self.config.write.start, self.message.len()),
+            Stage::Poll => DatagramRequest::read(station, READ_STATUS, 1),
             Stage::Read => {
-                Request::read(station, self.config.read.start, usize::from(self.config.read.length))
+                DatagramRequest::read(station, self.config.read.start, usize::from(self.config.read.length))
             }
-            Stage::RepeatLook => Request::read(station, READ_ACTIVATE, 1),
-            Stage::RepeatAsk { .. } => Request::write(station, READ_ACTIVATE, 1),
-            Stage::RepeatWait { .. } => Request::read(station, READ_PDI, 1),
+            Stage::RepeatLook => DatagramRequest::read(station, READ_ACTIVATE, 1),
+            Stage::RepeatAsk { .. } => DatagramRequest::write(station, READ_ACTIVATE, 1),
+            Stage::RepeatWait { .. } => DatagramRequest::read(station, READ_PDI, 1),
         })
     }
 

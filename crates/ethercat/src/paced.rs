@@ -5,7 +5,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use crate::cyclic::{
-    CyclicBus, DcFollower, Exchange, FollowerGains, Goal, HostToDc, Phase, TransitionError, TransitionOptions,
+    CyclicBus, DcFollower, Exchange, FollowerGains, Goal, HostToDc, TransitionError, TransitionOptions,
+    TransitionStatus,
 };
 use crate::image::ProcessImage;
 use crate::wire::frame::FrameBuilder;
@@ -175,11 +176,11 @@ impl<L: Link, C: Clock> PacedBus<L, C> {
     ) -> Result<bool, ReachError> {
         self.bus.request(goal, options, self.clock.now());
         loop {
-            match self.bus.phase() {
-                Phase::Reached(_) => return Ok(true),
-                Phase::Failed(error) => return Err(ReachError::Transition { goal, error }),
-                Phase::Standby => return Ok(false),
-                Phase::Moving { .. } => {}
+            match self.bus.transition() {
+                TransitionStatus::Reached(_) => return Ok(true),
+                TransitionStatus::Failed(error) => return Err(ReachError::Transition { goal, error }),
+                TransitionStatus::Standby => return Ok(false),
+                TransitionStatus::Moving { .. } => {}
             }
             if stop.load(Ordering::Relaxed) {
                 return Ok(false);

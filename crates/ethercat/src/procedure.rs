@@ -8,7 +8,7 @@ use crate::wire::{Address, Command, HostTime};
 
 /// One datagram that a procedure wants sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
+pub struct DatagramRequest {
     /// What is asked.
     pub command: Command,
     /// Of whom.
@@ -17,15 +17,15 @@ pub struct Request {
     pub length: usize,
 }
 
-impl Request {
+impl DatagramRequest {
     /// A read of `length` bytes at `register` of a SubDevice by its station address.
     pub fn read(station: u16, register: u16, length: usize) -> Self {
-        Request { command: Command::Fprd, address: Address::station(station, register), length }
+        DatagramRequest { command: Command::Fprd, address: Address::station(station, register), length }
     }
 
     /// A write of `length` bytes at `register` of a SubDevice by its station address.
     pub fn write(station: u16, register: u16, length: usize) -> Self {
-        Request { command: Command::Fpwr, address: Address::station(station, register), length }
+        DatagramRequest { command: Command::Fpwr, address: Address::station(station, register), length }
     }
 }
 
@@ -33,7 +33,7 @@ impl Request {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Next<T> {
     /// Send this datagram, then give its answer. Asking again before that gives the same request.
-    Send(Request),
+    Send(DatagramRequest),
     /// Nothing before this instant.
     WaitUntil(HostTime),
     /// It is over.

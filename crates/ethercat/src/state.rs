@@ -4,7 +4,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::error::Found;
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::transaction::Target;
 use crate::wire::bytes::u16_at;
 use crate::wire::{AlState, AlStatusCode, HostTime, register};
@@ -153,7 +153,7 @@ impl core::error::Error for StateError {}
 
 /// What the next datagram is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
+enum Stage {
     /// Look for an error of before.
     Before,
     /// Acknowledge it.
@@ -174,7 +174,7 @@ pub struct StateChange {
     application: Application,
     timeout: Duration,
     deadline: Option<HostTime>,
-    phase: Phase,
+    phase: Stage,
     wait_until: Option<HostTime>,
     failures: u32,
     status: Option<AlStatus>,
@@ -190,7 +190,7 @@ impl StateChange {
             application,
             timeout,
             deadline: None,
-            phase: Phase::Before,
+            phase: Stage::Before,
             wait_until: None,
             failures: 0,
             status: None,
@@ -204,7 +204,7 @@ impl StateChange {
 
     fn control(&self) -> u16 {
         match (self.phase, self.status.and_then(AlStatus::state)) {
-            (Phase::Acknowledge, state) => state.unwrap_or(AlState::Init).bits() | AlState::ERROR,
+            (Stage::Acknowledge, state) => state.unwrap_or(AlState::Init).bits() | AlState::ERROR,
             _ => self.requested.bits(),
         }
     }
@@ -213,11 +213,11 @@ impl StateChange {
         self.status = Some(status);
         let reached = status.state() == Some(self.requested) && !self.erroneous(status);
         match self.phase {
-            Phase::Before if self.erroneous(status) => self.phase = Phase::Acknowledge,
-            Phase::Before => self.phase = Phase::Ask,
-            Phase::Acknowledged if !self.erroneous(status) => self.phase = Phase::Ask,
-            Phase::Wait if reached => self.outcome = Some(Ok(status)),
-            Phase::Wait if self.erroneous(status) => self.outcome = Some(Err(StateFailure::Refused)),
+            Stage::Before if self.erroneous(status) => self.phase = Stage::Acknowledge,
+            Stage::Before => self.phase = Stage::Ask,
+            Stage::Acknowledged if !self.erroneous(status) => self.phase = Stage::Ask,
+            Stage::Wait if reached => self.outcome = Some(Ok(status)),
+            Stage::Wait if self.erroneous(status) => self.outcome = Some(Err(StateFailure::Refused)),
             _ => self.wait_until = Some(now + POLL_PAUSE),
         }
     }
@@ -243,13 +243,13 @@ impl Procedure for StateChange {
         }
         let station = self.target.station;
         Next::Send(match self.phase {
-            Phase::Acknowledge | Phase::Ask => Request::write(station, register::AL_CONTROL, 2),
-            _ => Request::read(station, register::AL_STATUS, AlStatus::LENGTH),
+            Stage::Acknowledge | Stage::Ask => DatagramRequest::write(station, register::AL_CONTROL, 2),
+            _ => DatagramRequest::read(station, register::AL_STATUS, AlStatus::LENGTH),
         })
     }
 
     fn fill(&self, data: &mut [u8]) {
-        if let Phase::Acknowledge | Phase::Ask = self.phase {
+        if let Stage::Acknowledge | Stage::Ask = self.phase {
             data.copy_from_slice(&self.control().to_le_bytes());
         }
     }
@@ -268,8 +268,8 @@ impl Procedure for StateChange {
         };
         self.failures = 0;
         match self.phase {
-            Phase::Acknowledge => self.phase = Phase::Acknowledged,
-            Phase::Ask => self.phase = Phase::Wait,
+            Stage::Acknowledge => self.phase = Stage::Acknowledged,
+            Stage::Ask => self.phase = Stage::Wait,
             _ => {
                 if let Some(status) = AlStatus::read(data) {
                     self.take_status(status, now);

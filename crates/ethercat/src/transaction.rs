@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 use core::time::Duration;
 
 use crate::error::{AccessError, Found, SetUpError};
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::wire::frame::{self, Datagram, Datagrams, FrameBuilder};
 use crate::wire::{Address, Clock, Command, Link, LinkError};
 
@@ -164,8 +164,8 @@ impl Access {
         }
     }
 
-    fn request(&self) -> Request {
-        Request { command: self.command, address: self.address, length: self.data.len() }
+    fn request(&self) -> DatagramRequest {
+        DatagramRequest { command: self.command, address: self.address, length: self.data.len() }
     }
 
     fn succeeded(&self) -> bool {
@@ -226,7 +226,7 @@ impl<L: Link, C: Clock> Transactor<L, C> {
     /// `answer(number, answer)`, in any order, lost ones last.
     pub fn exchange(
         &mut self,
-        requests: &[Request],
+        requests: &[DatagramRequest],
         fill: &mut dyn FnMut(usize, &mut [u8]),
         answer: &mut dyn FnMut(usize, Answer<'_>),
     ) -> Result<(), LinkError> {
@@ -314,7 +314,8 @@ impl<L: Link, C: Clock> Transactor<L, C> {
                 self.counters.retries += pending.len() as u64;
                 self.pause(self.options.retry_pause);
             }
-            let requests: Vec<Request> = pending.iter().map(|&number| accesses[number].request()).collect();
+            let requests: Vec<DatagramRequest> =
+                pending.iter().map(|&number| accesses[number].request()).collect();
             let mut answers: Vec<(usize, u16, Vec<u8>)> = Vec::with_capacity(pending.len());
             self.exchange(
                 &requests,

@@ -75,10 +75,14 @@ pub(crate) fn driver(interface: &str) -> Option<String> {
 /// The value of a setting: microseconds, or 0 and 1.
 pub(crate) fn get(interface: &str, setting: NicSetting) -> Result<u32, EthtoolError> {
     let value = match place(setting) {
-        Place::Coalesce(word) => words::<COALESCE_WORDS>(interface, GET_COALESCE).map(|words| words[word]),
-        Place::Eee => words::<EEE_WORDS>(interface, GET_EEE).map(|words| words[EEE_ENABLED]),
-        Place::Gro => words::<2>(interface, GET_GRO).map(|words| words[1]),
-        Place::Flag(flag) => words::<2>(interface, GET_FLAGS).map(|words| u32::from(words[1] & flag != 0)),
+        SettingSource::Coalesce(word) => {
+            words::<COALESCE_WORDS>(interface, GET_COALESCE).map(|words| words[word])
+        }
+        SettingSource::Eee => words::<EEE_WORDS>(interface, GET_EEE).map(|words| words[EEE_ENABLED]),
+        SettingSource::Gro => words::<2>(interface, GET_GRO).map(|words| words[1]),
+        SettingSource::Flag(flag) => {
+            words::<2>(interface, GET_FLAGS).map(|words| u32::from(words[1] & flag != 0))
+        }
     };
     value.map_err(|error| refusal(interface, setting, &error))
 }
@@ -86,12 +90,14 @@ pub(crate) fn get(interface: &str, setting: NicSetting) -> Result<u32, EthtoolEr
 /// Gives a setting a value and leaves the others as they are.
 pub(crate) fn set(interface: &str, setting: NicSetting, value: u32) -> Result<(), EthtoolError> {
     let result = match place(setting) {
-        Place::Coalesce(word) => {
+        SettingSource::Coalesce(word) => {
             change::<COALESCE_WORDS>(interface, [GET_COALESCE, SET_COALESCE], |words| words[word] = value)
         }
-        Place::Eee => change::<EEE_WORDS>(interface, [GET_EEE, SET_EEE], |words| words[EEE_ENABLED] = value),
-        Place::Gro => change::<2>(interface, [GET_GRO, SET_GRO], |words| words[1] = value),
-        Place::Flag(flag) => change::<2>(interface, [GET_FLAGS, SET_FLAGS], |words| {
+        SettingSource::Eee => {
+            change::<EEE_WORDS>(interface, [GET_EEE, SET_EEE], |words| words[EEE_ENABLED] = value)
+        }
+        SettingSource::Gro => change::<2>(interface, [GET_GRO, SET_GRO], |words| words[1] = value),
+        SettingSource::Flag(flag) => change::<2>(interface, [GET_FLAGS, SET_FLAGS], |words| {
             words[1] = if value == 0 { words[1] & !flag } else { words[1] | flag };
         }),
     };
@@ -99,22 +105,22 @@ pub(crate) fn set(interface: &str, setting: NicSetting, value: u32) -> Result<()
 }
 
 /// Where a setting stands.
-enum Place {
+enum SettingSource {
     Coalesce(usize),
     Eee,
     Gro,
     Flag(u32),
 }
 
-fn place(setting: NicSetting) -> Place {
+fn place(setting: NicSetting) -> SettingSource {
     match setting {
-        NicSetting::ReceiveDelay => Place::Coalesce(RECEIVE_DELAY),
-        NicSetting::SendDelay => Place::Coalesce(SEND_DELAY),
-        NicSetting::AdaptiveReceive => Place::Coalesce(ADAPTIVE_RECEIVE),
-        NicSetting::AdaptiveSend => Place::Coalesce(ADAPTIVE_SEND),
-        NicSetting::ReceiveOffload => Place::Gro,
-        NicSetting::LargeReceiveOffload => Place::Flag(FLAG_LRO),
-        NicSetting::EnergyEfficient => Place::Eee,
+        NicSetting::ReceiveDelay => SettingSource::Coalesce(RECEIVE_DELAY),
+        NicSetting::SendDelay => SettingSource::Coalesce(SEND_DELAY),
+        NicSetting::AdaptiveReceive => SettingSource::Coalesce(ADAPTIVE_RECEIVE),
+        NicSetting::AdaptiveSend => SettingSource::Coalesce(ADAPTIVE_SEND),
+        NicSetting::ReceiveOffload => SettingSource::Gro,
+        NicSetting::LargeReceiveOffload => SettingSource::Flag(FLAG_LRO),
+        NicSetting::EnergyEfficient => SettingSource::Eee,
     }
 }
 

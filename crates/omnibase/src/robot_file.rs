@@ -87,7 +87,7 @@ impl RobotSource {
 }
 
 /// How many characters of the line the problem is about; at least one.
-fn problem_width(place: &omnibase_robot::config::Place, line: &str) -> usize {
+fn problem_width(place: &omnibase_robot::config::Location, line: &str) -> usize {
     let rest = line.chars().count().saturating_sub(place.column - 1);
     place.span.len().min(rest).max(1)
 }

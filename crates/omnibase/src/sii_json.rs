@@ -4,7 +4,7 @@ use crate::hex;
 use omnibase_ethercat_wire::sii::{
     self, COE_COMPLETE_ACCESS, COE_PDO_ASSIGN, COE_PDO_CONFIGURATION, COE_PDO_UPLOAD, COE_SDO, COE_SDO_INFO,
     FLAG_IDENT_AL_STATUS, FLAG_MAILBOX_DLL, FLAG_NO_LRW, FLAG_SAFE_OP, FmmuUsage, Image, MailboxArea,
-    PROTOCOL_AOE, PROTOCOL_COE, PROTOCOL_EOE, PROTOCOL_FOE, PROTOCOL_SOE, PROTOCOL_VOE, Pdo, Problem,
+    PROTOCOL_AOE, PROTOCOL_COE, PROTOCOL_EOE, PROTOCOL_FOE, PROTOCOL_SOE, PROTOCOL_VOE, Pdo, SiiDefect,
     SyncManagerUsage,
 };
 use serde::Serialize;
@@ -123,7 +123,7 @@ struct ProblemJson {
 
 impl ImageJson {
     /// The image and what could not be read of it.
-    pub fn new(image: &Image, problems: &[Problem]) -> Self {
+    pub fn new(image: &Image, problems: &[SiiDefect]) -> Self {
         let header = &image.header;
         let identity = header.identity;
         ImageJson {

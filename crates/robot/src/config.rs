@@ -31,7 +31,7 @@ pub use joystick::*;
 pub(crate) use mapping::find as find_object;
 pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
 pub use plan::*;
-pub use problem::{Place, Problem, ProblemKind};
+pub use problem::{Location, Problem, ProblemKind};
 pub use sdo_writes::SdoWriteRule;
 pub use source::{Locations, Source, json_schema};
 pub use torque_limit::{TorqueLimit, TorqueLimitTold};

@@ -36,7 +36,7 @@ pub(crate) struct Motion {
     offered: Option<(u32, Box<dyn Reference>)>,
     course: Course,
     velocity: Option<Request>,
-    way: Way,
+    way: StraightMotion,
     /// The reference's own time, ns: exact as long as it runs at its full rate.
     time_ns: f64,
     now_ns: u64,
@@ -81,7 +81,7 @@ struct Ahead {
 
 /// A straight way from rest to rest, by a quintic in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Way {
+struct StraightMotion {
     from: Pose2,
     to: Pose2,
     /// Its own time, ns.
@@ -109,7 +109,7 @@ impl Ahead {
     }
 }
 
-impl Way {
+impl StraightMotion {
     /// All of it, as a speed would be that took a second.
     fn length(&self) -> Twist2 {
         let (from, to) = (&self.from, &self.to);
@@ -122,7 +122,7 @@ impl Way {
 
     /// The place at its own time.
     fn sample(&self) -> Setpoint {
-        let Way { from, to, time_ns, duration_s, goes_on } = *self;
+        let StraightMotion { from, to, time_ns, duration_s, goes_on } = *self;
         if self.is_over() {
             let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
             return Setpoint { status, ..Setpoint::at_rest(to) };
@@ -168,7 +168,7 @@ impl Motion {
             offered: None,
             course: Course::Reference,
             velocity: None,
-            way: Way::default(),
+            way: StraightMotion::default(),
             time_ns: 0.0,
             now_ns: 0,
             rate: TwistLimiter::new(&of_rate, period_s)?,
@@ -298,7 +298,7 @@ impl Motion {
         let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
         let turn_rad = (to.heading_rad - from.heading_rad).abs();
         let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
-        self.way = Way { from, to, time_ns: 0.0, duration_s, goes_on: false };
+        self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
         self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
         self.rate_now = settings.rate(self.planned);
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));

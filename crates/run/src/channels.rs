@@ -27,7 +27,7 @@ pub enum Known {
 
 /// What a row tells beside the cycle's record.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Beside {
+pub struct CycleExtras {
     /// The cycle's times.
     pub times: Times,
     /// What the bus counted.
@@ -37,7 +37,7 @@ pub struct Beside {
     /// Its errors.
     pub errors: Errors,
     /// Who has the say.
-    pub say: Say,
+    pub say: Authority,
     /// In how many s the robot moves again without a person, after a loss; `None` where it doesn't.
     pub moves_again_in_s: Option<f64>,
     /// The truth, where it is known.
@@ -46,7 +46,7 @@ pub struct Beside {
 
 /// Who has the say over a robot that people and programs lead.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Say {
+pub struct Authority {
     /// Who commands.
     pub commander: Commander,
     /// The emergency stop is set.
@@ -113,7 +113,7 @@ impl Rows {
     }
 
     /// A cycle as numbers in the schema's order, and as exact words in the order of the record's channels.
-    pub fn of(&mut self, record: &CycleRecord, beside: &Beside) -> (&[f64], &[u8]) {
+    pub fn of(&mut self, record: &CycleRecord, beside: &CycleExtras) -> (&[f64], &[u8]) {
         record.values(&mut self.values);
         self.row.clear();
         self.row.extend(self.order.iter().map(|&number| self.values[number].as_f64()));
@@ -123,7 +123,7 @@ impl Rows {
         self.row.extend([phase_ns, periods.saturating_sub(1) as f64]);
         let Errors { believed_m, true_m, heading_rad } = beside.errors;
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
-        let Say { commander, is_emergency, blocked_sticks, joystick } = beside.say;
+        let Authority { commander, is_emergency, blocked_sticks, joystick } = beside.say;
         let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
         self.row.extend(codes.map(|code| code as f64));
         self.row.push(beside.moves_again_in_s.unwrap_or(f64::NAN));
@@ -215,7 +215,7 @@ mod tests {
         cycle.measurements.wheels = 3;
         cycle.state.odom_from_body.x_m = 0.1;
         cycle.measurements.drives[2].torque_nm = -0.0;
-        let (row, raw) = rows.of(&cycle, &Beside::default());
+        let (row, raw) = rows.of(&cycle, &CycleExtras::default());
         assert_eq!(row.len(), schema.width());
         assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
         assert_eq!(record(3, raw), Some(cycle));

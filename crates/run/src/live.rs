@@ -21,7 +21,7 @@ mod trace;
 
 pub use acyclic::{AcyclicLine, AcyclicRefusal, Permission, SubDeviceFacts, Told};
 pub use carriers::{Asker, Live, LiveEnd, LiveEvent, live};
-pub use command::{Answer, Ask, Client, Commander, Pad, Refusal, StickState};
+pub use command::{Answer, Ask, Client, Commander, Refusal, StickState, StickWish};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use sdo::{EntryType, SdoError, SdoPlace, SubDeviceSeen};

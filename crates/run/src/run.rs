@@ -10,7 +10,7 @@ use omnibase_robot::signals::{CycleTime, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
 
-use crate::channels::{Beside, Rows};
+use crate::channels::{CycleExtras, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::drive_errors::DriveErrors;
 use crate::events::{Event, Watch, Words};
@@ -191,7 +191,7 @@ impl<'a> Cycle<'a> {
         self.lost_before = session.counters().frames_lost;
         let mut result = Ok(());
         while !self.conductor.is_over() {
-            if let Err(error) = self.one(session) {
+            if let Err(error) = self.step(session) {
                 result = Err(error);
                 break;
             }
@@ -203,7 +203,7 @@ impl<'a> Cycle<'a> {
     }
 
     /// Sleep, exchange, compute, record.
-    fn one<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
+    fn step<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
         let (exchange, times) = session.exchange()?;
         let first_event = self.events.len();
         if self.cycles > 0 {
@@ -231,7 +231,7 @@ impl<'a> Cycle<'a> {
             Some(live) => live.moves_again_in_s(now_ns),
             None => self.conductor.moves_again_in_s(now_ns),
         };
-        let beside = Beside { times, bus: self.bus, compute_ns, errors, say, moves_again_in_s, truth };
+        let beside = CycleExtras { times, bus: self.bus, compute_ns, errors, say, moves_again_in_s, truth };
         // Who is at fault comes before what it led to.
         session.look_at_drives(self.last.measurements.present());
         while let Some(words) = session.take_event() {
@@ -288,7 +288,7 @@ impl<'a> Cycle<'a> {
         Request { valid_until_ns: 0, ..request }
     }
 
-    fn show(&mut self, beside: Beside) {
+    fn show(&mut self, beside: CycleExtras) {
         let Some(live) = &mut self.live else { return };
         let mut settings = [None; MOST_SETTINGS];
         for (index, setting) in self.robot.settings() {
@@ -310,7 +310,7 @@ impl<'a> Cycle<'a> {
         });
     }
 
-    fn record(&mut self, beside: &Beside) {
+    fn record(&mut self, beside: &CycleExtras) {
         let (now_ns, phase) = (self.last.time.now_ns, self.robot.phase());
         if let Some((rows, sink)) = &mut self.recording {
             let (values, raw) = rows.of(&self.last, beside);

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use omnibase_cia402::{DriveState, ErrorCode};
 use omnibase_ethercat::cyclic::{
-    AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, Phase, RecoveryError,
+    AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, RecoveryError, TransitionStatus,
 };
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
@@ -41,7 +41,7 @@ const PAUSE: Duration = Duration::from_millis(500);
 
 /// Where one SubDevice is on its way back.
 #[derive(Clone, Debug, PartialEq)]
-enum Way {
+enum RecoveryState {
     /// In OP, or missing for no longer than is tolerated.
     None,
     /// On its way.
@@ -59,7 +59,7 @@ struct Supervised {
     /// Its wheel, where it has one.
     wheel: Option<usize>,
     health: Health,
-    way: Way,
+    way: RecoveryState,
     since: HostTime,
     /// Exchanges since it was named.
     exchanges: u32,
@@ -124,7 +124,7 @@ impl Supervisor {
                 wheel: wheel_of(&subdevice).filter(|wheel| *wheel < MAX_WHEELS),
                 subdevice,
                 health: Health::Well,
-                way: Way::None,
+                way: RecoveryState::None,
                 since: HostTime(0),
                 exchanges: 0,
                 failure: None,
@@ -160,16 +160,16 @@ impl Supervisor {
 
     /// One step after an exchange at `now`.
     pub fn after<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        if bus.phase() != Phase::Reached(Goal::Op) {
+        if bus.transition() != TransitionStatus::Reached(Goal::Op) {
             return;
         }
         self.listen(bus, now);
         self.count_heads(bus);
         self.compare(bus, now);
         while let Some((position, ended)) = bus.poll_recovered() {
-            self.came_back(position, ended, now);
+            self.recovery_ended(position, ended, now);
         }
-        self.send_for(bus, now);
+        self.start_recovery(bus, now);
         while let Some((position, received)) = bus.take_emergency() {
             self.emergency(position, received.emergency);
         }
@@ -257,7 +257,9 @@ impl Supervisor {
             one.exchanges = one.exchanges.saturating_add(1);
             // The cycle may see it in OP a moment before its way is over.
             if one.health == health
-                || (one.way == Way::Coming && health == Health::Well && !bus.call_off(one.subdevice.position))
+                || (one.way == RecoveryState::Coming
+                    && health == Health::Well
+                    && !bus.call_off(one.subdevice.position))
             {
                 continue;
             }
@@ -272,10 +274,10 @@ impl Supervisor {
                 (_, Health::Well) => {
                     // By itself, or at the end of its way.
                     let by_itself = match one.way {
-                        Way::Settling { comeback, .. } => comeback == Comeback::Stayed,
+                        RecoveryState::Settling { comeback, .. } => comeback == Comeback::Stayed,
                         _ => true,
                     };
-                    one.way = Way::None;
+                    one.way = RecoveryState::None;
                     one.failure = None;
                     let after = now - one.since;
                     one.figures.recoveries += 1;
@@ -286,36 +288,40 @@ impl Supervisor {
                 _ => {}
             }
         }
-        let unwell = self.all.iter().filter(|one| one.is_away() || one.health != Health::Well);
-        self.totals.unwell = unwell.count() as u64;
+        let not_operational = self.all.iter().filter(|one| one.is_away() || one.health != Health::Well);
+        self.totals.not_operational = not_operational.count() as u64;
     }
 
     /// Starts the way back of whoever needs it.
-    fn send_for<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
+    fn start_recovery<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
         for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
             let position = one.subdevice.position;
             let due = match one.way {
                 // Who says itself that it isn't in OP has left it, whatever is tolerated. Who is silent is named one
                 // exchange after the first that it missed.
-                Way::None => {
+                RecoveryState::None => {
                     let is_tolerated = one.health == Health::Silent && one.exchanges < self.tolerated;
                     !is_tolerated && bus.is_certain(position)
                 }
-                Way::Coming => false,
-                Way::Settling { until, .. } | Way::Waiting { until } => now >= until,
+                RecoveryState::Coming => false,
+                RecoveryState::Settling { until, .. } | RecoveryState::Waiting { until } => now >= until,
             };
             if due {
-                one.way = if bus.recover(position) { Way::Coming } else { Way::Waiting { until: now } };
+                one.way = if bus.recover(position) {
+                    RecoveryState::Coming
+                } else {
+                    RecoveryState::Waiting { until: now }
+                };
             }
         }
     }
 
-    fn came_back(&mut self, position: u16, ended: Result<Comeback, RecoveryError>, now: HostTime) {
+    fn recovery_ended(&mut self, position: u16, ended: Result<Comeback, RecoveryError>, now: HostTime) {
         let number = usize::from(position);
         let Some(one) = self.all.get_mut(number) else { return };
         let error = match ended {
             Ok(comeback) => {
-                one.way = Way::Settling { until: now + SETTLE, comeback };
+                one.way = RecoveryState::Settling { until: now + SETTLE, comeback };
                 if comeback == Comeback::Restarted {
                     one.counters = [0; COUNTERS];
                     self.restarted |= one.wheel.map_or(0, |wheel| 1 << wheel);
@@ -325,7 +331,7 @@ impl Supervisor {
             Err(error) => error,
         };
         let nobody = matches!(error, RecoveryError::NotThere { .. });
-        one.way = Way::Waiting { until: if nobody { now } else { now + PAUSE } };
+        one.way = RecoveryState::Waiting { until: if nobody { now } else { now + PAUSE } };
         if !nobody && one.failure.as_ref() != Some(&error) {
             let words = Words::new(format_args!("not taken back: {error}"));
             one.failure = Some(error);
@@ -448,7 +454,7 @@ impl Supervisor {
 
 impl Supervised {
     fn is_away(&self) -> bool {
-        self.way != Way::None
+        self.way != RecoveryState::None
     }
 }
 

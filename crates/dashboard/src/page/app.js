@@ -380,8 +380,8 @@ function showTiming(timing) {
 /** What the bus counted, in words. */
 function bus() {
   const count = (name) => value(`bus/${name}`) ?? 0;
-  const unwell = count("unwell") ? `${count("unwell")} not in OP or with an error` : "all devices in OP";
+  const not_operational = count("not_operational") ? `${count("not_operational")} not in OP or with an error` : "all devices in OP";
   const counted = ["losses", "recoveries", "drive_faults", "emergencies", "crc_errors", "link_losses"];
   const others = counted.filter((name) => count(name)).map((name) => `${count(name)} ${name.replace("_", " ")}`);
-  return `Bus: ${[unwell, ...others].join(", ")}.`;
+  return `Bus: ${[not_operational, ...others].join(", ")}.`;
 }

@@ -4,7 +4,7 @@
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use omnibase_dashboard::{About, Access, Dashboard, Streams};
+use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_robot::signals::{CycleRecord, Phase, StopCategory};
 use omnibase_robot::{Registry, Request};
 use omnibase_run::RobotText;
@@ -38,7 +38,8 @@ impl Bench {
         let (live, end) = live(AGES, StopCategory::RampThenRemove);
         let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
         let paths = folder.path().to_owned();
-        let about = About { text, robot, registry, known: Known::Truth, paths, streams: Streams::default() };
+        let about =
+            RobotInfo { text, robot, registry, known: Known::Truth, paths, streams: Streams::default() };
         Bench { dashboard: Dashboard::start(access, live, about).unwrap(), end, cycle: 0, folder }
     }
 

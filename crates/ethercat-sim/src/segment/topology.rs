@@ -187,7 +187,7 @@ pub(crate) struct Passage {
 
 /// The way of a frame through the segment.
 #[derive(Debug, Default)]
-pub(crate) struct Way {
+pub(crate) struct FramePath {
     pub passages: Vec<Passage>,
     pub arrivals: Vec<Arrival>,
     /// When it is back at the MainDevice, and where; `None` where it never is.
@@ -204,10 +204,10 @@ pub(crate) trait Ports {
     fn forward_delay_ns(&self, position: usize) -> u64;
 }
 
-impl Way {
+impl FramePath {
     /// Follows a frame from one interface of the MainDevice until it is back or lost.
-    pub fn follow(cables: &Cables, ports: &impl Ports, from: MainPort) -> Way {
-        let mut way = Way::default();
+    pub fn follow(cables: &Cables, ports: &impl Ports, from: MainPort) -> FramePath {
+        let mut way = FramePath::default();
         let first = match from {
             MainPort::Primary => Some(0),
             MainPort::Redundant => cables.ring,

@@ -1,6 +1,6 @@
 //! From a segment file, or from images, to a segment.
 
-use super::{Kind, Problem, SegmentFile, SegmentFileError, SubDeviceEntry};
+use super::{Kind, Mistake, SegmentFile, SegmentFileError, SubDeviceEntry};
 use crate::device::Piece;
 use crate::device::axis::Axis;
 use crate::device::generic::Generic;
@@ -37,14 +37,14 @@ impl SegmentFile {
             if problems.is_empty() {
                 match Segment::new(sub_devices, attachments) {
                     Ok(segment) => return Ok(segment),
-                    Err(error) => problems.push(Problem { line: 1, column: 1, text: error.to_string() }),
+                    Err(error) => problems.push(Mistake { line: 1, column: 1, text: error.to_string() }),
                 }
             }
         }
         Err(SegmentFileError { problems })
     }
 
-    fn attachments(&self, sub_devices: &[SubDevice], problems: &mut Vec<Problem>) -> Vec<Attachment> {
+    fn attachments(&self, sub_devices: &[SubDevice], problems: &mut Vec<Mistake>) -> Vec<Attachment> {
         let mut taken = vec![[true, false, false, false]; sub_devices.len()];
         let mut attachments = Vec::new();
         for entry in &self.sub_devices {
@@ -73,8 +73,8 @@ impl SegmentFile {
     }
 }
 
-fn problem(entry: &SubDeviceEntry, text: String) -> Problem {
-    Problem { line: entry.place.0, column: entry.place.1, text }
+fn problem(entry: &SubDeviceEntry, text: String) -> Mistake {
+    Mistake { line: entry.place.0, column: entry.place.1, text }
 }
 
 fn build_one(

@@ -1,6 +1,6 @@
 //! Reading TOML tables key by key, with every problem at its line and column.
 
-use super::{Problem, SegmentFileError};
+use super::{Mistake, SegmentFileError};
 use core::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -46,7 +46,7 @@ impl<'a> Document<'a> {
         self.problems.sort();
         let problems = self.problems.iter().map(|(start, text)| {
             let (line, column) = self.place(*start..*start);
-            Problem { line, column, text: text.clone() }
+            Mistake { line, column, text: text.clone() }
         });
         Err(SegmentFileError { problems: problems.collect() })
     }

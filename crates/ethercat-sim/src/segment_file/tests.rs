@@ -4,7 +4,7 @@ use std::path::Path;
 fn problems(text: &str) -> Vec<String> {
     match SegmentFile::parse(text) {
         Ok(_) => Vec::new(),
-        Err(error) => error.problems.iter().map(Problem::to_string).collect(),
+        Err(error) => error.problems.iter().map(Mistake::to_string).collect(),
     }
 }
 

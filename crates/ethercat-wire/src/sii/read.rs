@@ -8,13 +8,13 @@ impl Image {
     /// Reads an image of at least 128 bytes: what could be read, and what couldn't.
     ///
     /// No bytes make it panic or loop: every category's announced size is bounded by the image.
-    pub fn parse(bytes: &[u8]) -> Result<(Self, Vec<Problem>), ImageTooShort> {
+    pub fn parse(bytes: &[u8]) -> Result<(Self, Vec<SiiDefect>), ImageTooShort> {
         let Some(fixed) = bytes.first_chunk::<HEADER>() else {
             return Err(ImageTooShort { found: bytes.len() });
         };
         let mut image = Image { header: read_header(fixed), ..Image::default() };
         let mut problems = Vec::new();
-        let mut note = |offset: usize, text: String| problems.push(Problem { offset, text });
+        let mut note = |offset: usize, text: String| problems.push(SiiDefect { offset, text });
 
         let computed = image.header.computed_checksum();
         if image.header.checksum as u8 != computed {

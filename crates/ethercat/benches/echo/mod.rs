@@ -1,7 +1,7 @@
 //! A link that answers every frame with the right working counters and costs next to nothing.
 
 use omnibase_ethercat::config::{CyclicControl, LrwPermission};
-use omnibase_ethercat::cyclic::{Goal, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{Goal, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::image::{Area, ClockUse, Member, Packing};
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::bytes::{put_u16, u16_at, u32_at};
@@ -172,9 +172,9 @@ pub fn operational<L: Link>(
     bus.request(Goal::Op, TransitionOptions::default(), HostTime(0));
     for cycle in 1..10_000 {
         bus.exchange(&mut image, HostTime(cycle * 1_000_000)).unwrap();
-        if bus.phase() == Phase::Reached(Goal::Op) {
+        if bus.transition() == TransitionStatus::Reached(Goal::Op) {
             return (bus, image);
         }
     }
-    panic!("no OP: {:?}", bus.phase());
+    panic!("no OP: {:?}", bus.transition());
 }

@@ -8,13 +8,13 @@ use core::time::Duration;
 
 use crate::error::Found;
 use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::SubDevice;
 use crate::wire::HostTime;
 
 pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterWay};
 
-use super::recovery::{Comeback, Place, Recovery, RecoveryError, Seen};
+use super::recovery::{Comeback, Observed, Recovery, RecoveryError, Surroundings};
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
 pub const CAPACITY: usize = 64;
@@ -177,10 +177,10 @@ impl Acyclic {
     }
 
     /// Whether everybody up to `position` hangs in one line.
-    fn place(&self, position: u16) -> Place {
+    fn place(&self, position: u16) -> Surroundings {
         let mut line = self.lanes.iter().take(usize::from(position) + 1).skip(1);
         let is_line = line.all(|lane| lane.parent.is_some_and(|parent| parent + 1 == lane.position));
-        if is_line { Place::InLine } else { Place::Branched }
+        if is_line { Surroundings::InLine } else { Surroundings::Branched }
     }
 
     /// Ends the way back of a SubDevice that has changed nothing yet.
@@ -318,7 +318,7 @@ impl Acyclic {
 
     /// The datagram that goes into this cycle's frame.
     #[inline]
-    pub fn next(&mut self, now: HostTime) -> Option<Request> {
+    pub fn next(&mut self, now: HostTime) -> Option<DatagramRequest> {
         if self.queue.is_empty() && self.active.is_empty() && now < self.next_look {
             return None;
         }
@@ -326,7 +326,7 @@ impl Acyclic {
     }
 
     #[cold]
-    fn choose(&mut self, now: HostTime) -> Option<Request> {
+    fn choose(&mut self, now: HostTime) -> Option<DatagramRequest> {
         if !self.queue.is_empty() {
             self.start_queued(now);
         }
@@ -348,7 +348,7 @@ impl Acyclic {
     }
 
     /// What the SubDevice at `position` wants now, and whether it has work left.
-    fn serve(&mut self, position: u16, now: HostTime) -> (Option<Request>, bool) {
+    fn serve(&mut self, position: u16, now: HostTime) -> (Option<DatagramRequest>, bool) {
         let lane = &mut self.lanes[usize::from(position)];
         if let Some(recovery) = lane.way_back() {
             match recovery.next(now) {
@@ -409,7 +409,7 @@ impl Acyclic {
     }
 
     /// Takes the answer to the datagram that was in this cycle's frame.
-    pub fn answer(&mut self, answer: Answer<'_>, seen: Seen, now: HostTime) {
+    pub fn answer(&mut self, answer: Answer<'_>, seen: Observed, now: HostTime) {
         let Some(lane) = self.in_flight.take().and_then(|position| self.lanes.get_mut(usize::from(position)))
         else {
             return;
@@ -427,10 +427,10 @@ impl Acyclic {
 }
 
 impl RegisterJob {
-    fn datagram(&self, station: u16) -> Request {
+    fn datagram(&self, station: u16) -> DatagramRequest {
         match self.way {
-            RegisterWay::Read => Request::read(station, self.register, self.data.len()),
-            RegisterWay::Write => Request::write(station, self.register, self.data.len()),
+            RegisterWay::Read => DatagramRequest::read(station, self.register, self.data.len()),
+            RegisterWay::Write => DatagramRequest::write(station, self.register, self.data.len()),
         }
     }
 

@@ -45,7 +45,7 @@ pub(super) struct Diagnosis {
     health: Vec<Health>,
     /// Rounds in a row that each left unanswered.
     unanswered: Vec<u8>,
-    unwell: usize,
+    not_operational: usize,
     asking: bool,
     /// What was wrong when the last round began; `None` asks again at once.
     signature: Option<u64>,
@@ -100,7 +100,7 @@ impl Diagnosis {
         Diagnosis {
             health: vec![Health::Well; members],
             unanswered: vec![0; members],
-            unwell: 0,
+            not_operational: 0,
             asking: false,
             signature: None,
             next_round: 0,
@@ -135,15 +135,15 @@ impl Diagnosis {
     }
 
     /// SubDevices that aren't [`Health::Well`].
-    pub fn unwell(&self) -> usize {
-        self.unwell
+    pub fn not_operational(&self) -> usize {
+        self.not_operational
     }
 
     /// Forgets everything: another state than OP is no illness.
     pub fn reset(&mut self, frames: &mut [CyclicFrame]) {
         self.health.fill(Health::Well);
         self.unanswered.fill(0);
-        (self.unwell, self.asking, self.signature, self.next_round) = (0, false, None, 0);
+        (self.not_operational, self.asking, self.signature, self.next_round) = (0, false, None, 0);
         self.held.clear();
         for slot in frames.iter_mut().flat_map(|frame| frame.slots_mut()) {
             slot.accepted = slot.expected;
@@ -152,7 +152,7 @@ impl Diagnosis {
 
     /// Whether there is nothing to do.
     pub fn is_quiet(&self) -> bool {
-        !self.asking && self.unwell == 0
+        !self.asking && self.not_operational == 0
     }
 
     /// Begins a round where something new is wrong, takes the answers of one that is over.
@@ -171,7 +171,7 @@ impl Diagnosis {
         }
         let signature = finding.signature();
         if signature == 0 {
-            if finding.all_back && self.unwell > 0 {
+            if finding.all_back && self.not_operational > 0 {
                 self.reset(finding.frames);
             }
             return;
@@ -249,7 +249,7 @@ impl Diagnosis {
                 }
             };
         }
-        self.unwell = self.health.iter().filter(|health| **health != Health::Well).count();
+        self.not_operational = self.health.iter().filter(|health| **health != Health::Well).count();
     }
 
     /// Placements stand by position, and so do their offsets within one direction.

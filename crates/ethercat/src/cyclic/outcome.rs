@@ -10,7 +10,7 @@ pub enum Exchange {
     /// SubDevices that are known to be missing took no part, everyone else did; the others' inputs are new.
     Without {
         /// SubDevices that aren't well, see [`CyclicBus::health`](super::CyclicBus::health).
-        unwell: u16,
+        not_operational: u16,
     },
     /// A working counter isn't what it should be; the inputs are those of the last complete exchange.
     ShortCount {
@@ -53,12 +53,12 @@ pub enum Freshness {
     /// The working counter of the datagram with its inputs is wrong.
     ShortCount,
     /// The SubDevice isn't well.
-    Unwell,
+    NotOperational,
 }
 
 /// Which state the segment is in, as far as this bus brought it there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum TransitionStatus {
     /// PRE-OP or whatever the set-up left; frames go round.
     Standby,
     /// On the way.

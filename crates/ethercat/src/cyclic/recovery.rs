@@ -12,7 +12,7 @@ use super::transition::{signed_difference, start_time, sync0};
 use crate::config::{DcConfig, Match};
 use crate::eeprom::{SiiExtent, SiiReader};
 use crate::mailbox::Mailbox;
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::start_up::{StartUpRunner, StartUpStep};
 use crate::subdevice::{DcWidth, SubDevice};
 use crate::transaction::Target;
@@ -63,7 +63,7 @@ enum Stage {
     /// It is in OP with an error: acknowledging that.
     Acknowledge,
     /// It kept its station address: is it at its place still? What its clock was told depends on that.
-    Place,
+    Surroundings,
     /// Who stands at its place?
     Look,
     /// Give it its address.
@@ -80,7 +80,7 @@ enum Stage {
 
 /// Where a SubDevice is, as far as those that answer tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Surroundings {
     /// In an unbranched line from the MainDevice: who is missing stands behind everybody who answers.
     InLine,
     /// Behind a branch: who is missing may shift its position.
@@ -89,7 +89,7 @@ pub(super) enum Place {
 
 /// What the cycle knows of the segment when an answer comes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct Observed {
     /// The segment's time in the frame with the answer.
     pub time: Option<DcTime>,
     /// Whether that time was distributed: then the clocks know how far they are from it.
@@ -100,7 +100,7 @@ pub(super) struct Seen {
     pub expected: u16,
 }
 
-impl Seen {
+impl Observed {
     /// How many there are, against how many there were.
     fn crowd(&self) -> Option<Ordering> {
         self.answered.map(|answered| answered.cmp(&self.expected))
@@ -116,7 +116,7 @@ pub(super) struct Recovery {
     identity: Identity,
     /// Its alias, where the configuration knows it by that.
     alias: Option<u16>,
-    place: Place,
+    place: Surroundings,
     sync: DcConfig,
     clock: Option<DcWidth>,
     /// Every step, with the mailbox while it is on its way.
@@ -130,7 +130,7 @@ pub(super) struct Recovery {
     reader: SiiReader,
     stage: Stage,
     since: Option<HostTime>,
-    seen: Seen,
+    seen: Observed,
     /// Its clock has the segment's time.
     has_time: bool,
     /// Why it isn't found, where that is known.
@@ -163,7 +163,7 @@ impl Recovery {
                 Some(Match::Alias(alias)) => Some(alias),
                 _ => None,
             },
-            place: Place::InLine,
+            place: Surroundings::InLine,
             sync: subdevice.config.dc,
             clock: subdevice.dc.map(|dc| dc.width),
             runner: StartUpRunner::new(subdevice.target(), subdevice.application, steps, None),
@@ -173,7 +173,7 @@ impl Recovery {
             reader: SiiReader::new(subdevice.target(), SiiExtent::Fixed),
             stage: Stage::Rest,
             since: None,
-            seen: Seen { time: None, is_distributed: false, answered: None, expected: 0 },
+            seen: Observed { time: None, is_distributed: false, answered: None, expected: 0 },
             has_time: false,
             doubt: None,
             synced_at: None,
@@ -183,7 +183,7 @@ impl Recovery {
     }
 
     /// Sets out; the mailbox is given back by [`Recovery::take_mailbox`] when it is over.
-    pub fn begin(&mut self, mailbox: Option<Mailbox>, place: Place) {
+    pub fn begin(&mut self, mailbox: Option<Mailbox>, place: Surroundings) {
         *self.runner.mailbox_mut() = mailbox;
         (self.stage, self.place) = (Stage::Find, place);
         (self.since, self.synced_at) = (None, None);
@@ -193,7 +193,7 @@ impl Recovery {
 
     /// Ends it where nothing was changed yet; `false` where it has to go on.
     pub fn call_off(&mut self) -> bool {
-        let is_searching = matches!(self.stage, Stage::Find | Stage::Look | Stage::Place);
+        let is_searching = matches!(self.stage, Stage::Find | Stage::Look | Stage::Surroundings);
         if is_searching {
             self.stage = Stage::Rest;
         }
@@ -206,7 +206,7 @@ impl Recovery {
     }
 
     /// The segment as the frame shows it whose answer is given next.
-    pub fn set_seen(&mut self, seen: Seen) {
+    pub fn set_seen(&mut self, seen: Observed) {
         self.seen = seen;
         if let (Stage::Run(_), Some(time)) = (&self.stage, seen.time) {
             self.runner.set_reference_time(time);
@@ -295,7 +295,7 @@ impl Recovery {
                 self.doubt = Some(RecoveryError::InError { position: self.target.position, code });
                 Stage::Acknowledge
             }
-            (false, _) if self.clock.is_some() => Stage::Place,
+            (false, _) if self.clock.is_some() => Stage::Surroundings,
             (false, _) => self.run(Part::Clear),
         };
     }
@@ -318,7 +318,7 @@ impl Recovery {
         self.stage = Stage::Find;
         match (self.seen.crowd(), self.seen.answered) {
             (None, _) | (_, None) => return,
-            (Some(Ordering::Less), _) if self.place == Place::Branched => return,
+            (Some(Ordering::Less), _) if self.place == Surroundings::Branched => return,
             (Some(Ordering::Greater), Some(found)) => {
                 let expected = self.seen.expected;
                 return self.fail(RecoveryError::Crowded { position, expected, found });
@@ -375,7 +375,7 @@ impl Recovery {
                 }
                 Stage::AwaitSync { since: now }
             }
-            Stage::Rest | Stage::Find | Stage::Acknowledge | Stage::Place => return,
+            Stage::Rest | Stage::Find | Stage::Acknowledge | Stage::Surroundings => return,
             Stage::Look | Stage::Address => return,
             Stage::Lock { .. } | Stage::AwaitSync { .. } => return,
         };
@@ -399,7 +399,9 @@ impl Procedure for Recovery {
                 return self.over(outcome);
             }
             let ended = match &mut self.stage {
-                Stage::Find | Stage::Look | Stage::Place | Stage::Acknowledge if now - since >= SEARCH => {
+                Stage::Find | Stage::Look | Stage::Surroundings | Stage::Acknowledge
+                    if now - since >= SEARCH =>
+                {
                     let after = now - since;
                     let error = self.doubt.take().unwrap_or(RecoveryError::NotThere { position, after });
                     return self.over(Err(error));
@@ -414,19 +416,25 @@ impl Procedure for Recovery {
                         self.stage = self.run(Part::Enter);
                         continue;
                     }
-                    return Next::Send(Request::read(station, register::AL_STATUS, 2));
+                    return Next::Send(DatagramRequest::read(station, register::AL_STATUS, 2));
                 }
-                Stage::Find => return Next::Send(Request::read(station, register::AL_STATUS, 6)),
-                Stage::Acknowledge => return Next::Send(Request::write(station, register::AL_CONTROL, 2)),
-                Stage::Look | Stage::Place | Stage::Address => {
+                Stage::Find => return Next::Send(DatagramRequest::read(station, register::AL_STATUS, 6)),
+                Stage::Acknowledge => {
+                    return Next::Send(DatagramRequest::write(station, register::AL_CONTROL, 2));
+                }
+                Stage::Look | Stage::Surroundings | Stage::Address => {
                     let writes = matches!(self.stage, Stage::Address);
                     // Its alias stands behind its address.
                     let (command, length) = if writes { (Command::Apwr, 2) } else { (Command::Aprd, 4) };
                     let address = Address::position(position, register::STATION_ADDRESS);
-                    return Next::Send(Request { command, address, length });
+                    return Next::Send(DatagramRequest { command, address, length });
                 }
                 Stage::Lock { .. } => {
-                    return Next::Send(Request::read(station, register::DC_SYSTEM_TIME_DIFFERENCE, 4));
+                    return Next::Send(DatagramRequest::read(
+                        station,
+                        register::DC_SYSTEM_TIME_DIFFERENCE,
+                        4,
+                    ));
                 }
                 Stage::Identify => match self.reader.next(now) {
                     Next::Send(request) => return Next::Send(request),
@@ -454,7 +462,7 @@ impl Procedure for Recovery {
             }
             Stage::Identify => self.reader.fill(data),
             Stage::Run(_) => self.runner.fill(data),
-            Stage::Rest | Stage::Find | Stage::Place | Stage::Look => {}
+            Stage::Rest | Stage::Find | Stage::Surroundings | Stage::Look => {}
             Stage::Lock { .. } | Stage::AwaitSync { .. } => {}
         }
     }
@@ -472,12 +480,14 @@ impl Procedure for Recovery {
                 self.found(u16_at(data, 0), AlStatusCode(u16_at(data, 4)));
             }
             Stage::Find => self.stage = Stage::Look,
-            Stage::Place if working_counter == 1 && data.len() >= 4 => self.placed(u16_at(data, 0)),
+            Stage::Surroundings if working_counter == 1 && data.len() >= 4 => self.placed(u16_at(data, 0)),
             Stage::Look if working_counter == 1 && data.len() >= 4 => {
                 self.looked(u16_at(data, 0), u16_at(data, 2));
             }
             // It is found at its address, or the whole is begun again.
-            Stage::Look | Stage::Place | Stage::Address | Stage::Acknowledge => self.stage = Stage::Find,
+            Stage::Look | Stage::Surroundings | Stage::Address | Stage::Acknowledge => {
+                self.stage = Stage::Find
+            }
             Stage::Lock { good, since } if working_counter == 1 && data.len() >= 4 => {
                 let difference_ns = signed_difference(u32_at(data, 0));
                 let is_near = difference_ns.unsigned_abs() < LOCK_LIMIT_NS && self.seen.is_distributed;

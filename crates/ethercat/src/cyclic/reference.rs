@@ -7,20 +7,21 @@
 //! the first reference, some hundred ns) the clocks' own control loops slew.
 
 use super::diagnosis::Health;
-use super::{CyclicBus, Goal, Phase};
+use super::{CyclicBus, Goal, TransitionStatus};
 use crate::image::{ClockUse, Member};
 use crate::wire::{Address, Command, Link, register};
 
 impl<L: Link> CyclicBus<L> {
     /// Elects another reference where the present one is lost, and gives it back to the first in the line.
     pub(super) fn keep_reference(&mut self) {
-        let Some(reference) = self.plan.clock.reference().filter(|_| self.phase == Phase::Reached(Goal::Op))
+        let Some(reference) =
+            self.plan.clock.reference().filter(|_| self.phase == TransitionStatus::Reached(Goal::Op))
         else {
             return;
         };
         // One that answers keeps the time whatever its state. One that is on its way back serves from the moment at which it has its time.
         let is_lost = self.health_of(reference) == Health::Silent
-            && !(self.crowned == Some(reference) && self.acyclic.is_recovering(reference));
+            && !(self.promoted_reference == Some(reference) && self.acyclic.is_recovering(reference));
         if is_lost || self.reference_is_unset {
             let led = |member: &&Member| {
                 let position = member.position;
@@ -31,14 +32,15 @@ impl<L: Link> CyclicBus<L> {
             };
             match self.members.iter().find(led).map(|member| member.position) {
                 Some(position) => {
-                    self.crowned = Some(position).filter(|position| self.acyclic.is_recovering(*position));
-                    self.heir = None;
+                    self.promoted_reference =
+                        Some(position).filter(|position| self.acyclic.is_recovering(*position));
+                    self.pending_reference = None;
                     self.set_reference(position);
                     self.lead_on();
                 }
                 None if !self.reference_is_unset => {
                     self.reference_is_unset = true;
-                    (self.crowned, self.heir) = (None, None);
+                    (self.promoted_reference, self.pending_reference) = (None, None);
                     self.command_clock(Command::Fprd);
                     self.steer_clock(None);
                 }
@@ -47,18 +49,18 @@ impl<L: Link> CyclicBus<L> {
             return;
         }
         let setting = self.acyclic.setting_clock().filter(|position| *position < reference);
-        match (self.heir, setting) {
+        match (self.pending_reference, setting) {
             (None, Some(position)) => {
-                self.heir = Some(position);
+                self.pending_reference = Some(position);
                 // Until it has its time nobody is told any: clocks drift less than 1 µs meanwhile.
                 self.command_clock(Command::Fprd);
             }
             (Some(position), None) => {
-                self.heir = None;
+                self.pending_reference = None;
                 self.command_clock(Command::Frmw);
                 if self.acyclic.is_recovering(position) {
                     self.set_reference(position);
-                    self.crowned = Some(position);
+                    self.promoted_reference = Some(position);
                 }
             }
             (None, None) => self.give_back(reference),
@@ -76,14 +78,14 @@ impl<L: Link> CyclicBus<L> {
             member.clock.is_some() && is_well && !self.acyclic.is_recovering(position)
         });
         if let Some(position) = well.next().map(|member| member.position) {
-            self.crowned = None;
+            self.promoted_reference = None;
             self.set_reference(position);
         }
     }
 
     /// The reference is read and distributed, whatever was before.
     pub(super) fn lead_on(&mut self) {
-        (self.reference_is_unset, self.heir) = (false, None);
+        (self.reference_is_unset, self.pending_reference) = (false, None);
         self.command_clock(Command::Frmw);
     }
 

@@ -3,7 +3,7 @@
 use super::diagnosis::is_process_data;
 use super::{
     AcyclicCompletion, AcyclicRequest, Comeback, CommandSet, CycleCounters, CyclicBus, CyclicParts,
-    DatagramCount, Exchange, Flight, Freshness, Health, Phase, RecoveryError, SegmentStatus,
+    DatagramCount, Exchange, Flight, Freshness, Health, RecoveryError, SegmentStatus, TransitionStatus,
 };
 use crate::image::{ClockUse, ImagePlan, Member, Role};
 use crate::mailbox::{Mailbox, ReceivedEmergency};
@@ -12,7 +12,7 @@ use crate::wire::DcTime;
 
 impl<L> CyclicBus<L> {
     /// Where the segment is on its way between states.
-    pub fn phase(&self) -> Phase {
+    pub fn transition(&self) -> TransitionStatus {
         self.phase
     }
 
@@ -70,7 +70,7 @@ impl<L> CyclicBus<L> {
     /// How old the inputs of the SubDevice at `position` are after the last exchange.
     pub fn freshness(&self, position: u16) -> Freshness {
         if self.diagnosis.health().get(usize::from(position)).is_some_and(|health| *health != Health::Well) {
-            return Freshness::Unwell;
+            return Freshness::NotOperational;
         }
         for (frame, plan) in self.exchanger.frames.iter().zip(&self.plan.frames) {
             for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {

@@ -12,7 +12,7 @@ const SEGMENT_DATA: usize = coe::HEADER + 1;
 
 /// Where a transfer is.
 #[derive(Clone, Copy, Debug)]
-enum Phase {
+enum Stage {
     Initiate,
     Segment {
         /// The toggle bit of the segment in hand, 0 or [`sdo::TOGGLE`].
@@ -27,14 +27,14 @@ enum Phase {
 pub(super) struct Sdo {
     object: ObjectAddress,
     access: SdoAccess,
-    phase: Phase,
+    phase: Stage,
     /// Bytes of a download that the SubDevice has acknowledged, or that are in the message in hand.
     sent: usize,
 }
 
 impl Sdo {
     pub(super) fn new(object: ObjectAddress, access: SdoAccess) -> Self {
-        Sdo { object, access, phase: Phase::Initiate, sent: 0 }
+        Sdo { object, access, phase: Stage::Initiate, sent: 0 }
     }
 
     pub(super) fn object(&self) -> ObjectAddress {
@@ -80,12 +80,12 @@ impl Sdo {
     pub(super) fn write_upload(&self, message: &mut [u8]) -> usize {
         coe::write_header(message, Service::SdoRequest);
         match self.phase {
-            Phase::Initiate => {
+            Stage::Initiate => {
                 let command = sdo::CLIENT_UPLOAD | self.complete();
                 let header = SdoHeader { command, object: self.object, data: [0; 4] };
                 header.write(&mut message[coe::HEADER..]);
             }
-            Phase::Segment { toggle, .. } => message[coe::HEADER] = sdo::CLIENT_UPLOAD_SEGMENT | toggle,
+            Stage::Segment { toggle, .. } => message[coe::HEADER] = sdo::CLIENT_UPLOAD_SEGMENT | toggle,
         }
         INITIATE
     }
@@ -97,8 +97,8 @@ impl Sdo {
             Err(outcome) => return outcome,
         };
         match self.phase {
-            Phase::Initiate => self.read_upload_start(body, result),
-            Phase::Segment { toggle, total } => self.read_upload_segment(body, toggle, total, result),
+            Stage::Initiate => self.read_upload_start(body, result),
+            Stage::Segment { toggle, total } => self.read_upload_segment(body, toggle, total, result),
         }
     }
 
@@ -137,7 +137,7 @@ impl Sdo {
         if total.is_none() && !data.is_empty() {
             return Outcome::Done;
         }
-        self.phase = Phase::Segment { toggle: 0, total };
+        self.phase = Stage::Segment { toggle: 0, total };
         Outcome::Send
     }
 
@@ -181,7 +181,7 @@ impl Sdo {
             let error = MailboxError::Malformed { what: "a segment without data that isn't the last" };
             return failed_with(error, AbortCode::GENERAL);
         }
-        self.phase = Phase::Segment { toggle: toggle ^ sdo::TOGGLE, total };
+        self.phase = Stage::Segment { toggle: toggle ^ sdo::TOGGLE, total };
         Outcome::Send
     }
 
@@ -190,7 +190,7 @@ impl Sdo {
         coe::write_header(message, Service::SdoRequest);
         let left = &data[self.sent..];
         match self.phase {
-            Phase::Initiate => {
+            Stage::Initiate => {
                 let mut header =
                     SdoHeader { command: sdo::CLIENT_DOWNLOAD, object: self.object, data: [0; 4] };
                 header.command |= self.complete() | sdo::SIZE_INDICATED;
@@ -208,7 +208,7 @@ impl Sdo {
                 message[INITIATE..INITIATE + chunk.len()].copy_from_slice(chunk);
                 INITIATE + chunk.len()
             }
-            Phase::Segment { toggle, .. } => {
+            Stage::Segment { toggle, .. } => {
                 let chunk = &left[..left.len().min(message.len() - SEGMENT_DATA)];
                 let last = if chunk.len() == left.len() { sdo::LAST_SEGMENT } else { 0 };
                 message[coe::HEADER] =
@@ -228,14 +228,14 @@ impl Sdo {
             Err(outcome) => return outcome,
         };
         let toggle = match self.phase {
-            Phase::Initiate => {
+            Stage::Initiate => {
                 let Some(header) = SdoHeader::read(body) else { return Outcome::Stray };
                 if header.command & sdo::SPECIFIER != sdo::SERVER_DOWNLOAD || !self.is_mine(header.object) {
                     return Outcome::Stray;
                 }
                 0
             }
-            Phase::Segment { toggle, .. } => {
+            Stage::Segment { toggle, .. } => {
                 if body[0] & sdo::SPECIFIER != sdo::SERVER_DOWNLOAD_SEGMENT {
                     return Outcome::Stray;
                 }
@@ -249,7 +249,7 @@ impl Sdo {
         if self.sent >= length {
             return Outcome::Done;
         }
-        self.phase = Phase::Segment { toggle, total: None };
+        self.phase = Stage::Segment { toggle, total: None };
         Outcome::Send
     }
 }

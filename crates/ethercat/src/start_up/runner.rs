@@ -8,7 +8,7 @@ use super::{
 };
 use crate::error::Found;
 use crate::mailbox::{Completion, Mailbox, MailboxError, MailboxRequest, Operation};
-use crate::procedure::{Answer, Next, Procedure, Request};
+use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::state::{Application, StateChange};
 use crate::transaction::Target;
 use crate::wire::bytes::u64_at;
@@ -283,13 +283,17 @@ impl Procedure for StartUpRunner {
                         self.step_done();
                         continue;
                     };
-                    return Next::Send(Request::write(station, *register, data.len()));
+                    return Next::Send(DatagramRequest::write(station, *register, data.len()));
                 }
                 Activity::ReadClock { .. } => {
-                    return Next::Send(Request::read(station, register::DC_SYSTEM_TIME, CLOCK_LENGTH));
+                    return Next::Send(DatagramRequest::read(
+                        station,
+                        register::DC_SYSTEM_TIME,
+                        CLOCK_LENGTH,
+                    ));
                 }
                 Activity::WriteOffset { .. } => {
-                    return Next::Send(Request::write(station, register::DC_SYSTEM_TIME_OFFSET, 8));
+                    return Next::Send(DatagramRequest::write(station, register::DC_SYSTEM_TIME_OFFSET, 8));
                 }
                 Activity::State(change) => match change.next(now) {
                     Next::Send(request) => return Next::Send(request),

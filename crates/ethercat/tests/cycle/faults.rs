@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Freshness, Goal, Health, Phase, RecoveryError,
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Freshness, Goal, Health, RecoveryError,
+    TransitionStatus,
 };
 use omnibase_ethercat::mailbox::{MailboxRequest, ObjectList, Operation, list_indices};
 use omnibase_ethercat::start_up::SdoAccess;
@@ -97,7 +98,7 @@ fn simulated_drives_stay_in_op_on_a_bad_cable() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner.bus().link_mut().inner.set_rates(RATES);
     let complete = (0..20_000).filter(|_| runner.cycle() == Exchange::Complete).count();
     assert!(complete > 19_500, "{complete} of 20000");
@@ -143,7 +144,7 @@ fn sdos_and_the_dictionary_are_read_in_op_without_touching_the_cycle() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     let (read, cycles) =
         through_the_cycle(&mut runner, 1, MailboxRequest::upload(object, Vec::with_capacity(64)));
     assert_eq!(read, name);
@@ -163,7 +164,7 @@ fn a_power_cycled_drive_is_named_within_two_cycles_and_the_others_miss_none() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     // It restarts so quickly that the links behind it are up again: it has forgotten its address.
     runner.segment().inject(1, Fault::PowerOff).unwrap();
     runner.segment().inject(1, Fault::PowerOn).unwrap();
@@ -171,7 +172,7 @@ fn a_power_cycled_drive_is_named_within_two_cycles_and_the_others_miss_none() {
     runner.cycle();
     assert_eq!(runner.bus().health(), [Health::Well, Health::Silent, Health::Well]);
     for _ in 0..100 {
-        assert_eq!(runner.cycle(), Exchange::Without { unwell: 1 });
+        assert_eq!(runner.cycle(), Exchange::Without { not_operational: 1 });
         assert_eq!(runner.bus().freshness(2), Freshness::Fresh);
     }
 }
@@ -183,7 +184,7 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner.segment().inject(1, Fault::PowerOff).unwrap();
     runner.segment().inject(1, Fault::PowerOn).unwrap();
     runner.cycle();
@@ -220,14 +221,14 @@ fn one_of_two_lost_drives_comes_back_while_the_third_misses_no_cycle() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     for position in [1, 2] {
         runner.segment().inject(position, Fault::PowerOff).unwrap();
         runner.segment().inject(position, Fault::PowerOn).unwrap();
     }
     runner.cycle();
     runner.cycle();
-    assert_eq!(runner.cycle(), Exchange::Without { unwell: 2 });
+    assert_eq!(runner.cycle(), Exchange::Without { not_operational: 2 });
     assert!(runner.bus().recover(1));
     let ended = (0..5000).find_map(|cycle| {
         let exchange = runner.cycle();
@@ -245,7 +246,7 @@ fn another_product_in_the_place_of_a_lost_one_is_refused() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner.segment().inject(2, Fault::PowerOff).unwrap();
     assert!(runner.bus().recover(2));
     let end = |runner: &mut Runner| {
@@ -272,7 +273,7 @@ fn a_drive_with_an_al_error_is_named_with_its_code() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner.segment().inject(2, Fault::Application(ApplicationFault::AlError(0x001A))).unwrap();
     runner.cycle();
     runner.cycle();
@@ -288,7 +289,7 @@ fn an_emergency_is_found_without_being_asked_for() {
         &synchronous(3, MILLISECOND),
         ClockDirection::CycleFollowsDc,
     );
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner.segment().inject(1, Fault::Application(ApplicationFault::DriveFault(0x0710))).unwrap();
     let found = (0..1000).find_map(|_| {
         runner.cycle();

@@ -1,7 +1,7 @@
 //! From power-on to OP, in OP, and back.
 
 use omnibase_ethercat::cyclic::ClockDirection;
-use omnibase_ethercat::cyclic::{Goal, Phase};
+use omnibase_ethercat::cyclic::{Goal, TransitionStatus};
 use omnibase_ethercat::wire::{AlState, Clock, Command, HostTime};
 use omnibase_ethercat::{Exchange, SubDeviceConfig};
 use omnibase_ethercat_sim::Segment;
@@ -20,7 +20,7 @@ fn states(runner: &mut Runner) -> Vec<Option<AlState>> {
 fn three_sgdv_are_in_op_with_locked_clocks_within_two_seconds_of_bus_time() {
     let configs = synchronous(3, MILLISECOND);
     let mut runner = Runner::new(segment_file("three-sgdv.toml"), &configs, ClockDirection::CycleFollowsDc);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     let now = runner.paced.clock().now();
     assert!(now < HostTime(2_000_000_000), "OP at {now:?}");
     assert!(runner.worst_clock_ns() < 1000, "{} ns", runner.worst_clock_ns());
@@ -38,7 +38,7 @@ fn three_sgdv_are_in_op_with_locked_clocks_within_two_seconds_of_bus_time() {
     for barred in [Command::Lrw, Command::Aprw, Command::Fprw, Command::Brw] {
         assert!(!runner.bus().link().commands.contains(&barred), "{barred}");
     }
-    assert_eq!(runner.to(Goal::Init), Phase::Reached(Goal::Init));
+    assert_eq!(runner.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
     assert_eq!(states(&mut runner), [Some(AlState::Init); 3]);
 }
 
@@ -47,7 +47,7 @@ fn a_hundred_servos_are_in_op_within_ten_seconds_of_bus_time() {
     let configs = synchronous(100, 2 * MILLISECOND);
     let mut runner =
         Runner::new(segment_file("hundred-servos.toml"), &configs, ClockDirection::CycleFollowsDc);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     let now = runner.paced.clock().now();
     assert!(now < HostTime(10_000_000_000), "OP at {now:?}");
     assert!(runner.worst_clock_ns() < 1000, "{} ns", runner.worst_clock_ns());
@@ -63,7 +63,7 @@ fn a_hundred_servos_are_in_op_within_ten_seconds_of_bus_time() {
 fn the_reference_clock_follows_the_host_without_a_step() {
     let configs = synchronous(3, MILLISECOND);
     let mut runner = Runner::new(segment_file("three-sgdv.toml"), &configs, ClockDirection::DcFollowsHost);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     let first = runner.bus().clock().unwrap();
     let mut last = first;
     for _ in 0..3000 {
@@ -84,14 +84,14 @@ fn an_empty_segment_is_refused_by_set_up_and_one_device_is_enough() {
     let file = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
     let segment: Segment = file.build(std::path::Path::new(".")).unwrap();
     let mut runner = Runner::new(segment, &[SubDeviceConfig::default()], ClockDirection::NoClock);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     assert_eq!(runner.bus().clock(), None);
     assert_eq!(runner.cycle(), Exchange::Complete);
 }
 #[test]
 fn a_tree_of_couplers_terminals_and_drives_reaches_op() {
     let mut runner = Runner::new(segment_file("mixed-tree.toml"), &[], ClockDirection::CycleFollowsDc);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     for _ in 0..200 {
         assert_eq!(runner.cycle(), Exchange::Complete);
     }

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use omnibase_ethercat::Match;
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Health, Phase, RecoveryError, RegisterWay,
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Health, RecoveryError, RegisterWay,
+    TransitionStatus,
 };
 use omnibase_ethercat::wire::{Command, register};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
@@ -17,7 +18,7 @@ fn in_op(segment: Segment) -> Runner {
     let count = segment.sub_devices().len();
     let following = ClockDirection::CycleFollowsDc;
     let mut runner = Runner::new(segment, &synchronous(count, MILLISECOND), following);
-    assert_eq!(runner.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     runner
 }
 

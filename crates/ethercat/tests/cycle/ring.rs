@@ -148,7 +148,7 @@ fn a_second_break_loses_only_what_lies_between() {
     ring.cycle();
     assert_eq!(ring.state(), Some(RingState::Broken { before: 1, behind: 3 }));
     for _ in 0..300 {
-        assert_eq!(ring.cycle(), Exchange::Without { unwell: 2 });
+        assert_eq!(ring.cycle(), Exchange::Without { not_operational: 2 });
     }
     let statuses = ring.statuses();
     assert_eq!((statuses[0], &statuses[3..]), (8, &[8u8, 8][..]));

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::wire::frame::Datagrams;
 use omnibase_ethercat::wire::{Command, HostTime, Link, LinkError};
@@ -109,13 +109,13 @@ impl Runner {
     }
 
     /// Cycles until the goal is reached or refused.
-    pub fn to(&mut self, goal: Goal) -> Phase {
+    pub fn to(&mut self, goal: Goal) -> TransitionStatus {
         let Runner { paced, image, .. } = self;
         // What became of it, the phase says.
         let _ = paced.reach(goal, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
             paced.exchange(image).map(drop)
         });
-        self.bus().phase()
+        self.bus().transition()
     }
 
     /// The farthest clock, as the SubDevices' own registers 0x092C show it, ns.

@@ -1,7 +1,7 @@
 //! `omnibase decode`: a capture in words.
 
 use crate::Outcome;
-use crate::decode::records::{Record, Way, way_rule};
+use crate::decode::records::{FrameDirection, Record, way_rule};
 use crate::decode::summary::{Gatherer, Summary};
 use crate::decode::words;
 use crate::hex;
@@ -45,7 +45,7 @@ const SHOWN: usize = 32;
 struct DatagramRecord {
     frame: u64,
     time_ns: u64,
-    direction: Way,
+    direction: FrameDirection,
     /// Its place in the frame, from 0.
     datagram: usize,
     index: u8,
@@ -72,7 +72,7 @@ struct DatagramRecord {
 
 /// Something that could not be read.
 #[derive(Serialize)]
-struct Problem {
+struct Unreadable {
     #[serde(skip_serializing_if = "Option::is_none")]
     frame: Option<u64>,
     text: String,
@@ -90,8 +90,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 
     let mut printer = Printer { output, arguments, start_ns, datagrams: 0 };
     let mut gatherer = Gatherer::new(rule);
-    let mut problems: Vec<Problem> =
-        capture.warnings.iter().map(|warning| Problem { frame: None, text: warning.to_string() }).collect();
+    let mut problems: Vec<Unreadable> = capture
+        .warnings
+        .iter()
+        .map(|warning| Unreadable { frame: None, text: warning.to_string() })
+        .collect();
     printer.begin()?;
     for record in &records {
         let Ok(record) = record else {
@@ -115,7 +118,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         }
         if let Some(text) = problem {
             printer.problem(record.frame.number, &text)?;
-            problems.push(Problem { frame: Some(record.frame.number), text });
+            problems.push(Unreadable { frame: Some(record.frame.number), text });
         }
     }
     printer.end(&problems, &gatherer.finish())?;
@@ -144,7 +147,7 @@ impl Printer<'_> {
     fn datagram(
         &mut self,
         record: &Record<'_>,
-        way: Way,
+        way: FrameDirection,
         place: usize,
         datagram: &Datagram<'_>,
         meaning: Vec<String>,
@@ -165,7 +168,7 @@ impl Printer<'_> {
         let command = Command::from_code(header.command);
         let name = command.map_or_else(|| format!("0x{:02x}", header.command), |command| command.to_string());
         let address = address_text(datagram);
-        let arrow = if way == Way::Request { "->" } else { "<-" };
+        let arrow = if way == FrameDirection::Request { "->" } else { "<-" };
         let limit = if self.arguments.full { usize::MAX } else { SHOWN };
         write!(
             self.output,
@@ -192,7 +195,7 @@ impl Printer<'_> {
         writeln!(self.output, "{frame:>6}  !! {text}")
     }
 
-    fn end(&mut self, problems: &[Problem], summary: &Summary) -> anyhow::Result<()> {
+    fn end(&mut self, problems: &[Unreadable], summary: &Summary) -> anyhow::Result<()> {
         if self.arguments.json {
             write!(self.output, "\n],\n\"problems\":")?;
             serde_json::to_writer(&mut *self.output, problems)?;
@@ -217,7 +220,7 @@ impl Printer<'_> {
 
 fn json_record(
     record: &Record<'_>,
-    way: Way,
+    way: FrameDirection,
     place: usize,
     datagram: &Datagram<'_>,
     meaning: Vec<String>,

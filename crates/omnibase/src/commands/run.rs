@@ -172,7 +172,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 /// The way to the drives.
-struct Way {
+struct Connection {
     link: Box<dyn Link>,
     clock: AnyClock,
     /// The machine behind drives that are simulated in the process.
@@ -180,7 +180,7 @@ struct Way {
 }
 
 impl Arguments {
-    fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Way> {
+    fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Connection> {
         let Some(interface) = &self.interface else {
             let (segment, machine) = simulated::segment(&robot.plan)?;
             let (link, clock) = in_process(segment);
@@ -189,7 +189,7 @@ impl Arguments {
             } else {
                 AnyClock::Virtual(clock)
             };
-            return Ok(Way { link: Box::new(link), clock, machine: Some(machine) });
+            return Ok(Connection { link: Box::new(link), clock, machine: Some(machine) });
         };
         let port = match (self.ring, self.busy_poll) {
             (false, _) => Port::Socket,
@@ -204,7 +204,7 @@ impl Arguments {
                 Box::new(RedundantLink::new(cable.link, end.link, cable.clock.clone()))
             }
         };
-        Ok(Way { link, clock: cable.clock, machine: None })
+        Ok(Connection { link, clock: cable.clock, machine: None })
     }
 
     fn page(&self) -> anyhow::Result<Option<Page>> {

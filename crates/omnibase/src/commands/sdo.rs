@@ -41,7 +41,7 @@ the bytes are shown. The segment is reset to INIT and brought to PRE-OP first, b
 (@robot), which reads beside its cycle.")]
 struct ReadArguments {
     #[command(flatten)]
-    place: Place,
+    place: SubDeviceObjects,
     /// Objects as index:subindex.
     #[arg(required = true, value_name = "INDEX:SUBINDEX", value_parser = parse_object)]
     objects: Vec<ObjectAddress>,
@@ -59,14 +59,14 @@ refused. The segment is reset to INIT and brought to PRE-OP first. A running rob
 while no drive is enabled or what [bus] sdo_write_while_enabled of its file names, never what its cycle owns.")]
 struct WriteArguments {
     #[command(flatten)]
-    place: Place,
+    place: SubDeviceObjects,
     /// Objects and their values in turn.
     #[arg(required = true, num_args = 2.., value_names = ["INDEX:SUBINDEX", "VALUE"], allow_negative_numbers = true)]
     pairs: Vec<String>,
 }
 
 #[derive(Debug, clap::Args)]
-struct Place {
+struct SubDeviceObjects {
     /// Network interface, @robot, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
     target: Target,
@@ -163,11 +163,11 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     Ok(Outcome::Done)
 }
 
-impl Place {
-    fn open(&self) -> anyhow::Result<Way> {
+impl SubDeviceObjects {
+    fn open(&self) -> anyhow::Result<ObjectAccess> {
         if let Target::Running(address) = self.target {
             anyhow::ensure!(!self.complete, "--complete: not of a robot that runs; read entries one by one");
-            return Ok(Way::Robot(Remote::new(address, self.position)?));
+            return Ok(ObjectAccess::Robot(Remote::new(address, self.position)?));
         }
         let mut bus = self.manners.enter(&self.target, Port::Socket)?.into_bus();
         commands::scan_bus(&mut bus, &self.target)?;
@@ -176,7 +176,7 @@ impl Place {
         if let Some(cause) = &bus.subdevice(self.position)?.broken {
             anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
         }
-        Ok(Way::Bus(Box::new(bus)))
+        Ok(ObjectAccess::Bus(Box::new(bus)))
     }
 
     fn access(&self) -> SdoAccess {
@@ -184,7 +184,7 @@ impl Place {
     }
 
     /// The type as given or as the SubDevice tells it.
-    fn data_type(&self, way: &mut Way, object: ObjectAddress) -> anyhow::Result<Option<DataType>> {
+    fn data_type(&self, way: &mut ObjectAccess, object: ObjectAddress) -> anyhow::Result<Option<DataType>> {
         if self.data_type.is_some() {
             return Ok(self.data_type);
         }
@@ -192,8 +192,8 @@ impl Place {
             return Ok(Some(DataType::Bytes));
         }
         let bus = match way {
-            Way::Bus(bus) => bus,
-            Way::Robot(remote) => return Ok(remote.data_type(object)),
+            ObjectAccess::Bus(bus) => bus,
+            ObjectAccess::Robot(remote) => return Ok(remote.data_type(object)),
         };
         if bus.subdevice(self.position)?.coe_details & sii::COE_SDO_INFO == 0 {
             return Ok(None);
@@ -211,29 +211,29 @@ impl Place {
 }
 
 /// Who reads and writes the objects.
-enum Way {
+enum ObjectAccess {
     /// This program, which set the segment up.
     Bus(Box<AnyBus>),
     /// A robot that runs.
     Robot(Remote),
 }
 
-impl Way {
-    fn read(&mut self, place: &Place, object: ObjectAddress) -> anyhow::Result<Vec<u8>> {
+impl ObjectAccess {
+    fn read(&mut self, place: &SubDeviceObjects, object: ObjectAddress) -> anyhow::Result<Vec<u8>> {
         match self {
-            Way::Bus(bus) => Ok(bus.sdo_read(place.position, object, place.access())?),
-            Way::Robot(remote) => remote.read(object),
+            ObjectAccess::Bus(bus) => Ok(bus.sdo_read(place.position, object, place.access())?),
+            ObjectAccess::Robot(remote) => remote.read(object),
         }
     }
 
-    fn write(&mut self, place: &Place, object: ObjectAddress, data: &[u8]) -> anyhow::Result<()> {
+    fn write(&mut self, place: &SubDeviceObjects, object: ObjectAddress, data: &[u8]) -> anyhow::Result<()> {
         match self {
-            Way::Bus(bus) => {
+            ObjectAccess::Bus(bus) => {
                 let operation = Operation::Download { object, access: place.access() };
                 bus.request(place.position, MailboxRequest::new(operation, data.to_vec()))?;
                 Ok(())
             }
-            Way::Robot(remote) => remote.write(object, data),
+            ObjectAccess::Robot(remote) => remote.write(object, data),
         }
     }
 }

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 /// Which way a frame went, seen from the MainDevice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Way {
+pub enum FrameDirection {
     /// To the segment.
     Request,
     /// Back from it.
@@ -17,7 +17,7 @@ pub enum Way {
 
 /// How the way of a frame is told where the capture doesn't say it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WayRule {
+pub enum DirectionRule {
     /// The "locally administered" bit of the source address, which every SubDevice sets.
     ProcessedBit,
     /// Every frame of the capture carries that bit, so it tells nothing: a frame like one that is still
@@ -55,13 +55,13 @@ impl<'a> Record<'a> {
     }
 
     /// The way, as far as this frame alone tells it.
-    pub fn way(&self, rule: WayRule) -> Option<Way> {
+    pub fn way(&self, rule: DirectionRule) -> Option<FrameDirection> {
         match (self.frame.direction, rule) {
-            (Some(Direction::Outbound), _) => Some(Way::Request),
-            (Some(Direction::Inbound), _) => Some(Way::Reply),
-            (None, WayRule::ProcessedBit) if self.is_marked() => Some(Way::Reply),
-            (None, WayRule::ProcessedBit) => Some(Way::Request),
-            (None, WayRule::Pairing) => None,
+            (Some(Direction::Outbound), _) => Some(FrameDirection::Request),
+            (Some(Direction::Inbound), _) => Some(FrameDirection::Reply),
+            (None, DirectionRule::ProcessedBit) if self.is_marked() => Some(FrameDirection::Reply),
+            (None, DirectionRule::ProcessedBit) => Some(FrameDirection::Request),
+            (None, DirectionRule::Pairing) => None,
         }
     }
 
@@ -103,12 +103,12 @@ impl<'a> Record<'a> {
 }
 
 /// The rule for a whole capture.
-pub fn way_rule<'a>(records: impl Iterator<Item = &'a Record<'a>>) -> WayRule {
+pub fn way_rule<'a>(records: impl Iterator<Item = &'a Record<'a>>) -> DirectionRule {
     let mut undecided = records.filter(|record| record.frame.direction.is_none()).peekable();
     if undecided.peek().is_some() && undecided.all(Record::is_marked) {
-        WayRule::Pairing
+        DirectionRule::Pairing
     } else {
-        WayRule::ProcessedBit
+        DirectionRule::ProcessedBit
     }
 }
 
@@ -149,8 +149,8 @@ mod tests {
         came[28] = 1;
         let (request, reply) = (Record::new(captured(&sent)).unwrap(), Record::new(captured(&came)).unwrap());
         assert_eq!(Record::key(&request.datagrams().0), Record::key(&reply.datagrams().0));
-        assert_eq!(request.way(WayRule::ProcessedBit), Some(Way::Request));
-        assert_eq!(reply.way(WayRule::ProcessedBit), Some(Way::Reply));
+        assert_eq!(request.way(DirectionRule::ProcessedBit), Some(FrameDirection::Request));
+        assert_eq!(reply.way(DirectionRule::ProcessedBit), Some(FrameDirection::Reply));
     }
 
     #[test]
@@ -159,8 +159,8 @@ mod tests {
         marked[6] |= PROCESSED_BIT;
         let plain = request();
         let both = [Record::new(captured(&marked)).unwrap(), Record::new(captured(&plain)).unwrap()];
-        assert_eq!(way_rule(both.iter()), WayRule::ProcessedBit);
-        assert_eq!(way_rule(both[..1].iter()), WayRule::Pairing);
-        assert_eq!(way_rule([].iter()), WayRule::ProcessedBit);
+        assert_eq!(way_rule(both.iter()), DirectionRule::ProcessedBit);
+        assert_eq!(way_rule(both[..1].iter()), DirectionRule::Pairing);
+        assert_eq!(way_rule([].iter()), DirectionRule::ProcessedBit);
     }
 }

@@ -1,6 +1,6 @@
 //! What a whole capture shows: round trips, cycle, losses, working counters.
 
-use super::records::{Record, Way, WayRule};
+use super::records::{DirectionRule, FrameDirection, Record};
 use omnibase_ethercat_wire::Command;
 use omnibase_ethercat_wire::frame::Datagram;
 use omnibase_run::quantiles::{Distribution, Quantiles};
@@ -93,23 +93,23 @@ pub struct Event {
 /// Gathers the summary frame by frame, and tells the way of frames that don't tell it themselves.
 pub struct Gatherer {
     summary: Summary,
-    rule: WayRule,
+    rule: DirectionRule,
     first_ns: Option<u64>,
-    waiting: HashMap<Vec<u64>, Request>,
+    waiting: HashMap<Vec<u64>, SentFrame>,
     latest_answered: u64,
     round_trips: Distribution,
     cycles: HashMap<Vec<u64>, Vec<u64>>,
     counters: BTreeMap<(u8, u32, usize), BTreeMap<u16, u64>>,
 }
 
-struct Request {
+struct SentFrame {
     number: u64,
     unix_ns: u64,
 }
 
 impl Gatherer {
     /// Nothing seen yet.
-    pub fn new(rule: WayRule) -> Self {
+    pub fn new(rule: DirectionRule) -> Self {
         let summary = Summary {
             frames: 0,
             requests: 0,
@@ -161,7 +161,7 @@ impl Gatherer {
     }
 
     /// Takes a frame in; gives the way that it went.
-    pub fn frame(&mut self, record: &Record<'_>, datagrams: &[Datagram<'_>]) -> Way {
+    pub fn frame(&mut self, record: &Record<'_>, datagrams: &[Datagram<'_>]) -> FrameDirection {
         let time = record.frame.unix_ns;
         let first = *self.first_ns.get_or_insert(time);
         self.summary.duration_ns = self.summary.duration_ns.max(time.saturating_sub(first));
@@ -169,12 +169,12 @@ impl Gatherer {
         self.summary.datagrams += datagrams.len() as u64;
         let key = Record::key(datagrams);
         let way = record.way(self.rule).unwrap_or_else(|| match self.waiting.contains_key(&key) {
-            true => Way::Reply,
-            false => Way::Request,
+            true => FrameDirection::Reply,
+            false => FrameDirection::Request,
         });
         match way {
-            Way::Request => self.request(record, datagrams, key),
-            Way::Reply => self.reply(time, datagrams, &key),
+            FrameDirection::Request => self.request(record, datagrams, key),
+            FrameDirection::Reply => self.reply(time, datagrams, &key),
         }
         way
     }
@@ -190,7 +190,7 @@ impl Gatherer {
             let shape = key.iter().map(|word| word & !0xFF00).collect();
             self.cycles.entry(shape).or_default().push(record.frame.unix_ns);
         }
-        let request = Request { number: record.frame.number, unix_ns: record.frame.unix_ns };
+        let request = SentFrame { number: record.frame.number, unix_ns: record.frame.unix_ns };
         if self.waiting.insert(key, request).is_some() {
             // The same frame again: the first one was given up.
             self.summary.lost_frames += 1;
@@ -288,7 +288,7 @@ mod tests {
 
     /// Frames with their times in us; `Some(working counter)` makes a reply.
     fn summary(frames: &[(u64, u8, Option<u16>)]) -> Summary {
-        let mut gatherer = Gatherer::new(WayRule::ProcessedBit);
+        let mut gatherer = Gatherer::new(DirectionRule::ProcessedBit);
         for (number, (time_us, index, reply)) in frames.iter().enumerate() {
             let mut frame = FrameBuilder::new();
             frame.push_zeros(Command::Lrw, *index, Address::Logical(0x1000), 8).unwrap();

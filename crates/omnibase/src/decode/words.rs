@@ -1,6 +1,6 @@
 //! What a datagram's data mean.
 
-use super::records::Way;
+use super::records::FrameDirection;
 use super::{mailbox, registers};
 use omnibase_ethercat_wire::frame::Datagram;
 use omnibase_ethercat_wire::{Address, Command, register};
@@ -22,12 +22,12 @@ fn register_of(address: Address) -> Option<u16> {
 }
 
 /// The data in words; empty where they have no meaning (yet): a read on its way out, an answer that nobody gave.
-pub fn content(datagram: &Datagram<'_>, way: Way) -> Vec<String> {
+pub fn content(datagram: &Datagram<'_>, way: FrameDirection) -> Vec<String> {
     let Some(command) = Command::from_code(datagram.header.command) else { return Vec::new() };
     let writes =
         !matches!(command, Command::Nop | Command::Aprd | Command::Fprd | Command::Brd | Command::Lrd);
-    let answered = way == Way::Reply && datagram.working_counter > 0;
-    if command == Command::Nop || !(answered || (writes && way == Way::Request)) {
+    let answered = way == FrameDirection::Reply && datagram.working_counter > 0;
+    if command == Command::Nop || !(answered || (writes && way == FrameDirection::Request)) {
         return Vec::new();
     }
     let Some(at) = register_of(command.address(datagram.header.address)) else { return Vec::new() };
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
     use omnibase_ethercat_wire::frame::{Datagrams, FrameBuilder};
 
-    fn said(command: Command, working_counter: u16, way: Way) -> Vec<String> {
+    fn said(command: Command, working_counter: u16, way: FrameDirection) -> Vec<String> {
         let mut frame = FrameBuilder::new();
         frame.push(command, 1, Address::station(0x1001, 0x0130), &[8, 0]).unwrap();
         let end = frame.bytes().len();
@@ -53,10 +53,10 @@ mod tests {
 
     #[test]
     fn only_data_that_somebody_gave_have_a_meaning() {
-        assert_eq!(said(Command::Fprd, 1, Way::Reply), ["in OP"]);
-        assert_eq!(said(Command::Fpwr, 0, Way::Request), ["in OP"]);
-        assert!(said(Command::Fprd, 0, Way::Request).is_empty());
-        assert!(said(Command::Fprd, 0, Way::Reply).is_empty());
+        assert_eq!(said(Command::Fprd, 1, FrameDirection::Reply), ["in OP"]);
+        assert_eq!(said(Command::Fpwr, 0, FrameDirection::Request), ["in OP"]);
+        assert!(said(Command::Fprd, 0, FrameDirection::Request).is_empty());
+        assert!(said(Command::Fprd, 0, FrameDirection::Reply).is_empty());
     }
 
     #[test]

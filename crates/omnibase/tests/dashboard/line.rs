@@ -13,7 +13,7 @@ const LIVE: &[u8] = b"GET /api/live";
 
 /// What the line does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum LineMode {
     /// Everything passes.
     Open = 0,
     /// Connections stay, and what is sent waits until the line is open again: a cable that is out, as TCP sees it.
@@ -36,7 +36,7 @@ impl Line {
     pub fn to(robot: &str) -> Line {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let at = format!("http://{}", listener.local_addr().unwrap());
-        let line = Line { at, way: Arc::new(AtomicU8::new(Way::Open as u8)) };
+        let line = Line { at, way: Arc::new(AtomicU8::new(LineMode::Open as u8)) };
         let (way, robot) = (line.way.clone(), robot.strip_prefix("http://").unwrap().to_owned());
         std::thread::spawn(move || {
             for page in listener.incoming().map_while(Result::ok) {
@@ -48,32 +48,32 @@ impl Line {
     }
 
     /// From now on it does that.
-    pub fn set(&self, way: Way) {
+    pub fn set(&self, way: LineMode) {
         self.way.store(way as u8, Ordering::SeqCst);
     }
 }
 
-fn is(way: &AtomicU8, what: Way) -> bool {
+fn is(way: &AtomicU8, what: LineMode) -> bool {
     way.load(Ordering::SeqCst) == what as u8
 }
 
 /// One connection, until one of its ends or the line closes it.
 fn carry(mut page: &TcpStream, robot: &str, way: &Arc<AtomicU8>) {
     let mut first = [0; 4096];
-    while is(way, Way::Silent) {
+    while is(way, LineMode::Silent) {
         std::thread::sleep(LOOK);
     }
-    if is(way, Way::Cut) {
+    if is(way, LineMode::Cut) {
         return;
     }
     let Ok(length) = page.read(&mut first) else { return };
     let is_live = first[..length].starts_with(LIVE);
     let Ok(mut there) = TcpStream::connect(robot) else { return };
     let _ = (page.set_nodelay(true), there.set_nodelay(true));
-    while is(way, Way::Silent) {
+    while is(way, LineMode::Silent) {
         std::thread::sleep(LOOK);
     }
-    if is(way, Way::WithoutLive) && is_live || there.write_all(&first[..length]).is_err() {
+    if is(way, LineMode::WithoutLive) && is_live || there.write_all(&first[..length]).is_err() {
         return;
     }
     std::thread::scope(|scope| {
@@ -86,10 +86,10 @@ fn pass(mut from: &TcpStream, mut to: &TcpStream, way: &AtomicU8, is_live: bool)
     let mut bytes = [0; 16 * 1024];
     let _ = from.set_read_timeout(Some(LOOK));
     loop {
-        if is(way, Way::Cut) || is(way, Way::WithoutLive) && is_live {
+        if is(way, LineMode::Cut) || is(way, LineMode::WithoutLive) && is_live {
             break;
         }
-        if is(way, Way::Silent) {
+        if is(way, LineMode::Silent) {
             std::thread::sleep(LOOK);
             continue;
         }
@@ -100,10 +100,10 @@ fn pass(mut from: &TcpStream, mut to: &TcpStream, way: &AtomicU8, is_live: bool)
             Err(_) => break,
         };
         // Read while the line fell silent: it waits as what comes behind it.
-        while is(way, Way::Silent) {
+        while is(way, LineMode::Silent) {
             std::thread::sleep(LOOK);
         }
-        if is(way, Way::Cut) || to.write_all(&bytes[..length]).is_err() {
+        if is(way, LineMode::Cut) || to.write_all(&bytes[..length]).is_err() {
             break;
         }
     }

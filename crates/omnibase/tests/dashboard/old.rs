@@ -1,7 +1,7 @@
 //! What is old on the page is grey, and begins nothing.
 
 use crate::browser::Browser;
-use crate::line::{Line, Way};
+use crate::line::{Line, LineMode};
 use crate::robot::{Robot, TOKEN};
 use crate::{Stick, browser, cycles_pass, drive, mend, opened, press};
 use serde_json::json;
@@ -42,8 +42,8 @@ fn what_is_old_is_grey_and_says_how_old_it_is() {
         page.value("void (window.tamper = (seen) => 'phase' in seen ? (window.first ??= seen) : seen)");
     };
     let slow: Make = &|page| page.change("seen.delay_ms = 501");
-    let silent: Make = &|_| line.set(Way::Silent);
-    let cut: Make = &|_| line.set(Way::Cut);
+    let silent: Make = &|_| line.set(LineMode::Silent);
+    let cut: Make = &|_| line.set(LineMode::Cut);
     for (what, make) in
         [("swallowed", swallowed), ("standing", standing), ("slow", slow), ("silent", silent), ("cut", cut)]
     {
@@ -55,7 +55,7 @@ fn what_is_old_is_grey_and_says_how_old_it_is() {
         if what != "slow" {
             page.wait("parseFloat(document.getElementById('age').textContent) > 1");
         }
-        line.set(Way::Open);
+        line.set(LineMode::Open);
         page.value("void (window.tamper = (seen) => seen)");
         page.wait(&format!("{FRESH} && {COLOURED}.length === {all}"));
     }
@@ -106,7 +106,7 @@ fn a_press_into_a_dead_line_is_refused_on_the_spot_and_never_arrives() {
     let robot = Robot::start(&[]);
     let line = Line::to(&robot.at);
     holding(&line.at, &mut page);
-    for way in [Way::Silent, Way::Cut] {
+    for way in [LineMode::Silent, LineMode::Cut] {
         line.set(way);
         page.wait(SILENT);
         page.value("void (document.getElementById('said').textContent = '')");
@@ -116,7 +116,7 @@ fn a_press_into_a_dead_line_is_refused_on_the_spot_and_never_arrives() {
             page.mouse(what, [middle[0] + 120.0, middle[1]]);
         }
         page.wait("document.getElementById('said').textContent.startsWith('not sent: ')");
-        line.set(Way::Open);
+        line.set(LineMode::Open);
         page.wait(FRESH);
         cycles_pass(&robot, 3000, |robot| {
             let now = robot.read("now");

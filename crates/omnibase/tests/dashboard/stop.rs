@@ -1,7 +1,7 @@
 //! STOP on the page: where it is, and what it says, whatever else happens.
 
 use crate::browser::Browser;
-use crate::line::{Line, Way};
+use crate::line::{Line, LineMode};
 use crate::robot::{Robot, TOKEN};
 use crate::{browser, cycles_pass, opened, press};
 use serde_json::{Value, json};
@@ -35,12 +35,12 @@ fn stop_has_one_place_and_one_size_whatever_happens() {
                 page.picture(&format!("{width}-{scheme}-{state}"));
                 places.push((state, page.value(PLACE)));
             };
-            line.set(Way::WithoutLive);
+            line.set(LineMode::WithoutLive);
             page.open("about:blank");
             page.open(&format!("{}/?token={TOKEN}", line.at));
             page.wait("document.readyState === 'complete' && document.getElementById('link')?.textContent.includes('connect')");
             look(&mut page, "connecting");
-            line.set(Way::Open);
+            line.set(LineMode::Open);
             opened(&mut page);
             look(&mut page, "normal");
             for (state, how) in [
@@ -76,13 +76,13 @@ fn stop_has_one_place_and_one_size_whatever_happens() {
             page.swallow();
             page.wait("document.getElementById('link').classList.contains('lost')");
             look(&mut page, "silent");
-            line.set(Way::Cut);
+            line.set(LineMode::Cut);
             page.wait("document.getElementById('link').classList.contains('lost')");
             look(&mut page, "lost");
             page.click("#stop");
             page.wait("document.getElementById('stop').textContent.includes('no connection')");
             look(&mut page, "not-sent");
-            line.set(Way::Open);
+            line.set(LineMode::Open);
             page.wait("document.getElementById('stop').textContent.includes('STOPPED')");
             look(&mut page, "stopped");
             assert_eq!(robot.call(&json!({"do": "release"})).0, 200);
@@ -118,7 +118,7 @@ fn stop_without_a_live_connection_is_heard_by_a_request_of_its_own() {
     let robot = Robot::start(&[]);
     let line = Line::to(&robot.at);
     holding(&line, &robot, &mut page);
-    line.set(Way::WithoutLive);
+    line.set(LineMode::WithoutLive);
     page.wait("document.getElementById('link').classList.contains('lost')");
     page.click("#stop");
     is_stopped(&robot);
@@ -133,13 +133,13 @@ fn stop_into_a_dead_line_says_that_nobody_heard_it_and_is_tried_until_somebody_d
     let robot = Robot::start(&[]);
     let line = Line::to(&robot.at);
     holding(&line, &robot, &mut page);
-    for way in [Way::Cut, Way::Silent] {
+    for way in [LineMode::Cut, LineMode::Silent] {
         line.set(way);
         page.wait("document.getElementById('link').classList.contains('lost')");
         page.click("#stop");
         page.wait(SAYS_UNHEARD);
         assert_eq!(robot.read("now")["emergency_stop"], false, "{way:?}");
-        line.set(Way::Open);
+        line.set(LineMode::Open);
         is_stopped(&robot);
         page.wait(SAYS_STOPPED);
         page.wait("!document.body.classList.contains('old')");
@@ -158,7 +158,7 @@ fn stop_that_was_given_up_is_not_sent_later() {
     let robot = Robot::start(&[]);
     let line = Line::to(&robot.at);
     holding(&line, &robot, &mut page);
-    line.set(Way::Cut);
+    line.set(LineMode::Cut);
     page.wait("document.getElementById('link').classList.contains('lost')");
     page.click("#stop");
     page.wait(SAYS_UNHEARD);
@@ -166,7 +166,7 @@ fn stop_that_was_given_up_is_not_sent_later() {
     while page.value("document.getElementById('stop').textContent") != "STOPno connection" {
         page.click("#give-up");
     }
-    line.set(Way::Open);
+    line.set(LineMode::Open);
     page.wait("!document.body.classList.contains('old')");
     cycles_pass(&robot, 3000, |robot| assert_eq!(robot.read("now")["emergency_stop"], false));
     robot.end();
@@ -181,13 +181,13 @@ fn who_may_only_look_stops_the_robot_and_releases_nothing() {
     page.wait("document.getElementById('link')?.textContent === 'you may look, and stop'");
     page.wait("!document.body.classList.contains('old')");
     page.picture("looking");
-    for way in [Way::Open, Way::WithoutLive] {
+    for way in [LineMode::Open, LineMode::WithoutLive] {
         line.set(way);
-        page.wait(&format!("document.body.classList.contains('old') === {}", way == Way::WithoutLive));
+        page.wait(&format!("document.body.classList.contains('old') === {}", way == LineMode::WithoutLive));
         page.click("#stop");
         is_stopped(&robot);
         page.wait(SAYS_STOPPED);
-        line.set(Way::Open);
+        line.set(LineMode::Open);
         page.wait("document.getElementById('banner').textContent.includes('Emergency stop is set')");
         page.picture("looking-stopped");
         assert_eq!(page.value("document.getElementById('release').hidden"), json!(true));

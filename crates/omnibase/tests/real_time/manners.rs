@@ -106,7 +106,7 @@ fn a_carrier_that_is_lost_stops_the_robot_and_a_person_goes_on_when_it_is_back()
             up.iter().for_each(|step| namespace.ip(step).unwrap());
             robot.wait("it stopped", |now| now["phase"] == "fault");
             robot.wait("everybody is back", |now| {
-                now["bus/unwell"].as_f64() == Some(0.0) && now["bus/al_status"].as_f64() == Some(8.0)
+                now["bus/not_operational"].as_f64() == Some(0.0) && now["bus/al_status"].as_f64() == Some(8.0)
             });
             // Nothing goes on by itself, and everything by a person.
             assert_eq!(robot.now()["phase"], "fault", "{what}");

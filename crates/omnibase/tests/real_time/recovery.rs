@@ -1,6 +1,8 @@
 //! A drive of the simulator's process loses its supply while the robot runs in another, and comes back.
 
-use crate::support::{IN_OP, PATIENT, Program, Seen, WITH_SYNC0, events, number, repository, undisturbed};
+use crate::support::{
+    BothReports, IN_OP, PATIENT, Program, WITH_SYNC0, events, number, repository, undisturbed,
+};
 use omnibase_host::Namespace;
 use serde_json::Value;
 
@@ -13,14 +15,14 @@ const LOCKED_NS: f64 = 1000.0;
 const ABSOLUTE: &str = "drive_defaults.encoder=\"absolute\"";
 
 /// One power cycle of the last drive in the line.
-fn power_cycled(after_lost_device: &str, more: &[&str]) -> Seen {
+fn power_cycled(after_lost_device: &str, more: &[&str]) -> BothReports {
     let robot = repository("robots/bmm.toml");
     let policy = format!("safety.after_lost_device=\"{after_lost_device}\"");
     let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:3:0.5", "--set", ABSOLUTE]);
     let circle = ["--set", &policy, "--circle", "radius=0.3,period=8", "--set", ABSOLUTE];
     let run = Program::run(&[&[robot.as_str()], &circle[..], more].concat());
     simulator.wait_for("fault: power-cycle@2");
-    Seen::of(run, simulator)
+    BothReports::of(run, simulator)
 }
 
 /// The way back as the simulator saw it: in how many s, for a drive that lost its supply once.

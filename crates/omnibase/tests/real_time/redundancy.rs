@@ -1,6 +1,6 @@
 //! Two interfaces at the ends of a ring, the simulator behind both: a cable is cut while the robot runs, and mended.
 
-use crate::support::{IN_OP, PATIENT, Program, Seen, events, repository};
+use crate::support::{BothReports, IN_OP, PATIENT, Program, events, repository};
 use omnibase_host::{LinkState, Namespace, interface};
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ fn start(more: &[&str]) -> (Program, Program) {
 
 /// Goes on as if nothing had been: nobody left OP, every event was told once, nothing was lost, and the reference was
 /// followed to its end. A machine that kept both from their time may lose frames of its own, which may look like a cable.
-fn went_on(test: &str, seen: &Seen, told: &[(&str, usize)]) {
+fn went_on(test: &str, seen: &BothReports, told: &[(&str, usize)]) {
     let words = events(&seen.report);
     for position in 0..3 {
         assert_eq!(seen.states(position), IN_OP, "{words:?}");
@@ -66,7 +66,7 @@ fn a_cable_that_is_cut_in_a_ring_loses_no_cycle_and_is_named_and_so_is_its_mendi
     let Some(namespace) = two_cables(TEST) else { return };
     let seen = namespace.run(|| {
         let (simulator, run) = start(&["--fault", "cable-cut@0:3:1", "--fault", "cable-restored@0:4:1"]);
-        Seen::of(run, simulator)
+        BothReports::of(run, simulator)
     });
     let broken = "the ring is broken between `wheel_1` (SubDevice 0) and `wheel_2` (SubDevice 1)";
     went_on(TEST, &seen, &[(broken, 1), ("the ring is whole again", 1)]);
@@ -107,7 +107,7 @@ fn either_interface_may_lose_its_cable_and_get_it_back() {
             simulator.wait_for(&format!("the cable of {far} is in again"));
             wait_for_frames(other, 100, &mut run);
         }
-        Seen::of(run, simulator)
+        BothReports::of(run, simulator)
     });
     let broken = pulled.map(|(.., between, _)| format!("the ring is broken between {between}"));
     went_on(TEST, &seen, &[("the ring is whole again", 2), (&broken[0], 1), (&broken[1], 1)]);

@@ -185,7 +185,7 @@ impl Ended {
 }
 
 /// What both processes of a run say.
-pub struct Seen {
+pub struct BothReports {
     /// The run's exit code.
     pub ended: Option<i32>,
     /// What `omnibase run` says.
@@ -194,7 +194,7 @@ pub struct Seen {
     pub simulated: Value,
 }
 
-impl Seen {
+impl BothReports {
     /// Waits for the end of the run, then ends the simulator.
     pub fn of(run: Program, simulator: Program) -> Self {
         let run = run.end();
@@ -202,7 +202,7 @@ impl Seen {
         let simulated = simulator.end().json();
         // A run that the machine kept from its start reports nothing.
         let report = if is_late(&simulated) { run.json_if_any() } else { run.json() };
-        Seen { ended: run.status.code(), report, simulated }
+        BothReports { ended: run.status.code(), report, simulated }
     }
 
     /// Whether this machine served cycle and simulator in time: what it disturbed shows nothing of the bus.
@@ -236,10 +236,10 @@ pub fn is_late(simulated: &Value) -> bool {
 }
 
 /// Runs until the machine kept its time in one of them; where it never did, says loudly that `test` is skipped.
-pub fn undisturbed(test: &str, mut attempt: impl FnMut() -> Seen) -> Option<Seen> {
+pub fn undisturbed(test: &str, mut attempt: impl FnMut() -> BothReports) -> Option<BothReports> {
     for number in 1..=ATTEMPTS {
         let seen = attempt();
-        let Seen { report, simulated, .. } = &seen;
+        let BothReports { report, simulated, .. } = &seen;
         eprintln!(
             "{test}, attempt {number}: {} frames lost, {} cycles left out, a frame waited {} ms for the simulator",
             report["lost_frames"], report["overruns"], simulated["longest_wait_ms"]

@@ -2,7 +2,7 @@
 
 use crate::DRIVES;
 use crate::mark::Mark;
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, Handover, Phase, TransitionOptions};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, Handover, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, CyclicBus, Exchange, ProcessImage, SubDeviceConfig};
 use omnibase_host::{MonotonicClock, PacketSocket};
@@ -22,8 +22,8 @@ fn operational<L: Link>(link: L) -> (CyclicBus<L>, ProcessImage) {
         bus.into_cyclic(ClockDirection::CycleFollowsDc).expect("a plan of frames");
     let mut image = bus.plan().image();
     bus.request(Goal::Op, TransitionOptions::default(), clock.now());
-    while bus.phase() != Phase::Reached(Goal::Op) {
-        if let Phase::Failed(error) = bus.phase() {
+    while bus.transition() != TransitionStatus::Reached(Goal::Op) {
+        if let TransitionStatus::Failed(error) = bus.transition() {
             panic!("on the way to OP: {error}");
         }
         bus.exchange(&mut image, clock.now() + PATIENCE).expect("the cable is in");

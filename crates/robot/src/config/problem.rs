@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// File that the setting names, where it isn't the robot's file itself.
     pub file: Option<String>,
     /// Bytes of the text.
@@ -55,7 +55,7 @@ pub struct Problem {
     /// Why it is refused.
     pub reason: String,
     /// Where it stands; for what is missing: where its table stands.
-    pub place: Option<Place>,
+    pub place: Option<Location>,
 }
 
 impl fmt::Display for Problem {

@@ -10,7 +10,7 @@ use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::problem::{Place, Problem, ProblemKind};
+use super::problem::{Location, Problem, ProblemKind};
 use super::units;
 
 /// Where each setting of a text stands.
@@ -23,7 +23,7 @@ pub struct Locations {
 
 impl Locations {
     /// Where `setting` stands; for what is missing, where the table around it stands.
-    pub fn place(&self, setting: &str) -> Option<Place> {
+    pub fn place(&self, setting: &str) -> Option<Location> {
         let mut name = setting;
         loop {
             if let Some(span) = self.spans.get(name) {
@@ -33,10 +33,10 @@ impl Locations {
         }
     }
 
-    fn place_of(&self, span: Range<usize>) -> Place {
+    fn place_of(&self, span: Range<usize>) -> Location {
         let before = self.text.get(..span.start).unwrap_or(&self.text);
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
-        Place {
+        Location {
             file: self.file.clone(),
             line: before.matches('\n').count() + 1,
             column: before[line_start..].chars().count() + 1,

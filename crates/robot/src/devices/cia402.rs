@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use omnibase_cia402::{
-    Enabling, ErrorCode, Feedback, Mode, PositionCounts, Problem, Progress, Request, Settings, StatusWord,
-    Targets,
+    DriveRequest, Enabling, EnablingError, ErrorCode, Feedback, Mode, PositionCounts, Progress, Settings,
+    StatusWord, Targets,
 };
 
 use super::{DeviceDefaults, pdo};
@@ -231,7 +231,7 @@ impl Device for Cia402Device {
                 targets.torque_per_mille = torque.clamp(-torque_limit, torque_limit);
             }
         }
-        let request = Request { wanted: command.wanted, mode: command.mode, targets };
+        let request = DriveRequest { wanted: command.wanted, mode: command.mode, targets };
         let output = self.enabling.advance(time.now_ns, &self.feedback, &request);
         self.outputs.control.write(outputs, output.control.0.into());
         let mut put = |field: Option<Field>, value: i32| {
@@ -252,8 +252,12 @@ impl Device for Cia402Device {
             Progress::SwitchingMode { .. } => DriveProgress::SwitchingMode,
             Progress::Running => DriveProgress::Running,
             Progress::Holding(_) => DriveProgress::Idle,
-            Progress::Stopped(Problem::Fault(_) | Problem::FaultPersists(_)) => DriveProgress::Fault,
-            Progress::Stopped(Problem::QuickStop | Problem::QuickStopByDrive) => DriveProgress::QuickStop,
+            Progress::Stopped(EnablingError::Fault(_) | EnablingError::FaultPersists(_)) => {
+                DriveProgress::Fault
+            }
+            Progress::Stopped(EnablingError::QuickStop | EnablingError::QuickStopByDrive) => {
+                DriveProgress::QuickStop
+            }
             Progress::Stopped(_) => DriveProgress::Failed,
         };
         self.progress

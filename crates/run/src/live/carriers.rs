@@ -19,7 +19,7 @@ use super::operator::{Ages, Note, Operator, Turn};
 use super::snapshot::Snapshot;
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 use super::trace::{Trace, TraceGap, TracePoint};
-use crate::channels::Say;
+use crate::channels::Authority;
 use crate::describe::reference_key;
 use crate::events::Words;
 
@@ -70,7 +70,7 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
     let shared = Shared {
         commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS] }),
         clock_ns: clock_ns.clone(),
-        seen: Mutex::new(Seen {
+        seen: Mutex::new(FromCycle {
             output,
             from_cycle,
             events: VecDeque::new(),
@@ -159,7 +159,7 @@ struct Shared {
     /// Held for a push only: stops go this way.
     commands: Mutex<Sending>,
     clock_ns: Arc<AtomicU64>,
-    seen: Mutex<Seen>,
+    seen: Mutex<FromCycle>,
     references: Mutex<BTreeMap<u32, Loaded>>,
     describer: Mutex<Option<RunDescriber>>,
     next_reference: AtomicU32,
@@ -174,7 +174,7 @@ struct Loaded {
     ticket: u64,
 }
 
-struct Seen {
+struct FromCycle {
     output: Output<Snapshot>,
     from_cycle: Consumer<Back>,
     events: VecDeque<LiveEvent>,
@@ -379,7 +379,7 @@ impl Live {
     }
 
     /// Looks at what came back from the cycle: for a moment, for stops' answers go this way too.
-    fn seen<T>(&self, look: impl FnOnce(&mut Seen) -> T) -> T {
+    fn seen<T>(&self, look: impl FnOnce(&mut FromCycle) -> T) -> T {
         let mut seen = lock(&self.shared.seen);
         let mut answered = Vec::new();
         while let Ok(back) = seen.from_cycle.pop() {
@@ -471,8 +471,8 @@ impl LiveEnd {
     }
 
     /// Who has the say.
-    pub fn say(&self) -> Say {
-        Say {
+    pub fn say(&self) -> Authority {
+        Authority {
             commander: self.operator.commander(),
             is_emergency: self.operator.is_emergency(),
             blocked_sticks: self.operator.blocked_bits(),

@@ -25,7 +25,7 @@ pub enum Client {
 
 /// What a stick wishes. A resting stick repeats its wish; silence is a loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Pad {
+pub enum StickWish {
     /// Its dead-man button is held.
     Held {
         /// Wished speed.
@@ -80,7 +80,7 @@ pub enum Ask {
     /// Motion may be asked for again.
     ReleaseEmergencyStop,
     /// A stick's wish.
-    Pad(Pad),
+    Stick(StickWish),
     /// The stick of this client, which was lost or withdrawn, may command again once it was let go.
     EnablePad(Client),
     /// The session is alive.
@@ -102,7 +102,7 @@ impl Ask {
                 | Ask::Gone
                 | Ask::PagesLost
                 | Ask::Robot(RequestKind::Stop(_))
-                | Ask::Pad(Pad::Released | Pad::Lost | Pad::Withdrawn)
+                | Ask::Stick(StickWish::Released | StickWish::Lost | StickWish::Withdrawn)
         )
     }
 }
@@ -223,7 +223,7 @@ pub enum Commander {
     #[default]
     Nobody,
     /// A stick drives.
-    Pad(Client),
+    StickWish(Client),
     /// A reference is followed, or a way, that this client asked for.
     Reference(Client),
 }
@@ -254,7 +254,7 @@ impl Commander {
     pub fn code(self) -> u64 {
         match self {
             Commander::Nobody => 0,
-            Commander::Pad(client) => 100 + client.code(),
+            Commander::StickWish(client) => 100 + client.code(),
             Commander::Reference(client) => 200 + client.code(),
         }
     }

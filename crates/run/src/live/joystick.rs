@@ -5,10 +5,10 @@ use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 use omnibase_robot::{RequestKind, RobotPlan, StickShape};
 
-use super::command::{Ask, Client, Pad};
+use super::command::{Ask, Client, StickWish};
 use super::snapshot::Snapshot;
 
-/// The joystick among the [blocked sticks](crate::channels::Say::blocked_sticks).
+/// The joystick among the [blocked sticks](crate::channels::Authority::blocked_sticks).
 const JOYSTICK_BIT: u64 = 1;
 
 /// Scales a stick's wish to a robot's limits, turns its fixed frame, and keeps both sides agreed on whether it is
@@ -99,8 +99,8 @@ impl JoystickDriver {
         if command.block != self.told {
             self.told = command.block;
             asks.extend(match command.block {
-                Some(Block::Lost) => Some(Ask::Pad(Pad::Lost)),
-                Some(Block::Stopped) => Some(Ask::Pad(Pad::Withdrawn)),
+                Some(Block::Lost) => Some(Ask::Stick(StickWish::Lost)),
+                Some(Block::Stopped) => Some(Ask::Stick(StickWish::Withdrawn)),
                 None => None,
             });
         }
@@ -118,16 +118,16 @@ impl JoystickDriver {
             });
         }
         if command.presence == Presence::Present {
-            asks.push(Ask::Pad(match (command.block, command.hold) {
-                (Some(_), _) => Pad::Blocked,
+            asks.push(Ask::Stick(match (command.block, command.hold) {
+                (Some(_), _) => StickWish::Blocked,
                 (None, Hold::Held) => self.wish(command),
-                (None, Hold::Released) => Pad::Released,
+                (None, Hold::Released) => StickWish::Released,
             }));
         }
         asks
     }
 
-    fn wish(&self, command: &StickCommand) -> Pad {
+    fn wish(&self, command: &StickCommand) -> StickWish {
         let [x, y, turn] = command.twist;
         let twist = Twist2 {
             vx_m_s: x * self.speed_m_s,
@@ -135,10 +135,10 @@ impl JoystickDriver {
             w_rad_s: turn * self.turn_speed_rad_s,
         };
         match command.frame {
-            StickFrame::Platform => Pad::Held { twist, frame: Frame::Body },
+            StickFrame::Platform => StickWish::Held { twist, frame: Frame::Body },
             StickFrame::Fixed => {
                 let twist = twist.rotated(self.fixed_heading_rad);
-                Pad::Held { twist, frame: Frame::Odom }
+                StickWish::Held { twist, frame: Frame::Odom }
             }
         }
     }

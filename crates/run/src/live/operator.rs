@@ -14,9 +14,9 @@ use omnibase_robot::config::ComebackPlan;
 
 use crate::conductor::{Conductor, Wish};
 
-use self::sticks::{PADS, Stick, client_of, stick_of};
+use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
-    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Pad, Refusal, StickState, begins_motion,
+    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Refusal, StickState, StickWish, begins_motion,
 };
 use super::stamp::BEGINNING_AGE_NS;
 
@@ -71,7 +71,7 @@ const MOST_NOTES: usize = 16;
 pub struct Operator {
     ages: Ages,
     emergency_category: StopCategory,
-    sticks: [Stick; PADS],
+    sticks: [Stick; STICKS],
     /// When each page was heard last; `None` where there is no such session.
     sessions: [Option<u64>; MAX_SESSIONS],
     commander: Commander,
@@ -98,7 +98,7 @@ impl Operator {
         Operator {
             ages,
             emergency_category,
-            sticks: [Stick::default(); PADS],
+            sticks: [Stick::default(); STICKS],
             sessions: [None; MAX_SESSIONS],
             commander: Commander::Nobody,
             is_emergency: false,
@@ -156,7 +156,7 @@ impl Operator {
         match stick.wish {
             None if stick.is_blocked => StickState::Lost,
             None => StickState::Absent,
-            Some(Pad::Blocked) => StickState::Blocked,
+            Some(StickWish::Blocked) => StickState::Blocked,
             Some(_) if stick.is_blocked => StickState::Blocked,
             Some(_) => StickState::Present,
         }
@@ -189,7 +189,7 @@ impl Operator {
         let asked_ns = match stamp.judge(now_ns, &ask, self.ages.pad_ns) {
             Ok(asked_ns) => asked_ns,
             Err(refusal) => {
-                if matches!(ask, Ask::Pad(_)) {
+                if matches!(ask, Ask::Stick(_)) {
                     self.pad_refused(client, refusal);
                 }
                 return self.answer(ticket, Answer::Refused(refusal));
@@ -203,7 +203,7 @@ impl Operator {
                 self.forget_stick(client);
             }
             Ask::PagesLost => self.pages_lost(),
-            Ask::Pad(pad) => self.pad(now_ns, client, pad, stamp),
+            Ask::Stick(pad) => self.pad(now_ns, client, pad, stamp),
             Ask::EnablePad(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
                 if !self.is_emergency {
@@ -328,19 +328,19 @@ impl Operator {
             (stick.is_held() && !stick.is_blocked && !stick.must_release).then_some(*client)
         };
         let present = match self.commander {
-            Commander::Pad(client) => drives(&client),
+            Commander::StickWish(client) => drives(&client),
             Commander::Nobody | Commander::Reference(_) => None,
         };
-        drives(&Client::Joystick).or(present).or_else(|| (1..PADS).map(client_of).find_map(|c| drives(&c)))
+        drives(&Client::Joystick).or(present).or_else(|| (1..STICKS).map(client_of).find_map(|c| drives(&c)))
     }
 
     /// The wish of a stick as the cycle's request.
     fn drive(&mut self, client: Client) -> Option<Turn> {
         let stick = self.sticks[stick_of(client)?];
-        let Some(Pad::Held { twist, frame }) = stick.wish else { return None };
-        if self.commander != Commander::Pad(client) {
+        let Some(StickWish::Held { twist, frame }) = stick.wish else { return None };
+        if self.commander != Commander::StickWish(client) {
             self.say("drives by hand", client);
-            self.commander = Commander::Pad(client);
+            self.commander = Commander::StickWish(client);
         }
         let valid_until_ns = stick.heard_ns.saturating_add(self.ages.pad_ns);
         Some(self.send(client, 0, RequestKind::Velocity { twist, frame }, valid_until_ns))
@@ -351,7 +351,7 @@ impl Operator {
             let kind = waiting.kind;
             let refusal = match self.commander {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
-                Commander::Pad(_) if begins_motion(&kind) => Refusal::Commanded,
+                Commander::StickWish(_) if begins_motion(&kind) => Refusal::Commanded,
                 _ => {
                     let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };

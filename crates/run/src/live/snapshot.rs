@@ -6,7 +6,7 @@ use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
 use omnibase_robot::{MOST_SETTINGS, StickShape};
 
-use crate::channels::Beside;
+use crate::channels::CycleExtras;
 use crate::drive_errors::DriveErrors;
 use crate::timing::TimingSeen;
 
@@ -18,7 +18,7 @@ pub struct Snapshot {
     /// Where the robot is in its life after it.
     pub phase: Phase,
     /// What stands beside it: times, errors, truth, who has the say.
-    pub beside: Beside,
+    pub beside: CycleExtras,
     /// Which errors the drives have.
     pub drive_errors: DriveErrors,
     /// What may be set, each at its index.
@@ -56,7 +56,7 @@ impl Default for Snapshot {
         Snapshot {
             record: CycleRecord::default(),
             phase: Phase::default(),
-            beside: Beside::default(),
+            beside: CycleExtras::default(),
             drive_errors: DriveErrors::default(),
             settings: [None; MOST_SETTINGS],
             stick: StickShape::default(),

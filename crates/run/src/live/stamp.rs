@@ -2,7 +2,7 @@
 
 use omnibase_robot::RequestKind;
 
-use super::command::{Ask, Pad, Refusal};
+use super::command::{Ask, Refusal, StickWish};
 
 /// The oldest that what begins a motion, or lets one begin, may be when it is heard, ns.
 pub const BEGINNING_AGE_NS: u64 = 500_000_000;
@@ -33,7 +33,7 @@ enum Counts {
 impl Stamp {
     /// When it was asked, ns, as far as its age lets it count; `pad_ns` is what a stick's wish may have.
     pub(super) fn judge(self, now_ns: u64, ask: &Ask, pad_ns: u64) -> Result<u64, Refusal> {
-        let most_ns = if matches!(ask, Ask::Pad(_)) { pad_ns } else { BEGINNING_AGE_NS };
+        let most_ns = if matches!(ask, Ask::Stick(_)) { pad_ns } else { BEGINNING_AGE_NS };
         match (counts(ask), self) {
             (Counts::Never, _) | (Counts::WhereKnown, Stamp::Missing) => Ok(now_ns),
             (Counts::WhereKnown | Counts::Always, stamp) => stamp.within(now_ns, most_ns),
@@ -76,8 +76,8 @@ fn counts(ask: &Ask) -> Counts {
             | RequestKind::RemoveObstacle { .. } => Counts::WhereKnown,
             RequestKind::Stop(_) | RequestKind::Pause | RequestKind::UseReference { .. } => Counts::Never,
         },
-        Ask::ReleaseEmergencyStop | Ask::EnablePad(_) | Ask::Pad(Pad::Held { .. }) => Counts::Always,
-        Ask::Pad(Pad::Released | Pad::Lost | Pad::Withdrawn | Pad::Blocked)
+        Ask::ReleaseEmergencyStop | Ask::EnablePad(_) | Ask::Stick(StickWish::Held { .. }) => Counts::Always,
+        Ask::Stick(StickWish::Released | StickWish::Lost | StickWish::Withdrawn | StickWish::Blocked)
         | Ask::Load { .. }
         | Ask::EmergencyStop
         | Ask::Alive

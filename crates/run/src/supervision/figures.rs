@@ -18,7 +18,7 @@ pub struct BusFigures {
     /// Cycles in which a working counter of process data wasn't the expected one.
     pub working_counter_errors: u64,
     /// SubDevices that aren't well now.
-    pub unwell: u64,
+    pub not_operational: u64,
     /// All AL statuses (0x0130) ORed, as the last frame brought them; 8 where everybody is in OP.
     pub al_status: u64,
     /// How far the cycle's frame is from its phase in the distributed clock's time, ns.
@@ -56,7 +56,7 @@ impl BusFigures {
         "frames_duplicate",
         "frames_foreign",
         "working_counter_errors",
-        "unwell",
+        "not_operational",
         "al_status",
         "dc_phase_ns",
         "losses",
@@ -81,7 +81,7 @@ impl BusFigures {
             self.frames_duplicate as f64,
             self.frames_foreign as f64,
             self.working_counter_errors as f64,
-            self.unwell as f64,
+            self.not_operational as f64,
             self.al_status as f64,
             self.dc_phase_ns as f64,
             self.losses as f64,

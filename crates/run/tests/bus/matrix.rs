@@ -284,12 +284,12 @@ impl Case<Shared> {
             Expected::Stops | Expected::EndsAsAsked => false,
             Expected::StopsByHand => self.state != State::ByHand,
         };
-        // Until the carrier is back nobody is known to be unwell.
+        // Until the carrier is back nobody is known to be out of OP.
         let silent = if let Trouble::Carrier(frames) = *trouble { u64::from(frames) + 100 } else { 0 };
         for ms in 0..if goes_on { GOES_ON } else { WATCHED } {
             self.cycle();
             self.watch();
-            let is_back = ms >= silent && self.bench.session.figures().unwell == 0;
+            let is_back = ms >= silent && self.bench.session.figures().not_operational == 0;
             if self.is_quiet() && is_back {
                 break;
             }

@@ -14,18 +14,18 @@ use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{Batch, Frame, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
-use omnibase_run::live::{Ages, Ask, Client, Live, Pad, live};
+use omnibase_run::live::{Ages, Ask, Client, Live, StickWish, live};
 
-use super::watched::{Deed, Extras, Seen, robot, robot_with, watched};
+use super::watched::{Deed, Extras, Observed, robot, robot_with, watched};
 
 /// Cycles of the run (from 1) in which something was allocated, and how often.
-fn guilty(seen: &Seen) -> Vec<(usize, u64)> {
+fn guilty(seen: &Observed) -> Vec<(usize, u64)> {
     let numbered = seen.allocations.iter().enumerate().map(|(number, count)| (number + 2, *count));
     numbered.filter(|(_, count)| *count > 0).collect()
 }
 
 #[track_caller]
-fn allocates_nothing(what: &str, seen: &Seen, at_least: usize) {
+fn allocates_nothing(what: &str, seen: &Observed, at_least: usize) {
     assert!(seen.allocations.len() >= at_least, "{what}: only {} cycles were seen", seen.allocations.len());
     assert_eq!(guilty(seen), [], "{what}: (cycle, allocations)");
 }
@@ -58,7 +58,7 @@ fn a_bus_that_is_lost() {
 
 /// A run that goes on behind whatever happens to SubDevices, for so many cycles.
 #[track_caller]
-fn goes_on(what: &str, faults: &[(u64, usize, Fault)], cycles: u64) -> (Ran, Seen) {
+fn goes_on(what: &str, faults: &[(u64, usize, Fault)], cycles: u64) -> (Ran, Observed) {
     let robot = robot_with(&[
         "safety.after_lost_device = \"move_again_unattended\"",
         "drive_defaults.encoder = \"absolute\"",
@@ -134,12 +134,12 @@ fn hands(live: &Live) -> Vec<(u64, Deed)> {
         let live = live.clone();
         Deed::Do(Box::new(move || assert!(live.send(Client::Joystick, ask()).is_some())))
     };
-    const FORWARD: Pad =
-        Pad::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.1 }, frame: Frame::Odom };
+    const FORWARD: StickWish =
+        StickWish::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.1 }, frame: Frame::Odom };
     let mut deeds = vec![(200, send(|| Ask::Robot(RequestKind::Enable)))];
-    deeds.extend((500..1500).map(|cycle| (cycle, send(|| Ask::Pad(FORWARD)))));
+    deeds.extend((500..1500).map(|cycle| (cycle, send(|| Ask::Stick(FORWARD)))));
     deeds.extend([
-        (1500, send(|| Ask::Pad(Pad::Released))),
+        (1500, send(|| Ask::Stick(StickWish::Released))),
         (2500, send(|| Ask::Robot(RequestKind::Track))),
         (3500, send(|| Ask::Robot(RequestKind::Pause))),
         (4000, send(|| Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)))),

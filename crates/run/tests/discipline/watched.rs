@@ -40,7 +40,7 @@ fn uses_of_the_allocator() -> u64 {
 
 /// What was seen of a run.
 #[derive(Default)]
-pub struct Seen {
+pub struct Observed {
     /// When the first frame of each cycle of the run was sent, ns.
     pub sent_ns: Vec<u64>,
     /// Allocations in each cycle of the run and memory given back, those of the simulated segment and of deeds taken off.
@@ -52,7 +52,7 @@ struct Watch {
     progress: &'static Progress,
     stop: &'static AtomicBool,
     deeds: RefCell<Vec<(u64, Deed)>>,
-    seen: RefCell<Seen>,
+    seen: RefCell<Observed>,
     sent: RefCell<Vec<(u64, u64)>>,
     /// Cycles of the run when it last slept.
     cycles: Cell<u64>,
@@ -182,7 +182,7 @@ pub fn robot_with(changes: &[&str]) -> LoadedRobot {
 }
 
 /// Runs it.
-pub fn watched(robot: &LoadedRobot, extras: Extras) -> (Ran, Seen) {
+pub fn watched(robot: &LoadedRobot, extras: Extras) -> (Ran, Observed) {
     let (segment, machine) = simulated::segment(&robot.plan).unwrap();
     let (link, clock) = in_process(segment);
     let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));

@@ -12,7 +12,7 @@ use omnibase_robot::signals::{
 use omnibase_run::RobotText;
 use omnibase_run::live::Stamp;
 use omnibase_run::live::command::Command;
-use omnibase_run::live::{Ages, Answer, Ask, Client, Commander, Operator, Pad};
+use omnibase_run::live::{Ages, Answer, Ask, Client, Commander, Operator, StickWish};
 
 const MS: u64 = 1_000_000;
 const UNATTENDED: ComebackEnd = ComebackEnd::MoveAgain { warning_ns: 3000 * MS };
@@ -214,18 +214,18 @@ type Deed = (&'static str, Client, fn() -> Ask, bool);
 #[test]
 fn a_person_who_does_anything_about_motion_meanwhile_comes_first() {
     let page = Client::Page(3);
-    const HELD: Pad =
-        Pad::Held { twist: Twist2 { vx_m_s: 0.1, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
+    const HELD: StickWish =
+        StickWish::Held { twist: Twist2 { vx_m_s: 0.1, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
     let deeds: [Deed; 10] = [
         ("nothing", page, || Ask::Alive, true),
         ("an obstacle", Client::Command, || Ask::Robot(RequestKind::RemoveObstacle { index: 0 }), true),
-        ("a stick that rests", page, || Ask::Pad(Pad::Released), true),
-        ("a stick in hand", Client::Joystick, || Ask::Pad(HELD), false),
+        ("a stick that rests", page, || Ask::Stick(StickWish::Released), true),
+        ("a stick in hand", Client::Joystick, || Ask::Stick(HELD), false),
         ("a stop", Client::Page(5), || Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)), false),
         ("the emergency stop", Client::Command, || Ask::EmergencyStop, false),
         ("somebody enables", Client::Command, || Ask::Robot(RequestKind::Enable), false),
         ("the page goes", page, || Ask::Gone, false),
-        ("the joystick is lost", Client::Joystick, || Ask::Pad(Pad::Lost), false),
+        ("the joystick is lost", Client::Joystick, || Ask::Stick(StickWish::Lost), false),
         ("somebody sets the pose", Client::Page(5), || Ask::Robot(SET_POSE), false),
     ];
     for (what, client, deed, goes_on) in deeds {

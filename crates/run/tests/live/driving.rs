@@ -10,10 +10,10 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::references::reference;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
-use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Pad, Refusal, Snapshot, StickState};
+use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Refusal, Snapshot, StickState, StickWish};
 
-const FORWARD: Pad =
-    Pad::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
+const FORWARD: StickWish =
+    StickWish::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
 
 fn robot(kind: RequestKind) -> Ask {
     Ask::Robot(kind)
@@ -24,9 +24,10 @@ fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
     let run = played(8.0, |hands: &mut Hands| {
         hands.at(0.5, |live, _| assert!(live.send(Client::Joystick, robot(RequestKind::Enable)).is_some()));
         hands.pad(1.0, 3.0, Client::Joystick, FORWARD);
-        hands.at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Pad(Client::Joystick)));
+        hands
+            .at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::StickWish(Client::Joystick)));
         hands.at(2.9, |_, seen| assert!((seen.record.state.twist_in_body.vx_m_s - 0.3).abs() < 0.01));
-        hands.send(3.0, Client::Joystick, Ask::Pad(Pad::Released));
+        hands.send(3.0, Client::Joystick, Ask::Stick(StickWish::Released));
         hands.at(4.0, |_, seen| assert_eq!(seen.phase, Phase::Holding));
         hands.at(4.0, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Nobody));
     });
@@ -54,7 +55,7 @@ fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
         hands.pad(4.0, 5.0, Client::Joystick, FORWARD);
         hands.at(5.0, |live, seen| {
             assert_eq!(seen.phase, Phase::Holding);
-            live.send(Client::Joystick, Ask::Pad(Pad::Released));
+            live.send(Client::Joystick, Ask::Stick(StickWish::Released));
         });
         hands.pad(5.1, 6.0, Client::Joystick, FORWARD);
         hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
@@ -77,7 +78,7 @@ fn a_page_that_comes_back_after_a_silence_stays_blocked_with_the_finger_still_do
         hands.pad(5.0, 6.0, page, FORWARD);
         hands.at(6.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
-            live.send(page, Ask::Pad(Pad::Released));
+            live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.pad(6.1, 7.0, page, FORWARD);
         hands.at(6.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
@@ -92,7 +93,7 @@ fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
         hands.at(0.5, move |live, _| {
             assert_eq!(live.begin_session(), Some(page));
             live.send(page, robot(RequestKind::Enable));
-            live.send(page, Ask::Pad(Pad::Released));
+            live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.pad(1.0, 2.0, page, FORWARD);
         hands.at(1.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
@@ -104,7 +105,7 @@ fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
         hands.pad(2.001, 4.0, page, FORWARD);
         hands.at(4.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
-            live.send(page, Ask::Pad(Pad::Released));
+            live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.pad(4.1, 6.0, page, FORWARD);
         hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
@@ -114,7 +115,7 @@ fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
 #[test]
 fn a_stop_holds_until_every_stick_was_let_go() {
     let stops: [fn() -> Ask; 2] =
-        [|| robot(RequestKind::Stop(StopCategory::RampAndHold)), || Ask::Pad(Pad::Withdrawn)];
+        [|| robot(RequestKind::Stop(StopCategory::RampAndHold)), || Ask::Stick(StickWish::Withdrawn)];
     for (stop, by) in stops.into_iter().zip([Client::Page(1), Client::Joystick]) {
         for driver in [Client::Page(0), Client::Joystick] {
             played(7.0, |hands: &mut Hands| {
@@ -130,7 +131,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
                     assert_eq!(seen.beside.say.commander, Commander::Nobody, "{driver:?}, stopped by {by:?}");
                 });
                 hands.send(4.0, driver, Ask::EnablePad(driver));
-                hands.send(4.1, driver, Ask::Pad(Pad::Released));
+                hands.send(4.1, driver, Ask::Stick(StickWish::Released));
                 hands.pad(4.2, 6.0, driver, FORWARD);
                 hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
             });
@@ -141,7 +142,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
 #[test]
 fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
     played(3.0, |hands: &mut Hands| {
-        hands.pad(1.0, 2.0, Client::Joystick, Pad::Released);
+        hands.pad(1.0, 2.0, Client::Joystick, StickWish::Released);
         hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
         hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Lost));
     });
@@ -152,7 +153,7 @@ fn a_joystick_that_says_it_is_blocked_while_it_drives_is_stopped_whatever_was_mi
     played(4.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
         hands.pad(1.0, 2.0, Client::Joystick, FORWARD);
-        hands.pad(2.0, 3.5, Client::Joystick, Pad::Blocked);
+        hands.pad(2.0, 3.5, Client::Joystick, StickWish::Blocked);
         hands.at(1.95, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
         hands.at(3.4, |_, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
@@ -220,9 +221,9 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
         hands.ask(1.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
         hands.at(2.5, |_, seen| assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 1)));
         let twist = Twist2 { vx_m_s: 0.0, vy_m_s: 0.2, w_rad_s: 0.0 };
-        hands.pad(2.5, 3.5, Client::Joystick, Pad::Held { twist, frame: Frame::Odom });
+        hands.pad(2.5, 3.5, Client::Joystick, StickWish::Held { twist, frame: Frame::Odom });
         hands.ask(3.0, Client::Page(1), robot(RequestKind::Resume), Answer::Refused(Refusal::Commanded));
-        hands.send(3.5, Client::Joystick, Ask::Pad(Pad::Released));
+        hands.send(3.5, Client::Joystick, Ask::Stick(StickWish::Released));
         hands.at(5.0, |_, seen| assert!(seen.record.state.odom_from_body.y_m > 0.1));
         hands.ask(5.0, Client::Page(1), robot(RequestKind::Resume), Answer::Robot(RequestAnswer::Taken));
         hands.at(11.5, |_, seen| {
@@ -369,7 +370,7 @@ fn a_flood_is_bounded_answered_and_no_cycle_is_lost() {
             }
             let _ = live.send(
                 Client::Page(2),
-                Ask::Pad(Pad::Held { twist: Twist2::new(f64::NAN, 0.0, 0.0), frame: Frame::Odom }),
+                Ask::Stick(StickWish::Held { twist: Twist2::new(f64::NAN, 0.0, 0.0), frame: Frame::Odom }),
             );
         });
         hands.at(2.5, |_, seen| assert_eq!(seen.phase, Phase::Holding));
@@ -392,7 +393,7 @@ fn a_run_goes_on_where_the_server_of_its_pages_dies_and_what_they_commanded_stop
         hands.at(0.5, move |live, _| {
             assert_eq!(live.begin_session(), Some(page));
             live.send(page, robot(RequestKind::Enable));
-            live.send(page, Ask::Pad(Pad::Released));
+            live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.pad(1.0, 1.999, page, FORWARD);
         hands.at(2.0, |live, seen| {

@@ -10,7 +10,7 @@ use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
 use omnibase_robot::signals::StopCategory;
 use omnibase_robot::{Registry, Robot, RobotPlan};
 use omnibase_run::channels::{Known, Rows};
-use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Pad, Snapshot, live};
+use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Snapshot, StickWish, live};
 use omnibase_run::{Progress, Ran, Replayed, RobotText, Setup, replay, run, simulated};
 
 pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
@@ -82,9 +82,9 @@ impl Hands {
     }
 
     /// Holds a stick like that.
-    pub fn pad(&mut self, from_s: f64, until_s: f64, client: Client, pad: Pad) {
+    pub fn pad(&mut self, from_s: f64, until_s: f64, client: Client, pad: StickWish) {
         self.between(from_s, until_s, move |live, _| {
-            live.send(client, Ask::Pad(pad)).expect("there is room");
+            live.send(client, Ask::Stick(pad)).expect("there is room");
         });
     }
 

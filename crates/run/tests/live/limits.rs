@@ -7,15 +7,15 @@ use crate::hands::{Hands, played};
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::Frame;
-use omnibase_run::live::{Ask, Client, Live, Pad, Snapshot};
+use omnibase_run::live::{Ask, Client, Live, Snapshot, StickWish};
 
 fn set_torque(live: &Live, limit_nm: f64) {
     let (index, _) = live.snapshot().setting("wheel_torque_nm").expect("it can be set");
     assert!(live.set(Client::Command, &[(index, limit_nm)]).is_some());
 }
 
-fn stick(vx_m_s: f64) -> Pad {
-    Pad::Held { twist: Twist2::new(vx_m_s, 0.0, 0.0), frame: Frame::Body }
+fn stick(vx_m_s: f64) -> StickWish {
+    StickWish::Held { twist: Twist2::new(vx_m_s, 0.0, 0.0), frame: Frame::Body }
 }
 
 #[test]

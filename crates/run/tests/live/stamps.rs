@@ -7,13 +7,13 @@ use std::rc::Rc;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, StopCategory};
-use omnibase_run::live::{Answer, Ask, Client, Pad, Refusal, Stamp};
+use omnibase_run::live::{Answer, Ask, Client, Refusal, Stamp, StickWish};
 
 use crate::hands::{Hands, Played, played};
 
 const MS: u64 = 1_000_000;
 const PAGE: Client = Client::Page(0);
-const FORWARD: Pad = Pad::Held { twist: Twist2::new(0.4, 0.0, 0.0), frame: Frame::Body };
+const FORWARD: StickWish = StickWish::Held { twist: Twist2::new(0.4, 0.0, 0.0), frame: Frame::Body };
 
 fn robot(kind: RequestKind) -> Ask {
     Ask::Robot(kind)
@@ -51,8 +51,8 @@ fn line(hands: &mut Hands, delay_ms: [u64; 2], slow_from_s: f64, say: impl Fn(f6
 /// Held from 2 s to 4 s, said 50 times a second; let go before and after.
 fn held(time_s: f64) -> Option<Ask> {
     let is_turn = ((time_s * 1e3).round() as u64).is_multiple_of(20);
-    let pad = if (2.0..4.0).contains(&time_s) { FORWARD } else { Pad::Released };
-    is_turn.then_some(Ask::Pad(pad))
+    let pad = if (2.0..4.0).contains(&time_s) { FORWARD } else { StickWish::Released };
+    is_turn.then_some(Ask::Stick(pad))
 }
 
 #[test]
@@ -214,7 +214,7 @@ fn what_was_asked_before_a_stop_and_sent_after_it_begins_nothing() {
             let ticket = live.send(asker, go_to()).unwrap();
             *seen.borrow_mut() = live.answer(ticket);
             // As whoever asks after the stop may.
-            assert!(live.send(asker, Ask::Pad(Pad::Released)).is_some());
+            assert!(live.send(asker, Ask::Stick(StickWish::Released)).is_some());
         });
         hands.alive(0.5, 4.0, PAGE);
     });

@@ -121,7 +121,7 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
             stands(seen);
         });
         hands.at(4.5, |_, seen| {
-            assert_eq!(seen.beside.say.commander, Commander::Pad(Client::Joystick));
+            assert_eq!(seen.beside.say.commander, Commander::StickWish(Client::Joystick));
             // The whole stick is the whole speed of the robot's file.
             assert!((seen.record.state.twist_in_body.vx_m_s - 1.0).abs() < 0.02);
         });

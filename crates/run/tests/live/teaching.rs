@@ -6,7 +6,7 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase};
 use omnibase_run::RobotText;
-use omnibase_run::live::{Ask, Client, Pad, TracePoint};
+use omnibase_run::live::{Ask, Client, StickWish, TracePoint};
 use omnibase_run::robot_text::NewReference;
 use omnibase_run::teach::{Sampling, taught};
 
@@ -14,11 +14,11 @@ use omnibase_run::teach::{Sampling, taught};
 fn driven() -> Played {
     played(10.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
-        let held = |vx, vy, w, frame| Pad::Held { twist: Twist2::new(vx, vy, w), frame };
+        let held = |vx, vy, w, frame| StickWish::Held { twist: Twist2::new(vx, vy, w), frame };
         hands.pad(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0, Frame::Body));
         hands.pad(2.5, 5.0, Client::Joystick, held(0.35, 0.1, 0.5, Frame::Body));
         hands.pad(5.0, 7.0, Client::Joystick, held(0.0, 0.3, -0.2, Frame::Odom));
-        hands.send(7.0, Client::Joystick, Ask::Pad(Pad::Released));
+        hands.send(7.0, Client::Joystick, Ask::Stick(StickWish::Released));
     })
 }
 

@@ -6,7 +6,7 @@ use omnibase_robot::signals::{Frame, Phase, StopCategory};
 use omnibase_robot::{Exchange, RequestKind};
 use omnibase_run::live::Operator;
 use omnibase_run::live::Stamp;
-use omnibase_run::live::command::{Ask, Client, Command, Pad};
+use omnibase_run::live::command::{Ask, Client, Command, StickWish};
 
 use super::{
     AGES, Blocking, Case, Comeback, LOSSES, Loss, NEVER_S, ON_TOP, STANDING_RAD_S, STATES, STAYS, State,
@@ -162,9 +162,9 @@ impl Stops {
     fn enable_sticks(&mut self) {
         self.has_joystick = true;
         for client in [Client::Joystick, Client::Page(0)] {
-            self.say(client, Ask::Pad(Pad::Released));
+            self.say(client, Ask::Stick(StickWish::Released));
             self.say(client, Ask::EnablePad(client));
-            self.say(client, Ask::Pad(Pad::Released));
+            self.say(client, Ask::Stick(StickWish::Released));
         }
     }
 
@@ -274,11 +274,11 @@ impl Stops {
         match loss {
             Loss::LetGo => {
                 self.speaking = None;
-                self.say(client, Ask::Pad(Pad::Released));
+                self.say(client, Ask::Stick(StickWish::Released));
             }
             Loss::StickGone => {
                 (self.speaking, self.has_joystick) = (None, self.has_joystick && client != Client::Joystick);
-                self.say(client, Ask::Pad(Pad::Lost));
+                self.say(client, Ask::Stick(StickWish::Lost));
             }
             Loss::StickSilent => {
                 (self.speaking, self.has_joystick) = (None, self.has_joystick && client != Client::Joystick);
@@ -320,7 +320,7 @@ impl Stops {
         // the robot stops, but a stick that holds on drives again after a gentle stop, as it should.
         if matches!(loss, Loss::Category1 | Loss::Category2 | Loss::Category0) {
             self.speaking = None;
-            self.say(client, Ask::Pad(Pad::Released));
+            self.say(client, Ask::Stick(StickWish::Released));
         }
     }
 
@@ -346,7 +346,7 @@ impl Stops {
                 return Blocking::Broken;
             }
         }
-        self.say(client, Ask::Pad(Pad::Released));
+        self.say(client, Ask::Stick(StickWish::Released));
         for _ in 0..INSISTS {
             self.cycle();
             if self.trial.robot.phase() == Phase::Tracking {
@@ -401,11 +401,11 @@ impl Stops {
         self.trial.exchange();
         let now_ns = self.trial.time().now_ns;
         if let Some((client, twist, frame)) = self.speaking {
-            self.say(client, Ask::Pad(Pad::Held { twist, frame }));
+            self.say(client, Ask::Stick(StickWish::Held { twist, frame }));
         }
         let speaks = self.speaking.is_some_and(|(client, ..)| client == Client::Joystick);
         if self.has_joystick && !speaks {
-            self.say(Client::Joystick, Ask::Pad(Pad::Released));
+            self.say(Client::Joystick, Ask::Stick(StickWish::Released));
         }
         if self.page_lives {
             self.say(Client::Page(0), Ask::Alive);

@@ -16,14 +16,14 @@ fn a_short_count_keeps_the_inputs_and_the_culprit_is_named_within_two_cycles() {
         assert_eq!(bench.bus.health()[gone], Health::Silent, "{count}");
         assert_eq!(bench.bus.health().iter().filter(|health| **health != Health::Well).count(), 1);
         // From now on the others' inputs are taken, its own are not.
-        assert_eq!(bench.cycle(), Exchange::Without { unwell: 1 });
+        assert_eq!(bench.cycle(), Exchange::Without { not_operational: 1 });
         let now = bench.segment().exchange as u8;
         for position in 0..usize::from(count) {
             let bytes = &bench.image.inputs[position * BYTES as usize..][..BYTES as usize];
             let expected = if position == gone { before[0] } else { now };
             assert!(bytes.iter().all(|byte| *byte == expected), "SubDevice {position}");
         }
-        assert_eq!(bench.bus.freshness(gone as u16), Freshness::Unwell);
+        assert_eq!(bench.bus.freshness(gone as u16), Freshness::NotOperational);
         assert_eq!(bench.bus.freshness(0), Freshness::Fresh);
         // A second one is noticed, although the count is short already.
         bench.segment().alive[1] = false;
@@ -63,7 +63,7 @@ fn a_thousand_subdevices_reach_op_and_a_culprit_is_found_among_them() {
     for _ in 0..6 {
         assert!(matches!(bench.cycle(), Exchange::ShortCount { .. }), "all others have yet to answer");
     }
-    assert_eq!(bench.cycle(), Exchange::Without { unwell: 1 });
+    assert_eq!(bench.cycle(), Exchange::Without { not_operational: 1 });
 }
 
 #[test]

@@ -125,5 +125,5 @@ fn a_segment_without_subdevices_is_complete_and_sends_nothing() {
     let mut bench = Bench::new(0);
     assert_eq!(bench.cycle(), Exchange::Complete);
     assert_eq!(bench.segment().sent, 0);
-    assert_eq!(bench.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(bench.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
 }

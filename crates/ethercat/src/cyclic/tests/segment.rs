@@ -222,20 +222,20 @@ impl Bench {
         self.bus.exchange(&mut self.image, self.now).unwrap()
     }
 
-    pub fn to(&mut self, goal: Goal) -> Phase {
+    pub fn to(&mut self, goal: Goal) -> TransitionStatus {
         self.bus.request(goal, TransitionOptions::default(), self.now);
         for _ in 0..60_000 {
             self.cycle();
-            if !matches!(self.bus.phase(), Phase::Moving { .. }) {
+            if !matches!(self.bus.transition(), TransitionStatus::Moving { .. }) {
                 break;
             }
         }
-        self.bus.phase()
+        self.bus.transition()
     }
 
     pub fn in_op(count: u16) -> Self {
         let mut bench = Bench::new(count);
-        assert_eq!(bench.to(Goal::Op), Phase::Reached(Goal::Op));
+        assert_eq!(bench.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
         bench
     }
 }

@@ -8,7 +8,7 @@ fn the_way_to_op_locks_programs_sync_and_passes_safe_op() {
     for station in 0x1001..0x1003 {
         bench.segment().registers.insert((station, 0x092C), 0x8000_0100u32.to_le_bytes().to_vec());
     }
-    assert_eq!(bench.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(bench.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     let segment = bench.segment();
     for station in 0x1000..0x1003 {
         let register = |register| &segment.registers[&(station, register)];
@@ -31,17 +31,17 @@ fn the_way_to_op_locks_programs_sync_and_passes_safe_op() {
 fn what_keeps_a_segment_from_op_is_named() {
     let mut bench = Bench::new(3);
     bench.segment().registers.insert((0x1002, 0x092C), 5000u32.to_le_bytes().to_vec());
-    let Phase::Failed(error) = bench.to(Goal::Op) else { panic!("{:?}", bench.bus.phase()) };
+    let TransitionStatus::Failed(error) = bench.to(Goal::Op) else { panic!("{:?}", bench.bus.transition()) };
     assert!(matches!(error, TransitionError::NotLocked { position: 2, difference_ns: 5000, .. }), "{error}");
 
     let mut bench = Bench::new(3);
     bench.segment().refuses = Some(0x09A0);
-    let Phase::Failed(error) = bench.to(Goal::Op) else { panic!("{:?}", bench.bus.phase()) };
+    let TransitionStatus::Failed(error) = bench.to(Goal::Op) else { panic!("{:?}", bench.bus.transition()) };
     assert_eq!(error.to_string(), "SubDevice 0 does not take register 0x09a0: working counter 0");
     // 0x0980 may be refused.
     let mut bench = Bench::new(3);
     bench.segment().refuses = Some(0x0980);
-    assert_eq!(bench.to(Goal::Op), Phase::Reached(Goal::Op));
+    assert_eq!(bench.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn a_refused_state_carries_code_cause_and_what_was_programmed() {
     bench.bus.request(Goal::Op, TransitionOptions::default(), bench.now);
     loop {
         bench.cycle();
-        if let Phase::Moving { step: Step::Await(AlState::SafeOp), .. } = bench.bus.phase() {
+        if let TransitionStatus::Moving { step: Step::Await(AlState::SafeOp), .. } = bench.bus.transition() {
             break;
         }
     }
@@ -59,7 +59,9 @@ fn a_refused_state_carries_code_cause_and_what_was_programmed() {
     for _ in 0..3 {
         bench.cycle();
     }
-    let Phase::Failed(error) = bench.bus.phase() else { panic!("{:?}", bench.bus.phase()) };
+    let TransitionStatus::Failed(error) = bench.bus.transition() else {
+        panic!("{:?}", bench.bus.transition())
+    };
     assert_eq!(
         error.to_string(),
         "SubDevice 1 refuses SAFE-OP and is in PRE-OP with error: 0x001e invalid input configuration; \
@@ -77,14 +79,14 @@ fn any_exchange_lost_on_the_way_to_op_delays_it_at_most() {
                 queue.clear();
             }
         });
-        assert_eq!(bench.to(Goal::Op), Phase::Reached(Goal::Op), "exchange {bad}");
+        assert_eq!(bench.to(Goal::Op), TransitionStatus::Reached(Goal::Op), "exchange {bad}");
     }
 }
 
 #[test]
 fn the_clean_end_leaves_op_then_switches_sync_off() {
     let mut bench = Bench::in_op(3);
-    assert_eq!(bench.to(Goal::Init), Phase::Reached(Goal::Init));
+    assert_eq!(bench.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
     let segment = bench.segment();
     assert_eq!(segment.status, [1, 1, 1]);
     assert_eq!(segment.registers[&(0x1001, 0x0981)], [0]);

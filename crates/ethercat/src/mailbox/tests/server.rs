@@ -208,7 +208,7 @@ impl Server {
     }
 
     /// One datagram at the SubDevice; the working counter, and the data as they leave.
-    pub fn datagram(&mut self, request: Request, data: &mut [u8]) -> u16 {
+    pub fn datagram(&mut self, request: DatagramRequest, data: &mut [u8]) -> u16 {
         let Address::Station { station, register } = request.address else { panic!("{request:?}") };
         assert_eq!(station, STATION);
         if self.gone {

@@ -33,7 +33,7 @@ pub struct Report {
     /// Commands in all frames since PRE-OP.
     pub commands_used: Vec<&'static str>,
     /// SubDevices that aren't well, and what they have.
-    pub unwell: Vec<String>,
+    pub not_operational: Vec<String>,
     /// From the send to the last frame's return.
     pub round_trip: Measure,
     /// How late the cycle began.
@@ -91,8 +91,8 @@ impl Report {
             self.late_frames, self.foreign_frames, self.overruns
         )?;
         writeln!(output, "commands used           {}", self.commands_used.join(", "))?;
-        for unwell in &self.unwell {
-            writeln!(output, "not well                {unwell}")?;
+        for not_operational in &self.not_operational {
+            writeln!(output, "not well                {not_operational}")?;
         }
         measure(output, "round trip", &self.round_trip)?;
         measure(output, "wake-up late by", &self.wake_up)?;

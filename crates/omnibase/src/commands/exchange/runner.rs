@@ -4,7 +4,9 @@ use super::report::Report;
 use crate::progress::{bar, note};
 use crate::target::AnyClock;
 use omnibase_ethercat::ProcessImage;
-use omnibase_ethercat::cyclic::{CycleCounters, Goal, Handover, Health, Phase, Step, TransitionOptions};
+use omnibase_ethercat::cyclic::{
+    CycleCounters, Goal, Handover, Health, Step, TransitionOptions, TransitionStatus,
+};
 use omnibase_ethercat::paced::{Pace, PacedBus, Times};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, Clock, Link};
@@ -44,7 +46,7 @@ struct Measured {
     /// Cycles that were left out.
     overruns: u64,
     operational: bool,
-    unwell: Vec<String>,
+    not_operational: Vec<String>,
     before: CycleCounters,
     after: CycleCounters,
 }
@@ -62,7 +64,7 @@ impl Runner {
             cycles: 0,
             overruns: 0,
             operational: false,
-            unwell: Vec::new(),
+            not_operational: Vec::new(),
             before: CycleCounters::default(),
             after: CycleCounters::default(),
         };
@@ -107,8 +109,8 @@ impl Runner {
             }
             self.one_cycle()?;
         }
-        let unwell = self.paced.bus().health().iter().zip(&self.subdevices);
-        self.measured.unwell = unwell
+        let not_operational = self.paced.bus().health().iter().zip(&self.subdevices);
+        self.measured.not_operational = not_operational
             .filter_map(|(health, one)| {
                 let words = health_words(*health)?;
                 Some(format!("SubDevice {} ({}): {words}", one.position, one.name))
@@ -122,7 +124,7 @@ impl Runner {
         let Runner { paced, image, .. } = self;
         let mut shown = None;
         let reached = paced.reach(Goal::Op, TransitionOptions::default(), stop, |paced| {
-            if let Phase::Moving { step, .. } = paced.bus().phase() {
+            if let TransitionStatus::Moving { step, .. } = paced.bus().transition() {
                 let stage = stage(step);
                 if shown != stage {
                     note(stage.unwrap_or("preparing SYNC0"));
@@ -189,7 +191,7 @@ impl Runner {
             frames_per_cycle: self.paced.bus().frames_per_cycle(),
             subdevices: self.subdevices.len(),
             commands_used: self.paced.bus().commands_used().iter().map(|command| command.name()).collect(),
-            unwell: self.measured.unwell.clone(),
+            not_operational: self.measured.not_operational.clone(),
             round_trip: (self.measured.round_trip.quantiles(), self.measured.round_trip.bars(12)),
             wake_up: (self.measured.wake_up.quantiles(), self.measured.wake_up.bars(12)),
             phase: (self.measured.phase.quantiles(), self.measured.phase.bars(12)),

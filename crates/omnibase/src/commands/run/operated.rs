@@ -5,7 +5,7 @@ use crate::progress::note;
 use crate::running::RunningRobot;
 use crate::token;
 use anyhow::Context;
-use omnibase_dashboard::{About, Access, Dashboard, Streams};
+use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
 use omnibase_robot::signals::StopCategory;
@@ -112,7 +112,7 @@ impl Options {
                     foxglove: self.foxglove,
                 };
                 let paths = self.paths.clone();
-                let about = About { text, robot: robot.clone(), registry, known, paths, streams };
+                let about = RobotInfo { text, robot: robot.clone(), registry, known, paths, streams };
                 Some(self.serve(address, live, about)?)
             }
             None => None,
@@ -120,7 +120,7 @@ impl Options {
         Ok(Some((Operated { _page: page, _stick: stick }, end)))
     }
 
-    fn serve(&self, address: SocketAddr, live: Live, about: About) -> anyhow::Result<Dashboard> {
+    fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
         let mut access = Access::new(address).context("making a token")?;
         if let Some(token) = token::given(self.token_file.as_deref())? {
             access.token = token;

@@ -53,7 +53,7 @@ impl StickThread {
                     tickets.extend(live.set(Client::Joystick, &changes));
                 }
                 for ask in driver.asks(&command, &seen) {
-                    let is_asked_once = !matches!(ask, Ask::Pad(_));
+                    let is_asked_once = !matches!(ask, Ask::Stick(_));
                     let ticket = live.send(Client::Joystick, ask);
                     tickets.extend(ticket.filter(|_| is_asked_once));
                 }

@@ -82,7 +82,7 @@ pub struct TruePose {
 pub struct Logbook {
     start: HostTime,
     machine: Option<SharedMachine>,
-    seen: Vec<Seen>,
+    seen: Vec<LastState>,
     moving: bool,
     /// Since when drives let a moving robot go, and where it was.
     stopping: Option<Truth>,
@@ -98,7 +98,7 @@ pub struct Logbook {
 
 /// What was seen of a SubDevice last.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct LastState {
     state: Option<(AlState, AlStatusCode)>,
     expired: Option<HostTime>,
     /// Since when it has power.
@@ -109,7 +109,7 @@ impl Logbook {
     /// An empty one, for the segment as it stands.
     pub fn new(segment: &Segment, machine: Option<SharedMachine>) -> Self {
         let powered = segment.now();
-        let seen = |one| Seen { state: state(one), powered, ..Seen::default() };
+        let seen = |one| LastState { state: state(one), powered, ..LastState::default() };
         let seen = segment.sub_devices().iter().map(seen);
         Logbook {
             start: segment.now(),

@@ -3,17 +3,17 @@
 use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 
-use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Pad, Refusal, begins_motion};
+use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Refusal, StickWish, begins_motion};
 use super::super::stamp::{BEGINNING_AGE_NS, Stamp};
 use super::Operator;
 
 /// Sticks: the joystick's and one for each page.
-pub(super) const PADS: usize = 1 + MAX_SESSIONS;
+pub(super) const STICKS: usize = 1 + MAX_SESSIONS;
 
 /// One stick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Stick {
-    pub(super) wish: Option<Pad>,
+    pub(super) wish: Option<StickWish>,
     pub(super) heard_ns: u64,
     pub(super) is_blocked: bool,
     /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
@@ -24,7 +24,7 @@ pub(super) struct Stick {
 
 impl Stick {
     pub(super) fn is_held(&self) -> bool {
-        matches!(self.wish, Some(Pad::Held { .. }))
+        matches!(self.wish, Some(StickWish::Held { .. }))
     }
 }
 
@@ -32,7 +32,7 @@ impl Operator {
     /// Sticks and pages that fell silent while they commanded.
     pub(super) fn look_for_losses(&mut self, now_ns: u64, phase: Phase) {
         let old = |heard_ns: u64, age_ns: u64| now_ns.saturating_sub(heard_ns) > age_ns;
-        for number in 0..PADS {
+        for number in 0..STICKS {
             let client = client_of(number);
             let stick = &mut self.sticks[number];
             // The joystick repeats that it is there; a page says nothing while nobody holds its stick.
@@ -90,19 +90,19 @@ impl Operator {
     }
 
     /// What a stick says, which counts from when it was said.
-    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: Pad, stamp: Stamp) {
+    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: StickWish, stamp: Stamp) {
         let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::Pad(client);
+        let drives = self.commander == Commander::StickWish(client);
         let stick = &mut self.sticks[number];
         let said_ns = stamp.within(now_ns, self.ages.pad_ns).unwrap_or(now_ns);
         stick.heard_ns = said_ns.max(stick.heard_ns);
         match pad {
             // What isn't a number is no wish.
-            Pad::Held { twist, .. } if !twist.is_finite() => {
+            StickWish::Held { twist, .. } if !twist.is_finite() => {
                 self.pad_lost(client, "the stick sent what is no number: stopped, and blocked");
             }
-            Pad::Held { .. } => stick.wish = Some(pad),
-            Pad::Released => {
+            StickWish::Held { .. } => stick.wish = Some(pad),
+            StickWish::Released => {
                 (stick.wish, stick.is_told) = (Some(pad), false);
                 // One of long ago doesn't tell that it is let go now.
                 stick.must_release &= stamp.within(now_ns, BEGINNING_AGE_NS).is_err();
@@ -111,16 +111,16 @@ impl Operator {
                     self.stop_with(StopCategory::RampAndHold, client, 0);
                 }
             }
-            Pad::Lost => {
+            StickWish::Lost => {
                 self.pad_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled")
             }
-            Pad::Withdrawn => {
+            StickWish::Withdrawn => {
                 // Blocked in any case: whoever presses a stop button is to be believed.
-                stick.wish = Some(Pad::Held { twist: Twist2::default(), frame: Frame::Body });
+                stick.wish = Some(StickWish::Held { twist: Twist2::default(), frame: Frame::Body });
                 self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
                 self.stop_asked(StopCategory::RampAndHold, client, 0);
             }
-            Pad::Blocked => {
+            StickWish::Blocked => {
                 // One that drove a moment ago: what blocked it must have been missed.
                 if stick.is_held() {
                     self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
@@ -151,7 +151,7 @@ impl Operator {
 
     pub(super) fn pad_lost(&mut self, client: Client, text: &'static str) {
         let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::Pad(client);
+        let drives = self.commander == Commander::StickWish(client);
         let stick = &mut self.sticks[number];
         // The joystick's loss always counts: a person saw to it that it was there. It is told once.
         let is_known = stick.is_blocked && stick.wish.is_none();
@@ -163,7 +163,7 @@ impl Operator {
             (stick.is_blocked, stick.must_release) = (true, true);
             self.say(text, client);
         }
-        if self.commander == Commander::Pad(client) {
+        if self.commander == Commander::StickWish(client) {
             self.stop_with(StopCategory::RampAndHold, client, 0);
         }
     }

@@ -11,7 +11,7 @@ use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::signals::{Frame, StopCategory};
 use omnibase_robot::{Registry, RequestKind, Robot};
 use omnibase_run::channels::{Known, Rows};
-use omnibase_run::live::{Ages, Ask, Pad, live};
+use omnibase_run::live::{Ages, Ask, StickWish, live};
 use omnibase_run::{Progress, Setup, run, simulated};
 
 use super::case::{STATES, State};
@@ -110,9 +110,9 @@ fn came(state: State, dead: Dead) -> Came {
             200 => Ask::Robot(RequestKind::Enable),
             1000 if moves => Ask::Robot(RequestKind::Track),
             3000 if state == State::Stopping => Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)),
-            900 if state == State::ByHand => Ask::Pad(Pad::Released),
+            900 if state == State::ByHand => Ask::Stick(StickWish::Released),
             1000.. if state == State::ByHand => {
-                Ask::Pad(Pad::Held { twist: Twist2::new(0.3, 0.1, 0.2), frame: Frame::Body })
+                Ask::Stick(StickWish::Held { twist: Twist2::new(0.3, 0.1, 0.2), frame: Frame::Body })
             }
             _ => return,
         };

@@ -34,12 +34,12 @@ pub struct Case<L: Link + Clone> {
     pub clock: VirtualClock,
     pub by_hand: Option<Twist2>,
     pub state: State,
-    seen: Seen,
+    seen: Observed,
 }
 
 /// What was seen since the fault, in cycles of 1 ms.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
+pub struct Observed {
     pub ms: u64,
     /// What the robot did first, and when.
     pub reaction: Option<(u64, Phase)>,
@@ -52,7 +52,7 @@ pub struct Seen {
 impl<L: Link + Clone> Case<L> {
     /// Brings a robot in OP into a state.
     pub fn new(bench: Bench<L>, machine: SharedMachine, clock: VirtualClock, state: State) -> Self {
-        let mut case = Case { bench, machine, clock, by_hand: None, state, seen: Seen::default() };
+        let mut case = Case { bench, machine, clock, by_hand: None, state, seen: Observed::default() };
         match state {
             State::Starting => {
                 case.bench.cycle(None);
@@ -97,7 +97,7 @@ impl<L: Link + Clone> Case<L> {
     }
 
     /// A millisecond after the fault has passed.
-    pub fn watch(&mut self) -> &Seen {
+    pub fn watch(&mut self) -> &Observed {
         let seen = &mut self.seen;
         seen.ms += 1;
         let phase = self.bench.robot.phase();
@@ -134,7 +134,7 @@ impl<L: Link + Clone> Case<L> {
     }
 }
 
-impl Seen {
+impl Observed {
     /// Who braked, by the torques of the motors while their wheels turned; nothing where none did.
     pub fn who_braked(&self) -> &'static str {
         let braked = self.turned.iter().filter(|(turned, _)| *turned > 5);

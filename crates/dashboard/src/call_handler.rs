@@ -9,15 +9,15 @@ use omnibase_robot::config::{Limits, ReferenceTable};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::references::reference;
 use omnibase_robot::{RequestKind, RobotPlan};
-use omnibase_run::live::{Answer, Ask, Asker, Client, Live, Pad, SdoPlace, TRACE_KEPT_S};
+use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, StickWish, TRACE_KEPT_S};
 use omnibase_run::teach::{Sampling, lines, taught};
 use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
 
-use crate::about::About;
 use crate::bus::{BusCall, NewValue};
-use crate::call::{Call, Said, TeachBy, category};
+use crate::call::{Call, CallResult, TeachBy, category};
 use crate::planned::{Drawn, Planned};
+use crate::robot_info::RobotInfo;
 
 /// How far a taught path may be from where the robot was, m, where nobody says.
 const TOLERANCE_M: f64 = 0.001;
@@ -32,7 +32,7 @@ const SET_POSE_SIGMA_RAD: f64 = 0.02;
 #[derive(Debug)]
 pub(crate) enum Reply {
     /// It is over.
-    Said(Said),
+    CallResult(CallResult),
     /// The robot will answer to this ticket; what to say where it does what was asked.
     Ticket(u64, String),
     /// The bus will answer, by the robot's plan.
@@ -42,9 +42,9 @@ pub(crate) enum Reply {
 }
 
 /// One desk for all clients of a robot. Its locks are held for a moment; nothing is computed under them.
-pub(crate) struct Desk {
+pub(crate) struct CallHandler {
     pub(crate) live: Live,
-    pub(crate) about: About,
+    pub(crate) about: RobotInfo,
     teaching: Mutex<Option<(f64, Sampling)>>,
     drawn: Mutex<BTreeMap<u32, Arc<Drawn>>>,
     /// Among those that save paths alone: of one name both files belong together.
@@ -56,9 +56,15 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Desk {
-    pub(crate) fn new(live: Live, about: About) -> Self {
-        Desk { live, about, teaching: Mutex::default(), drawn: Mutex::default(), saving: Mutex::default() }
+impl CallHandler {
+    pub(crate) fn new(live: Live, about: RobotInfo) -> Self {
+        CallHandler {
+            live,
+            about,
+            teaching: Mutex::default(),
+            drawn: Mutex::default(),
+            saving: Mutex::default(),
+        }
     }
 
     pub(crate) fn teaching_since_s(&self) -> Option<f64> {
@@ -69,7 +75,7 @@ impl Desk {
     pub(crate) fn take(&self, asker: Asker, call: Call) -> Reply {
         match self.try_take(asker, call) {
             Ok(reply) => reply,
-            Err(why) => Reply::Said(Said::refused(why)),
+            Err(why) => Reply::CallResult(CallResult::refused(why)),
         }
     }
 
@@ -106,16 +112,16 @@ impl Desk {
             }
             Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
             Call::Set { values } => return self.set(asker, &values),
-            Call::Pad { x, y, turn, frame } => {
+            Call::StickWish { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
                 if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
                     return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
                 }
                 let twist = wish([x, y, turn], limits);
-                return self.send_silently(asker, Ask::Pad(Pad::Held { twist, frame: frame.into() }));
+                return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
-            Call::ReleasePad => return self.send_silently(asker, Ask::Pad(Pad::Released)),
-            Call::LosePad => return self.send_silently(asker, Ask::Pad(Pad::Lost)),
+            Call::ReleasePad => return self.send_silently(asker, Ask::Stick(StickWish::Released)),
+            Call::LosePad => return self.send_silently(asker, Ask::Stick(StickWish::Lost)),
             Call::Alive => return self.send_silently(asker, Ask::Alive),
             Call::EnablePad => Ask::EnablePad(asker.client),
             Call::EnableJoystick => Ask::EnablePad(Client::Joystick),
@@ -218,7 +224,7 @@ impl Desk {
         };
         let since_s = self.live.snapshot().record.time.now_ns as f64 * 1e-9;
         *lock(&self.teaching) = Some((since_s, sampling));
-        Ok(Reply::Said(Said::done(format!(
+        Ok(Reply::CallResult(CallResult::done(format!(
             "remembering where the robot is driven, for {:.0} minutes at most",
             TRACE_KEPT_S / 60.0
         ))))

@@ -17,7 +17,7 @@ pub(crate) const NS_OF_MS: u64 = 1_000_000;
 
 /// The robot at one instant.
 #[derive(Debug, Serialize)]
-pub struct Seen {
+pub struct StatusMessage {
     /// Time of the run, s.
     pub time_s: f64,
     /// The robot's own clock, ms: whoever asks for something sends back the last one that it had.
@@ -152,7 +152,7 @@ impl Counters {
     }
 }
 
-impl Seen {
+impl StatusMessage {
     /// The message of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, rows: &mut Rows) -> Self {
         let Snapshot { record, beside, .. } = snapshot;
@@ -170,7 +170,7 @@ impl Seen {
             Some(ObstacleSeen { index, x, y, radius, velocity })
         });
         let pose = |pose: omnibase_platform::Pose2| [pose.x_m, pose.y_m, pose.heading_rad];
-        Seen {
+        StatusMessage {
             time_s: record.time.now_ns as f64 * 1e-9,
             stamp: record.time.now_ns / NS_OF_MS,
             phase: phase_name(snapshot.phase),
@@ -227,7 +227,7 @@ impl From<LiveEvent> for EventSeen {
 fn commander(commander: Commander) -> (String, bool) {
     match commander {
         Commander::Nobody => ("nobody".to_owned(), false),
-        Commander::Pad(client) => (client.to_string(), true),
+        Commander::StickWish(client) => (client.to_string(), true),
         Commander::Reference(client) => (client.to_string(), false),
     }
 }

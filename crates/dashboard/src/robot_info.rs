@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::streams::Streams;
 
 /// What a dashboard is told of its robot.
-pub struct About {
+pub struct RobotInfo {
     /// The robot's file, by which new references are checked.
     pub text: RobotText,
     /// What it resolves to.
@@ -63,7 +63,7 @@ struct LimitFacts {
     wheel_torque_nm: f64,
 }
 
-impl About {
+impl RobotInfo {
     pub(crate) fn facts(&self, may_command: bool) -> Facts<'_> {
         let plan = &self.robot.plan;
         let wheels = plan.kinematics.wheels().iter().zip(&plan.drives);
