@@ -313,7 +313,7 @@ impl Robot {
             RequestKind::Pause => return answer(self.motion.pause()),
             RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
             RequestKind::GoTo { odom_from_body } if !odom_from_body.is_finite() => Err(CantBegin::Nothing),
-            RequestKind::GoTo { odom_from_body } if self.guard.spare_room_m(&odom_from_body) < 0.0 => {
+            RequestKind::GoTo { odom_from_body } if !self.guard.room_left(&odom_from_body).is_enough() => {
                 Err(CantBegin::OutsideFence)
             }
             RequestKind::GoTo { odom_from_body } if self.guard.is_blocked(&odom_from_body) => {
@@ -327,6 +327,7 @@ impl Robot {
             _ => self.motion.track(&time, here, &self.guard),
         };
         if begun.is_ok() {
+            self.motion.begin_with(self.guard.room_left(&here).room_m);
             self.lifecycle.request(&time, &kind);
         }
         answer(begun)
@@ -456,10 +457,7 @@ impl Robot {
             setpoint: &record.setpoint,
             velocity: self.motion.velocity(),
             wished_fence_room_m: match self.lifecycle.phase() {
-                Phase::Tracking => {
-                    let here = &record.setpoint.odom_from_body;
-                    self.guard.wished_room_m(&record.wished.odom_from_body, here)
-                }
+                Phase::Tracking => self.motion.spare_room_m(),
                 _ => f64::INFINITY,
             },
             is_way_blocked: self.lifecycle.phase() == Phase::Tracking && self.motion.is_blocked(),

@@ -83,6 +83,21 @@ struct Now {
     obstacles_m: [f64; MAX_OBSTACLES],
 }
 
+/// The room that a place leaves to the fence.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RoomLeft {
+    /// From the footprint, m; below 0 outside.
+    pub(crate) room_m: f64,
+    /// What must be kept, m.
+    pub(crate) kept_m: f64,
+}
+
+impl RoomLeft {
+    pub(crate) fn is_enough(&self) -> bool {
+        self.room_m >= self.kept_m
+    }
+}
+
 /// What is to be kept, m.
 #[derive(Clone, Copy, Debug)]
 struct Need {
@@ -92,6 +107,13 @@ struct Need {
     here_m: f64,
     /// With where it may truly be once it stands.
     standing_m: f64,
+}
+
+impl Now {
+    /// Only the way out is open.
+    fn is_too_near_the_fence(&self) -> bool {
+        self.fence_m < self.fence_need_m.here_m - INSIDE_M
+    }
 }
 
 /// Keeps the footprint inside the fence and off obstacles.
@@ -184,20 +206,11 @@ impl Guard {
         self.fence.is_some()
     }
 
-    /// How much more room than it must a pose leaves to the fence, by what is known of the pose now; infinite without a
-    /// fence.
-    pub(crate) fn spare_room_m(&self, pose: &Pose2) -> f64 {
-        let room = |fence: &FencePlan| {
-            room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose)) - self.fence_kept_m(fence)
-        };
-        self.fence.as_ref().map_or(f64::INFINITY, room)
-    }
-
-    /// How much more room to the fence a wish leaves than it must: from a place that leaves too little it must only lead
-    /// back.
-    pub(crate) fn wished_room_m(&self, wished: &Pose2, here: &Pose2) -> f64 {
-        let room_m = self.spare_room_m(wished);
-        if room_m >= 0.0 { room_m } else { room_m - self.spare_room_m(here).min(0.0) }
+    /// What room a pose leaves to the fence, by what is known of the pose now; infinite without a fence.
+    pub(crate) fn room_left(&self, pose: &Pose2) -> RoomLeft {
+        let Some(fence) = &self.fence else { return RoomLeft { room_m: f64::INFINITY, kept_m: 0.0 } };
+        let room_m = room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose));
+        RoomLeft { room_m, kept_m: self.fence_kept_m(fence) }
     }
 
     fn fence_kept_m(&self, fence: &FencePlan) -> f64 {
@@ -347,7 +360,7 @@ impl Guard {
         let spread_m = standing.at_m(self.radius_m);
         if let Some(fence) = &self.fence {
             let fence_need_m = now.fence_need_m.apart_m + fence.sigmas * spread_m;
-            let is_free = if now.fence_m < now.fence_need_m.here_m - INSIDE_M {
+            let is_free = if now.is_too_near_the_fence() {
                 retreat().leaves_fence(&fence.corners_m, [fence_need_m, reach_m])
             } else {
                 let need_m = kept_m(fence_need_m, now.fence_m);

@@ -1,6 +1,7 @@
 //! What a tracking robot follows: its reference at a rate, a velocity command, or the straight way to a pose.
 
 mod headway;
+mod room;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
@@ -13,6 +14,7 @@ use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
 pub(crate) use headway::SpeedBound;
 use headway::{Headway, PlanStep};
+use room::{Ahead, LOOK_STEP_S, RoomHad};
 
 /// Part of the acceleration and jerk limits that slowing a reference down may take; the rest is the path's own.
 const SHARE_OF_LIMITS: f64 = 0.5;
@@ -22,12 +24,6 @@ const ROOM: f64 = 1.05;
 const ON_PATH: f64 = 1e-4;
 /// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
 const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
-
-/// A reference stops on its path before it comes nearer than this to the fence's margin, m: room for slowing down softly.
-const LOOK_ROOM_M: f64 = 0.04;
-/// Between two looks ahead on the path, s of the reference's time; and looks in a cycle.
-const LOOK_STEP_S: f64 = 0.005;
-const LOOKS_A_CYCLE: usize = 8;
 
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
@@ -48,6 +44,9 @@ pub(crate) struct Motion {
     /// How fast the rate may change, and how fast that may, 1/s and 1/s².
     rate_limits: [f64; 2],
     ahead: Ahead,
+    room_had: RoomHad,
+    /// How much more room to the fence than it must its place leaves, m.
+    spare_room_m: f64,
     /// The reference's speed at its full rate.
     planned: Twist2,
     /// The reference was begun and isn't at its end.
@@ -66,17 +65,6 @@ enum Pausing {
     Yes,
     /// Before the fence.
     AtFence,
-}
-
-/// What is known of the path ahead.
-#[derive(Clone, Copy, Debug)]
-struct Ahead {
-    /// The reference's time up to which it keeps off the fence, s.
-    free_until_s: f64,
-    /// Room at that time, m.
-    room_m: f64,
-    /// Where it leads out.
-    is_blocked: bool,
 }
 
 /// A straight way from rest to rest, by a quintic in time.
@@ -101,12 +89,6 @@ pub(crate) enum CantBegin {
     OutsideFence,
     /// An obstacle stands where it would begin or end.
     Blocked,
-}
-
-impl Ahead {
-    fn from(time_s: f64) -> Self {
-        Ahead { free_until_s: time_s, room_m: f64::NEG_INFINITY, is_blocked: false }
-    }
 }
 
 impl StraightMotion {
@@ -177,6 +159,8 @@ impl Motion {
             pausing: Pausing::No,
             rate_limits: [rate_1_s, rate_1_s2],
             ahead: Ahead::from(0.0),
+            room_had: RoomHad::default(),
+            spare_room_m: f64::INFINITY,
             planned: Twist2::default(),
             begun: false,
             headway: Headway::new(guard),
@@ -306,6 +290,11 @@ impl Motion {
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
     }
 
+    /// From a place with so much room to the fence, m.
+    pub(crate) fn begin_with(&mut self, room_m: f64) {
+        self.room_had = RoomHad::from(room_m);
+    }
+
     /// A velocity command; one that counts already is replaced.
     pub(crate) fn follow(&mut self, request: Request) {
         self.velocity = Some(request);
@@ -340,21 +329,8 @@ impl Motion {
         let stop_s =
             rate * (rate / (2.0 * acceleration) + (acceleration + change) / jerk) + 2.0 * LOOK_STEP_S;
         let needed_s = self.time_s() + stop_s;
-        for _ in 0..LOOKS_A_CYCLE {
-            // A little further than needed: the rate may rise until the next cycle.
-            if self.ahead.is_blocked || self.ahead.free_until_s > needed_s + LOOK_STEP_S {
-                break;
-            }
-            let Some(place) = self.reference.preview(self.ahead.free_until_s) else { return };
-            let room_m = guard.spare_room_m(&place.odom_from_body);
-            // A path that begins too near may lead away.
-            self.ahead.is_blocked = room_m < LOOK_ROOM_M && room_m < self.ahead.room_m;
-            if !self.ahead.is_blocked {
-                self.ahead.room_m = room_m;
-                self.ahead.free_until_s += LOOK_STEP_S;
-            }
-        }
-        if self.ahead.is_blocked && needed_s >= self.ahead.free_until_s && self.pausing == Pausing::No {
+        let leads_out = self.ahead.leads_out(&*self.reference, guard, needed_s);
+        if leads_out && self.pausing == Pausing::No {
             self.pausing = Pausing::AtFence;
         }
     }
@@ -373,7 +349,7 @@ impl Motion {
 
     /// The wish of a cycle, at a part of its rate where the platform had to give way; not for velocity commands, whose wish needs the setpoint.
     pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
-        match self.course {
+        let wished = match self.course {
             Course::Way => {
                 let rate = settings.rate(self.planned);
                 let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
@@ -381,7 +357,14 @@ impl Motion {
                 self.at_rate(self.way.sample())
             }
             Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
-        }
+        };
+        self.spare_room_m = self.room_had.spare_m(guard.room_left(&wished.odom_from_body));
+        wished
+    }
+
+    /// By how much what is followed keeps off the fence more than it must, m; below 0 where it leads out.
+    pub(crate) fn spare_room_m(&self) -> f64 {
+        self.spare_room_m
     }
 
     fn sample_reference(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {

@@ -132,8 +132,8 @@ impl SafetyChain {
 
     /// A plan that leads out of the fence stops; a speed is only held back, in the stage before.
     fn fence(&self, view: &SafetyView<'_>) -> Objection {
-        let leads_out = view.velocity.is_none() && view.wished_fence_room_m < 0.0;
-        leads_out.then_some((SafetyAction::Stop(self.plan.fence_stop), SafetyReason::Fence, 0))
+        let stays_inside = view.velocity.is_some() || view.wished_fence_room_m >= 0.0;
+        (!stays_inside).then_some((SafetyAction::Stop(self.plan.fence_stop), SafetyReason::Fence, 0))
     }
 
     fn way(&self, view: &SafetyView<'_>) -> Objection {

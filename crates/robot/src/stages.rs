@@ -179,8 +179,9 @@ pub struct SafetyView<'a> {
     pub setpoint: &'a Setpoint,
     /// The velocity command that counts, where one does.
     pub velocity: Option<&'a Request>,
-    /// By how much the wished pose keeps off the fence more than its margin, m; below 0 where the plan leads out;
-    /// infinite without a fence and while nothing is followed.
+    /// By how much the wished pose keeps off the fence more than it must, m: than the margin and what the pose's
+    /// covariance asks for, or than the plan had already where it had less. Below 0 where the plan leads out; infinite
+    /// without a fence and while nothing is followed.
     pub wished_fence_room_m: f64,
     /// Obstacles let a plan make no headway for too long.
     pub is_way_blocked: bool,

@@ -213,9 +213,12 @@ impl Guard {
         if let Some(fence) = &self.fence {
             let polygon = &fence.corners_m;
             let need_m = now.fence_need_m.standing_m + buffer_m;
+            // A plan from where there is too little room gains it on its own path.
+            let keeps_its_path = matches!(drive, Drive::Follow(..)) && now.is_too_near_the_fence();
+            let least_m_s = if keeps_its_path { 0.0 } else { f64::NEG_INFINITY };
             let mut add = |corner: Point, towards: Point, distance_m: f64| {
                 let size = length(towards);
-                let most_m_s = most_at(distance_m - need_m);
+                let most_m_s = most_at(distance_m - need_m).max(least_m_s);
                 if most_m_s < fastest && size > 0.0 {
                     let normal = [towards[0] / size, towards[1] / size];
                     let moment_m = cross(plus(corner, origin, -1.0), normal);

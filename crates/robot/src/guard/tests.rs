@@ -491,7 +491,8 @@ fn the_margin_that_grows_until_the_stop_stands_is_kept() {
             bench.state.covariance = grown(&bench.state, &growth, way);
             let state = PlatformState { odom_from_body: bench.pose(), ..bench.state };
             bench.guard.spread = Spread::of(&state);
-            least_m = least_m.min(bench.guard.spare_room_m(&bench.pose()));
+            let left = bench.guard.room_left(&bench.pose());
+            least_m = least_m.min(left.room_m - left.kept_m);
             limited += u32::from(bench.guard.limited_by() == LimitedBy::Fence);
         }
         assert!(least_m > -1e-4, "{twist:?}: {least_m}");
@@ -514,7 +515,7 @@ fn a_margin_that_grows_over_a_standing_robot_moves_nothing_and_leaves_the_way_in
         assert!(bench.room_m(&pose) >= before_m - 1e-9, "{outwards:?}: no further out");
     }
     let pose = bench.driven(Twist2::new(-0.3, 0.0, 0.0), 2.0);
-    assert!(bench.guard.spare_room_m(&pose) > 0.0, "{pose:?}");
+    assert!(bench.guard.room_left(&pose).is_enough(), "{pose:?}");
 }
 
 #[test]
@@ -530,6 +531,6 @@ fn where_nothing_of_the_fence_is_left_only_what_leads_inwards_passes() {
             let pose = bench.driven(Twist2::new(0.4 * angle.cos(), 0.4 * angle.sin(), 0.3), 1.0);
             assert!(bench.room_m(&pose) >= first_m - 1e-9, "{x_m} {angle}: {pose:?}");
         }
-        assert!(bench.guard.spare_room_m(&Pose2::default()) < 0.0, "no goal is left");
+        assert!(!bench.guard.room_left(&Pose2::default()).is_enough(), "no goal is left");
     }
 }

@@ -2,6 +2,7 @@
 
 mod blocked;
 mod courses;
+mod inwards;
 mod lifecycle;
 mod poison;
 mod promises;
