@@ -4,10 +4,9 @@
 //! differences of times of one and the same clock follow the delays (ETG.1000.4, "Distributed clocks").
 
 use alloc::vec::Vec;
-use core::fmt;
 
 use crate::bus::Bus;
-use crate::error::SetUpError;
+use crate::error::{DcError, SetUpError};
 use crate::start_up::{Refusal, StartUpStep};
 use crate::subdevice::{DcClock, DcWidth, Parent, Port, SubDevice};
 use crate::topology;
@@ -23,52 +22,6 @@ const TOLERANCE_NS: u32 = 400;
 pub(crate) const FILTERS: u16 = 0x0C00;
 /// Speed counter start (0x0930), its value after reset; writing it starts the control loop anew.
 pub(crate) const SPEED_COUNTER_START: u16 = 0x1000;
-
-/// Receive times that can't be true.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DcError {
-    /// A frame was longer behind a port than any segment is long.
-    BranchTooLong {
-        /// The SubDevice.
-        position: u16,
-        /// Its port.
-        port: u8,
-        /// Time between leaving and coming back, ns.
-        found_ns: u32,
-        /// The most that is possible, ns.
-        limit_ns: u32,
-    },
-    /// A frame was shorter behind a port than within the SubDevices there.
-    BranchTooShort {
-        /// The SubDevice.
-        position: u16,
-        /// Its port.
-        port: u8,
-        /// Time between leaving and coming back, ns.
-        found_ns: u32,
-        /// Time spent in the SubDevices there, ns.
-        inside_ns: u32,
-    },
-}
-
-impl fmt::Display for DcError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            DcError::BranchTooLong { position, port, found_ns, limit_ns } => write!(
-                f,
-                "SubDevice {position}: distributed clock: the frame came back to port {port} after {found_ns} ns, \
-                 at most {limit_ns} ns are possible"
-            ),
-            DcError::BranchTooShort { position, port, found_ns, inside_ns } => write!(
-                f,
-                "SubDevice {position}: distributed clock: the frame came back to port {port} after {found_ns} ns, \
-                 but was {inside_ns} ns in the SubDevices there"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for DcError {}
 
 /// What the delays are computed from, for one SubDevice.
 #[derive(Clone, Copy, Debug)]

@@ -4,8 +4,8 @@ use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use crate::process_data::{Direction, MailboxConfig};
 use crate::start_up::SdoWrite;
-use crate::subdevice::{Direction, MailboxConfig};
 use crate::wire::coe::ObjectAddress;
 
 /// Which SubDevice a configuration is for.

@@ -2,16 +2,16 @@
 
 use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
 
 use crate::bus::{Bus, Unusable};
 use crate::clock_setup;
 use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
-use crate::error::SetUpError;
+use crate::error::{Mismatch, SetUpError};
 use crate::fmmu;
 use crate::image::{ClockUse, ImagePlan, Member};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
+use crate::mismatch::quoted;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
 use crate::subdevice::SubDevice;
@@ -19,124 +19,6 @@ use crate::sync_manager;
 use crate::watchdog;
 use crate::wire::sii::{self, Identity, SyncManagerUsage};
 use crate::wire::{AlState, Clock, Link, register};
-
-/// What was expected isn't what was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Mismatch {
-    /// More or fewer SubDevices than configurations.
-    Count {
-        /// SubDevices that are configured.
-        expected: usize,
-        /// SubDevices that are there.
-        found: usize,
-        /// The first that has no partner, in words.
-        first: String,
-    },
-    /// Another device than expected.
-    Identity {
-        /// Where.
-        position: u16,
-        /// The configuration's name.
-        name: Option<String>,
-        /// Who was expected.
-        expected: ExpectedIdentity,
-        /// Who is there.
-        found: Identity,
-        /// Where the expected one is instead, if anywhere.
-        elsewhere: Option<u16>,
-    },
-    /// No SubDevice has this alias.
-    NoSuchAlias {
-        /// The alias.
-        alias: u16,
-        /// The configuration's name.
-        name: Option<String>,
-    },
-    /// Several SubDevices have this alias.
-    AmbiguousAlias {
-        /// The alias.
-        alias: u16,
-        /// Who has it.
-        positions: Vec<u16>,
-    },
-    /// There is no SubDevice at this position.
-    NoSuchPosition {
-        /// The position.
-        position: u16,
-        /// SubDevices that are there.
-        count: usize,
-        /// The configuration's name.
-        name: Option<String>,
-    },
-    /// Two configurations are for the same SubDevice.
-    ConfiguredTwice {
-        /// The SubDevice.
-        position: u16,
-    },
-    /// SYNC is asked of a SubDevice without a clock.
-    NoClock {
-        /// The SubDevice.
-        position: u16,
-        /// The configuration's name.
-        name: Option<String>,
-    },
-}
-
-fn quoted(name: &Option<String>) -> String {
-    name.as_ref().map_or_else(String::new, |name| alloc::format!(" ({name})"))
-}
-
-impl fmt::Display for Mismatch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Mismatch::Count { expected, found, first } => {
-                write!(f, "{expected} SubDevices are configured, {found} are there: {first}")
-            }
-            Mismatch::Identity { position, name, expected, found, elsewhere } => {
-                write!(f, "SubDevice {position}{}: expected", quoted(name))?;
-                let fields = [
-                    ("vendor", expected.vendor_id, found.vendor_id),
-                    ("product", expected.product_code, found.product_code),
-                    ("revision", expected.revision, found.revision),
-                    ("serial", expected.serial, found.serial),
-                ];
-                for (field, expected, found) in fields {
-                    match expected {
-                        Some(expected) if expected != found => {
-                            write!(f, " {field} 0x{expected:08x} but found 0x{found:08x},")?;
-                        }
-                        _ => {}
-                    }
-                }
-                match elsewhere {
-                    Some(elsewhere) => write!(f, " the expected device is at position {elsewhere}"),
-                    None => f.write_str(" the expected device is nowhere in the segment"),
-                }
-            }
-            Mismatch::NoSuchAlias { alias, name } => {
-                write!(f, "no SubDevice has alias 0x{alias:04x}{}", quoted(name))
-            }
-            Mismatch::AmbiguousAlias { alias, positions } => {
-                write!(f, "alias 0x{alias:04x} is asked for, but SubDevices {positions:?} all have it")
-            }
-            Mismatch::NoSuchPosition { position, count, name } => {
-                write!(f, "SubDevice {position}{} is configured, the segment has {count}", quoted(name))
-            }
-            Mismatch::ConfiguredTwice { position } => {
-                write!(f, "two configurations are for SubDevice {position}")
-            }
-            Mismatch::NoClock { position, name } => {
-                write!(
-                    f,
-                    "SubDevice {position}{}: SYNC is configured, but its controller has no distributed clock",
-                    quoted(name)
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for Mismatch {}
 
 fn is_expected(expected: &ExpectedIdentity, found: &Identity) -> bool {
     let same = |expected: Option<u32>, found| expected.is_none_or(|expected| expected == found);

@@ -4,9 +4,9 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
 
-use crate::error::Found;
+use crate::found::Found;
+use crate::found::Target;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
-use crate::transaction::Target;
 use crate::wire::HostTime;
 use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
 use crate::wire::register;

@@ -3,92 +3,96 @@
 use alloc::string::String;
 use core::fmt;
 
-use crate::clock_setup::DcError;
-use crate::configure::Mismatch;
 use crate::eeprom::EepromError;
 use crate::fmmu::FmmuError;
 use crate::image::PlanError;
 use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
 use crate::mapping::MappingError;
-use crate::scan::NoSubDevices;
 use crate::start_up::StartUpError;
 use crate::state::StateError;
 use crate::topology::TopologyError;
+use crate::wire::LinkError;
 use crate::wire::sii::ImageTooShort;
-use crate::wire::{Address, Command, LinkError};
 
-/// What came back of an access.
+pub use crate::found::{AccessError, Found, Unexpected};
+pub use crate::mismatch::Mismatch;
+
+/// Why no SubDevice was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
-    /// No frame.
-    Nothing,
-    /// A frame with this working counter.
-    WorkingCounter(u16),
+pub enum NoSubDevices {
+    /// The interface has no link.
+    LinkDown,
+    /// Frames came back exactly as they were sent: the cable is looped, or leads to a hub or switch.
+    Reflected,
+    /// Frames of another MainDevice arrived, none of our own.
+    AnotherMainDevice,
+    /// Nothing came back.
+    NothingBack,
+    /// Frames passed a SubDevice but none counted them.
+    Unanswered,
 }
 
-impl fmt::Display for Found {
+impl fmt::Display for NoSubDevices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            NoSubDevices::LinkDown => "the link is down (cable out, or no power at the other end)",
+            NoSubDevices::Reflected => {
+                "own frames came back unchanged (the cable leads to no SubDevice: a loop, a hub or a switch)"
+            }
+            NoSubDevices::AnotherMainDevice => {
+                "frames of another MainDevice arrived, none of our own came back"
+            }
+            NoSubDevices::NothingBack => "nothing came back (wrong interface, or the segment has no power)",
+            NoSubDevices::Unanswered => "frames came back, but their working counter was 0",
+        })
+    }
+}
+
+/// Receive times that can't be true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DcError {
+    /// A frame was longer behind a port than any segment is long.
+    BranchTooLong {
+        /// The SubDevice.
+        position: u16,
+        /// Its port.
+        port: u8,
+        /// Time between leaving and coming back, ns.
+        found_ns: u32,
+        /// The most that is possible, ns.
+        limit_ns: u32,
+    },
+    /// A frame was shorter behind a port than within the SubDevices there.
+    BranchTooShort {
+        /// The SubDevice.
+        position: u16,
+        /// Its port.
+        port: u8,
+        /// Time between leaving and coming back, ns.
+        found_ns: u32,
+        /// Time spent in the SubDevices there, ns.
+        inside_ns: u32,
+    },
+}
+
+impl fmt::Display for DcError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Found::Nothing => f.write_str("the frame did not come back"),
-            Found::WorkingCounter(found) => write!(f, "working counter {found}"),
+            DcError::BranchTooLong { position, port, found_ns, limit_ns } => write!(
+                f,
+                "SubDevice {position}: distributed clock: the frame came back to port {port} after {found_ns} ns, \
+                 at most {limit_ns} ns are possible"
+            ),
+            DcError::BranchTooShort { position, port, found_ns, inside_ns } => write!(
+                f,
+                "SubDevice {position}: distributed clock: the frame came back to port {port} after {found_ns} ns, \
+                 but was {inside_ns} ns in the SubDevices there"
+            ),
         }
     }
 }
 
-impl Found {
-    /// What came back against the working counter that was expected: a lost frame says nothing about a SubDevice.
-    pub fn against(self, expected: u16) -> Unexpected {
-        Unexpected { found: self, expected }
-    }
-}
-
-/// What came back in place of what was expected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Unexpected {
-    found: Found,
-    expected: u16,
-}
-
-impl fmt::Display for Unexpected {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.found {
-            Found::Nothing => write!(f, "{}: it was lost on its way, nobody refused it", self.found),
-            found => write!(f, "{found} where working counter {} was expected", self.expected),
-        }
-    }
-}
-
-/// An access to registers that failed after all its attempts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AccessError {
-    /// What was accessed.
-    pub what: &'static str,
-    /// The SubDevice; `None` for all.
-    pub position: Option<u16>,
-    /// The command.
-    pub command: Command,
-    /// Whom and where.
-    pub address: Address,
-    /// Working counter expected.
-    pub expected: u16,
-    /// What came back.
-    pub found: Found,
-    /// Attempts made.
-    pub attempts: u32,
-}
-
-impl fmt::Display for AccessError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.position {
-            Some(position) => write!(f, "SubDevice {position}: ")?,
-            None => f.write_str("all SubDevices: ")?,
-        }
-        let AccessError { what, command, address, expected, found, attempts, .. } = self;
-        write!(f, "{what}: {} ({command}, {address}, {attempts} attempts)", found.against(*expected))
-    }
-}
-
-impl core::error::Error for AccessError {}
+impl core::error::Error for DcError {}
 
 impl SetUpError {
     /// The one SubDevice that it is about, where the others can be set up without it.

@@ -3,7 +3,8 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::subdevice::{Direction, LogicalBits, SubDevice};
+use crate::process_data::{Direction, LogicalBits};
+use crate::subdevice::SubDevice;
 
 /// An FMMU in use, to the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,7 +16,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::config::LrwPermission;
-use crate::subdevice::{Direction, LogicalBits, SubDevice};
+use crate::process_data::{Direction, LogicalBits};
+use crate::subdevice::SubDevice;
 
 pub use frames::{DatagramPlan, FramePlan, Role, Touch};
 pub(crate) use frames::{FEWEST_DATAGRAMS, FILLER_LENGTH};

@@ -21,7 +21,7 @@ use alloc::vec;
 use core::time::Duration;
 
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
-use crate::subdevice::MailboxConfig;
+use crate::process_data::MailboxConfig;
 use crate::wire::bytes::u16_at;
 use crate::wire::coe::{self, AbortCode, Emergency, Service};
 use crate::wire::frame::MAX_DATA;
@@ -31,7 +31,7 @@ use crate::wire::{HostTime, register};
 pub use emergency::{EmergencyRing, ReceivedEmergency};
 pub use info::{EntryDescription, ObjectDescription, list_indices};
 pub use request::{
-    Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, Waiting,
+    Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
 };
 
 use transfer::{Outcome, Transfer};

@@ -3,7 +3,7 @@
 //! The set-up drives many procedures at once and packs their datagrams into few frames; the cycle drives one in
 //! its spare datagram. Neither knows what a procedure is about.
 
-use crate::error::Found;
+use crate::found::Found;
 use crate::wire::{Address, Command, HostTime};
 
 /// One datagram that a procedure wants sent.

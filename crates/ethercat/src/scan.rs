@@ -3,13 +3,13 @@
 use alloc::borrow::ToOwned;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use core::fmt;
 use core::time::Duration;
 
 use crate::bus::{Bus, MAX_SUBDEVICES, Warning};
 use crate::config::SubDeviceConfig;
 use crate::eeprom::{EepromError, EepromFailure, SiiExtent, SiiReader};
-use crate::error::{Found, SetUpError};
+use crate::error::{NoSubDevices, SetUpError};
+use crate::found::Found;
 use crate::start_up::StartUpList;
 use crate::state::{Application, StateChange};
 use crate::subdevice::{DcClock, DcWidth, Esc, Port, SubDevice};
@@ -38,37 +38,6 @@ const BLANK_IMAGE: [u8; sii::HEADER + 2] = {
     image[sii::HEADER + 1] = 0xFF;
     image
 };
-
-/// Why no SubDevice was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoSubDevices {
-    /// The interface has no link.
-    LinkDown,
-    /// Frames came back exactly as they were sent: the cable is looped, or leads to a hub or switch.
-    Reflected,
-    /// Frames of another MainDevice arrived, none of our own.
-    AnotherMainDevice,
-    /// Nothing came back.
-    NothingBack,
-    /// Frames passed a SubDevice but none counted them.
-    Unanswered,
-}
-
-impl fmt::Display for NoSubDevices {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            NoSubDevices::LinkDown => "the link is down (cable out, or no power at the other end)",
-            NoSubDevices::Reflected => {
-                "own frames came back unchanged (the cable leads to no SubDevice: a loop, a hub or a switch)"
-            }
-            NoSubDevices::AnotherMainDevice => {
-                "frames of another MainDevice arrived, none of our own came back"
-            }
-            NoSubDevices::NothingBack => "nothing came back (wrong interface, or the segment has no power)",
-            NoSubDevices::Unanswered => "frames came back, but their working counter was 0",
-        })
-    }
-}
 
 /// What the controllers' registers said of one SubDevice.
 struct Identified {

@@ -12,6 +12,8 @@ use core::time::Duration;
 pub use failure::{ObjectBytes, ProgrammedRegisters, StartUpError, StartUpFailure};
 pub use runner::StartUpRunner;
 
+pub use crate::mailbox::SdoAccess;
+
 use crate::wire::AlState;
 use crate::wire::coe::ObjectAddress;
 
@@ -49,15 +51,6 @@ pub struct SdoWrite {
     pub read_back: ReadBack,
     /// Where it was asked, in the user's words ("robot.toml line 12"); shared with errors.
     pub origin: Option<Arc<str>>,
-}
-
-/// One entry, or the whole object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SdoAccess {
-    /// One subindex.
-    Entry,
-    /// Complete access.
-    Complete,
 }
 
 /// One step of a SubDevice's start-up.

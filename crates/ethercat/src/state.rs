@@ -3,9 +3,9 @@
 use core::fmt;
 use core::time::Duration;
 
-use crate::error::Found;
+use crate::found::Found;
+use crate::found::Target;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
-use crate::transaction::Target;
 use crate::wire::bytes::u16_at;
 use crate::wire::{AlState, AlStatusCode, HostTime, register};
 

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::config::SubDeviceConfig;
-use crate::subdevice::{Direction, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager};
+use crate::process_data::{Direction, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager};
 use crate::wire::sii::{self, Image, SyncManagerUsage};
 
 /// Control byte of the mailbox from the MainDevice: mailbox mode, written by the MainDevice, interrupts the

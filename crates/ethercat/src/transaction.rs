@@ -3,7 +3,9 @@
 use alloc::vec::Vec;
 use core::time::Duration;
 
-use crate::error::{AccessError, Found, SetUpError};
+use crate::error::SetUpError;
+pub use crate::found::Target;
+use crate::found::{AccessError, Found};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::wire::frame::{self, Datagram, Datagrams, FrameBuilder};
 use crate::wire::{Address, Clock, Command, Link, LinkError};
@@ -183,15 +185,6 @@ impl Access {
             attempts,
         }
     }
-}
-
-/// A SubDevice by both its names: the position for people, the station address for datagrams.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Target {
-    /// Place in the order of frames.
-    pub position: u16,
-    /// Station address.
-    pub station: u16,
 }
 
 /// A frame on its way: the requests `first..end` of the batch.

@@ -6,7 +6,7 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-use crate::error::Found;
+use crate::found::Found;
 use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::SubDevice;

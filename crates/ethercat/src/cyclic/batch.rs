@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::frame::{CyclicFrame, Flight, Purpose};
-use crate::error::Found;
+use crate::found::Found;
 use crate::image::{FEWEST_DATAGRAMS, FILLER_LENGTH};
 use crate::wire::frame::DATAGRAM_OVERHEAD;
 use crate::wire::{Address, Command};

@@ -7,7 +7,7 @@ use core::ops::Range;
 use super::SegmentStatus;
 use super::batch::{Access, Batch, ItemState};
 use super::frame::{CyclicFrame, Purpose};
-use crate::error::Found;
+use crate::found::Found;
 use crate::image::{FramePlan, Member, Placement, Role};
 use crate::subdevice::Direction;
 use crate::wire::bytes::u16_at;

@@ -6,7 +6,7 @@ use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
 use super::error::{Programmed, TransitionError};
 use super::{Exchange, SegmentStatus};
 use crate::config::{CyclicControl, DcConfig};
-use crate::error::Found;
+use crate::found::Found;
 use crate::image::{ClockUse, Member};
 use crate::subdevice::{DcWidth, Direction};
 use crate::wire::bytes::{u16_at, u32_at};

@@ -1,6 +1,5 @@
 //! What can be asked of a SubDevice's mailbox, and how it can end.
 
-use crate::start_up::SdoAccess;
 use crate::wire::coe::{AbortCode, ObjectAddress, info};
 use crate::wire::mailbox::error_text;
 use alloc::vec::Vec;
@@ -9,6 +8,15 @@ use core::time::Duration;
 
 /// How long one message waits for its answer where nothing else is said.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// One entry, or the whole object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SdoAccess {
+    /// One subindex.
+    Entry,
+    /// Complete access.
+    Complete,
+}
 
 /// Which of the SubDevice's object lists is meant (ETG.1000.6, "SDO Information").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,8 +4,8 @@ mod losses;
 mod server;
 mod transfers;
 
+use super::SdoAccess;
 use super::*;
-use crate::start_up::SdoAccess;
 use crate::subdevice::MemoryArea;
 use crate::wire::coe::ObjectAddress;
 use crate::wire::{Address, Command};

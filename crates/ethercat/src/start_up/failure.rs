@@ -4,7 +4,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::error::Found;
+use crate::found::Found;
 use crate::mailbox::{MailboxError, Operation};
 use crate::state::StateError;
 use crate::wire::coe::ObjectAddress;

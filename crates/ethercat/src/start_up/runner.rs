@@ -6,11 +6,11 @@ use core::ops::Range;
 use super::{
     ObjectBytes, ProgrammedRegisters, ReadBack, Refusal, SdoWrite, StartUpError, StartUpFailure, StartUpStep,
 };
-use crate::error::Found;
+use crate::found::Found;
+use crate::found::Target;
 use crate::mailbox::{Completion, Mailbox, MailboxError, MailboxRequest, Operation};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::state::{Application, StateChange};
-use crate::transaction::Target;
 use crate::wire::bytes::u64_at;
 use crate::wire::{AlState, DcTime, HostTime, register};
 

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use super::*;
-use crate::scan::NoSubDevices;
+use crate::error::NoSubDevices;
 use crate::wire::HostTime;
 use crate::wire::bytes::{put_u16, put_u32};
 use crate::wire::register;

@@ -1,7 +1,7 @@
 //! What is configured against what is there.
 
 use omnibase_ethercat::config::{DcConfig, ExpectedIdentity};
-use omnibase_ethercat::configure::Mismatch;
+use omnibase_ethercat::error::Mismatch;
 use omnibase_ethercat::wire::sii::Identity;
 use omnibase_ethercat::{Bus, BusOptions, Match, SetUpError, SubDeviceConfig, Warning};
 use omnibase_ethercat_sim::{EscConfig, Segment, in_process};

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use core::time::Duration;
 
-use crate::error::Found;
+use crate::found::Found;
 use crate::mailbox::{MailboxError, MailboxRequest};
 
 /// What a request wants.
