@@ -57,7 +57,7 @@ pub enum Call {
     },
     /// A stick's wish, in shares of the limits, each from -1 to 1; it counts from where the session said once that its
     /// stick was let go.
-    StickWish {
+    Stick {
         /// Forward, or along x.
         x: f64,
         /// To the left, or along y.
@@ -66,14 +66,14 @@ pub enum Call {
         turn: f64,
         /// In which frame.
         #[serde(default)]
-        frame: PadFrame,
+        frame: WishFrame,
     },
     /// The stick was let go.
-    ReleasePad,
+    ReleaseStick,
     /// The stick is gone while it was held, as a gamepad whose cable was pulled.
-    LosePad,
+    LoseStick,
     /// The page's own stick, which was lost, may command again.
-    EnablePad,
+    EnableStick,
     /// The stick at the robot's computer, which was lost or stopped, may command again once it was let go.
     EnableJoystick,
     /// Put an obstacle on the floor, or move the one that is there.
@@ -209,10 +209,10 @@ impl Call {
             | Call::Release
             | Call::Controller { .. }
             | Call::Set { .. }
-            | Call::StickWish { .. }
-            | Call::ReleasePad
-            | Call::LosePad
-            | Call::EnablePad
+            | Call::Stick { .. }
+            | Call::ReleaseStick
+            | Call::LoseStick
+            | Call::EnableStick
             | Call::EnableJoystick
             | Call::SetObstacle { .. }
             | Call::RemoveObstacle { .. }
@@ -234,9 +234,9 @@ impl Call {
                 | Call::EmergencyStop
                 | Call::Release
                 | Call::Pause
-                | Call::StickWish { .. }
-                | Call::ReleasePad
-                | Call::LosePad
+                | Call::Stick { .. }
+                | Call::ReleaseStick
+                | Call::LoseStick
                 | Call::Alive
         )
     }
@@ -245,7 +245,7 @@ impl Call {
 /// In which frame a stick's wish is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum PadFrame {
+pub enum WishFrame {
     /// The platform's.
     #[default]
     Body,
@@ -274,11 +274,11 @@ impl Default for TeachBy {
     }
 }
 
-impl From<PadFrame> for Frame {
-    fn from(frame: PadFrame) -> Self {
+impl From<WishFrame> for Frame {
+    fn from(frame: WishFrame) -> Self {
         match frame {
-            PadFrame::Body => Frame::Body,
-            PadFrame::Odom => Frame::Odom,
+            WishFrame::Body => Frame::Body,
+            WishFrame::Odom => Frame::Odom,
         }
     }
 }
@@ -327,15 +327,15 @@ mod tests {
         let read = |text| serde_json::from_str::<Call>(text);
         assert_eq!(read(r#"{"do": "enable"}"#).unwrap(), Call::Enable);
         assert_eq!(read(r#"{"do":"go_to","pose":[1,2,3]}"#).unwrap(), Call::GoTo { pose: [1.0, 2.0, 3.0] });
-        let pad = read(r#"{"do":"pad","x":0.5,"y":0,"turn":0}"#).unwrap();
-        assert_eq!(pad, Call::StickWish { x: 0.5, y: 0.0, turn: 0.0, frame: PadFrame::Body });
+        let wish = read(r#"{"do":"stick","x":0.5,"y":0,"turn":0}"#).unwrap();
+        assert_eq!(wish, Call::Stick { x: 0.5, y: 0.0, turn: 0.0, frame: WishFrame::Body });
         let set = read(r#"{"do":"set_pose","pose":[1,2,3],"sigma_m":0.05}"#).unwrap();
         assert_eq!(set, Call::SetPose { pose: [1.0, 2.0, 3.0], sigma_m: Some(0.05), sigma_rad: None });
         let stop = read(r#"{"do":"stop","category":"category_1"}"#).unwrap();
         assert_eq!(stop, Call::Stop { category: StopName::Category1 });
         for wrong in [
             r#"{"do":"fly"}"#,
-            r#"{"do":"pad","x":0.5,"y":0,"turn":0,"z":1}"#,
+            r#"{"do":"stick","x":0.5,"y":0,"turn":0,"z":1}"#,
             r#"{"do":"go_to","pose":[1,2]}"#,
             r#"{"do":"go_to","pose":[1,2,NaN]}"#,
             "[]",

@@ -112,7 +112,7 @@ impl CallHandler {
             }
             Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
             Call::Set { values } => return self.set(asker, &values),
-            Call::StickWish { x, y, turn, frame } => {
+            Call::Stick { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
                 if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
                     return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
@@ -120,11 +120,11 @@ impl CallHandler {
                 let twist = wish([x, y, turn], limits);
                 return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
-            Call::ReleasePad => return self.send_silently(asker, Ask::Stick(StickWish::Released)),
-            Call::LosePad => return self.send_silently(asker, Ask::Stick(StickWish::Lost)),
+            Call::ReleaseStick => return self.send_silently(asker, Ask::Stick(StickWish::Released)),
+            Call::LoseStick => return self.send_silently(asker, Ask::Stick(StickWish::Lost)),
             Call::Alive => return self.send_silently(asker, Ask::Alive),
-            Call::EnablePad => Ask::EnablePad(asker.client),
-            Call::EnableJoystick => Ask::EnablePad(Client::Joystick),
+            Call::EnableStick => Ask::EnableStick(asker.client),
+            Call::EnableJoystick => Ask::EnableStick(Client::Joystick),
             Call::Load { reference } => return self.load(asker, *reference, "loaded"),
             Call::LoadPoints { text } => {
                 let points = PathPoints::parse(&text).map_err(|error| error.to_string())?;

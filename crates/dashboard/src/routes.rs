@@ -223,7 +223,7 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     // A program that asks and goes can't hold a stick.
     let is_pad = matches!(
         call,
-        Call::StickWish { .. } | Call::ReleasePad | Call::LosePad | Call::EnablePad | Call::Alive
+        Call::Stick { .. } | Call::ReleaseStick | Call::LoseStick | Call::EnableStick | Call::Alive
     );
     if is_pad {
         let why = "a stick belongs to a page: expected a WebSocket at /api/live";

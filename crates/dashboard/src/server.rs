@@ -215,8 +215,8 @@ mod tests {
         let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
         let page = live.begin_session().unwrap();
         let held = StickWish::Held { twist: Default::default(), frame: Default::default() };
-        for pad in [StickWish::Released, held] {
-            live.send(page, Ask::Stick(pad)).unwrap();
+        for wish in [StickWish::Released, held] {
+            live.send(page, Ask::Stick(wish)).unwrap();
         }
         let record = CycleRecord::default();
         let asked = |request: Option<Request>| request.map(|request| request.kind);

@@ -227,7 +227,7 @@ impl From<LiveEvent> for EventSeen {
 fn commander(commander: Commander) -> (String, bool) {
     match commander {
         Commander::Nobody => ("nobody".to_owned(), false),
-        Commander::StickWish(client) => (client.to_string(), true),
+        Commander::Stick(client) => (client.to_string(), true),
         Commander::Reference(client) => (client.to_string(), false),
     }
 }

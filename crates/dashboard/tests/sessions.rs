@@ -39,7 +39,7 @@ fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_t
     let begin = Instant::now();
     loop {
         page.send(&json!({"do": "alive"}));
-        page.send(&json!({"number": 4, "do": "pad", "x": 2.0, "y": 0.0, "turn": 0.0}));
+        page.send(&json!({"number": 4, "do": "stick", "x": 2.0, "y": 0.0, "turn": 0.0}));
         bench.until("a cycle", |_, _| Some(()));
         let Message::Text(text) = page.0.read().unwrap() else { continue };
         let message: Value = serde_json::from_str(&text).unwrap();
@@ -55,8 +55,8 @@ fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_t
 fn a_stick_in_its_corner_asks_for_full_speed_and_no_more() {
     let mut bench = Bench::new();
     let mut page = bench.page();
-    page.send(&json!({"do": "release_pad", "stamp": 0}));
-    page.send(&json!({"do": "pad", "x": 1.0, "y": 1.0, "turn": 0.0, "stamp": 0}));
+    page.send(&json!({"do": "release_stick", "stamp": 0}));
+    page.send(&json!({"do": "stick", "x": 1.0, "y": 1.0, "turn": 0.0, "stamp": 0}));
     let twist = bench.until("its wish", |_, request| match request?.kind {
         RequestKind::Velocity { twist, .. } => Some(twist),
         _ => None,

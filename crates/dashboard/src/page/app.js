@@ -280,7 +280,7 @@ function showBanner(seen) {
     : seen.phase === "fault" ? [`Fault: ${faultWords(seen, facts.wheels)}`, "", "mend"]
     : seen.phase === "quick stopping" ? [`Quick stop: ${faultWords(seen, facts.wheels)}`, "", ""]
     : link.isOld ? [`The line is slow (${seconds(link.delay_ms)}): whatever begins a motion is refused. Stops are heard, late.`, "warn", ""]
-    : isBlocked ? ["The stick was lost: enable it again to drive.", "", "enable-pad"]
+    : isBlocked ? ["The stick was lost: enable it again to drive.", "", "enable-stick"]
     : seen.joystick === "blocked" ? [JOYSTICK.blocked, "warn", "enable-joystick"]
     : seen.joystick === "lost" ? [JOYSTICK.lost, "warn", ""]
     : ["", "", ""];
@@ -288,7 +288,7 @@ function showBanner(seen) {
   by("banner").className = `banner ${kind}`;
   // What is said again isn't announced again.
   if (by("banner-is").textContent !== text) by("banner-is").textContent = text;
-  for (const id of ["release", "mend", "enable-pad", "enable-joystick"]) by(id).hidden = id !== button || me === null;
+  for (const id of ["release", "mend", "enable-stick", "enable-joystick"]) by(id).hidden = id !== button || me === null;
   by("give-up").hidden = button !== "give-up";
 }
 

@@ -11,7 +11,7 @@ const CONNECTING_MS = 10000;
 /** Stamps of the robot that are remembered: those of some seconds. */
 const STAMPS = 128;
 /** What may be said into a line on which nothing is heard: it begins nothing. */
-const HARMLESS = ["alive", "release_pad", "lose_pad"];
+const HARMLESS = ["alive", "release_stick", "lose_stick"];
 
 export class Link extends EventTarget {
   constructor() {

@@ -123,15 +123,15 @@ export class Sticks {
     this.mustLetGo = wished !== null && (this.mustLetGo || !this.mayDrive);
     const wish = this.mayDrive && !this.mustLetGo ? wished : null;
     if (wish === "lost") {
-      this.link.send({ do: "lose_pad" });
+      this.link.send({ do: "lose_stick" });
     } else if (wish) {
       const share = Number(this.share.value) / 100;
       const clamp = (value) => Math.max(-1, Math.min(1, value * share));
       const frame = this.odom.checked ? "odom" : "body";
-      this.link.send({ do: "pad", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
+      this.link.send({ do: "stick", x: clamp(wish.x), y: clamp(wish.y), turn: clamp(wish.turn), frame });
     } else if (this.was_held || (this.mayDrive && wished === null && (letsGo || !this.couldDrive))) {
       // Let go; or enabled again, or a new session, with nothing in hand: the robot waits for that word.
-      this.link.send({ do: "release_pad" });
+      this.link.send({ do: "release_stick" });
     }
     this.was_held = wish !== null && wish !== "lost";
     this.couldDrive = this.mayDrive;

@@ -168,7 +168,7 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     page.wait("document.getElementById('banner').textContent.includes('The stick was lost')");
     // Back with its button held: not before it is enabled, and then not before it was let go.
     page.value("void (navigator.getGamepads = () => [window.pad])");
-    press(&mut page, "#enable-pad", "document.getElementById('banner').hidden");
+    press(&mut page, "#enable-stick", "document.getElementById('banner').hidden");
     let cycles = || robot.read("now")["counts"][0].as_u64().unwrap();
     let then = cycles();
     robot.wait("it stands", |robot| {
@@ -320,7 +320,7 @@ fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
     // Malformed and oversized bodies are refused and counted; sticks need a session.
     assert_eq!(status(&[bearer], "{\"do\":\"fly\"}"), 400);
     assert_eq!(status(&[bearer], &"x".repeat(300 * 1024)), 413);
-    assert_eq!(status(&[bearer], r#"{"do":"pad","x":1,"y":0,"turn":0}"#), 409);
+    assert_eq!(status(&[bearer], r#"{"do":"stick","x":1,"y":0,"turn":0}"#), 409);
     assert_eq!(robot.read("now")["phase"], "disabled");
     // Nor is what begins something without saying how old it is; a stop is, by whoever may look.
     assert_eq!(status(&[bearer], enable), 409);

@@ -82,7 +82,7 @@ pub enum Ask {
     /// A stick's wish.
     Stick(StickWish),
     /// The stick of this client, which was lost or withdrawn, may command again once it was let go.
-    EnablePad(Client),
+    EnableStick(Client),
     /// The session is alive.
     Alive,
     /// A session begins under this number.
@@ -140,7 +140,7 @@ pub enum Refusal {
     /// Too much was asked at once.
     Busy,
     /// Velocities come from pads.
-    NotAPad,
+    NotAStick,
     /// A stop came first, or whoever asked is gone.
     Stopped,
     /// There is no stick that could be enabled.
@@ -195,7 +195,7 @@ impl Answer {
             Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
             Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
-            Answer::Refused(Refusal::NotAPad) => "refused: a velocity comes from a pad",
+            Answer::Refused(Refusal::NotAStick) => "refused: a velocity comes from a stick",
             Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
             Answer::Refused(Refusal::NoStick) => "refused: the stick isn't there, so it can't be enabled",
             Answer::Refused(Refusal::TooOld { .. }) => "refused: it was asked too long ago",
@@ -223,7 +223,7 @@ pub enum Commander {
     #[default]
     Nobody,
     /// A stick drives.
-    StickWish(Client),
+    Stick(Client),
     /// A reference is followed, or a way, that this client asked for.
     Reference(Client),
 }
@@ -250,11 +250,11 @@ impl Client {
 }
 
 impl Commander {
-    /// The number by which recordings hold it: 0 nobody, 100 and up a pad, 200 and up a reference, plus the client's.
+    /// The number by which recordings hold it: 0 nobody, 100 and up a stick, 200 and up a reference, plus the client's.
     pub fn code(self) -> u64 {
         match self {
             Commander::Nobody => 0,
-            Commander::StickWish(client) => 100 + client.code(),
+            Commander::Stick(client) => 100 + client.code(),
             Commander::Reference(client) => 200 + client.code(),
         }
     }

@@ -105,7 +105,7 @@ impl JoystickDriver {
             });
         }
         if command.requests.enable {
-            asks.push(Ask::EnablePad(Client::Joystick));
+            asks.push(Ask::EnableStick(Client::Joystick));
             // A person at the robot asks for torque; what a fault left is acknowledged first.
             asks.extend(match seen.phase {
                 Phase::Fault => Some(Ask::Robot(RequestKind::Acknowledge)),

@@ -203,8 +203,8 @@ impl Operator {
                 self.forget_stick(client);
             }
             Ask::PagesLost => self.pages_lost(),
-            Ask::Stick(pad) => self.pad(now_ns, client, pad, stamp),
-            Ask::EnablePad(of) => self.enable(client, ticket, of),
+            Ask::Stick(wish) => self.take_wish(now_ns, client, wish, stamp),
+            Ask::EnableStick(of) => self.enable(client, ticket, of),
             Ask::EmergencyStop => {
                 if !self.is_emergency {
                     self.say("emergency stop", client);
@@ -221,7 +221,7 @@ impl Operator {
             }
             Ask::Robot(RequestKind::Stop(category)) => self.stop_asked(category, client, ticket),
             Ask::Robot(RequestKind::Velocity { .. }) => {
-                self.answer(ticket, Answer::Refused(Refusal::NotAPad));
+                self.answer(ticket, Answer::Refused(Refusal::NotAStick));
             }
             Ask::Robot(kind) => {
                 let valid_until_ns =
@@ -328,7 +328,7 @@ impl Operator {
             (stick.is_held() && !stick.is_blocked && !stick.must_release).then_some(*client)
         };
         let present = match self.commander {
-            Commander::StickWish(client) => drives(&client),
+            Commander::Stick(client) => drives(&client),
             Commander::Nobody | Commander::Reference(_) => None,
         };
         drives(&Client::Joystick).or(present).or_else(|| (1..STICKS).map(client_of).find_map(|c| drives(&c)))
@@ -338,9 +338,9 @@ impl Operator {
     fn drive(&mut self, client: Client) -> Option<Turn> {
         let stick = self.sticks[stick_of(client)?];
         let Some(StickWish::Held { twist, frame }) = stick.wish else { return None };
-        if self.commander != Commander::StickWish(client) {
+        if self.commander != Commander::Stick(client) {
             self.say("drives by hand", client);
-            self.commander = Commander::StickWish(client);
+            self.commander = Commander::Stick(client);
         }
         let valid_until_ns = stick.heard_ns.saturating_add(self.ages.pad_ns);
         Some(self.send(client, 0, RequestKind::Velocity { twist, frame }, valid_until_ns))
@@ -351,7 +351,7 @@ impl Operator {
             let kind = waiting.kind;
             let refusal = match self.commander {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
-                Commander::StickWish(_) if begins_motion(&kind) => Refusal::Commanded,
+                Commander::Stick(_) if begins_motion(&kind) => Refusal::Commanded,
                 _ => {
                     let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };

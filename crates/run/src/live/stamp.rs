@@ -76,7 +76,9 @@ fn counts(ask: &Ask) -> Counts {
             | RequestKind::RemoveObstacle { .. } => Counts::WhereKnown,
             RequestKind::Stop(_) | RequestKind::Pause | RequestKind::UseReference { .. } => Counts::Never,
         },
-        Ask::ReleaseEmergencyStop | Ask::EnablePad(_) | Ask::Stick(StickWish::Held { .. }) => Counts::Always,
+        Ask::ReleaseEmergencyStop | Ask::EnableStick(_) | Ask::Stick(StickWish::Held { .. }) => {
+            Counts::Always
+        }
         Ask::Stick(StickWish::Released | StickWish::Lost | StickWish::Withdrawn | StickWish::Blocked)
         | Ask::Load { .. }
         | Ask::EmergencyStop

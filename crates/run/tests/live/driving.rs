@@ -24,8 +24,7 @@ fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
     let run = played(8.0, |hands: &mut Hands| {
         hands.at(0.5, |live, _| assert!(live.send(Client::Joystick, robot(RequestKind::Enable)).is_some()));
         hands.pad(1.0, 3.0, Client::Joystick, FORWARD);
-        hands
-            .at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::StickWish(Client::Joystick)));
+        hands.at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick)));
         hands.at(2.9, |_, seen| assert!((seen.record.state.twist_in_body.vx_m_s - 0.3).abs() < 0.01));
         hands.send(3.0, Client::Joystick, Ask::Stick(StickWish::Released));
         hands.at(4.0, |_, seen| assert_eq!(seen.phase, Phase::Holding));
@@ -49,7 +48,7 @@ fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
         hands.pad(3.0, 4.0, Client::Joystick, FORWARD);
         hands.at(4.0, |live, seen| {
             assert_eq!(seen.phase, Phase::Holding);
-            live.send(Client::Joystick, Ask::EnablePad(Client::Joystick));
+            live.send(Client::Joystick, Ask::EnableStick(Client::Joystick));
         });
         // Enabled with the stick in hand: it must be let go first.
         hands.pad(4.0, 5.0, Client::Joystick, FORWARD);
@@ -72,7 +71,7 @@ fn a_page_that_comes_back_after_a_silence_stays_blocked_with_the_finger_still_do
         hands.pad(3.6, 5.0, page, FORWARD);
         hands.at(5.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 2));
-            live.send(page, Ask::EnablePad(page));
+            live.send(page, Ask::EnableStick(page));
         });
         // Enabled with the finger down: nothing yet.
         hands.pad(5.0, 6.0, page, FORWARD);
@@ -130,7 +129,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
                     assert!(seen.record.time.now_ns < 3_000_000_000 || speed_m_s < 1e-3, "{speed_m_s} m/s");
                     assert_eq!(seen.beside.say.commander, Commander::Nobody, "{driver:?}, stopped by {by:?}");
                 });
-                hands.send(4.0, driver, Ask::EnablePad(driver));
+                hands.send(4.0, driver, Ask::EnableStick(driver));
                 hands.send(4.1, driver, Ask::Stick(StickWish::Released));
                 hands.pad(4.2, 6.0, driver, FORWARD);
                 hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));

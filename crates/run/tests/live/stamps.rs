@@ -107,8 +107,8 @@ fn what_begins_something_is_refused_in_words_where_it_is_old_or_nobody_knows_how
         ("resume", || robot(RequestKind::Resume)),
         ("go_to", go_to),
         ("release", || Ask::ReleaseEmergencyStop),
-        ("enable_pad", || Ask::EnablePad(PAGE)),
-        ("enable_joystick", || Ask::EnablePad(Client::Joystick)),
+        ("enable_stick", || Ask::EnableStick(PAGE)),
+        ("enable_joystick", || Ask::EnableStick(Client::Joystick)),
     ];
     for (name, ask) in begins {
         let answers: Rc<RefCell<Vec<Answer>>> = Rc::default();

@@ -121,7 +121,7 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
             stands(seen);
         });
         hands.at(4.5, |_, seen| {
-            assert_eq!(seen.beside.say.commander, Commander::StickWish(Client::Joystick));
+            assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick));
             // The whole stick is the whole speed of the robot's file.
             assert!((seen.record.state.twist_in_body.vx_m_s - 1.0).abs() < 0.02);
         });
@@ -191,7 +191,7 @@ fn a_stick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_driv
         60_000,
     );
     let page = Client::Page(2);
-    let enable = || Ask::EnablePad(Client::Joystick);
+    let enable = || Ask::EnableStick(Client::Joystick);
     let state = |seen: &Snapshot| seen.beside.say.joystick;
     let run = played(9.0, |hands| {
         drive(hands, 0.1, vec![Some(first), None, Some(second)]);

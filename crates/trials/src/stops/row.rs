@@ -163,7 +163,7 @@ impl Stops {
         self.has_joystick = true;
         for client in [Client::Joystick, Client::Page(0)] {
             self.say(client, Ask::Stick(StickWish::Released));
-            self.say(client, Ask::EnablePad(client));
+            self.say(client, Ask::EnableStick(client));
             self.say(client, Ask::Stick(StickWish::Released));
         }
     }
@@ -338,7 +338,7 @@ impl Stops {
                 return Blocking::Broken;
             }
         }
-        self.say(client, Ask::EnablePad(client));
+        self.say(client, Ask::EnableStick(client));
         for _ in 0..INSISTS {
             self.cycle();
             // Not with the stick still in hand.

@@ -90,20 +90,20 @@ impl Operator {
     }
 
     /// What a stick says, which counts from when it was said.
-    pub(super) fn pad(&mut self, now_ns: u64, client: Client, pad: StickWish, stamp: Stamp) {
+    pub(super) fn take_wish(&mut self, now_ns: u64, client: Client, wish: StickWish, stamp: Stamp) {
         let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::StickWish(client);
+        let drives = self.commander == Commander::Stick(client);
         let stick = &mut self.sticks[number];
         let said_ns = stamp.within(now_ns, self.ages.pad_ns).unwrap_or(now_ns);
         stick.heard_ns = said_ns.max(stick.heard_ns);
-        match pad {
+        match wish {
             // What isn't a number is no wish.
             StickWish::Held { twist, .. } if !twist.is_finite() => {
                 self.pad_lost(client, "the stick sent what is no number: stopped, and blocked");
             }
-            StickWish::Held { .. } => stick.wish = Some(pad),
+            StickWish::Held { .. } => stick.wish = Some(wish),
             StickWish::Released => {
-                (stick.wish, stick.is_told) = (Some(pad), false);
+                (stick.wish, stick.is_told) = (Some(wish), false);
                 // One of long ago doesn't tell that it is let go now.
                 stick.must_release &= stamp.within(now_ns, BEGINNING_AGE_NS).is_err();
                 if drives {
@@ -125,7 +125,7 @@ impl Operator {
                 if stick.is_held() {
                     self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
                 }
-                self.sticks[number].wish = Some(pad);
+                self.sticks[number].wish = Some(wish);
             }
         }
     }
@@ -151,7 +151,7 @@ impl Operator {
 
     pub(super) fn pad_lost(&mut self, client: Client, text: &'static str) {
         let Some(number) = stick_of(client) else { return };
-        let drives = self.commander == Commander::StickWish(client);
+        let drives = self.commander == Commander::Stick(client);
         let stick = &mut self.sticks[number];
         // The joystick's loss always counts: a person saw to it that it was there. It is told once.
         let is_known = stick.is_blocked && stick.wish.is_none();
@@ -163,7 +163,7 @@ impl Operator {
             (stick.is_blocked, stick.must_release) = (true, true);
             self.say(text, client);
         }
-        if self.commander == Commander::StickWish(client) {
+        if self.commander == Commander::Stick(client) {
             self.stop_with(StopCategory::RampAndHold, client, 0);
         }
     }
