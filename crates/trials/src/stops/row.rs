@@ -225,7 +225,8 @@ impl Stops {
     fn lose(&mut self, case: &mut Case) {
         let policy = self.trial.plan.safety.lost_device_stop;
         let most = ((case.allowed_s.max(1.0) + NEVER_S) / self.cycle_s) as u32;
-        let second = case.then.map(|(_, at_s)| (at_s / self.cycle_s) as u32);
+        // Not before the first cycle: else it never happened, and the case would be judged as if it had.
+        let second = case.then.map(|(_, at_s)| ((at_s / self.cycle_s) as u32).max(1));
         self.happen(case.state, case.loss);
         let mut noticed_s = self.noticed_s(case.loss);
         let (mut stands, mut last_moving) = (0, 0);
