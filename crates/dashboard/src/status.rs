@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use omnibase_measure::timing::TimingSeen;
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{
     Course, CycleRecord, DriveMeasurement, DriveProgress, Exchange, LimitedBy, Phase, SafetyReason,
@@ -9,7 +10,6 @@ use omnibase_robot::signals::{
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
 use omnibase_run::live::{Commander, LiveEvent, Snapshot, StickState};
-use omnibase_run::timing::TimingSeen;
 use serde::Serialize;
 
 /// A stamp's unit, ns.

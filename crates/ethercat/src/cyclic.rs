@@ -460,7 +460,7 @@ impl<L: Link> CyclicBus<L> {
         self.diagnosis.advance(&mut finding, &mut self.batch);
     }
 
-    /// Begins the way to `goal`; every exchange moves it on, [`CyclicBus::phase`] tells how far.
+    /// Begins the way to `goal`; every exchange moves it on, [`CyclicBus::transition`] tells how far.
     ///
     /// Outputs must be valid from here on: SubDevices see them from SAFE-OP.
     pub fn request(&mut self, goal: Goal, options: TransitionOptions, now: HostTime) {

@@ -13,9 +13,9 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_ethercat_sim::{Fault, SimLink, in_process};
 use omnibase_robot::signals::{CycleTime, Phase};
 use omnibase_robot::{Registry, Request, RequestKind, Robot};
-use omnibase_run::session::Session;
-use omnibase_run::supervision::BusFigures;
 use omnibase_run::{RobotText, simulated};
+use omnibase_session::session::Session;
+use omnibase_session::supervision::BusFigures;
 
 const BMM: &str = include_str!("../../../robots/bmm.toml");
 

@@ -4,10 +4,10 @@ use omnibase_record::run::RunSchema;
 use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
 
 use crate::live::{Commander, StickState};
-use crate::supervision::BusFigures;
-use crate::tracking::Errors;
-use crate::truth::TruePlatform;
 use omnibase_ethercat::paced::Times;
+use omnibase_measure::tracking::Errors;
+use omnibase_measure::truth::TruePlatform;
+use omnibase_session::supervision::BusFigures;
 
 /// Beside the robot's own channels: how the cycle went, and how far off it was.
 const TIMING: [&str; 5] = ["round_trip_ns", "wake_up_ns", "compute_ns", "dc_phase_ns", "left_out_cycles"];

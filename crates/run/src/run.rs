@@ -13,15 +13,16 @@ use omnibase_robot_sim::SharedMachine;
 use crate::channels::{CycleExtras, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::drive_errors::DriveErrors;
-use crate::events::{Event, Watch, Words};
 use crate::live::operator::{Note, Turn};
 use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
-use crate::session::{Session, SessionError, input_age_ns};
-use crate::summary::Summary;
-use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
-use crate::timing::{TimedCycle, Timing};
-use crate::tracking::Tracking;
-use crate::truth::Witness;
+use omnibase_measure::events::{Event, Watch};
+use omnibase_measure::summary::Summary;
+use omnibase_measure::timing::{TimedCycle, Timing};
+use omnibase_measure::tracking::Tracking;
+use omnibase_measure::truth::Witness;
+use omnibase_session::Words;
+use omnibase_session::session::{Session, SessionError, input_age_ns};
+use omnibase_session::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 
 /// Events that a run keeps; what comes later is only recorded.
 const MOST_EVENTS: usize = 1000;

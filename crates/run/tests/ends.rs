@@ -9,8 +9,8 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_ethercat_sim::{Fault, SimLink, VirtualClock, in_process};
 use omnibase_robot::{Registry, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
-use omnibase_run::session::{Session, SessionError};
 use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
+use omnibase_session::session::{Session, SessionError};
 
 const BMM: &str = include_str!("../../../robots/bmm.toml");
 const BROKEN: LinkError = LinkError::System { operation: "sending a frame", code: 5 };

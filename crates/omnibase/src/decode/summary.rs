@@ -3,7 +3,7 @@
 use super::records::{DirectionRule, FrameDirection, Record};
 use omnibase_ethercat_wire::Command;
 use omnibase_ethercat_wire::frame::Datagram;
-use omnibase_run::quantiles::{Distribution, Quantiles};
+use omnibase_measure::quantiles::{Distribution, Quantiles};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap};
 

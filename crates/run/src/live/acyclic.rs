@@ -14,9 +14,9 @@ use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_robot::signals::Phase;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::events::Words;
-use crate::session::Session;
-use crate::supervision::OTHERS;
+use omnibase_session::Words;
+use omnibase_session::session::Session;
+use omnibase_session::supervision::OTHERS;
 
 /// Questions on their way.
 const MOST: usize = 8;

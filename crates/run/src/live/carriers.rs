@@ -21,7 +21,7 @@ use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 use super::trace::{Trace, TraceGap, TracePoint};
 use crate::channels::Authority;
 use crate::describe::reference_key;
-use crate::events::Words;
+use omnibase_session::Words;
 
 /// Commands on their way.
 const COMMANDS: usize = 256;

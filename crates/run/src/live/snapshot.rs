@@ -8,7 +8,7 @@ use omnibase_robot::{MOST_SETTINGS, StickShape};
 
 use crate::channels::CycleExtras;
 use crate::drive_errors::DriveErrors;
-use crate::timing::TimingSeen;
+use omnibase_measure::timing::TimingSeen;
 
 /// The latest of everything.
 #[derive(Clone, Copy, Debug)]

@@ -9,8 +9,8 @@ use omnibase_ethercat::wire::{Address, Command, HostTime, Link, LinkError};
 use omnibase_ethercat_sim::{Fault, FaultLink, Segment, SimLink, VirtualClock, in_process};
 use omnibase_robot::signals::{CycleTime, Phase};
 use omnibase_robot::{CycleRecord, Exchange, Registry, Request, RequestKind, Robot, RobotPlan};
-use omnibase_run::session::Session;
 use omnibase_run::{RobotText, simulated};
+use omnibase_session::session::Session;
 
 pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
 

@@ -19,9 +19,9 @@ use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, SafetyReason, StopCategory};
 use omnibase_robot::{RequestKind, RobotPlan};
 use omnibase_robot_sim::RobotSim;
-use omnibase_run::session::Session;
 use omnibase_run::simulated;
-use omnibase_run::supervision::BusFigures;
+use omnibase_session::session::Session;
+use omnibase_session::supervision::BusFigures;
 
 use crate::bench::{Bench, Shared, plan, shared};
 use case::{Case, STANDING_RAD_S, STATES, State, words};

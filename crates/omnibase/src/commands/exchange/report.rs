@@ -1,6 +1,6 @@
 //! What `exchange` measured, as JSON and as text.
 
-use omnibase_run::quantiles::{Quantiles, microseconds};
+use omnibase_measure::quantiles::{Quantiles, microseconds};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::time::Duration;

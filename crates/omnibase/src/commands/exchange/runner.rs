@@ -10,7 +10,7 @@ use omnibase_ethercat::cyclic::{
 use omnibase_ethercat::paced::{Pace, PacedBus, Times};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, Clock, Link};
-use omnibase_run::quantiles::Distribution;
+use omnibase_measure::quantiles::Distribution;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 

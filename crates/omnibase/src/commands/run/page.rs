@@ -2,8 +2,9 @@
 
 use crate::commands::report;
 use anyhow::Context;
+use omnibase_measure::Summary;
 use omnibase_record::run::RunRecorded;
-use omnibase_run::{RunError, Summary};
+use omnibase_run::RunError;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,9 @@
 //! The summary of a run for a person.
 
-use omnibase_run::Summary;
-use omnibase_run::quantiles::{Quantiles, bars, microseconds};
-use omnibase_run::timing::Measured;
-use omnibase_run::tracking::BelievedAndTrue;
+use omnibase_measure::Summary;
+use omnibase_measure::quantiles::{Quantiles, bars, microseconds};
+use omnibase_measure::timing::Measured;
+use omnibase_measure::tracking::BelievedAndTrue;
 use std::io::{self, Write};
 
 /// Prints it.

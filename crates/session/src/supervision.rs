@@ -19,7 +19,7 @@ use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
 use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
 
-use crate::events::Words;
+use crate::words::Words;
 
 use faults::{ERROR_CODE_BYTES, Fault};
 use registers::{COUNTERS, ClockWay, Look};

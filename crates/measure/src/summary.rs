@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use crate::events::Event;
-use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 use crate::timing::TimingFigures;
 use crate::tracking::BelievedAndTrue;
+use omnibase_session::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 
 /// How a run went: `omnibase run --json` prints this, key by key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use crate::events::Words;
 use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures, Supervisor};
+use crate::words::Words;
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, CycleCounters, CyclicBus,
