@@ -8,7 +8,7 @@
 //! - One thread, no allocation, no lock, no clock: the deadline of an exchange is its time.
 //! - A frame is taken only when every datagram in it has the command, index, address and length that were sent in
 //!   this very cycle. The indices of a frame's datagrams together are its sequence number of at least 24 bits, so
-//!   that a frame which is late by 256 cycles isn't taken for a new one (docs/decisions/frame-sequence-number.md).
+//!   that a frame which is late by 256 cycles isn't taken for a new one (docs/decisions/0002-frame-sequence-number.md).
 //! - Inputs change all together or not at all: never where a frame is missing or a working counter is wrong.
 //! - Lost frames and wrong counters are values, not errors.
 //! - A SubDevice that lost power is named within two cycles; [`CyclicBus::recover`] brings it back beside the cycle.

@@ -20,7 +20,7 @@ pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
 pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;
 pub use phase::Phase;
-pub use record::{Channel, CycleRecord, ProcessBytes, Value, ValueKind};
+pub use record::{Channel, CycleRecord, NotARecord, ProcessBytes, Value, ValueKind};
 pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
 
 /// Bytes of process data that one drive can send or receive in a cycle.

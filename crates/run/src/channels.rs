@@ -1,7 +1,7 @@
 //! A cycle as a row of a recording: its channels grouped in topics, and its exact words for replay.
 
 use omnibase_record::run::RunSchema;
-use omnibase_robot::signals::{CycleRecord, Value, ValueKind};
+use omnibase_robot::signals::{CycleRecord, NotARecord, Value, ValueKind};
 
 use crate::live::{Commander, StickState};
 use omnibase_ethercat::paced::Times;
@@ -156,11 +156,11 @@ pub fn word(value: Value) -> u64 {
     }
 }
 
-/// The record of a row's exact words; `None` where they aren't those of a robot with so many wheels.
-pub fn record(wheels: usize, raw: &[u8]) -> Option<CycleRecord> {
+/// The record of a row's exact words, of a robot with so many wheels.
+pub fn record(wheels: usize, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
     let channels = CycleRecord::channels(wheels);
     if raw.len() != 8 * channels.len() {
-        return None;
+        return Err(NotARecord::Channels);
     }
     let values = raw.chunks_exact(8).zip(&channels).map(|(bytes, channel)| {
         let word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
@@ -218,7 +218,7 @@ mod tests {
         let (row, raw) = rows.of(&cycle, &CycleExtras::default());
         assert_eq!(row.len(), schema.width());
         assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
-        assert_eq!(record(3, raw), Some(cycle));
-        assert_eq!(record(4, raw), None);
+        assert_eq!(record(3, raw), Ok(cycle));
+        assert_eq!(record(4, raw), Err(NotARecord::Channels));
     }
 }

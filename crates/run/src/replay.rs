@@ -3,7 +3,7 @@
 use omnibase_record::run::RecordedRun;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::references::reference;
-use omnibase_robot::signals::{CycleRecord, Value};
+use omnibase_robot::signals::{CycleRecord, NotARecord, Value};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{ImageBuffer, Problem, Registry, RequestKind, Robot, RobotPlan, StageError};
 
@@ -30,6 +30,19 @@ pub enum ReplayError {
         row: usize,
         /// What it holds.
         bytes: usize,
+    },
+    /// A value is one that its channel can't have.
+    #[error(
+        "cycle {row} of the recording holds {value} in `{channel}`, which this version of omnibase doesn't know: a \
+         recording is computed again by the version that made it"
+    )]
+    Code {
+        /// Number of the row, from 0.
+        row: usize,
+        /// The channel.
+        channel: String,
+        /// The value.
+        value: f64,
     },
     /// A reference that was loaded while the robot ran isn't there.
     #[error("the recording lacks reference {number}, which was loaded while the robot ran")]
@@ -88,7 +101,14 @@ pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, Replay
     let (mut recorded, mut computed) = (Vec::new(), Vec::new());
     let mut cycles = 0;
     for (row, raw) in run.raw.iter().enumerate() {
-        let cycle = record(wheels, raw).ok_or(ReplayError::Words { row, bytes: raw.len() })?;
+        let cycle = record(wheels, raw).map_err(|error| match error {
+            NotARecord::Channels => ReplayError::Words { row, bytes: raw.len() },
+            NotARecord::Code { channel, value } => ReplayError::Code {
+                row,
+                channel: CycleRecord::channels(wheels).swap_remove(channel).name,
+                value: value.as_f64(),
+            },
+        })?;
         if row == 0 && cycle.time.index != 0 {
             return Err(ReplayError::Missing { index: cycle.time.index });
         }

@@ -121,6 +121,20 @@ impl Value {
     }
 }
 
+/// Why values are no record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NotARecord {
+    /// There are too few or too many, or one isn't of its channel's kind.
+    Channels,
+    /// A value that its channel can't have, such as a code of another version.
+    Code {
+        /// The channel's place.
+        channel: usize,
+        /// The value.
+        value: Value,
+    },
+}
+
 impl CycleRecord {
     /// The channels of a robot with `wheels` wheels, in a fixed order.
     pub fn channels(wheels: usize) -> Vec<Channel> {
@@ -148,10 +162,8 @@ impl CycleRecord {
         });
     }
 
-    /// The record of such values; `None` where there are too few or too many, or one isn't of its channel's kind.
-    ///
-    /// Codes that no choice has are read as the choice's default.
-    pub fn from_values(wheels: usize, values: &[Value]) -> Option<CycleRecord> {
+    /// The record of such values.
+    pub fn from_values(wheels: usize, values: &[Value]) -> Result<CycleRecord, NotARecord> {
         let mut record = CycleRecord::default();
         record.measurements.wheels = wheels;
         let mut rest = values.iter();
@@ -161,7 +173,20 @@ impl CycleRecord {
             (Slot::U64(slot), Some(Value::U64(value))) => *slot = *value,
             _ => fits = false,
         });
-        (fits && rest.next().is_none()).then_some(record)
+        if !fits || rest.next().is_some() {
+            return Err(NotARecord::Channels);
+        }
+        // A code that no choice has was read as the choice's default.
+        let mut understood = Vec::with_capacity(values.len());
+        record.values(&mut understood);
+        let unknown = understood.iter().zip(values).position(|pair| match pair {
+            (Value::U64(understood), Value::U64(given)) => understood != given,
+            _ => false,
+        });
+        match unknown {
+            Some(channel) => Err(NotARecord::Code { channel, value: values[channel] }),
+            None => Ok(record),
+        }
     }
 
     /// The one list of all channels: reading, writing and naming go through it.
