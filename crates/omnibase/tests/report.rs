@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// A folder of the test's own that vanishes with it.
 struct Folder(PathBuf);
@@ -42,6 +43,43 @@ fn omnibase(arguments: &[&str]) -> Output {
 /// A short run: a circle of 0.2 m in 5 s.
 fn circle(further: &[&str]) -> Output {
     omnibase(&[&["run", "robots/bmm.toml", "--circle", "radius=0.2,period=5"], further].concat())
+}
+
+/// A run of some 30,000 cycles whose page something happens to once cycles are in its recording.
+fn circle_disturbed(folder: &Folder, recording: &str, further: &[&str], disturb: impl FnOnce()) -> Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
+    command.args(["run", "robots/bmm.toml", "--circle", "radius=0.2,period=30", "--json"]);
+    command.args(["--report", &folder.path("run.html")]).args(further).current_dir(root).stdin(Stdio::null());
+    let mut run = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let began = Instant::now();
+    while std::fs::metadata(recording).map_or(true, |file| file.len() < 100_000) {
+        assert!(began.elapsed() < Duration::from_secs(60), "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(run.try_wait().unwrap().is_none(), "it is under way");
+    disturb();
+    run.wait_with_output().unwrap()
+}
+
+/// What a run says whose page could not be written: its summary is there all the same.
+fn told_without_page(output: &Output) -> (serde_json::Value, String) {
+    let says = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{says}");
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (&summary["records_dropped"], summary["records_written"] == summary["cycles"]),
+        (&0.into(), true)
+    );
+    assert!(summary["final_error_m"]["true"].as_f64().unwrap() < 1e-3, "it went to its end: {summary}");
+    (summary, says)
+}
+
+/// How many cycles of a recording are computed again to the same bits.
+fn replayed(recording: &str) -> serde_json::Value {
+    let output = omnibase(&["replay", recording, "--json"]);
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()["cycles"].take()
 }
 
 fn words(bytes: &[u8]) -> String {
@@ -118,6 +156,54 @@ fn a_page_in_whose_place_a_folder_stands_is_refused_before_anything_moves() {
     assert!(output.status.code() == Some(1) && says.contains("expected a regular file"), "{says}");
     assert!(output.stdout.is_empty(), "nothing ran");
     assert_eq!(folder.names(), ["page"]);
+}
+
+#[test]
+fn a_page_that_cannot_be_written_at_the_end_is_told_and_nothing_else_is_lost() {
+    // A disk that is full, a folder in its place, and none to lie in.
+    type Disturb = fn(&str);
+    let disturbances: [(&str, Disturb, &str); 3] = [
+        ("full", |page| std::os::unix::fs::symlink("/dev/full", page).unwrap(), "No space left on device"),
+        ("replaced", |page| std::fs::create_dir(page).unwrap(), "Is a directory"),
+        (
+            "removed",
+            |page| std::fs::remove_dir(Path::new(page).parent().unwrap()).unwrap(),
+            "No such file or directory",
+        ),
+    ];
+    for (name, disturb, why) in disturbances {
+        let (folder, kept) = (Folder::new(&format!("end-{name}")), Folder::new(&format!("end-{name}-kept")));
+        let (page, recording) = (folder.path("run.html"), kept.path("run.mcap"));
+        let output = circle_disturbed(&folder, &recording, &["--record", &recording], || disturb(&page));
+        let (summary, says) = told_without_page(&output);
+        let stays = format!("error: the page can't be written, the recording stays in `{recording}`: ");
+        assert!(says.contains(&format!("{stays}writing `{page}`: {why}")), "{says}");
+        assert_eq!(replayed(&recording), summary["cycles"], "{name}");
+    }
+}
+
+#[test]
+fn the_recording_of_a_page_that_cannot_be_written_stays_where_it_was_not_asked_for() {
+    let folder = Folder::new("end-spare");
+    let (page, recording) = (folder.path("run.html"), folder.path("run.html.mcap"));
+    let output = circle_disturbed(&folder, &recording, &[], || std::fs::create_dir(&page).unwrap());
+    let (summary, says) = told_without_page(&output);
+    assert!(says.contains(&format!("the recording stays in `{recording}`: writing `{page}`: ")), "{says}");
+    assert_eq!(replayed(&recording), summary["cycles"]);
+}
+
+#[test]
+fn where_recording_and_page_are_gone_both_are_told() {
+    let folder = Folder::new("end-gone");
+    let recording = folder.path("run.html.mcap");
+    let output = circle_disturbed(&folder, &recording, &[], || std::fs::remove_dir_all(&folder.0).unwrap());
+    let says = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{says}");
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["records_written"], 0, "none can be read again");
+    let gone = format!("the recording was in `{recording}`: reading `{recording}`: No such file");
+    let at = |words: &str| says.find(words).unwrap_or_else(|| panic!("{words}: {says}"));
+    assert!(at("error: the recording ended early: ") < at(&gone), "{says}");
 }
 
 #[test]

@@ -154,21 +154,17 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
         lost = recorded.failure;
     }
-    if arguments.json {
-        serde_json::to_writer_pretty(&mut *output, &summary)?;
-        writeln!(output)?;
-    } else {
-        report::print(&summary, output)?;
-    }
-    output.flush()?;
+    let told = arguments.tell(&summary, output);
     drop(operated);
-    // Why the run ended early is said before why its page can't be.
-    let page = page.map(|page| page.write());
-    ran.ended?;
-    if let Some(failure) = lost {
-        return Err(anyhow::Error::from(failure).context("the recording ended early"));
+    let page = page.map_or(Ok(()), Page::write);
+    let lost = lost.map(|failure| anyhow::Error::from(failure).context("the recording ended early"));
+    // Each is said, why the run ended early before why its page can't be; the last is the command's own.
+    let failures = [told.err(), ran.ended.err().map(Into::into), lost, page.err()];
+    let mut failures: Vec<anyhow::Error> = failures.into_iter().flatten().collect();
+    if let Some(last) = failures.pop() {
+        failures.iter().for_each(|failure| note(format_args!("error: {}", crate::words(failure))));
+        return Err(last);
     }
-    page.transpose()?;
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
 }
 
@@ -206,6 +202,16 @@ impl Arguments {
             }
         };
         Ok(Connection { link, clock: cable.clock, machine: None })
+    }
+
+    fn tell(&self, summary: &Summary, output: &mut dyn Write) -> anyhow::Result<()> {
+        if self.json {
+            serde_json::to_writer_pretty(&mut *output, summary)?;
+            writeln!(output)?;
+        } else {
+            report::print(summary, output)?;
+        }
+        Ok(output.flush()?)
     }
 
     fn page(&self) -> anyhow::Result<Option<Page>> {

@@ -57,9 +57,10 @@ impl Page {
 
     /// Writes the page of a run that is over.
     pub fn write(mut self) -> anyhow::Result<()> {
-        self.keep();
-        let stays = || format!("the recording stays in `{}`", self.recording.display());
-        report::write(&self.recording, &self.path).with_context(stays)?;
+        report::write(&self.recording, &self.path).with_context(|| {
+            let stays = if self.recording.exists() { "stays" } else { "was" };
+            format!("the page can't be written, the recording {stays} in `{}`", self.recording.display())
+        })?;
         self.is_empty = true;
         Ok(())
     }
