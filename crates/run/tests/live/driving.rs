@@ -2,14 +2,15 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::hands::{Hands, played};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::references::reference;
-use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
+use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, Setpoint, StopCategory};
+use omnibase_robot::stages::Reference;
 use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Refusal, Snapshot, StickState, StickWish};
 
 const FORWARD: StickWish =
@@ -234,6 +235,36 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
     assert!(run.replayed.difference.is_none(), "a loaded reference replays too: {:?}", run.replayed);
 }
 
+/// How many counted references there are.
+static KEPT: AtomicUsize = AtomicUsize::new(0);
+
+struct Counted(Box<dyn Reference>);
+
+impl Counted {
+    fn new(reference: Box<dyn Reference>) -> Self {
+        KEPT.fetch_add(1, Ordering::Relaxed);
+        Counted(reference)
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        KEPT.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Reference for Counted {
+    fn start(&mut self, from: &Setpoint) {
+        self.0.start(from);
+    }
+    fn sample(&mut self, since_start_s: f64) -> Setpoint {
+        self.0.sample(since_start_s)
+    }
+    fn duration_s(&self) -> Option<f64> {
+        self.0.duration_s()
+    }
+}
+
 #[test]
 fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_them() {
     let run = played(9.0, |hands: &mut Hands| {
@@ -245,13 +276,17 @@ fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_
             ))
             .unwrap();
             let made = reference(&table, &crate::hands::plan().limits).unwrap();
-            live.load(Client::Page(1), table, made).unwrap();
+            live.load(Client::Page(1), table, Box::new(Counted::new(made))).unwrap();
         };
         for number in 1..=100 {
             let metres = f64::from(number) * 4e-3;
             hands.at(1.0 + f64::from(number) * 0.02, move |live, _| load(live, metres));
         }
-        hands.at(3.2, |live, _| assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]));
+        hands.at(3.2, |live, _| {
+            assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]);
+            // It, and what it took the place of.
+            assert_eq!(KEPT.load(Ordering::Relaxed), 2);
+        });
         hands.ask(3.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
         // While it is tracked no other one is taken.
         for number in 0..100 {
@@ -260,6 +295,8 @@ fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_
         hands.at(6.3, |live, seen| {
             assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 100));
             assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]);
+            // It, and the last that was offered.
+            assert_eq!(KEPT.load(Ordering::Relaxed), 2);
         });
         hands.at(8.5, |_, seen| {
             let pose = seen.record.state.odom_from_body;
@@ -267,6 +304,8 @@ fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_
         });
     });
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+    drop(run);
+    assert_eq!(KEPT.load(Ordering::Relaxed), 0);
 }
 
 fn place(live: &Live, name: &str) -> u32 {
