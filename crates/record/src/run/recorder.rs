@@ -401,7 +401,8 @@ mod tests {
 
     #[test]
     fn a_dead_writer_is_seen_counted_and_told_of() {
-        let (ring, consumer) = RingBuffer::new(1024);
+        // Room for two rows of seven words.
+        let (ring, consumer) = RingBuffer::new(16);
         let count = Arc::new(Count::default());
         let (describe, _described) = mpsc::channel();
         let (die, told_to) = mpsc::channel::<()>();
@@ -419,22 +420,28 @@ mod tests {
                 panic!("out of luck");
             }
         });
-        // Also where it waits for room: there won't be any.
         let mut sink = RunSink { ring, count: count.clone(), on_full: OnFull::Wait };
         let written = RunFiles { columns: None, ..files.clone() };
-        let recorder = RunRecorder { thread, count, files: written, describe };
+        let recorder = RunRecorder { thread, count: count.clone(), files: written, describe };
         sink.push_row(0, &[0.5; 4], &[7; 8]);
         sink.push_row(1, &[0.5; 4], &[7; 8]);
         assert!(!sink.is_broken());
-        drop(die);
-        while !sink.is_broken() {
-            std::thread::yield_now();
-        }
+        // It dies while a row waits for room: there won't be any.
+        let killer = std::thread::spawn(move || {
+            while count.cycles.load(Ordering::Relaxed) < 3 {
+                std::thread::yield_now();
+            }
+            drop(die);
+        });
         sink.push_row(2, &[0.5; 4], &[7; 8]);
-        sink.push_event(3, "nobody hears it");
+        assert!(sink.is_broken());
+        killer.join().unwrap();
+        sink.push_row(3, &[0.5; 4], &[7; 8]);
+        // For this one there is room.
+        sink.push_event(4, "");
         drop(sink);
         let recorded = recorder.finish();
-        assert_eq!((recorded.written, recorded.dropped), (1, 3));
+        assert_eq!((recorded.written, recorded.dropped), (1, 4));
         assert_eq!(read(&files)[0], 1);
         let failure = recorded.failure.expect("it died");
         assert_eq!(failure.to_string(), "the recorder's thread died: out of luck");
