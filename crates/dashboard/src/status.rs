@@ -297,15 +297,25 @@ mod tests {
         record.measurements.drives[1].error.0 = 0x8611;
         let mut errors = DriveErrors::default();
         errors.look(record.measurements.present());
-        (record.stop_reason, record.stop_where) = (SafetyReason::Drive, 1);
-        assert_eq!(stop_drive(&record), Some(1));
+        record.stop_where = 1;
+        for reason in [
+            SafetyReason::Drive,
+            SafetyReason::DeviceLost,
+            SafetyReason::WheelSpeed,
+            SafetyReason::WheelTorque,
+        ] {
+            record.stop_reason = reason;
+            assert_eq!(stop_drive(&record), Some(1), "{reason:?}");
+        }
         let told: Vec<_> =
             drives(&record, &errors).into_iter().map(|drive| (drive.state, drive.error)).collect();
         let quiet = ("unknown", String::new());
         assert_eq!(told, [quiet.clone(), ("fault", "0x8611 (following error)".into()), quiet]);
         // A reason that is about no drive names none, whatever place stands beside it.
-        record.stop_reason = SafetyReason::NotFinite;
-        assert_eq!(stop_drive(&record), None);
+        for reason in [SafetyReason::None, SafetyReason::NotFinite, SafetyReason::ExchangeLost] {
+            record.stop_reason = reason;
+            assert_eq!(stop_drive(&record), None, "{reason:?}");
+        }
     }
 
     #[test]
