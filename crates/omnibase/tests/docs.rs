@@ -82,9 +82,14 @@ fn every_test_that_the_table_of_standards_names_exists() {
     let mut checked = 0;
     for named in table.split('`').skip(1).step_by(2) {
         let Some((target, name)) = named.split_once(' ') else { continue };
-        let Some(tests) = tests_of(target) else { continue };
-        let exists =
-            [format!("fn {name}("), format!("mod {name};")].iter().any(|found| tests.contains(found));
+        if ["cargo", "omnibase", "--test"].contains(&target) || name.starts_with('=') {
+            continue;
+        }
+        let tests =
+            tests_of(target).unwrap_or_else(|| panic!("docs/safety.md names {named}: no target {target}"));
+        let exists = [format!("#[test]\nfn {name}("), format!("mod {name};")]
+            .iter()
+            .any(|found| tests.contains(found));
         assert!(exists, "docs/safety.md names {target} {name}, which does not exist");
         checked += 1;
     }
