@@ -2,9 +2,11 @@
 
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant};
 
 const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 
@@ -12,6 +14,8 @@ const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml"
 struct Robot {
     process: Child,
     address: SocketAddr,
+    /// What it says after its address.
+    says: Receiver<String>,
 }
 
 impl Robot {
@@ -28,8 +32,21 @@ impl Robot {
         let said =
             |line: String| Some(line.strip_prefix("dashboard: http://")?.split_once('/')?.0.to_owned());
         let address = lines.by_ref().map_while(Result::ok).find_map(said).expect("it says where its page is");
-        std::thread::spawn(move || lines.for_each(drop));
-        Robot { process, address: address.parse().unwrap() }
+        let (heard, says) = mpsc::channel();
+        // To the end: a robot whose words nobody takes would wait.
+        std::thread::spawn(move || lines.map_while(Result::ok).for_each(|line| drop(heard.send(line))));
+        let address: SocketAddr = address.parse().unwrap();
+        Robot { process, address, says }
+    }
+
+    /// The line with these words.
+    fn wait_for(&self, words: &str) -> String {
+        loop {
+            let line = self.says.recv_timeout(Duration::from_secs(60)).expect("it says so");
+            if line.contains(words) {
+                return line;
+            }
+        }
     }
 
     /// As `kill -9` does: without a last word.
@@ -120,36 +137,66 @@ fn announced(folder: &Path, token: &str) -> (std::fs::File, TcpListener) {
     (file, listener)
 }
 
+type Spoil = fn(&Path);
+
+/// Ways in which a folder is no longer this user's alone, and what is said of each.
+fn spoiled() -> Vec<(&'static str, Spoil)> {
+    let by_mode: Spoil = |folder| set_mode(folder, 0o777);
+    let by_a_link: Spoil = |folder| {
+        let elsewhere = folder.with_file_name("elsewhere");
+        std::fs::rename(folder, &elsewhere).unwrap();
+        symlink(elsewhere, folder).unwrap();
+    };
+    let by_its_owner: Spoil = |folder| chown(folder, Some(65534), None).unwrap();
+    let mut spoiled = vec![("mode 0777", by_mode), ("a link or file", by_a_link)];
+    // Only root gives a folder away.
+    if std::fs::metadata("/proc/self").unwrap().uid() == 0 {
+        spoiled.push(("one of user 65534", by_its_owner));
+    }
+    spoiled
+}
+
+fn set_mode(folder: &Path, mode: u32) {
+    std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).unwrap();
+}
+
 #[test]
 fn a_folder_in_which_others_can_write_announces_no_robot() {
-    use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
-    let mode = |folder: &Path, mode| {
-        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).unwrap();
-    };
-    type Spoil<'a> = &'a dyn Fn(&Path);
-    let spoiled: [(&str, Spoil<'_>); 3] = [
-        ("mode 0777", &|folder| mode(folder, 0o777)),
-        ("a link or file", &|folder| {
-            let elsewhere = folder.with_file_name("elsewhere");
-            std::fs::rename(folder, &elsewhere).unwrap();
-            symlink(elsewhere, folder).unwrap();
-        }),
-        ("one of user 65534", &|folder| {
-            mode(folder, 0o700);
-            chown(folder, Some(65534), None).unwrap();
-        }),
-    ];
-    // Only root gives a folder away.
-    let is_root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
-    for (found, spoil) in spoiled.into_iter().filter(|(found, _)| is_root || !found.starts_with("one of")) {
+    for (found, spoil) in spoiled() {
         let runtime = tempfile::tempdir().unwrap();
         let folder = runtime.path().join("omnibase");
         let (_lock, listener) = announced(&folder, "token-of-a-stranger");
-        mode(&folder, 0o700);
+        set_mode(&folder, 0o700);
         spoil(&folder);
         let (code, _, error) = omnibase(runtime.path(), &["call", "emergency_stop"]);
         assert_eq!(code, Some(1), "{found}: {error}");
         assert!(error.contains("expected a folder of this user alone") && error.contains(found), "{error}");
         assert_eq!(listener.accept().unwrap_err().kind(), ErrorKind::WouldBlock, "{found}: it was called");
+    }
+}
+
+#[test]
+fn a_robot_writes_its_token_where_nobody_else_reads_it_or_nowhere() {
+    let own = tempfile::tempdir().unwrap();
+    let robot = Robot::start(own.path(), "token-of-its-own");
+    let written = own.path().join("omnibase").join(format!("{}.json", robot.address.port()));
+    // Its page may be said first.
+    let began = Instant::now();
+    while !written.exists() {
+        assert!(began.elapsed() < Duration::from_secs(60), "it announces itself");
+        std::thread::yield_now();
+    }
+    assert!(std::fs::read_to_string(&written).unwrap().contains("token-of-its-own"));
+    assert_eq!(std::fs::metadata(&written).unwrap().mode() & 0o777, 0o600);
+    for (found, spoil) in spoiled() {
+        let runtime = tempfile::tempdir().unwrap();
+        let folder = runtime.path().join("omnibase");
+        std::fs::create_dir(&folder).unwrap();
+        set_mode(&folder, 0o700);
+        spoil(&folder);
+        let robot = Robot::start(runtime.path(), "token-of-its-own");
+        let said = robot.wait_for("won't find this robot");
+        assert!(said.contains("expected a folder of this user alone") && said.contains(found), "{said}");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "{found}");
     }
 }
