@@ -4,17 +4,12 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use omnibase_robot::registry::Kind;
 use omnibase_robot::signals::{CycleTime, Quantity};
 use omnibase_robot::{CycleRecord, Exchange, ImageBuffer, Registry, Request, Robot, RobotPlan};
 
 const ROBOTS: [&str; 2] = [include_str!("../../robots/bmm.toml"), include_str!("../../robots/mecanum.toml")];
-const LAWS: [&str; 4] = ["closed_loop_speed", "open_loop", "adaptive_torque", "adaptive_model_free"];
 const AROUND: &str = "
-[reference]
-kind = \"circle\"
-radius_m = 0.5
-duration_s = 12
-
 [fence]
 polygon_m = [[-3, -3], [3, -3], [3, 3], [-3, 3]]
 
@@ -63,12 +58,24 @@ impl Bytes<'_> {
     }
 }
 
-fn plan(which: u8) -> Option<RobotPlan> {
-    // The adaptive laws begin from a mass, which only one of the files gives.
-    let with_mass = ROBOTS[usize::from(which & 1)]
-        .replace("speed\"\n\n[sim", "speed\"\nmass_kg = 60.0\ninertia_kg_m2 = 4.0\n\n[sim");
-    let text = with_mass.replace(LAWS[0], LAWS[usize::from(which >> 1 & 3)]) + AROUND;
-    RobotPlan::from_toml(&text, &Registry::with_built_in(), &|_| Err("no file".into())).ok()
+/// A table with one of the kinds, and something for each key that it needs.
+fn table<'k>(name: &str, kinds: impl Iterator<Item = &'k Kind>, which: u8) -> String {
+    let kinds: Vec<&Kind> = kinds.collect();
+    let kind = kinds[usize::from(which) % kinds.len()];
+    let value = |key: &str| if key == "points" { "[[0, 0, 0, 0], [9, 1, 0.5, 2]]" } else { "0.5" };
+    let needed = kind.keys.iter().filter(|key| key.is_needed);
+    let lines: String = needed.map(|key| format!("{} = {}\n", key.name, value(key.name))).collect();
+    format!("[{name}]\nkind = {:?}\n{lines}\n", kind.name)
+}
+
+/// Every robot under every law, with every reference.
+fn plan(which: u8, registry: &Registry) -> Option<RobotPlan> {
+    let text = ROBOTS[usize::from(which & 1)];
+    let (before, after) = (text.find("[controller]")?, text.find("[simulation]")?);
+    let controller = table("controller", registry.controllers.kinds(), which >> 1);
+    let reference = table("reference", registry.references.kinds(), which >> 3);
+    let text = [&text[..before], &controller, &reference, &text[after..], AROUND].concat();
+    RobotPlan::from_toml(&text, registry, &|_| Err("no file".into())).ok()
 }
 
 /// What honest drives answer: the status that follows the control word, and the mode that was asked for.
@@ -103,8 +110,9 @@ fn look_at(record: &CycleRecord, plan: &RobotPlan) {
 
 fuzz_target!(|bytes: &[u8]| {
     let mut bytes = Bytes(bytes);
-    let Some(plan) = bytes.byte().map(|which| plan(which).expect("a shipped robot")) else { return };
     let registry = Registry::with_built_in();
+    let Some(which) = bytes.byte() else { return };
+    let plan = plan(which, &registry).expect("a shipped robot");
     let mut robot = Robot::build(&plan, &registry).expect("a shipped robot");
     let mut again = Robot::build(&plan, &registry).expect("a shipped robot");
     let (mut image, mut buffer) = (ImageBuffer::new(&plan), ImageBuffer::new(&plan));

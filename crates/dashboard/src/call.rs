@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::{ReferenceTable, StopName};
+use omnibase_robot::config::StopName;
 use omnibase_robot::signals::{Frame, StopCategory};
 use serde::{Deserialize, Serialize};
 
@@ -95,8 +95,8 @@ pub enum Call {
     },
     /// Take another reference.
     Load {
-        /// The reference, as its table in a robot's file.
-        reference: Box<ReferenceTable>,
+        /// The reference, with the keys of its table in a robot's file.
+        reference: serde_json::Map<String, serde_json::Value>,
     },
     /// Take path points, as lines of a file, for reference.
     LoadPoints {

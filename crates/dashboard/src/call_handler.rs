@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{Limits, ReferenceTable};
+use omnibase_robot::config::{Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::references::reference;
+use omnibase_robot::stages::Reference;
 use omnibase_robot::{RequestKind, RobotPlan};
 use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, StickWish, TRACE_KEPT_S};
 use omnibase_run::teach::{Sampling, lines, taught};
@@ -40,6 +40,9 @@ pub(crate) enum Reply {
     /// Nobody waits for an answer.
     Nothing,
 }
+
+/// A checked reference, and its whole table.
+type Checked = (ReferenceTable, Box<dyn Reference>);
 
 /// One desk for all clients of a robot. Its locks are held for a moment; nothing is computed under them.
 pub(crate) struct CallHandler {
@@ -125,16 +128,16 @@ impl CallHandler {
             Call::Alive => return self.send_silently(asker, Ask::Alive),
             Call::EnableStick => Ask::EnableStick(asker.client),
             Call::EnableJoystick => Ask::EnableStick(Client::Joystick),
-            Call::Load { reference } => return self.load(asker, *reference, "loaded"),
+            Call::Load { reference } => {
+                let checked = self.about.check(Source::read_json(reference), &no_files)?;
+                return self.load(asker, checked, "loaded");
+            }
             Call::LoadPoints { text } => {
                 let points = PathPoints::parse(&text).map_err(|error| error.to_string())?;
-                return self.load(asker, path_of(&points), "path loaded");
+                let checked = self.about.check(path_of(&points).into(), &no_files)?;
+                return self.load(asker, checked, "path loaded");
             }
-            Call::LoadSaved { name } => {
-                let text = self.saved(&name)?;
-                let table: ReferenceTable = toml::from_str(&text).map_err(|error| error.to_string())?;
-                return self.load(asker, table, "path loaded");
-            }
+            Call::LoadSaved { name } => return self.load(asker, self.saved(&name)?, "path loaded"),
             Call::Scan => return Ok(self.bus(BusCall::Scan)),
             Call::SdoRead { subdevice, object } => {
                 return Ok(self.bus(BusCall::Read(place(subdevice, &object)?)));
@@ -205,9 +208,9 @@ impl CallHandler {
         Ok(Reply::Ticket(ticket, "set".to_owned()))
     }
 
-    fn load(&self, asker: Asker, table: ReferenceTable, text: &str) -> Result<Reply, String> {
-        let (table, mut made) = self.about.check(table)?;
-        let drawn = Drawn::of(&table, &mut *made);
+    fn load(&self, asker: Asker, checked: Checked, text: &str) -> Result<Reply, String> {
+        let (table, made) = checked;
+        let drawn = self.about.drawn(&table)?;
         let far = match made.start_pose() {
             Some(pose) => format!("; it begins at x {:.3} m, y {:.3} m", pose.x_m, pose.y_m),
             None => "; it begins where the platform stands".to_owned(),
@@ -251,7 +254,8 @@ impl CallHandler {
             1e3 * taught.deviation_m,
             self.about.paths.join(format!("{name}.toml")).display(),
         );
-        self.load(asker, taught.reference, &text)
+        let checked = self.about.check(taught.reference.into(), &no_files)?;
+        self.load(asker, checked, &text)
     }
 
     fn check_name(&self, name: &str) -> Result<(), String> {
@@ -275,17 +279,16 @@ impl CallHandler {
     }
 
     /// A saved path, with its points in it.
-    fn saved(&self, name: &str) -> Result<String, String> {
+    fn saved(&self, name: &str) -> Result<Checked, String> {
         self.check_name(name)?;
-        let read = |end: &str| {
-            let path = self.about.paths.join(format!("{name}.{end}"));
+        let read = |file: &str| {
+            let path = self.about.paths.join(file);
             std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))
         };
-        let mut table: ReferenceTable = toml::from_str(&read("toml")?).map_err(|error| error.to_string())?;
-        let points = PathPoints::parse(&read("dat")?).map_err(|error| error.to_string())?;
-        table.points = path_of(&points).points;
-        table.points_file = None;
-        toml::to_string(&table).map_err(|error| error.to_string())
+        let file = format!("{name}.toml");
+        let mut source = Source::read_reference(&read(&file)?, &file);
+        source.file.points_file = Some(format!("{name}.dat"));
+        self.about.check(source, &read)
     }
 
     /// Names of the saved paths.
@@ -315,9 +318,7 @@ impl CallHandler {
         }
         let loaded = self.live.reference(number);
         let table = loaded.as_deref().unwrap_or(&self.about.robot.plan.reference);
-        let limits = &self.about.robot.plan.limits;
-        let mut made = reference(table, limits).map_err(|_| "there is no reference")?;
-        Ok(self.keep(number, Drawn::of(table, &mut *made)))
+        Ok(self.keep(number, self.about.drawn(table)?))
     }
 
     fn keep(&self, number: u32, drawn: Drawn) -> Arc<Drawn> {
@@ -339,6 +340,11 @@ impl CallHandler {
         let begin = snapshot.reference_start.map(|start| start.odom_from_body);
         Some(drawn.laid(snapshot.reference, begin.unwrap_or(snapshot.record.state.odom_from_body)))
     }
+}
+
+/// Who asks from elsewhere names no files of this computer.
+fn no_files(_: &str) -> Result<String, String> {
+    Err("names a file of this computer: expected `points`".to_owned())
 }
 
 fn place(subdevice: u16, object: &str) -> Result<SdoPlace, String> {

@@ -31,15 +31,15 @@ pub(crate) struct Planned {
 }
 
 impl Drawn {
-    /// Draws a reference; it begins anew afterwards.
-    pub(crate) fn of(table: &ReferenceTable, made: &mut dyn Reference) -> Self {
+    /// Draws a reference, which is used up by it.
+    pub(crate) fn of(table: &ReferenceTable, mut made: Box<dyn Reference>) -> Self {
         made.start(&Setpoint::at_rest(Pose2::default()));
         let duration_s = made.duration_s();
         let at = |duration_s: f64, n: u32| duration_s * f64::from(n) / f64::from(POINTS);
         let poses = duration_s
             .map(|duration_s| (0..=POINTS).map(|n| made.sample(at(duration_s, n)).odom_from_body).collect());
         Drawn {
-            name: table.kind.clone().unwrap_or_else(|| "hold".to_owned()),
+            name: table.kind.clone().unwrap_or_default(),
             duration_s,
             start_pose: made.start_pose(),
             poses: poses.unwrap_or_default(),
@@ -61,20 +61,20 @@ impl Drawn {
 mod tests {
     use super::*;
     use omnibase_robot::Registry;
-    use omnibase_robot::references::reference;
     use omnibase_run::RobotText;
 
     #[test]
     fn what_was_drawn_once_lies_where_the_reference_itself_goes_from_any_start() {
         let text = include_str!("../../../robots/bmm.toml").into();
-        let robot = RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap();
+        let registry = Registry::with_built_in();
+        let robot = RobotText { text, ..RobotText::default() }.load(&registry).unwrap();
         let begin = Pose2 { x_m: 3.0, y_m: -2.0, heading_rad: 7.5 };
-        let circle = "kind = \"circle\"\nradius_m = 0.5\nperiod_s = 20.0";
+        let circle = "kind = \"circle\"\nradius_m = 0.5\nduration_s = 20.0";
         let path = "kind = \"path\"\nframe = \"odom\"\npoints = [[0.0, 1.0, 2.0, 0.3], [5.0, 1.5, 2.0, 0.3], [9.0, 2.0, 2.5, 0.1]]";
         for text in [circle, path] {
             let table: ReferenceTable = toml::from_str(text).unwrap();
-            let made = || reference(&table, &robot.plan.limits).unwrap_or_else(|why| panic!("{why:?}"));
-            let laid = Drawn::of(&table, &mut *made()).laid(1, begin);
+            let made = || registry.make_reference(&table, &robot.plan.limits).unwrap();
+            let laid = Drawn::of(&table, made()).laid(1, begin);
             let mut made = made();
             made.start(&Setpoint::at_rest(begin));
             let duration_s = made.duration_s().unwrap();

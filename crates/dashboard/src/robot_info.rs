@@ -3,23 +3,20 @@
 use std::path::PathBuf;
 
 use omnibase_robot::Registry;
-use omnibase_robot::config::ReferenceTable;
-use omnibase_robot::references::reference;
+use omnibase_robot::config::{ReadFile, ReferenceTable, Source};
 use omnibase_robot::stages::Reference;
+use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
-use omnibase_run::robot_text::NewReference;
-use omnibase_run::{LoadedRobot, RobotText};
 use serde::Serialize;
 
+use crate::planned::Drawn;
 use crate::streams::Streams;
 
 /// What a dashboard is told of its robot.
 pub struct RobotInfo {
-    /// The robot's file, by which new references are checked.
-    pub text: RobotText,
-    /// What it resolves to.
+    /// What its file resolves to.
     pub robot: LoadedRobot,
-    /// By which the file was checked.
+    /// By which its file was checked, and new references are.
     pub registry: Registry,
     /// Whether the truth is known.
     pub known: Known,
@@ -113,22 +110,23 @@ impl RobotInfo {
             .collect()
     }
 
-    /// A reference for this robot, with the whole table of it, or every problem in words.
+    /// A reference for this robot, with the whole table of it, or every problem in words; `read_file` reads its points.
     pub(crate) fn check(
         &self,
-        table: ReferenceTable,
+        source: Source<ReferenceTable>,
+        read_file: ReadFile<'_>,
     ) -> Result<(ReferenceTable, Box<dyn Reference>), String> {
-        if table.points_file.is_some() {
-            return Err("`points_file` names a file of this computer: expected `points`".to_owned());
-        }
-        let text = RobotText { reference: Some(NewReference::Table(Box::new(table))), ..self.text.clone() };
-        let words = |problems: Vec<String>| problems.join("; ");
-        let robot = text
-            .load(&self.registry)
-            .map_err(|problems| words(problems.iter().map(ToString::to_string).collect()))?;
-        let plan = robot.plan;
-        let made = reference(&plan.reference, &plan.limits)
-            .map_err(|refusals| words(refusals.into_iter().map(|refusal| refusal.reason).collect()))?;
-        Ok((plan.reference, made))
+        let (table, made) =
+            self.robot.plan.check_reference(source, &self.registry, read_file).map_err(|problems| {
+                problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+            })?;
+        // Its points are in the table: nobody needs the file any more.
+        Ok((ReferenceTable { points_file: None, ..table }, made))
+    }
+
+    /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.
+    pub(crate) fn drawn(&self, table: &ReferenceTable) -> Result<Drawn, String> {
+        let made = self.registry.make_reference(table, &self.robot.plan.limits);
+        made.map(|made| Drawn::of(table, made)).map_err(|error| error.to_string())
     }
 }

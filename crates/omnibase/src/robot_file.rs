@@ -11,7 +11,7 @@ pub struct Changes {
     /// Replace a setting of the robot file, as `controller.kind=open_loop`; may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_change)]
     changes: Vec<String>,
-    /// The control law: open_loop, closed_loop_speed, adaptive_torque, adaptive_model_free.
+    /// The control law by its name; `omnibase check --kinds` lists them.
     #[arg(long, value_name = "NAME")]
     controller: Option<String>,
     /// Payload of the simulated robot, kg.
@@ -98,7 +98,7 @@ pub fn plural(count: usize) -> String {
 }
 
 /// `key=value` as a line of TOML; what isn't a value of TOML is taken as text.
-fn parse_change(text: &str) -> Result<String, String> {
+pub fn parse_change(text: &str) -> Result<String, String> {
     let (key, value) = text.split_once('=').ok_or("expected key=value, as controller.kind=open_loop")?;
     let (key, value) = (key.trim(), value.trim());
     if key.is_empty() || value.is_empty() {

@@ -44,16 +44,6 @@ pub fn omni(count: usize, distance_m: f64, radius_m: f64, first_angle_rad: f64) 
         .collect()
 }
 
-/// Three omni wheels at 120°, the first in front.
-pub fn omni3(distance_m: f64, radius_m: f64) -> Vec<Wheel> {
-    omni(3, distance_m, radius_m, 0.0)
-}
-
-/// Four omni wheels at 90°, the first at 45° (front left).
-pub fn omni4(distance_m: f64, radius_m: f64) -> Vec<Wheel> {
-    omni(4, distance_m, radius_m, std::f64::consts::FRAC_PI_4)
-}
-
 /// Four mecanum wheels with rollers at 45°: front left, front right, rear left, rear right; positive is forward.
 ///
 /// The wheels stand at (±`half_length_m`, ±`half_width_m`); seen from above their upper rollers form an X, so

@@ -1,6 +1,6 @@
 //! Layouts and kinematics, against numbers worked out apart from the code.
 
-use omnibase_platform::layout::{bmm, mecanum4, omni, omni3, omni4, problems};
+use omnibase_platform::layout::{bmm, mecanum4, omni, problems};
 use omnibase_platform::{Kinematics, LayoutError, PerWheel, Twist2, Wheel, Wrench2};
 use proptest::prelude::*;
 
@@ -71,7 +71,7 @@ fn forces_are_the_transpose_of_speeds() {
 
 #[test]
 fn redundant_wheels_use_the_least_torque_and_show_slip() {
-    let kinematics = Kinematics::new(omni4(0.4, 0.1)).unwrap();
+    let kinematics = Kinematics::new(omni(4, 0.4, 0.1, std::f64::consts::FRAC_PI_4)).unwrap();
     let torques = kinematics.wheel_torques_nm(Wrench2::new(10.0, -4.0, 2.0));
     let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
     // The one direction that makes no wrench with four omni wheels: alternating torques.
@@ -154,8 +154,8 @@ proptest! {
     ) {
         let mut wheels = match kind {
             0 => bmm(size, 0.8 * size, radius),
-            1 => omni3(size, radius),
-            2 => omni4(size, radius),
+            1 => omni(3, size, radius, 0.0),
+            2 => omni(4, size, radius, std::f64::consts::FRAC_PI_4),
             _ => mecanum4(size, 0.7 * size, radius),
         };
         wheels[1].radius_m *= 1.3;

@@ -1,6 +1,6 @@
 //! Odometry from raw counts: exact arcs, wraps, regimes, covariance.
 
-use omnibase_platform::layout::{bmm, omni4};
+use omnibase_platform::layout::{bmm, omni};
 use omnibase_platform::{
     BodyStep, Kinematics, Odometry, OdometryError, OdometrySettings, PerWheel, Pose2, Regime, Twist2,
 };
@@ -178,7 +178,7 @@ fn covariance_grows_with_motion_and_slip_and_is_never_zero() {
         assert!((ratio - 1.0).abs() < 0.1, "axis {axis}: {ratio}: the rate of samples hardly matters");
     }
 
-    let four = Kinematics::new(omni4(0.4, 0.1)).unwrap();
+    let four = Kinematics::new(omni(4, 0.4, 0.1, std::f64::consts::FRAC_PI_4)).unwrap();
     let mut settings = OdometrySettings::direct_drive(4, COUNTS_PER_REVOLUTION);
     let mut grip = Odometry::new(four.clone(), settings).unwrap();
     let mut slip = grip.clone();

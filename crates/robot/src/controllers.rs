@@ -8,7 +8,7 @@ mod speed;
 use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2, wrap_angle_rad};
 
 use crate::config::Limits;
-use crate::registry::Registry;
+use crate::registry::{Kind, Registry, optional};
 use crate::signals::{Commands, Quantity};
 
 pub use adaptive_model_free::AdaptiveModelFree;
@@ -21,10 +21,32 @@ const LEAD_PERIODS: f64 = 2.5;
 
 /// Registers the built-in controllers.
 pub fn register(registry: &mut Registry) {
-    registry.controller("open_loop", |plan| Ok(Box::new(OpenLoop::new(plan))));
-    registry.controller("closed_loop_speed", |plan| Ok(Box::new(ClosedLoopSpeed::new(plan))));
-    registry.controller("adaptive_torque", |plan| Ok(Box::new(AdaptiveTorque::new(plan)?)));
-    registry.controller("adaptive_model_free", |plan| Ok(Box::new(AdaptiveModelFree::new(plan))));
+    let controllers = &mut registry.controllers;
+    controllers.add(
+        Kind {
+            name: "open_loop",
+            meaning: "Wheel speeds by the reference alone; the pose is never looked at",
+            keys: Vec::new(),
+        },
+        Box::new(|plan| Ok(Box::new(OpenLoop::new(plan)))),
+    );
+    controllers.add(
+        Kind {
+            name: "closed_loop_speed",
+            meaning: "Wheel speeds by the reference and the pose error",
+            keys: vec![optional("kp_1_s")],
+        },
+        Box::new(|plan| Ok(Box::new(ClosedLoopSpeed::new(plan)))),
+    );
+    controllers.add(adaptive_torque::kind(), Box::new(|plan| Ok(Box::new(AdaptiveTorque::new(plan)?))));
+    controllers.add(
+        Kind {
+            name: "adaptive_model_free",
+            meaning: "Wheel torques by Slotine and Li's law, axis by axis; deprecated, for comparison",
+            keys: ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad"].map(optional).to_vec(),
+        },
+        Box::new(|plan| Ok(Box::new(AdaptiveModelFree::new(plan)))),
+    );
 }
 
 /// Commands whose wheels all keep one limit, scaled as a whole so that the direction of motion is kept.

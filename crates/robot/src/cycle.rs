@@ -3,10 +3,10 @@
 mod pose;
 
 use omnibase_platform::Twist2;
-use omnibase_trajectory::{LONGEST_S, LimitsError};
+use omnibase_trajectory::LimitsError;
 
 use crate::blind_ramp::BlindRamp;
-use crate::config::RobotPlan;
+use crate::config::{Problem, RobotPlan};
 use crate::devices::mode_of;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
@@ -58,27 +58,16 @@ impl Robot {
         registry: &Registry,
         safety: Box<dyn Safety>,
     ) -> Result<Robot, StageError> {
-        let devices =
-            plan.drives.iter().map(|drive| registry.make_device(drive)).collect::<Result<_, _>>()?;
+        let devices = registry.make_devices(plan)?;
         let period_s = plan.bus.cycle_ns as f64 * 1e-9;
-        let refused =
-            |error: LimitsError| StageError::Refused { setting: "limits".into(), reason: error.to_string() };
+        let refused = |error: LimitsError| Problem::refused("limits", error);
         let limiter = Limiter::new(&plan.limits, period_s).map_err(refused)?;
-        let reference = registry.make_reference(plan)?;
-        if let Some(found_s) =
-            reference.duration_s().filter(|duration_s| !(0.0..=LONGEST_S).contains(duration_s))
-        {
-            let reason = format!("it takes {found_s} s, expected 0 to {LONGEST_S} s");
-            return Err(StageError::Refused { setting: "reference".into(), reason });
-        }
+        let reference = registry.make_reference(&plan.reference, &plan.limits)?;
         let motion =
             Motion::new(reference, &plan.limits, (&plan.safety, &plan.guard), period_s).map_err(refused)?;
         let controllers = registry.make_controllers(plan)?;
         if controllers.is_empty() {
-            return Err(StageError::Refused {
-                setting: "controller.kind".into(),
-                reason: "must be given".into(),
-            });
+            return Err(Problem::missing("controller.kind", "there is no default control law").into());
         }
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();

@@ -7,18 +7,20 @@ use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::start_up::ReadBack;
 
 use crate::config::{MapEntry, ParameterPlan, PdoPlan};
-use crate::registry::{DeviceDefaults, Registry};
+use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry};
 
 pub use cia402::Cia402Device;
 pub(crate) use cia402::mode_of;
 
-/// Registers the built-in devices: `cia402` and `sgdv`.
+/// Registers the built-in devices; keys of the drives' tables are read for each of them.
 pub fn register(registry: &mut Registry) {
-    let make = |plan: &crate::config::DrivePlan| -> Result<Box<dyn crate::stages::Device>, _> {
-        Ok(Box::new(Cia402Device::new(plan)?))
-    };
-    registry.device("cia402", cia402::defaults(), make);
-    registry.device("sgdv", sgdv::defaults(), make);
+    let cia402 = ("cia402", "Any drive of the profile CiA 402, as its tables say", cia402::defaults());
+    let sgdv =
+        ("sgdv", "The Yaskawa SGDV with its EtherCAT option, maps and encoder known", sgdv::defaults());
+    for (name, meaning, defaults) in [cia402, sgdv] {
+        let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(Cia402Device::new(plan)?))) };
+        registry.devices.add(Kind { name, meaning, keys: Vec::new() }, make);
+    }
 }
 
 /// Whether a drive that lost the bus says so by this error: by the profile, or by the SGDV's alarms.

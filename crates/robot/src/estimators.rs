@@ -8,15 +8,32 @@ use omnibase_platform::{
     Twist2,
 };
 
-use crate::config::{EstimatorTable, RobotPlan};
-use crate::registry::{Registry, StageError};
+use crate::config::{EstimatorTable, Problem, RobotPlan};
+use crate::registry::{Kind, Made, Registry, optional};
 use crate::signals::{Exchange, PlatformState, ReferenceStatus};
 use crate::stages::{Estimator, Observation};
 use creep::Creep;
 
-/// Registers the built-in estimator, `wheel_odometry`.
+/// Registers the built-in estimator.
 pub fn register(registry: &mut Registry) {
-    registry.estimator("wheel_odometry", |plan| Ok(Box::new(WheelOdometry::new(plan)?)));
+    let keys = [
+        "speed_filter_1_s",
+        "creep",
+        "radius_share",
+        "start_sigma_m",
+        "start_sigma_rad",
+        "way_sigma_m",
+        "way_sigma_rad",
+        "turn_sigma_rad",
+    ];
+    registry.estimators.add(
+        Kind {
+            name: "wheel_odometry",
+            meaning: "Odometry of the wheels with covariance; creep made up for where asked",
+            keys: keys.map(optional).to_vec(),
+        },
+        Box::new(|plan| Ok(Box::new(WheelOdometry::new(plan)?))),
+    );
 }
 
 /// Odometry of the wheels: increments as exact arcs, holonomic regimes, covariance; creep made up for where asked.
@@ -50,7 +67,7 @@ const SPEED_FILTER_RAD_S: f64 = 400.0;
 
 impl WheelOdometry {
     /// Odometry as a plan says.
-    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
         let kinematics: Kinematics = plan.kinematics.clone();
         let speed_filter_rad_s = plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S);
         let settings = OdometrySettings {
@@ -60,10 +77,7 @@ impl WheelOdometry {
             ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
         };
         let creep = Creep::new(&plan.estimator, &kinematics);
-        let odometry = Odometry::new(kinematics, settings).map_err(|error| StageError::Refused {
-            setting: "estimator".into(),
-            reason: error.to_string(),
-        })?;
+        let odometry = Odometry::new(kinematics, settings).map_err(|error| Problem::refused("", error))?;
         let state = platform_state(odometry.state(), 0.0);
         Ok(WheelOdometry { odometry, creep, periods: 0, speed_filter_rad_s, state })
     }

@@ -2,11 +2,11 @@
 //!
 //! - [`Robot::compute`]: the cycle, one function whose stages stand in source order.
 //! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
-//! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: by which name.
+//! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: all that is chosen by name.
 //! - [`config`]: from a robot's file to a [`RobotPlan`], with every problem and its place.
 //! - [`stick_shape`]: [`StickShape`], gains, dead zones and expo of a stick, which change while the robot runs.
 //! - [`guard`]: the footprint stays inside the fence and off obstacles.
-//! - [`devices`], [`estimators`], [`references`], [`controllers`], [`limiter`], [`safety`]: the built-in stages.
+//! - [`layouts`], [`devices`], [`estimators`], [`references`], [`controllers`]: the built-in kinds; [`limiter`], [`safety`].
 //!
 //! Principles: a cycle has no link, no clock, no queue and no allocation: the same inputs give the same bits, so a
 //! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
@@ -20,6 +20,7 @@ pub mod devices;
 pub mod estimators;
 pub mod guard;
 mod image;
+pub mod layouts;
 mod lifecycle;
 pub mod limiter;
 mod motion;

@@ -7,106 +7,132 @@ use omnibase_trajectory::{
     ShapeTrajectory, SpeedRule, Trajectory,
 };
 
-use crate::config::{HeadingName, InterpolationName, Limits, PathFrame, ReferenceTable};
-use crate::registry::{Registry, StageError};
+use crate::config::{HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable};
+use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// Kinds of references that are trajectories.
-const TRAJECTORIES: [&str; 6] = ["circle", "ellipse", "spiral", "eight", "holonomic", "path"];
 /// A motion without a duration keeps this far from the limits, so that catching up has room.
 const ROOM: f64 = 1.02;
 
+/// A geometric shape by its name.
+struct ShapeKind {
+    name: &'static str,
+    meaning: &'static str,
+    needs: &'static [&'static str],
+    heading: Heading,
+    shape: fn(&ReferenceTable) -> Made<Shape>,
+}
+
+const SHAPES: [ShapeKind; 5] = [
+    ShapeKind {
+        name: "circle",
+        meaning: "A circle to the left; the heading stays",
+        needs: &["radius_m"],
+        heading: Heading::Fixed,
+        shape: circle,
+    },
+    ShapeKind {
+        name: "ellipse",
+        meaning: "An ellipse to the left",
+        needs: &["semi_axis_x_m", "semi_axis_y_m"],
+        heading: Heading::Fixed,
+        shape: |table| {
+            let half_length_m = given(table.semi_axis_x_m, "semi_axis_x_m")?;
+            Ok(Shape::Ellipse { half_length_m, half_width_m: given(table.semi_axis_y_m, "semi_axis_y_m")? })
+        },
+    },
+    ShapeKind {
+        name: "spiral",
+        meaning: "An Archimedes spiral outwards, to the left",
+        needs: &["step_m"],
+        heading: Heading::Fixed,
+        shape: |table| Ok(Shape::Spiral { step_m: given(table.step_m, "step_m")? }),
+    },
+    ShapeKind {
+        name: "eight",
+        meaning: "A lying eight, which ends as it began",
+        needs: &["half_length_m"],
+        heading: Heading::Fixed,
+        shape: |table| Ok(Shape::Eight { half_length_m: given(table.half_length_m, "half_length_m")? }),
+    },
+    ShapeKind {
+        name: "holonomic",
+        meaning: "A circle to the left; the heading follows the tangent",
+        needs: &["radius_m"],
+        heading: Heading::FollowsTangent,
+        shape: circle,
+    },
+];
+
+fn circle(table: &ReferenceTable) -> Made<Shape> {
+    Ok(Shape::Circle { radius_m: given(table.radius_m, "radius_m")? })
+}
+
 /// Registers the built-in references.
 pub fn register(registry: &mut Registry) {
-    registry.reference("hold", |_| Ok(Box::new(Hold::default())));
-    for name in TRAJECTORIES {
-        registry.reference(name, |plan| {
-            reference(&plan.reference, &plan.limits).map_err(|refusals| StageError::Refused {
-                setting: "reference".into(),
-                reason: refusals.iter().map(|refusal| refusal.reason.as_str()).collect::<Vec<_>>().join("; "),
-            })
+    let references = &mut registry.references;
+    references.add(
+        Kind { name: "hold", meaning: "Stays where the platform stands", keys: Vec::new() },
+        Box::new(|_, _| Ok(Box::new(Hold::default()))),
+    );
+    for shape in SHAPES {
+        let further = ["duration_s", "turns", "heading", "frame"];
+        let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
+        references.add(
+            Kind { name: shape.name, meaning: shape.meaning, keys },
+            Box::new(move |table, limits| Tracked::boxed(shape.trajectory(table, limits)?, table)),
+        );
+    }
+    references.add(
+        Kind {
+            name: "path",
+            meaning: "A path through points with their times",
+            keys: vec![
+                needed("points"),
+                optional("points_file"),
+                optional("interpolation"),
+                optional("frame"),
+            ],
+        },
+        Box::new(|table, limits| Tracked::boxed(path(table, limits)?, table)),
+    );
+}
+
+impl ShapeKind {
+    /// As a table asks for it; without a duration as fast as the limits allow.
+    fn trajectory(&self, table: &ReferenceTable, limits: &Limits) -> Made<ShapeTrajectory> {
+        let heading = table.heading.map_or(self.heading, |heading| match heading {
+            HeadingName::FollowsTangent => Heading::FollowsTangent,
+            HeadingName::Fixed => Heading::Fixed,
         });
+        let shape = (self.shape)(table)?;
+        let turns = table.turns.unwrap_or(1.0);
+        let make = |duration_s: f64| {
+            let key = if table.duration_s.is_some() { "duration_s" } else { "" };
+            ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| match error {
+                ShapeError::TooLong { .. } => Problem::refused(key, error),
+                ShapeError::Setting { .. } => Problem::refused("", error),
+            })
+        };
+        let Some(duration_s) = table.duration_s else {
+            let (stretch, _) = Peaks::of(&make(1.0)?).stretch(&motion_limits(limits));
+            return Ok(make(stretch * ROOM)?);
+        };
+        let trajectory = make(duration_s)?;
+        limits::check(&trajectory, &motion_limits(limits))
+            .map_err(|refusal| Problem::refused("duration_s", refusal))?;
+        Ok(trajectory)
     }
 }
 
-/// The reference that a table asks for, or every reason why not.
-pub fn reference(
-    table: &ReferenceTable,
-    limits: &Limits,
-) -> Result<Box<dyn Reference>, Vec<ReferenceRefusal>> {
-    Ok(match trajectory(table, limits)? {
-        Some(trajectory) => {
-            Box::new(Tracked { frame: table.frame.unwrap_or(PathFrame::Start), ..Tracked::new(trajectory) })
-        }
-        None => Box::new(Hold::default()),
-    })
-}
-
-/// A trajectory that can be handed to the cycle's thread.
-pub type AnyTrajectory = Box<dyn Trajectory + Send>;
-
-/// Why a reference can't be made: a key of its table, or none for the whole of it, and the reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ReferenceRefusal {
-    /// The key, such as `points[2]`; empty for the whole table.
-    pub key: String,
-    /// Why, with the time that would be needed where time is what lacks.
-    pub reason: String,
-}
-
-/// The trajectory that a table asks for, or every reason why not; `None` where it asks for none.
-pub fn trajectory(
-    table: &ReferenceTable,
-    limits: &Limits,
-) -> Result<Option<AnyTrajectory>, Vec<ReferenceRefusal>> {
-    let kind = table.kind.as_deref().unwrap_or("hold");
-    if kind == "path" {
-        return path(table, limits).map(|path| Some(Box::new(path) as AnyTrajectory));
-    }
-    let heading = match table.heading {
-        Some(HeadingName::FollowsTangent) => Heading::FollowsTangent,
-        Some(HeadingName::Fixed) => Heading::Fixed,
-        None if kind == "holonomic" => Heading::FollowsTangent,
-        None => Heading::Fixed,
-    };
-    let shape = match (kind, table) {
-        ("circle" | "holonomic", &ReferenceTable { radius_m: Some(radius_m), .. }) => {
-            Shape::Circle { radius_m }
-        }
-        ("ellipse", &ReferenceTable { semi_axis_x_m: Some(x_m), semi_axis_y_m: Some(y_m), .. }) => {
-            Shape::Ellipse { half_length_m: x_m, half_width_m: y_m }
-        }
-        ("spiral", &ReferenceTable { step_m: Some(step_m), .. }) => Shape::Spiral { step_m },
-        ("eight", &ReferenceTable { half_length_m: Some(half_length_m), .. }) => {
-            Shape::Eight { half_length_m }
-        }
-        // Nothing to follow, or a key is missing, which is told elsewhere.
-        _ => return Ok(None),
-    };
-    let turns = table.turns.unwrap_or(1.0);
-    let make = |duration_s: f64| {
-        let key = if table.duration_s.is_some() { "duration_s" } else { "" };
-        ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| match error {
-            ShapeError::TooLong { .. } => refused(key, error),
-            ShapeError::Setting { .. } => refused("", error),
-        })
-    };
-    let Some(duration_s) = table.duration_s else {
-        let (stretch, _) = Peaks::of(&make(1.0)?).stretch(&motion_limits(limits));
-        return Ok(Some(Box::new(make(stretch * ROOM)?)));
-    };
-    let trajectory = make(duration_s)?;
-    limits::check(&trajectory, &motion_limits(limits)).map_err(|refusal| refused("duration_s", refusal))?;
-    Ok(Some(Box::new(trajectory)))
-}
-
-fn path(table: &ReferenceTable, limits: &Limits) -> Result<PointTrajectory, Vec<ReferenceRefusal>> {
-    let points = table.points.iter().flatten().map(|&[time_s, x_m, y_m, heading_rad]| PathPoint {
+fn path(table: &ReferenceTable, limits: &Limits) -> Made<PointTrajectory> {
+    let points = given(table.points.as_ref(), "points")?;
+    let points = points.iter().map(|&[time_s, x_m, y_m, heading_rad]| PathPoint {
         time_s,
         odom_from_base: Pose2::new(x_m, y_m, heading_rad),
     });
-    let points = PathPoints::new(points.collect()).map_err(|error| refused("points", error))?;
+    let points = PathPoints::new(points.collect()).map_err(|error| Problem::refused("points", error))?;
     let interpolation = match table.interpolation.unwrap_or(InterpolationName::CubicPreviousSlope) {
         InterpolationName::CubicPreviousSlope => Interpolation::Cubic(SpeedRule::PreviousSlope),
         InterpolationName::CubicMeanSlope => Interpolation::Cubic(SpeedRule::MeanSlope),
@@ -115,16 +141,12 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Result<PointTrajectory, Vec<
         InterpolationName::BSpline => Interpolation::BSpline,
     };
     limits::plan(&points, interpolation, &motion_limits(limits)).map_err(|refusals| {
-        let refusal = |refusal: &limits::Refusal| ReferenceRefusal {
-            key: refusal.part.point.map_or_else(|| "points".into(), |point| format!("points[{point}]")),
-            reason: refusal.to_string(),
+        let problem = |refusal: &limits::Refusal| {
+            let key = refusal.part.point.map_or_else(|| "points".into(), |point| format!("points[{point}]"));
+            Problem::refused(key, refusal)
         };
-        refusals.iter().map(refusal).collect()
+        StageError(refusals.iter().map(problem).collect())
     })
-}
-
-fn refused(key: &str, reason: impl ToString) -> Vec<ReferenceRefusal> {
-    vec![ReferenceRefusal { key: key.into(), reason: reason.to_string() }]
 }
 
 /// The platform's limits as trajectories know them.
@@ -150,9 +172,9 @@ pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
 }
 
 /// Follows a trajectory.
-pub struct Tracked {
+struct Tracked<T> {
     /// Taken out only while it is put in its place.
-    placed: Option<Placed<AnyTrajectory>>,
+    placed: Option<Placed<T>>,
     duration_s: f64,
     frame: PathFrame,
     /// The trajectory's own first and last pose.
@@ -160,7 +182,15 @@ pub struct Tracked {
     last: Pose2,
 }
 
-impl Tracked {
+impl<T: Trajectory + Send + 'static> Tracked<T> {
+    /// A reference that follows a trajectory in the frame that a table asks for.
+    fn boxed(trajectory: T, table: &ReferenceTable) -> Made<Box<dyn Reference>> {
+        let duration_s = trajectory.duration_s();
+        let [first, last] = [0.0, duration_s].map(|time_s| trajectory.sample(time_s).odom_from_base);
+        let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
+        Ok(Box::new(Tracked { placed, duration_s, frame, first, last }))
+    }
+
     /// Where it begins from a pose.
     fn begin(&self, here: &Pose2) -> Pose2 {
         match self.frame {
@@ -172,16 +202,9 @@ impl Tracked {
             }
         }
     }
-
-    /// A reference that follows a trajectory from where the platform stands.
-    pub fn new(trajectory: AnyTrajectory) -> Self {
-        let duration_s = trajectory.duration_s();
-        let [first, last] = [0.0, duration_s].map(|time_s| trajectory.sample(time_s).odom_from_base);
-        Tracked { placed: Some(Placed::new(trajectory)), duration_s, frame: PathFrame::Start, first, last }
-    }
 }
 
-impl Reference for Tracked {
+impl<T: Trajectory + Send + 'static> Reference for Tracked<T> {
     fn start(&mut self, from: &Setpoint) {
         let begin = self.begin(&from.odom_from_body);
         self.placed = self.placed.take().map(|placed| placed.beginning_at(begin));

@@ -1,27 +1,239 @@
-//! Stages by name: the built-in ones, and those that users register from their own crates.
+//! Everything that is chosen by name in the robot's file: one [`Kind`] each, and how it is made. The file's check, the
+//! JSON schema, the command line, live loading and replay read the kinds here; there is no other list of them.
+//!
+//! Users add kinds of their own, or put them in the place of built-in ones. What is a closed set by a standard (stop
+//! categories, clock sources, units) is an enum in [`config`](crate::config): that is one list already.
 
-use crate::config::{DrivePlan, Identity, ParameterPlan, PdoPlan, RobotPlan};
+mod describe;
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+use omnibase_platform::Wheel;
+use omnibase_trajectory::LONGEST_S;
+
+use crate::config::{
+    DrivePlan, Identity, Limits, ParameterPlan, PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable,
+    RobotPlan, nearest,
+};
 use crate::stages::{Controller, Device, Estimator, Reference};
 
-/// Why a stage couldn't be made from a plan.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StageError {
-    /// Nothing is registered by this name.
-    #[error("{stage} `{name}`: nothing is registered by this name")]
-    Unknown {
-        /// Sort of stage.
-        stage: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// The stage refused its settings.
-    #[error("{setting}: {reason}")]
-    Refused {
-        /// The setting by its full name.
-        setting: String,
-        /// Why, with value and limit.
-        reason: String,
-    },
+/// Why something can't be made: every reason, with its setting.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+pub struct StageError(pub Vec<Problem>);
+
+impl From<Problem> for StageError {
+    fn from(problem: Problem) -> Self {
+        StageError(vec![problem])
+    }
+}
+
+impl StageError {
+    /// The same about another setting.
+    pub(crate) fn named(mut self, setting: &str) -> Self {
+        self.0.iter_mut().for_each(|problem| setting.clone_into(&mut problem.setting));
+        self
+    }
+
+    /// The same with settings of a table called by their full names.
+    pub(crate) fn under(mut self, table: impl Display) -> Self {
+        for Problem { setting, .. } in &mut self.0 {
+            let dot = if setting.is_empty() { "" } else { "." };
+            *setting = format!("{table}{dot}{setting}");
+        }
+        self
+    }
+}
+
+/// What was made, and who can't be made.
+pub type Made<T> = Result<T, StageError>;
+
+/// A value of a table that must be there.
+pub fn given<T>(value: Option<T>, key: &str) -> Made<T> {
+    value.ok_or_else(|| Problem::missing(key, "nothing is made without it").into())
+}
+
+/// One kind: what people read about it, and by what its table is checked.
+#[derive(Clone, Debug)]
+pub struct Kind {
+    /// Its name in the robot's file.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub meaning: &'static str,
+    /// The keys of its table that it reads.
+    pub keys: Vec<Key>,
+}
+
+/// A key that a kind reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Key {
+    /// Its name.
+    pub name: &'static str,
+    /// Whether it must be given.
+    pub is_needed: bool,
+    /// A key of the table `custom`; `None` for those of the table itself, whose meaning and bounds stand there.
+    pub custom: Option<Custom>,
+}
+
+/// What a key of the table `custom` is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Custom {
+    /// Its meaning with its unit, in one line.
+    pub meaning: &'static str,
+    /// Bounds of a number; `None` for a value of any type.
+    pub bounds: Option<RangeInclusive<f64>>,
+}
+
+/// A key that must be given.
+pub fn needed(name: &'static str) -> Key {
+    Key { name, is_needed: true, custom: None }
+}
+
+/// A key that may be given.
+pub fn optional(name: &'static str) -> Key {
+    Key { is_needed: false, ..needed(name) }
+}
+
+impl Kind {
+    /// Whether it reads a key, seen from its table.
+    pub(crate) fn reads(&self, path: &str) -> bool {
+        self.keys.iter().any(|key| key.path() == path)
+    }
+
+    /// The keys that it reads, seen from its table.
+    pub fn paths(&self) -> Vec<String> {
+        self.keys.iter().map(Key::path).collect()
+    }
+}
+
+impl Key {
+    /// A number in the table `custom`: its meaning with its unit, and its bounds.
+    #[must_use]
+    pub fn number(self, meaning: &'static str, bounds: RangeInclusive<f64>) -> Self {
+        Key { custom: Some(Custom { meaning, bounds: Some(bounds) }), ..self }
+    }
+
+    /// A value of any type in the table `custom`, which the stage checks itself.
+    #[must_use]
+    pub fn value(self, meaning: &'static str) -> Self {
+        Key { custom: Some(Custom { meaning, bounds: None }), ..self }
+    }
+
+    /// Its name as seen from the table of its kind.
+    pub fn path(&self) -> String {
+        format!("{}{}", if self.custom.is_some() { "custom." } else { "" }, self.name)
+    }
+}
+
+/// Where kinds of one sort are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sort {
+    /// What one of them is called.
+    pub name: &'static str,
+    /// Its table in the robot's file.
+    pub table: &'static str,
+    /// The key by which it is chosen.
+    pub key: &'static str,
+    /// What is chosen where the file says nothing.
+    pub default: Option<&'static str>,
+    /// The table's definition in the JSON schema.
+    definition: &'static str,
+    /// Keys of the table that are read for every kind; empty: all of them.
+    common: &'static [&'static str],
+}
+
+impl Sort {
+    /// Whether a key of the table is read whatever the kind is.
+    pub(crate) fn is_common(&self, key: &str) -> bool {
+        self.common.is_empty() || self.common.contains(&key)
+    }
+}
+
+const CONTROLLER: Sort = Sort {
+    name: "controller",
+    table: "controller",
+    key: "kind",
+    default: None,
+    definition: "ControllerTable",
+    common: &["kind", "others", "custom"],
+};
+const REFERENCE: Sort = Sort {
+    name: "reference",
+    table: "reference",
+    key: "kind",
+    default: Some("hold"),
+    definition: "ReferenceTable",
+    common: &["kind", "custom"],
+};
+const ESTIMATOR: Sort = Sort {
+    name: "estimator",
+    table: "estimator",
+    key: "kind",
+    default: Some("wheel_odometry"),
+    definition: "EstimatorTable",
+    common: &["kind", "custom"],
+};
+const DEVICE: Sort = Sort {
+    name: "device",
+    table: "drive",
+    key: "device",
+    default: Some("cia402"),
+    definition: "DriveTable",
+    common: &[],
+};
+const LAYOUT: Sort = Sort {
+    name: "layout",
+    table: "platform",
+    key: "layout",
+    default: None,
+    definition: "PlatformTable",
+    common: &["layout", "wheel_radius_m", "footprint_m", "custom"],
+};
+
+/// The kinds of one sort, each with how it is made.
+pub struct Kinds<Make> {
+    /// Where they are chosen.
+    pub sort: Sort,
+    list: Vec<(Kind, Make)>,
+}
+
+impl<Make> Kinds<Make> {
+    fn new(sort: Sort) -> Self {
+        Kinds { sort, list: Vec::new() }
+    }
+
+    /// Adds a kind; one of the same name is replaced.
+    pub fn add(&mut self, kind: Kind, make: Make) {
+        self.list.retain(|(other, _)| other.name != kind.name);
+        self.list.push((kind, make));
+    }
+
+    /// All kinds, in the order in which they were added.
+    pub fn kinds(&self) -> impl Iterator<Item = &Kind> {
+        self.list.iter().map(|(kind, _)| kind)
+    }
+
+    /// Their names.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.kinds().map(|kind| kind.name).collect()
+    }
+
+    /// The kind of a name, or of the default where none is given, and how it is made.
+    pub fn find(&self, name: Option<&str>) -> Made<&(Kind, Make)> {
+        let name = name.or(self.sort.default).unwrap_or_default();
+        self.list.iter().find(|(kind, _)| kind.name == name).ok_or_else(|| self.unknown(name).into())
+    }
+
+    /// What is wrong with a name that nothing has.
+    fn unknown(&self, name: &str) -> Problem {
+        let names = self.names();
+        let near = nearest(name, names.iter().copied());
+        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let reason = format!("nothing is registered by this name{near}");
+        let (value, limit) = (Some(format!("\"{name}\"")), Some(names.join(", ")));
+        Problem { value, limit, ..Problem::new(ProblemKind::UnknownName, self.sort.key, reason) }
+    }
 }
 
 /// What a device brings along where the robot's file says nothing.
@@ -39,149 +251,104 @@ pub struct DeviceDefaults {
     pub parameters: Vec<ParameterPlan>,
 }
 
-type Make<Plan, Stage> = Box<dyn Fn(&Plan) -> Result<Box<Stage>, StageError> + Send + Sync>;
-
-struct Named<Plan, Stage: ?Sized> {
-    name: &'static str,
-    make: Make<Plan, Stage>,
+impl Kinds<MakeDevice> {
+    /// What a device brings along; `None` where none has this name.
+    pub fn defaults(&self, name: &str) -> Option<&DeviceDefaults> {
+        self.find(Some(name)).ok().map(|(_, device)| &device.defaults)
+    }
 }
 
-/// Stages by name.
+/// Makes a stage from a robot's plan.
+pub type MakeStage<Stage> = Box<dyn Fn(&RobotPlan) -> Made<Box<Stage>> + Send + Sync>;
+/// Makes a reference that keeps within the limits from its table alone: the robot's own, or one loaded while it runs.
+pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Limits) -> Made<Box<dyn Reference>> + Send + Sync>;
+/// Makes the wheels of a layout, in the order of the drives.
+pub type MakeWheels = Box<dyn Fn(&PlatformTable) -> Made<Vec<Wheel>> + Send + Sync>;
+
+/// Makes a drive's device.
+pub struct MakeDevice {
+    /// What it brings along.
+    pub defaults: DeviceDefaults,
+    /// Makes it; settings in its refusals are those of the drive's table, as everywhere.
+    pub make: Box<dyn Fn(&DrivePlan) -> Made<Box<dyn Device>> + Send + Sync>,
+}
+
+/// All kinds.
 pub struct Registry {
-    devices: Vec<(DeviceDefaults, Named<DrivePlan, dyn Device>)>,
-    estimators: Vec<Named<RobotPlan, dyn Estimator>>,
-    references: Vec<Named<RobotPlan, dyn Reference>>,
-    controllers: Vec<Named<RobotPlan, dyn Controller>>,
+    /// Control laws.
+    pub controllers: Kinds<MakeStage<dyn Controller>>,
+    /// Wished motions.
+    pub references: Kinds<MakeReference>,
+    /// From measurements to the platform's state.
+    pub estimators: Kinds<MakeStage<dyn Estimator>>,
+    /// Drives.
+    pub devices: Kinds<MakeDevice>,
+    /// Where the wheels stand.
+    pub layouts: Kinds<MakeWheels>,
 }
 
 impl Registry {
-    /// A registry without any stage.
+    /// A registry without any kind.
     pub fn empty() -> Self {
         Registry {
-            devices: Vec::new(),
-            estimators: Vec::new(),
-            references: Vec::new(),
-            controllers: Vec::new(),
+            controllers: Kinds::new(CONTROLLER),
+            references: Kinds::new(REFERENCE),
+            estimators: Kinds::new(ESTIMATOR),
+            devices: Kinds::new(DEVICE),
+            layouts: Kinds::new(LAYOUT),
         }
     }
 
-    /// A registry with the built-in stages.
+    /// A registry with the built-in kinds.
     pub fn with_built_in() -> Self {
         let mut registry = Registry::empty();
-        crate::devices::register(&mut registry);
-        crate::estimators::register(&mut registry);
-        crate::references::register(&mut registry);
         crate::controllers::register(&mut registry);
+        crate::references::register(&mut registry);
+        crate::estimators::register(&mut registry);
+        crate::devices::register(&mut registry);
+        crate::layouts::register(&mut registry);
         registry
     }
 
-    /// Registers a device; one of the same name is replaced.
-    pub fn device(
-        &mut self,
-        name: &'static str,
-        defaults: DeviceDefaults,
-        make: impl Fn(&DrivePlan) -> Result<Box<dyn Device>, StageError> + Send + Sync + 'static,
-    ) -> &mut Self {
-        self.devices.retain(|(_, device)| device.name != name);
-        self.devices.push((defaults, Named { name, make: Box::new(make) }));
-        self
-    }
-
-    /// Registers an estimator; one of the same name is replaced.
-    pub fn estimator(
-        &mut self,
-        name: &'static str,
-        make: impl Fn(&RobotPlan) -> Result<Box<dyn Estimator>, StageError> + Send + Sync + 'static,
-    ) -> &mut Self {
-        put(&mut self.estimators, name, Box::new(make));
-        self
-    }
-
-    /// Registers a reference; one of the same name is replaced.
-    pub fn reference(
-        &mut self,
-        name: &'static str,
-        make: impl Fn(&RobotPlan) -> Result<Box<dyn Reference>, StageError> + Send + Sync + 'static,
-    ) -> &mut Self {
-        put(&mut self.references, name, Box::new(make));
-        self
-    }
-
-    /// Registers a controller; one of the same name is replaced.
-    pub fn controller(
-        &mut self,
-        name: &'static str,
-        make: impl Fn(&RobotPlan) -> Result<Box<dyn Controller>, StageError> + Send + Sync + 'static,
-    ) -> &mut Self {
-        put(&mut self.controllers, name, Box::new(make));
-        self
-    }
-
-    /// Names of the devices.
-    pub fn devices(&self) -> Vec<&str> {
-        self.devices.iter().map(|(_, device)| device.name).collect()
-    }
-
-    /// Names of the estimators.
-    pub fn estimators(&self) -> Vec<&str> {
-        self.estimators.iter().map(|named| named.name).collect()
-    }
-
-    /// Names of the references.
-    pub fn references(&self) -> Vec<&str> {
-        self.references.iter().map(|named| named.name).collect()
-    }
-
-    /// Names of the controllers.
-    pub fn controllers(&self) -> Vec<&str> {
-        self.controllers.iter().map(|named| named.name).collect()
-    }
-
-    /// What a device brings along; `None` where none has this name.
-    pub fn device_defaults(&self, name: &str) -> Option<&DeviceDefaults> {
-        self.devices.iter().find(|(_, device)| device.name == name).map(|(defaults, _)| defaults)
-    }
-
-    /// Makes the device of a drive.
-    pub fn make_device(&self, plan: &DrivePlan) -> Result<Box<dyn Device>, StageError> {
-        let found = self.devices.iter().find(|(_, device)| device.name == plan.device);
-        let (_, device) =
-            found.ok_or_else(|| StageError::Unknown { stage: "device", name: plan.device.clone() })?;
-        (device.make)(plan)
+    /// Makes the devices of a plan's drives.
+    pub fn make_devices(&self, plan: &RobotPlan) -> Made<Vec<Box<dyn Device>>> {
+        all(plan.drives.iter().enumerate().map(|(index, drive)| {
+            let made = self.devices.find(Some(&drive.device)).and_then(|(_, device)| (device.make)(drive));
+            made.map_err(|error| error.under(format_args!("drive[{index}]")))
+        }))
     }
 
     /// Makes the estimator of a plan.
-    pub fn make_estimator(&self, plan: &RobotPlan) -> Result<Box<dyn Estimator>, StageError> {
-        make(&self.estimators, "estimator", plan.estimator.kind.as_deref().unwrap_or("wheel_odometry"), plan)
+    pub fn make_estimator(&self, plan: &RobotPlan) -> Made<Box<dyn Estimator>> {
+        let found = self.estimators.find(plan.estimator.kind.as_deref());
+        found.and_then(|(_, make)| make(plan)).map_err(|error| error.under(ESTIMATOR.table))
     }
 
-    /// Makes the reference of a plan.
-    pub fn make_reference(&self, plan: &RobotPlan) -> Result<Box<dyn Reference>, StageError> {
-        make(&self.references, "reference", plan.reference.kind.as_deref().unwrap_or("hold"), plan)
+    /// Makes the reference of a table; none of them lasts longer than anybody waits for.
+    pub fn make_reference(&self, table: &ReferenceTable, limits: &Limits) -> Made<Box<dyn Reference>> {
+        let found = self.references.find(table.kind.as_deref());
+        let made = found.and_then(|(_, make)| make(table, limits)).and_then(|reference| {
+            match reference.duration_s() {
+                Some(found_s) if !(0.0..=LONGEST_S).contains(&found_s) => {
+                    let reason = format!("it takes {found_s} s, expected 0 to {LONGEST_S} s");
+                    Err(Problem::refused("", reason).into())
+                }
+                _ => Ok(reference),
+            }
+        });
+        made.map_err(|error| error.under(REFERENCE.table))
     }
 
     /// Makes the controllers of a plan: the one that begins, then those to which it can be switched.
-    pub fn make_controllers(&self, plan: &RobotPlan) -> Result<Vec<Box<dyn Controller>>, StageError> {
-        plan.controllers().map(|name| make(&self.controllers, "controller", name, plan)).collect()
+    pub fn make_controllers(&self, plan: &RobotPlan) -> Made<Vec<Box<dyn Controller>>> {
+        let make = |name| self.controllers.find(Some(name)).and_then(|(_, make)| make(plan));
+        all(plan.controllers().map(make)).map_err(|error| error.under(CONTROLLER.table))
     }
 }
 
-fn put<Stage: ?Sized>(
-    list: &mut Vec<Named<RobotPlan, Stage>>,
-    name: &'static str,
-    make: Make<RobotPlan, Stage>,
-) {
-    list.retain(|named| named.name != name);
-    list.push(Named { name, make });
-}
-
-fn make<Stage: ?Sized>(
-    list: &[Named<RobotPlan, Stage>],
-    stage: &'static str,
-    name: &str,
-    plan: &RobotPlan,
-) -> Result<Box<Stage>, StageError> {
-    let named = list.iter().find(|named| named.name == name);
-    let named = named.ok_or_else(|| StageError::Unknown { stage, name: name.into() })?;
-    (named.make)(plan)
+/// All of them, or every reason why not.
+pub(crate) fn all<T>(made: impl Iterator<Item = Made<T>>) -> Made<Vec<T>> {
+    let mut problems = Vec::new();
+    let made: Vec<T> = made.filter_map(|one| one.map_err(|error| problems.extend(error.0)).ok()).collect();
+    if problems.is_empty() { Ok(made) } else { Err(StageError(problems)) }
 }

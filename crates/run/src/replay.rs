@@ -1,8 +1,7 @@
 //! A recording computed again, cycle by cycle, and compared bit by bit.
 
 use omnibase_record::run::RecordedRun;
-use omnibase_robot::config::ReferenceTable;
-use omnibase_robot::references::reference;
+use omnibase_robot::config::Source;
 use omnibase_robot::signals::{CycleRecord, NotARecord, Value};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{ImageBuffer, Problem, Registry, RequestKind, Robot, RobotPlan, StageError};
@@ -59,11 +58,18 @@ pub enum ReplayError {
 }
 
 /// The reference that was loaded by a number while the robot ran.
-fn loaded(run: &RecordedRun, plan: &RobotPlan, number: u32) -> Result<Box<dyn Reference>, ReplayError> {
-    let missing = || ReplayError::Reference { number };
-    let text = run.description.get(&reference_key(number)).ok_or_else(missing)?;
-    let table: ReferenceTable = toml::from_str(text).map_err(|_| missing())?;
-    reference(&table, &plan.limits).map_err(|_| missing())
+fn loaded(
+    run: &RecordedRun,
+    plan: &RobotPlan,
+    registry: &Registry,
+    number: u32,
+) -> Result<Box<dyn Reference>, ReplayError> {
+    let key = reference_key(number);
+    let text = run.description.get(&key).ok_or(ReplayError::Reference { number })?;
+    let source = Source::read_reference(text, &key);
+    let no_files = |_: &str| Err("the recording doesn't hold it".to_owned());
+    let checked = plan.check_reference(source, registry, &no_files);
+    checked.map(|(_, made)| made).map_err(ReplayError::Robot)
 }
 
 fn list(problems: &[Problem]) -> String {
@@ -113,7 +119,7 @@ pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, Replay
             return Err(ReplayError::Missing { index: cycle.time.index });
         }
         if let Some(RequestKind::UseReference { number }) = cycle.request.map(|request| request.kind) {
-            robot.offer_reference(number, loaded(run, &plan, number)?);
+            robot.offer_reference(number, loaded(run, &plan, registry, number)?);
         }
         cycle.values(&mut recorded);
         robot.replay(&cycle, &mut image).values(&mut computed);

@@ -24,24 +24,8 @@ pub struct RobotText {
     pub folder: PathBuf,
     /// Lines of TOML, each `table.key = value`, that replace what the file says.
     pub changes: Vec<String>,
-    /// The reference in place of the file's own, with the folder of the files it names.
-    pub reference: Option<NewReference>,
-}
-
-/// A reference in place of the robot file's own.
-#[derive(Clone, Debug)]
-pub enum NewReference {
-    /// A reference file: its name and its text.
-    File {
-        /// The name by which problems call it.
-        name: String,
-        /// Its text.
-        text: String,
-        /// The folder from which the files it names are read.
-        folder: PathBuf,
-    },
-    /// A table, from the command line.
-    Table(Box<ReferenceTable>),
+    /// The reference in place of the file's own.
+    pub reference: Option<Source<ReferenceTable>>,
 }
 
 /// A robot that was read and checked.
@@ -62,14 +46,8 @@ impl RobotText {
             source.problems.extend(changed.problems);
             source.file = merged(&source.file, &changed.file);
         }
-        match &self.reference {
-            Some(NewReference::File { name, text, folder }) => {
-                let read: Source<ReferenceTable> = Source::read(text, Some(name));
-                source.problems.extend(read.problems);
-                source.file.reference = absolute(read.file, folder);
-            }
-            Some(NewReference::Table(table)) => source.file.reference = (**table).clone(),
-            None => {}
+        if let Some(reference) = &self.reference {
+            source.replace_reference(reference.clone());
         }
         let effective = toml::to_string(&source.file).unwrap_or_else(|_| self.text.clone());
         let read = RefCell::new(BTreeMap::new());
@@ -98,13 +76,14 @@ pub fn from_description(
     RobotPlan::from_toml(text, registry, &read_file)
 }
 
-/// Files that a reference file names stand beside it.
-fn absolute(mut table: ReferenceTable, folder: &Path) -> ReferenceTable {
+/// A reference file, as text with the name by which problems call it; the files that it names stand in a folder.
+pub fn read_reference(text: &str, name: &str, folder: &Path) -> Source<ReferenceTable> {
+    let mut source = Source::read_reference(text, name);
     let beside = |name: String| {
         std::path::absolute(folder.join(&name)).map_or(name, |path| path.to_string_lossy().into_owned())
     };
-    table.points_file = table.points_file.map(beside);
-    table
+    source.file.points_file = source.file.points_file.map(beside);
+    source
 }
 
 /// A file with the keys that the other one has.

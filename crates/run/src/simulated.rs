@@ -1,7 +1,7 @@
 //! The simulated robot of a plan: what the file says, and the simulator's documented figures for the rest.
 
 use omnibase_ethercat_sim::Segment;
-use omnibase_ethercat_sim::device::drive::DriveKind;
+use omnibase_ethercat_sim::device::drive::{DriveKind, SGDV_PRODUCT, SGDV_VENDOR};
 use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_platform::Wheel;
 use omnibase_robot::RobotPlan;
@@ -120,7 +120,9 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
     });
     let station = |wheel: usize| {
         let drive = &plan.drives[wheel];
-        let kind = if drive.device == "sgdv" { DriveKind::Sgdv } else { DriveKind::Generic };
+        let is_sgdv = (drive.identity.vendor_id, drive.identity.product_code)
+            == (Some(SGDV_VENDOR), Some(SGDV_PRODUCT));
+        let kind = if is_sgdv { DriveKind::Sgdv } else { DriveKind::Generic };
         let mut station = DriveStation::new(kind, wheel);
         station.encoder = match drive.encoder {
             EncoderName::Incremental => Encoder::Incremental,

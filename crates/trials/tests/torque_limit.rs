@@ -1,13 +1,12 @@
 //! The torque limit reaches the motors under every law: what they truly gave, through frames and drives.
 
+use omnibase_robot::Registry;
 use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::framed::{Tracked, bring_up, track_and_look};
 use omnibase_trials::robots;
 
 /// What a motor's torque may lie above its limit by, N·m: rounding of the simulation's own sums.
 const ROUNDING_NM: f64 = 1e-9;
-
-const LAWS: [&str; 4] = ["open_loop", "closed_loop_speed", "adaptive_torque", "adaptive_model_free"];
 
 /// A square of 1 m in eight seconds, that asks for more than 1 and 2 N·m of any wheel.
 const SQUARE: &str = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [2, 1, 0, 0], [4, 1, 1, 0], [6, 0, 1, 0], [8, 0, 0, 0]]\n";
@@ -25,7 +24,7 @@ fn limited(robot: &str, law: &str, limit_nm: f64) -> String {
 fn no_motor_gives_more_than_the_limit_under_any_law() {
     println!("| robot | law | limit N·m | greatest N·m | what became of it | believed max mm |");
     for (name, robot) in [("bmm", robots::BMM), ("mecanum", robots::MECANUM)] {
-        for law in LAWS {
+        for law in Registry::with_built_in().controllers.names() {
             for limit_nm in [1.0, 2.0, 21.0] {
                 let tracked = track_and_look(&limited(robot, law, limit_nm));
                 let greatest_nm = greatest_nm(&tracked);

@@ -1,13 +1,25 @@
 //! Speed control with an integral part, which also takes away an error that stays.
 
-use crate::custom::Custom;
 use omnibase_platform::PerWheel;
 use omnibase_platform::{Kinematics, Twist2, wrap_angle_rad};
-use omnibase_robot::StageError;
 use omnibase_robot::config::{Limits, RobotPlan};
 use omnibase_robot::controllers::saturated;
+use omnibase_robot::registry::{Kind, Made, Registry, needed};
 use omnibase_robot::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use omnibase_robot::stages::{Controller, Gain};
+
+/// Registers it.
+pub fn register(registry: &mut Registry) {
+    let kind = Kind {
+        name: "pi_speed",
+        meaning: "Speed control with an integral part",
+        keys: vec![
+            needed("kp_1_s").number("Proportional gain, 1/s", 0.0..=100.0),
+            needed("ki_1_s2").number("Integral gain, 1/s²", 0.0..=100.0),
+        ],
+    };
+    registry.controllers.add(kind, Box::new(|plan| Ok(Box::new(PiSpeed::new(plan)?))));
+}
 
 /// Speed = feed-forward + Kp·e + Ki·∫e dt, per axis in odom.
 #[derive(Clone, Debug)]
@@ -21,15 +33,13 @@ pub struct PiSpeed {
 }
 
 impl PiSpeed {
-    /// The law as a plan says: `custom.kp_1_s` and `custom.ki_1_s2`.
-    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
-        let custom = Custom { table: "controller.custom", values: &plan.controller.custom };
-        custom.only(&["kp_1_s", "ki_1_s2"])?;
+    /// The law as a plan says.
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
         Ok(PiSpeed {
             kinematics: plan.kinematics.clone(),
             limits: plan.limits,
-            kp_1_s: custom.number("kp_1_s", 0.0..=100.0)?,
-            ki_1_s2: custom.number("ki_1_s2", 0.0..=100.0)?,
+            kp_1_s: plan.controller.custom.number("kp_1_s")?,
+            ki_1_s2: plan.controller.custom.number("ki_1_s2")?,
             integral: [0.0; 3],
         })
     }

@@ -1,16 +1,21 @@
 //! A drive that maps no actual speed (0x606C): it is taken from the encoder instead.
 
-use crate::custom::Custom;
 use omnibase_robot::config::DrivePlan;
 use omnibase_robot::devices::Cia402Device;
-use omnibase_robot::registry::DeviceDefaults;
+use omnibase_robot::registry::{Kind, Made, MakeDevice, Registry, needed};
 use omnibase_robot::signals::{CycleTime, DriveMeasurement, DriveProgress};
 use omnibase_robot::stages::{Device, DriveCommand};
-use omnibase_robot::{Registry, StageError};
 
-/// What the robot's file need not say: the same as for a drive of the profile.
-pub fn defaults() -> DeviceDefaults {
-    Registry::with_built_in().device_defaults("cia402").cloned().unwrap_or_default()
+/// Registers it; what the robot's file need not say is the same as for a drive of the profile.
+pub fn register(registry: &mut Registry) {
+    let kind = Kind {
+        name: "speed_from_counts",
+        meaning: "A CiA 402 drive whose speed is taken from its encoder",
+        keys: vec![needed("filter_1_s").number("Cut-off of the filter, 1/s", 1.0..=10_000.0)],
+    };
+    let defaults = registry.devices.defaults("cia402").cloned().unwrap_or_default();
+    let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(SpeedFromCounts::new(plan)?))) };
+    registry.devices.add(kind, make);
 }
 
 /// A CiA 402 drive whose speed is the filtered derivative of its position.
@@ -25,14 +30,11 @@ pub struct SpeedFromCounts {
 }
 
 impl SpeedFromCounts {
-    /// The device of a drive; `custom.filter_1_s` is the filter's cut-off, 1/s.
-    pub fn new(plan: &DrivePlan) -> Result<Self, StageError> {
-        let table = format!("drive {}: custom", plan.name);
-        let custom = Custom { table: &table, values: &plan.custom };
-        custom.only(&["filter_1_s"])?;
+    /// The device of a drive.
+    pub fn new(plan: &DrivePlan) -> Made<Self> {
         Ok(SpeedFromCounts {
             drive: Cia402Device::new(plan)?,
-            filter_1_s: custom.number("filter_1_s", 1.0..=10_000.0)?,
+            filter_1_s: plan.custom.number("filter_1_s")?,
             read_ns: None,
             speed_rad_s: 0.0,
         })

@@ -2,8 +2,15 @@
 
 use omnibase_platform::{Kinematics, PerWheel, Pose2};
 use omnibase_robot::config::RobotPlan;
+use omnibase_robot::registry::{Kind, Registry};
 use omnibase_robot::signals::{Exchange, PlatformState};
 use omnibase_robot::stages::{Estimator, Observation};
+
+/// Registers it.
+pub fn register(registry: &mut Registry) {
+    let kind = Kind { name: "midpoint_odometry", meaning: "Odometry by the midpoint rule", keys: Vec::new() };
+    registry.estimators.add(kind, Box::new(|plan| Ok(Box::new(MidpointOdometry::new(plan)))));
+}
 
 /// Odometry by the midpoint rule, without covariance, regimes or slip; speeds as the drives measured them.
 #[derive(Clone, Debug)]

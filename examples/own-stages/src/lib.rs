@@ -4,13 +4,11 @@
 //! - [`estimator`]: the simplest odometry that works.
 //! - [`reference`](mod@reference): to the left and back, several times.
 //! - [`controller`]: speed control with an integral part.
-//! - [`custom`]: reads their settings from the robot's file.
 //!
 //! [`register`] puts them into a registry by the names that `robot.toml` uses; [`simulate`] runs a robot with them.
 #![forbid(unsafe_code)]
 
 pub mod controller;
-pub mod custom;
 pub mod device;
 pub mod estimator;
 pub mod reference;
@@ -22,13 +20,10 @@ use std::sync::atomic::AtomicBool;
 
 /// Registers the stages of this crate beside those that are there.
 pub fn register(registry: &mut Registry) {
-    registry
-        .device("speed_from_counts", device::defaults(), |plan| {
-            Ok(Box::new(device::SpeedFromCounts::new(plan)?))
-        })
-        .estimator("midpoint_odometry", |plan| Ok(Box::new(estimator::MidpointOdometry::new(plan))))
-        .reference("sway", |plan| Ok(Box::new(reference::Sway::new(plan)?)))
-        .controller("pi_speed", |plan| Ok(Box::new(controller::PiSpeed::new(plan)?)));
+    device::register(registry);
+    estimator::register(registry);
+    reference::register(registry);
+    controller::register(registry);
 }
 
 /// Runs a robot once, from bring-up to the drives' end, on the simulated robot of its plan and on virtual time.

@@ -1,12 +1,25 @@
 //! To the left and back, several times, smoothly: y = left · sin⁴(π·t/period).
 
-use crate::custom::Custom;
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::StageError;
-use omnibase_robot::config::RobotPlan;
+use omnibase_robot::config::{Limits, Problem, ReferenceTable};
+use omnibase_robot::registry::{Kind, Made, Registry, needed};
 use omnibase_robot::signals::{ReferenceStatus, Setpoint};
 use omnibase_robot::stages::Reference;
 use std::f64::consts::PI;
+
+/// Registers it.
+pub fn register(registry: &mut Registry) {
+    let kind = Kind {
+        name: "sway",
+        meaning: "To the left and back, several times",
+        keys: vec![
+            needed("left_m").number("How far to the left, m", -100.0..=100.0),
+            needed("period_s").number("Time there and back, s", 0.1..=1000.0),
+            needed("times").number("How often", 1.0..=10_000.0),
+        ],
+    };
+    registry.references.add(kind, Box::new(|table, limits| Ok(Box::new(Sway::new(table, limits)?))));
+}
 
 /// Sways to the left of where it starts; the heading stays.
 #[derive(Clone, Debug)]
@@ -18,15 +31,13 @@ pub struct Sway {
 }
 
 impl Sway {
-    /// The motion of a plan; refused where the platform's limits don't allow it.
-    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
-        let custom = Custom { table: "reference.custom", values: &plan.reference.custom };
-        custom.only(&["left_m", "period_s", "times"])?;
-        let left_m = custom.number("left_m", -100.0..=100.0)?;
-        let period_s = custom.number("period_s", 0.1..=1000.0)?;
-        let times = custom.number("times", 1.0..=10_000.0)?.round();
+    /// The motion of a table; refused where the platform's limits don't allow it.
+    pub fn new(table: &ReferenceTable, limits: &Limits) -> Made<Self> {
+        let left_m = table.custom.number("left_m")?;
+        let period_s = table.custom.number("period_s")?;
+        let times = table.custom.number("times")?.round();
         // Peaks of the derivatives of sin⁴: 3√3/4 of the first, 4 of the second, 10.95 of the third.
-        let (limits, w) = (&plan.limits, PI / period_s);
+        let w = PI / period_s;
         let peaks = [
             ("speed", 0.75 * 3_f64.sqrt() * left_m.abs() * w, limits.speed_m_s, "m/s"),
             ("acceleration", 4.0 * left_m.abs() * w.powi(2), limits.acceleration_m_s2, "m/s²"),
@@ -42,7 +53,7 @@ impl Sway {
                 "{period_s} s need a {what} of {peak:.2} {unit}, allowed is {limit} {unit}; the limits allow \
                  {needed_s:.2} s and more"
             );
-            return Err(custom.refused("period_s", reason));
+            return Err(Problem::refused("custom.period_s", reason).into());
         }
         Ok(Sway { left_m, period_s, times, from: Pose2::default() })
     }

@@ -2,7 +2,7 @@
 
 use omnibase_robot::signals::CycleTime;
 use omnibase_robot::stages::{Device, Reference};
-use omnibase_robot::{Registry, Robot, RobotPlan};
+use omnibase_robot::{Problem, Registry, RobotPlan};
 use own_stages::device::SpeedFromCounts;
 use own_stages::reference::Sway;
 use own_stages::simulate;
@@ -15,15 +15,22 @@ fn registry() -> Registry {
     registry
 }
 
+fn check(text: &str) -> Result<RobotPlan, Vec<Problem>> {
+    RobotPlan::from_toml(text, &registry(), &|name| Err(format!("no file {name}")))
+}
+
 fn plan(text: &str) -> RobotPlan {
-    let no_files = |name: &str| Err(format!("no file {name}"));
-    RobotPlan::from_toml(text, &registry(), &no_files).expect("a sound file")
+    check(text).expect("a sound file")
 }
 
 fn refusal(from: &str, to: &str) -> String {
     let text = ROBOT.replace(from, to);
     assert_ne!(text, ROBOT, "{from} isn't in the file");
-    Robot::build(&plan(&text), &registry()).err().expect("refused").to_string()
+    let problems = check(&text).expect_err("refused");
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    let Problem { place, .. } = &problems[0];
+    assert!(place.is_some(), "{problems:?}");
+    Problem { place: None, ..problems[0].clone() }.to_string()
 }
 
 #[test]
@@ -60,7 +67,8 @@ fn the_speed_from_the_encoder_is_that_of_the_wheel() {
 
 #[test]
 fn speed_and_acceleration_of_the_reference_are_its_derivatives() {
-    let mut sway = Sway::new(&plan(ROBOT)).expect("a reference");
+    let plan = plan(ROBOT);
+    let mut sway = Sway::new(&plan.reference, &plan.limits).expect("a reference");
     sway.start(&Default::default());
     let (end_s, h) = (sway.duration_s().expect("it ends"), 1e-4);
     for step in 1..1000 {
@@ -77,10 +85,16 @@ fn speed_and_acceleration_of_the_reference_are_its_derivatives() {
 
 #[test]
 fn settings_that_make_no_sense_are_refused_with_value_limit_and_reason() {
-    let unknown = refusal("ki_1_s2 = 4.0", "ki_1_s2 = 4.0, ki = 1.0");
-    assert_eq!(unknown, "controller.custom.ki: unknown key; known are kp_1_s, ki_1_s2");
+    let unknown = refusal("ki_1_s2 = 4.0", "ki_1_s2 = 4.0, ki_1_s = 1.0");
+    let hint = "controller.custom.ki_1_s = 1.0: no controller reads it; did you mean `custom.ki_1_s2`?";
+    assert!(unknown.starts_with(hint), "{unknown}");
     let missing = refusal("filter_1_s = 800.0", "");
-    assert_eq!(missing, "drive rear: custom.filter_1_s: must be given: a number");
+    assert_eq!(missing, "drive_defaults.custom.filter_1_s: must be given: `speed_from_counts` needs it");
+    let wild = refusal("kp_1_s = 6.0", "kp_1_s = 600.0");
+    assert_eq!(
+        wild,
+        "controller.custom.kp_1_s = 600.0: expected a number within its bounds (allowed: 0 to 100)"
+    );
     let fast = refusal("period_s = 6.0", "period_s = 2.0");
     assert_eq!(
         fast,

@@ -30,16 +30,20 @@ pub struct Bench {
 
 impl Bench {
     pub fn new() -> Self {
+        Bench::with(Registry::with_built_in(), &[])
+    }
+
+    /// The same with other kinds, and with changes of the robot's file.
+    pub fn with(registry: Registry, changes: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let text =
-            RobotText { text: include_str!("../../../../robots/bmm.toml").into(), ..RobotText::default() };
-        let registry = Registry::with_built_in();
+        let changes = changes.iter().map(|change| (*change).to_owned()).collect();
+        let text = include_str!("../../../../robots/bmm.toml").into();
+        let text = RobotText { text, changes, ..RobotText::default() };
         let robot = text.load(&registry).unwrap();
         let (live, end) = live(AGES, StopCategory::RampThenRemove);
         let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
         let paths = folder.path().to_owned();
-        let about =
-            RobotInfo { text, robot, registry, known: Known::Truth, paths, streams: Streams::default() };
+        let about = RobotInfo { robot, registry, known: Known::Truth, paths, streams: Streams::default() };
         Bench { dashboard: Dashboard::start(access, live, about).unwrap(), end, cycle: 0, folder }
     }
 

@@ -3,8 +3,8 @@
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_robot::config::{
-    AvoidanceKind, ComebackEnd, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, RobotFile,
-    SafetyPlan, TorqueLimit, TorqueLimitTold, json_schema,
+    AvoidanceKind, ComebackEnd, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, SafetyPlan,
+    TorqueLimit, TorqueLimitTold,
 };
 use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
@@ -17,33 +17,43 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   omnibase check robots/bmm.toml
   omnibase check robots/bmm.toml --json
+  omnibase check --kinds                                 what may be chosen by name, and which keys it reads
   omnibase check --schema > robots/robot.schema.json     for editors
 
 Exit code 1 where the file has a problem.")]
 pub struct Arguments {
     /// Robot file (TOML).
-    #[arg(required_unless_present = "schema")]
+    #[arg(required_unless_present_any = ["schema", "kinds"])]
     robot: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
-    /// Print one JSON object: {"problems": [...]} or the plan.
+    /// Print JSON: {"problems": [...]} or the plan; or the kinds.
     #[arg(long)]
     json: bool,
     /// Print the JSON schema of robot files.
     #[arg(long)]
     schema: bool,
+    /// Print the controllers, references, estimators, devices and layouts with the keys that they read.
+    #[arg(long, conflicts_with = "schema")]
+    kinds: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    if let (true, _) | (_, None) = (arguments.schema, &arguments.robot) {
-        serde_json::to_writer_pretty(&mut *output, &json_schema::<RobotFile>())?;
-        writeln!(output)?;
+    let registry = Registry::with_built_in();
+    let Some(path) = arguments.robot.as_deref().filter(|_| !arguments.schema && !arguments.kinds) else {
+        let kinds = registry.describe();
+        if arguments.kinds && !arguments.json {
+            print_kinds(&kinds, output)?;
+        } else {
+            let told = if arguments.kinds { kinds } else { registry.json_schema() };
+            serde_json::to_writer_pretty(&mut *output, &told)?;
+            writeln!(output)?;
+        }
         return Ok(Outcome::Done);
-    }
-    let path = arguments.robot.as_deref().unwrap_or(std::path::Path::new(""));
+    };
     let source = RobotSource::read(path, &arguments.changes)?;
-    match source.load(&Registry::with_built_in()) {
+    match source.load(&registry) {
         Ok(robot) => {
             if arguments.json {
                 serde_json::to_writer_pretty(&mut *output, &plan_json(&robot.plan))?;
@@ -67,6 +77,27 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             Ok(Outcome::Failed)
         }
     }
+}
+
+/// Each kind with its keys; those that must be given have a star.
+fn print_kinds(sorts: &Value, output: &mut dyn Write) -> io::Result<()> {
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    for sort in list(sorts) {
+        let default = sort["default"].as_str().map_or(String::new(), |name| format!(", default: {name}"));
+        writeln!(output, "[{}] {}{default}", text(&sort["table"]), text(&sort["key"]))?;
+        for kind in list(&sort["kinds"]) {
+            writeln!(output, "  {:<30} {}.", text(&kind["name"]), text(&kind["meaning"]))?;
+            for key in list(&kind["keys"]) {
+                let star = if key["needed"] == true { '*' } else { ' ' };
+                let (meaning, allowed) = (text(&key["meaning"]), text(&key["allowed"]));
+                let allowed = if allowed.is_empty() { allowed } else { format!(" Allowed: {allowed}.") };
+                writeln!(output, "   {star} {:<28} {meaning}{allowed}", text(&key["name"]))?;
+            }
+        }
+        writeln!(output)?;
+    }
+    writeln!(output, "* must be given")
 }
 
 fn problem_json(problem: &Problem) -> Value {
@@ -223,7 +254,7 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         plan.bus.drive_watchdog.us()
     )?;
     writeln!(output, "controller  {}", controllers.join(", then on request "))?;
-    writeln!(output, "reference   {}", plan.reference.kind.as_deref().unwrap_or("hold"))?;
+    writeln!(output, "reference   {}", plan.reference.kind.as_deref().unwrap_or_default())?;
     let source = match plan.guard.footprint_source {
         FootprintSource::Given => "as given",
         FootprintSource::Wheels => {

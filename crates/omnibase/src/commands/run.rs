@@ -86,13 +86,11 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let registry = Registry::with_built_in();
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
-    if let Some(reference) = arguments.reference.chosen()? {
-        source.text.reference = Some(reference);
-    }
+    source.text.reference = arguments.reference.chosen(&registry)?;
     let robot = source.load_or_explain(&registry)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
-        is_operated || robot.plan.reference.kind.as_deref().is_some_and(|kind| kind != "hold"),
+        is_operated || robot.plan.reference.kind.as_deref() != registry.references.sort.default,
         "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}; or \
          --dashboard or --joystick to drive by hand",
         arguments.robot.display()
@@ -110,8 +108,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
-    let (operated, live) =
-        arguments.operated.start(source.text, &robot, registry, known, describer.clone())?.unzip();
+    let (operated, live) = arguments.operated.start(&robot, registry, known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,

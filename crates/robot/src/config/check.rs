@@ -5,14 +5,16 @@ use std::fmt::Display;
 use super::drives;
 use super::file::*;
 use super::guard_check;
+use super::kind_keys::Given;
 use super::plan::*;
 use super::platform;
 use super::problem::{Problem, ProblemKind};
 use super::sdo_writes;
-use super::source::{Locations, Source, nearest};
+use super::source::{Locations, Source};
 use super::torque_limit;
-use crate::registry::Registry;
-use crate::signals::{SafetyAction, StopCategory};
+use crate::registry::{Kind, Made, Registry, StageError};
+use crate::signals::{Quantity, SafetyAction, StopCategory};
+use crate::stages::Reference;
 
 /// Lost exchanges in a row that are tolerated by default.
 const LOST_EXCHANGES_TOLERATED: u32 = 3;
@@ -41,14 +43,21 @@ impl RobotPlan {
         let Source { file, locations, problems } = source;
         let mut check = Check { locations, problems };
         let plan = check.robot(file, registry, read_file);
-        let mut problems = check.problems;
-        problems.sort_by_key(|problem| {
-            problem.place.as_ref().map_or((true, 0), |place| (place.file.is_some(), place.span.start))
-        });
-        match plan {
-            Some(plan) if problems.is_empty() => Ok(plan),
-            _ => Err(problems),
-        }
+        check.end(plan)
+    }
+
+    /// Checks another reference for this robot: its whole table and what is made of it, or every problem at once.
+    pub fn check_reference(
+        &self,
+        source: Source<ReferenceTable>,
+        registry: &Registry,
+        read_file: ReadFile<'_>,
+    ) -> Result<(ReferenceTable, Box<dyn Reference>), Vec<Problem>> {
+        let Source { file, locations, problems } = source;
+        let mut check = Check { locations, problems };
+        let table = check.reference(file, registry, read_file);
+        let made = table.as_ref().and_then(|table| check.reachable(table, &self.limits, registry));
+        check.end(table.zip(made))
     }
 }
 
@@ -60,22 +69,47 @@ pub(super) struct Check {
 
 impl Check {
     pub(super) fn report(&mut self, kind: ProblemKind, setting: &str, reason: impl Display) -> &mut Problem {
-        let place = self.locations.place(setting);
-        self.problems.push(Problem {
-            kind,
-            setting: setting.into(),
-            value: None,
-            limit: None,
-            reason: reason.to_string(),
-            place,
-        });
+        self.add(Problem::new(kind, setting, reason))
+    }
+
+    fn add(&mut self, problem: Problem) -> &mut Problem {
+        let place = self.locations.place(&problem.setting);
+        self.problems.push(Problem { place, ..problem });
         self.problems.last_mut().expect("just pushed")
+    }
+
+    /// What was found, in the order of the file, unless it is sound.
+    fn end<T>(self, found: Option<T>) -> Result<T, Vec<Problem>> {
+        let mut problems = self.problems;
+        problems.sort_by_key(|problem| {
+            problem.place.as_ref().map_or((true, 0), |place| (place.file.is_some(), place.span.start))
+        });
+        match found {
+            Some(found) if problems.is_empty() => Ok(found),
+            _ => Err(problems),
+        }
+    }
+
+    /// Whether nothing was said yet about a table and what is in it.
+    pub(super) fn is_sound(&self, table: &str) -> bool {
+        let is_of = |rest: &str| rest.is_empty() || rest.starts_with(['.', '[']);
+        !self.problems.iter().any(|problem| problem.setting.strip_prefix(table).is_some_and(is_of))
+    }
+
+    /// What was made; otherwise every reason why not, with its place.
+    pub(super) fn made<T>(&mut self, made: Made<T>) -> Option<T> {
+        let refused = |error: StageError| {
+            for problem in error.0 {
+                self.add(problem);
+            }
+        };
+        made.map_err(refused).ok()
     }
 
     /// A setting that must be there. One whose value was refused already isn't reported twice.
     pub(super) fn need<T>(&mut self, value: Option<T>, setting: &str, why: &str) -> Option<T> {
         if value.is_none() && !self.refused(setting) {
-            self.report(ProblemKind::Missing, setting, format_args!("must be given: {why}"));
+            self.add(Problem::missing(setting, why));
         }
         value
     }
@@ -93,62 +127,44 @@ impl Check {
         })
     }
 
-    pub(super) fn known_name(&mut self, setting: &str, name: &str, known: &[&str]) -> Option<()> {
-        if known.contains(&name) {
-            return Some(());
-        }
-        let reason = match nearest(name, known.iter().copied()) {
-            Some(near) => format!("nothing is registered by this name; did you mean `{near}`?"),
-            None => "nothing is registered by this name".to_string(),
-        };
-        let problem = self.report(ProblemKind::UnknownName, setting, reason);
-        problem.value = Some(format!("\"{name}\""));
-        problem.limit = Some(known.join(", "));
-        None
-    }
-
     fn robot(&mut self, file: RobotFile, registry: &Registry, read_file: ReadFile<'_>) -> Option<RobotPlan> {
         let name = self.need(file.name.clone(), "name", "recordings and reports carry it");
         let bus = self.bus(&file.bus, &file.safety);
         let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
         let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
-        let kinematics = platform::resolve(self, &file.platform, file.drive.len());
+        let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
         let safety = self.safety(&file.safety);
         let guard = guard_check::resolve(self, &file, kinematics.as_ref());
         let controller = self.controller(file.controller, registry);
-        let estimator = file.estimator;
-        let estimator_kind = estimator.kind.as_deref().unwrap_or("wheel_odometry");
-        let estimator_known = self.known_name("estimator.kind", estimator_kind, &registry.estimators());
+        let estimator = self.estimator(file.estimator, registry);
         let reference = self.reference(file.reference, registry, read_file);
         self.joystick(&file.joystick);
         self.simulation(&file.simulation);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
-            self.reachable(reference, limits);
+            self.reachable(reference, limits, registry);
         }
         let (limits, mut drives) = (limits?, drives?);
         self.motors_reach_limits(&drives, &limits);
         torque_limit::resolve(self, &mut drives, &limits);
-        if let Some(controller) = &controller {
-            self.targets_are_mapped(&drives, controller);
-        }
-        estimator_known?;
-        Some(RobotPlan {
+        let plan = RobotPlan {
             name: name?,
             bus: bus?,
             sdo_write_while_enabled,
             drives,
             kinematics: kinematics?,
             limits,
-            estimator,
+            estimator: estimator?,
             controller: controller?,
             reference: reference?,
             safety,
             joystick: file.joystick,
             guard: guard?,
             simulation: file.simulation,
-        })
+        };
+        self.stages(&plan, registry);
+        Some(plan)
     }
 
     fn bus(&mut self, table: &BusTable, safety: &SafetyTable) -> Option<BusPlan> {
@@ -265,79 +281,80 @@ impl Check {
         }
     }
 
+    /// Keys of every controller may be given: a running robot may be switched, and the command line names others.
     fn controller(&mut self, table: ControllerTable, registry: &Registry) -> Option<ControllerTable> {
-        let kind = self.need(table.kind.clone(), "controller.kind", "there is no default control law")?;
-        self.known_name("controller.kind", &kind, &registry.controllers())?;
-        let others = table.others.iter().flatten();
-        for (index, other) in others.clone().enumerate() {
-            self.known_name(&format!("controller.others[{index}]"), other, &registry.controllers())?;
+        let kinds = &registry.controllers;
+        let name = self.need(table.kind.as_deref(), "controller.kind", "there is no default control law")?;
+        let given = Given::of(&table);
+        let others = table.others.iter().flatten().enumerate();
+        let others = others.map(|(index, other)| (format!("controller.others[{index}]"), other.as_str()));
+        let mut are_known = true;
+        for (setting, name) in [("controller.kind".to_owned(), name)].into_iter().chain(others) {
+            match self.known(kinds, &setting, Some(name)) {
+                Some((kind, _)) => self.kind_reads(kind, &given, &|key| format!("controller.{key}")),
+                None => are_known = false,
+            }
         }
-        if kind == "adaptive_torque" || others.clone().any(|other| other == "adaptive_torque") {
-            let why = "adaptive_torque starts from it";
-            self.need(table.mass_kg, "controller.mass_kg", why);
-            self.need(table.inertia_kg_m2, "controller.inertia_kg_m2", why);
-        }
-        self.estimate("mass", table.mass_kg, table.mass_bounds_kg, "kg");
-        self.estimate("inertia", table.inertia_kg_m2, table.inertia_bounds_kg_m2, "kg_m2");
-        if let (Some(first), Some(greatest)) = (table.friction_n, table.friction_max_n)
-            && first > greatest
-        {
-            let reason = "the first estimate must lie within its bound";
-            let problem = self.report(ProblemKind::OutOfRange, "controller.friction_n", reason);
-            problem.value = Some(first.to_string());
-            problem.limit = Some(format!("at most friction_max_n = {greatest}"));
-        }
-        if let Some(negative) = table.kp_1_s.unwrap_or_default().iter().find(|gain| **gain < 0.0) {
-            let reason = "a negative gain drives away from the path";
-            let problem = self.report(ProblemKind::OutOfRange, "controller.kp_1_s", reason);
-            problem.value = Some(negative.to_string());
-            problem.limit = Some("at least 0".into());
-        }
+        let all: Vec<&Kind> = kinds.kinds().collect();
+        self.nobody_reads(&all, &given, &kinds.sort, "controller");
+        are_known.then_some(table)
+    }
+
+    fn estimator(&mut self, table: EstimatorTable, registry: &Registry) -> Option<EstimatorTable> {
+        let kinds = &registry.estimators;
+        let (kind, _) = self.known(kinds, "estimator.kind", table.kind.as_deref())?;
+        self.keys(kind, &Given::of(&table), &kinds.sort);
         Some(table)
     }
 
-    fn estimate(&mut self, what: &str, first: Option<f64>, bounds: Option<[f64; 2]>, unit: &str) {
-        let Some([low, high]) = bounds else { return };
-        if !(low > 0.0 && low < high) {
-            let setting = format!("controller.{what}_bounds_{unit}");
-            let problem =
-                self.report(ProblemKind::OutOfRange, &setting, "bounds rise, and nothing weighs nothing");
-            problem.value = Some(format!("[{low}, {high}]"));
-            problem.limit = Some("0 < first < second".into());
-        } else if let Some(first) = first
-            && !(low..=high).contains(&first)
-        {
-            let reason = "the first estimate must lie within its bounds";
-            let problem = self.report(ProblemKind::OutOfRange, &format!("controller.{what}_{unit}"), reason);
-            problem.value = Some(first.to_string());
-            problem.limit = Some(format!("{low} to {high}"));
-        }
-    }
-
+    /// A reference with its path points read, and its kind by name.
     fn reference(
         &mut self,
-        table: ReferenceTable,
+        mut table: ReferenceTable,
         registry: &Registry,
         read_file: ReadFile<'_>,
     ) -> Option<ReferenceTable> {
-        let kind = table.kind.clone().unwrap_or_else(|| "hold".into());
-        self.known_name("reference.kind", &kind, &registry.references())?;
-        resolve_reference(self, table, read_file)
+        let kinds = &registry.references;
+        let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
+        table.kind = Some(kind.name.to_owned());
+        if let Some(name) = table.points_file.as_ref().filter(|_| kind.reads("points_file")) {
+            if table.points.is_some() {
+                let reason = "give `points` or `points_file`, not both";
+                self.report(ProblemKind::Contradiction, "reference.points_file", reason);
+            }
+            match read_file(name).and_then(|text| crate::references::read_points(&text)) {
+                Ok(points) => table.points = Some(points),
+                Err(reason) => {
+                    let problem = self.report(ProblemKind::File, "reference.points_file", reason);
+                    problem.value = Some(format!("\"{name}\""));
+                    return None;
+                }
+            }
+        }
+        self.keys(kind, &Given::of(&table), &kinds.sort);
+        Some(table)
     }
 
     /// What the limits don't let the platform reach in its time is refused beforehand.
-    fn reachable(&mut self, reference: &ReferenceTable, limits: &Limits) {
-        let Err(refusals) = crate::references::trajectory(reference, limits) else { return };
-        for refusal in refusals {
-            let setting = match (refusal.key.as_str(), &reference.points_file) {
-                ("", _) => "reference".to_string(),
-                (key, Some(_)) if key.starts_with("points") => "reference.points_file".to_string(),
-                (key, _) => format!("reference.{key}"),
-            };
-            let file = reference.points_file.as_ref().filter(|_| setting == "reference.points_file");
-            self.report(ProblemKind::OutOfRange, &setting, refusal.reason).value =
-                file.map(|name| format!("\"{name}\""));
+    fn reachable(
+        &mut self,
+        table: &ReferenceTable,
+        limits: &Limits,
+        registry: &Registry,
+    ) -> Option<Box<dyn Reference>> {
+        if !self.is_sound("reference") {
+            return None;
         }
+        let mut made = registry.make_reference(table, limits);
+        if let (Err(error), Some(file)) = (&mut made, &table.points_file) {
+            for problem in
+                error.0.iter_mut().filter(|problem| problem.setting.starts_with("reference.points"))
+            {
+                "reference.points_file".clone_into(&mut problem.setting);
+                problem.value = Some(format!("\"{file}\""));
+            }
+        }
+        self.made(made)
     }
 
     fn simulation(&mut self, table: &SimulationTable) {
@@ -361,22 +378,36 @@ impl Check {
         }
     }
 
-    /// What a built-in controller tells the wheels must have a place in the drives' process data.
-    fn targets_are_mapped(&mut self, drives: &[DrivePlan], controller: &ControllerTable) {
-        for kind in controller.kind.iter().chain(controller.others.iter().flatten()) {
-            let (object, bits, what) = match kind.as_str() {
-                "open_loop" | "closed_loop_speed" => (0x60FF, 32, "the target speed"),
-                "adaptive_torque" | "adaptive_model_free" => (0x6071, 16, "the target torque"),
-                _ => continue,
-            };
-            for (index, drive) in drives.iter().enumerate() {
-                if !drives::is_mapped(&drive.outputs, object, bits) {
-                    let reason =
-                        format!("{kind} needs {what} in the map of {}, whole and at a byte", drive.name);
-                    let problem =
-                        self.report(ProblemKind::Missing, &format!("drive[{index}].outputs"), reason);
-                    problem.limit = Some(format!("{object:04X}:{bits}"));
-                }
+    /// Stages that can't be made are told now, and not where the robot is built.
+    fn stages(&mut self, plan: &RobotPlan, registry: &Registry) {
+        if self.is_sound("drive") && self.is_sound("drive_defaults") {
+            self.made(registry.make_devices(plan));
+        }
+        if self.is_sound("estimator") {
+            self.made(registry.make_estimator(plan));
+        }
+        if self.is_sound("controller")
+            && let Some(controllers) = self.made(registry.make_controllers(plan))
+        {
+            for (name, controller) in plan.controllers().zip(&controllers) {
+                self.target_is_mapped(&plan.drives, name, controller.quantity());
+            }
+        }
+    }
+
+    /// What a controller tells the wheels must have a place in the drives' process data.
+    fn target_is_mapped(&mut self, drives: &[DrivePlan], controller: &str, quantity: Quantity) {
+        let (object, bits, what) = match quantity {
+            Quantity::Nothing => return,
+            Quantity::Speed => (0x60FF, 32, "the target speed"),
+            Quantity::Torque => (0x6071, 16, "the target torque"),
+        };
+        for (index, drive) in drives.iter().enumerate() {
+            if !drives::is_mapped(&drive.outputs, object, bits) {
+                let reason =
+                    format!("{controller} needs {what} in the map of {}, whole and at a byte", drive.name);
+                let problem = self.report(ProblemKind::Missing, &format!("drive[{index}].outputs"), reason);
+                problem.limit = Some(format!("{object:04X}:{bits}"));
             }
         }
     }
@@ -393,43 +424,4 @@ impl Check {
             }
         }
     }
-}
-
-/// A reference with its path points read.
-fn resolve_reference(
-    check: &mut Check,
-    mut table: ReferenceTable,
-    read_file: ReadFile<'_>,
-) -> Option<ReferenceTable> {
-    let kind = table.kind.as_deref().unwrap_or("hold");
-    let missing: &[(&str, bool)] = match kind {
-        "circle" | "holonomic" => &[("radius_m", table.radius_m.is_none())],
-        "ellipse" => &[
-            ("semi_axis_x_m", table.semi_axis_x_m.is_none()),
-            ("semi_axis_y_m", table.semi_axis_y_m.is_none()),
-        ],
-        "spiral" => &[("step_m", table.step_m.is_none())],
-        "eight" => &[("half_length_m", table.half_length_m.is_none())],
-        "path" => &[("points", table.points.is_none() && table.points_file.is_none())],
-        _ => &[],
-    };
-    for (key, is_missing) in missing {
-        let why = format!("a reference of kind {kind} has it");
-        check.need((!is_missing).then_some(()), &format!("reference.{key}"), &why);
-    }
-    if let Some(name) = &table.points_file {
-        if table.points.is_some() {
-            let reason = "give `points` or `points_file`, not both";
-            check.report(ProblemKind::Contradiction, "reference.points_file", reason);
-        }
-        match read_file(name).and_then(|text| crate::references::read_points(&text)) {
-            Ok(points) => table.points = Some(points),
-            Err(reason) => {
-                let problem = check.report(ProblemKind::File, "reference.points_file", reason);
-                problem.value = Some(format!("\"{name}\""));
-                return None;
-            }
-        }
-    }
-    Some(table)
 }

@@ -17,7 +17,7 @@ pub struct DriveTable {
     /// Its station alias; this or `position`.
     #[schemars(range(min = 1, max = 65_535))]
     pub alias: Option<u16>,
-    /// Device by name: `cia402`, `sgdv`, or one that a user registered; default: `cia402`.
+    /// Which device.
     pub device: Option<String>,
     /// Vendor that must be there, as `"0x539"`.
     pub vendor_id: Option<String>,
@@ -54,7 +54,7 @@ pub struct DriveTable {
     pub parameters: Option<Vec<ParameterTable>>,
     /// A file of `[[parameter]]` tables, sent before `parameters`.
     pub parameters_file: Option<String>,
-    /// Parameters of a registered device, handed to it as they stand.
+    /// The device's own keys.
     pub custom: Parameters,
 }
 

@@ -6,12 +6,13 @@ use omnibase_ethercat::start_up::ReadBack;
 
 use super::check::{Check, ReadFile};
 use super::drive_tables::*;
+use super::kind_keys::Given;
 use super::mapping::{PdoPlan, find, parse_map, parse_object};
 use super::plan::*;
 use super::problem::ProblemKind;
 use super::source::Source;
 use super::torque_limit::{self, TorqueLimit};
-use crate::registry::{DeviceDefaults, Registry};
+use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry, Sort};
 use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 
 pub(super) fn resolve(
@@ -33,10 +34,18 @@ pub(super) fn resolve(
         problem.limit = Some(format!("3 to {MAX_WHEELS}"));
     }
     duplicates(check, drives);
+    let shared = Given::of(defaults);
+    let name = |drive: &DriveTable| drive.device.clone().or(defaults.device.clone());
+    let kinds: Vec<&Kind> = drives
+        .iter()
+        .filter_map(|drive| registry.devices.find(name(drive).as_deref()).ok())
+        .map(|(kind, _)| kind)
+        .collect();
+    check.nobody_reads(&kinds, &shared, &registry.devices.sort, "drive_defaults");
     let resolved: Vec<Option<DrivePlan>> = drives
         .iter()
         .enumerate()
-        .map(|(index, own)| Drive { check, index, own, defaults }.resolve(registry, read_file))
+        .map(|(index, own)| Drive { check, index, own, defaults }.resolve(registry, &shared, read_file))
         .collect();
     resolved.into_iter().collect()
 }
@@ -83,15 +92,14 @@ impl Drive<'_> {
         }
     }
 
-    fn resolve(mut self, registry: &Registry, read_file: ReadFile<'_>) -> Option<DrivePlan> {
+    fn resolve(mut self, registry: &Registry, shared: &Given, read_file: ReadFile<'_>) -> Option<DrivePlan> {
         let name = self.own.name.clone().unwrap_or_else(|| format!("wheel_{}", self.index + 1));
         let place = self.place();
         let (device, device_setting) = self.pick("device", |table| &table.device);
-        let device = device.unwrap_or_else(|| "cia402".into());
-        let Some(defaults) = registry.device_defaults(&device) else {
-            self.check.known_name(&device_setting, &device, &registry.devices());
-            return None;
-        };
+        let kinds = &registry.devices;
+        let (kind, MakeDevice { defaults, .. }) =
+            self.check.known(kinds, &device_setting, device.as_deref())?;
+        self.keys(kind, &kinds.sort, shared);
         let identity = self.identity(defaults);
         let outputs = self.pdos("outputs", |table| &table.outputs, &defaults.outputs);
         let inputs = self.pdos("inputs", |table| &table.inputs, &defaults.inputs);
@@ -110,11 +118,11 @@ impl Drive<'_> {
         }
         let torque_limit = self.torque_limit(&outputs, &parameters);
         let mut custom = self.defaults.custom.clone();
-        custom.extend(self.own.custom.clone());
+        custom.0.extend(self.own.custom.0.clone());
         Some(DrivePlan {
             name,
             place: place?,
-            device,
+            device: kind.name.to_owned(),
             identity,
             outputs: outputs?,
             inputs: inputs?,
@@ -124,6 +132,18 @@ impl Drive<'_> {
             parameters,
             custom,
         })
+    }
+
+    /// The keys of the device, in the drive's own table or among the defaults.
+    fn keys(&mut self, kind: &Kind, sort: &Sort, shared: &Given) {
+        let (own, index) = (Given::of(self.own), self.index);
+        let has_defaults = self.check.locations.place("drive_defaults").is_some();
+        let setting = |key: &str| {
+            let is_shared = !own.has(key) && (shared.has(key) || has_defaults);
+            if is_shared { format!("drive_defaults.{key}") } else { format!("drive[{index}].{key}") }
+        };
+        self.check.kind_reads(kind, &own.or(shared), &setting);
+        self.check.nobody_reads(&[kind], &own, sort, &format!("drive[{index}]"));
     }
 
     fn place(&mut self) -> Option<DrivePlace> {

@@ -9,9 +9,21 @@ use serde::{Deserialize, Serialize};
 use super::drive_tables::DriveTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
+use super::problem::Problem;
 
-/// Parameters of a stage that a user registered, handed to it as they stand.
-pub type Parameters = serde_json::Map<String, serde_json::Value>;
+/// The table `custom`: the keys that a registered kind declares as its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(inline)]
+pub struct Parameters(pub serde_json::Map<String, serde_json::Value>);
+
+impl Parameters {
+    /// A number; of one that is needed and declared as such the check made sure.
+    pub fn number(&self, key: &str) -> Result<f64, Problem> {
+        let value = self.0.get(key).and_then(serde_json::Value::as_f64);
+        value.ok_or_else(|| Problem::missing(format!("custom.{key}"), "a number"))
+    }
+}
 
 /// One robot: its bus, drives, platform, limits, and the stages of its cycle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -97,48 +109,34 @@ pub enum ClockSource {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct PlatformTable {
-    /// Which layout; the keys below belong to one or several of them.
-    pub layout: Option<LayoutName>,
+    /// Which layout; it says which of the keys below are read.
+    pub layout: Option<String>,
     /// Radius of all wheels, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub wheel_radius_m: Option<f64>,
-    /// `bmm`: distance of wheel 1 from the centre, m.
+    /// Distance of wheel 1 from the centre, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub p1_m: Option<f64>,
-    /// `bmm`: distance of wheels 2 and 3 from the centre, m.
+    /// Distance of wheels 2 and 3 from the centre, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub p_m: Option<f64>,
-    /// `omni3`, `omni4`: distance of the wheels from the centre, m.
+    /// Distance of the wheels from the centre, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub centre_distance_m: Option<f64>,
-    /// `omni3`, `omni4`: angle of the first wheel from x forward, rad; default: 0.
+    /// Angle of the first wheel from x forward, rad; default: 0.
     pub first_wheel_angle_rad: Option<f64>,
-    /// `mecanum`: half the distance between front and rear axles, m.
+    /// Half the distance between front and rear axles, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub half_length_m: Option<f64>,
-    /// `mecanum`: half the distance between left and right wheels, m.
+    /// Half the distance between left and right wheels, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub half_width_m: Option<f64>,
-    /// `wheels`: the wheels one by one, in the order of the drives.
+    /// The wheels one by one, in the order of the drives.
     pub wheel: Vec<WheelTable>,
     /// Corners of the footprint, x and y in base_link, m; its convex hull counts; default: the wheels and their radius.
     pub footprint_m: Option<Vec<[f64; 2]>>,
-}
-
-/// A named layout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LayoutName {
-    /// The Barcelona Mobile Manipulator: wheel 1 behind, wheels 2 and 3 right and left in front.
-    Bmm,
-    /// Three omni wheels 120° apart.
-    Omni3,
-    /// Four omni wheels 90° apart.
-    Omni4,
-    /// Four mecanum wheels: front left, front right, rear left, rear right.
-    Mecanum,
-    /// Wheels one by one.
-    Wheels,
+    /// The layout's own keys.
+    pub custom: Parameters,
 }
 
 /// One wheel of a general list.
@@ -188,7 +186,7 @@ pub struct LimitsTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct EstimatorTable {
-    /// Estimator by name; default: `wheel_odometry`.
+    /// Which estimator; it says which of the keys below are read.
     pub kind: Option<String>,
     /// α of the filtered derivative c = exp(−αT), 1/s; default: 400.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
@@ -217,7 +215,7 @@ pub struct EstimatorTable {
     /// Standard deviation of the heading after a radian, rad, likewise; default: 0.0012.
     #[schemars(range(min = 1e-6, max = 1.0))]
     pub turn_sigma_rad: Option<f64>,
-    /// Parameters of a registered estimator.
+    /// The estimator's own keys.
     pub custom: Parameters,
 }
 
@@ -225,51 +223,53 @@ pub struct EstimatorTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ControllerTable {
-    /// Controller by name: `open_loop`, `closed_loop_speed`, `adaptive_torque`, `adaptive_model_free` (deprecated),
-    /// or one that a user registered.
+    /// Which control law; keys of others may stand here too, for a robot that is switched to them.
     pub kind: Option<String>,
-    /// Other controllers by name, to which a running robot can be switched.
+    /// Other control laws, to which a running robot can be switched.
     pub others: Option<Vec<String>>,
-    /// Kp of x, y and heading, 1/s; default: 8 (15 for `adaptive_torque`).
+    /// Kp of x, y and heading, 1/s; default: the law's own.
+    #[schemars(inner(range(min = 0.0)))]
     pub kp_1_s: Option<[f64; 3]>,
-    /// `adaptive_torque`: K of x and y, N·s/m.
+    /// K of x and y, N·s/m.
     #[schemars(range(min = 0.0))]
     pub damping_n_s_m: Option<f64>,
-    /// `adaptive_torque`: K of the heading, N·m·s/rad.
+    /// K of the heading, N·m·s/rad.
     #[schemars(range(min = 0.0))]
     pub turn_damping_n_m_s_rad: Option<f64>,
-    /// `adaptive_torque`: first estimate of the mass, kg.
+    /// First estimate of the mass, kg.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub mass_kg: Option<f64>,
-    /// `adaptive_torque`: bounds of that estimate, kg.
+    /// Bounds of that estimate, kg.
+    #[schemars(inner(range(min = 1e-6)))]
     pub mass_bounds_kg: Option<[f64; 2]>,
-    /// `adaptive_torque`: λm, kg·s²/m².
+    /// λm, kg·s²/m².
     #[schemars(range(min = 0.0))]
     pub mass_rate_kg_s2_m2: Option<f64>,
-    /// `adaptive_torque`: first estimate of the moment of inertia, kg·m².
+    /// First estimate of the moment of inertia, kg·m².
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub inertia_kg_m2: Option<f64>,
-    /// `adaptive_torque`: bounds of that estimate, kg·m².
+    /// Bounds of that estimate, kg·m².
+    #[schemars(inner(range(min = 1e-6)))]
     pub inertia_bounds_kg_m2: Option<[f64; 2]>,
-    /// `adaptive_torque`: λJ, kg·m²·s².
+    /// λJ, kg·m²·s².
     #[schemars(range(min = 0.0))]
     pub inertia_rate_kg_m2_s2: Option<f64>,
-    /// `adaptive_torque`: first estimate of the uncertain force, N (and N·m about the vertical axis).
+    /// First estimate of the uncertain force, N (and N·m about the vertical axis).
     #[schemars(range(min = 0.0))]
     pub friction_n: Option<f64>,
-    /// `adaptive_torque`: greatest estimate of the uncertain force, N.
+    /// Greatest estimate of the uncertain force, N.
     #[schemars(range(min = 0.0))]
     pub friction_max_n: Option<f64>,
-    /// `adaptive_torque`: λk, N/m.
+    /// λk, N/m.
     #[schemars(range(min = 0.0))]
     pub friction_rate_n_m: Option<f64>,
-    /// `adaptive_torque`: leakage of the uncertain force, 1/s.
+    /// Leakage of the uncertain force, 1/s.
     #[schemars(range(min = 0.0))]
     pub friction_leak_1_s: Option<f64>,
-    /// `adaptive_torque`: boundary layer in which sgn(η) is linear, m/s (and rad/s).
+    /// Boundary layer in which sgn(η) is linear, m/s (and rad/s).
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub boundary_m_s: Option<f64>,
-    /// Parameters of a registered controller.
+    /// The controllers' own keys.
     pub custom: Parameters,
 }
 
@@ -277,51 +277,50 @@ pub struct ControllerTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ReferenceTable {
-    /// Reference by name: `hold`, `circle`, `ellipse`, `spiral`, `eight`, `holonomic` (a circle whose heading follows
-    /// the tangent), `path`, or one that a user registered; default: `hold`.
+    /// Which motion; it says which of the keys below are read.
     pub kind: Option<String>,
-    /// Time of the whole motion, s, at most 1e6; default: as short as the limits allow. A path has its own times.
+    /// Time of the whole motion, s, at most 1e6; default: as short as the limits allow.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub duration_s: Option<f64>,
-    /// `circle`, `holonomic`: radius, m.
+    /// Radius, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub radius_m: Option<f64>,
-    /// All shapes: turns; default: 1.
+    /// Turns; default: 1.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub turns: Option<f64>,
-    /// All shapes: how the heading goes along; default: `fixed`.
+    /// How the heading goes along; default: the motion's own.
     pub heading: Option<HeadingName>,
-    /// `ellipse`: semi-axis along x, m.
+    /// Semi-axis along x, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub semi_axis_x_m: Option<f64>,
-    /// `ellipse`: semi-axis along y, m.
+    /// Semi-axis along y, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub semi_axis_y_m: Option<f64>,
-    /// `spiral`: distance between neighbouring turns, m.
+    /// Distance between neighbouring turns, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub step_m: Option<f64>,
-    /// `eight`: from its centre to an end, m.
+    /// From its centre to an end, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub half_length_m: Option<f64>,
-    /// `path`: lines `[t, x, y, θ]`, SI, t rising.
+    /// Lines `[t, x, y, θ]`, SI, t rising.
     pub points: Option<Vec<[f64; 4]>>,
-    /// `path`: a file of lines `(t, x, y, θ)` in place of `points`.
+    /// A file of lines `(t, x, y, θ)` in place of `points`.
     pub points_file: Option<String>,
-    /// `path`: what joins the points; default: `cubic_previous_slope`, the thesis's rule.
+    /// What joins the points; default: `cubic_previous_slope`, the thesis's rule.
     pub interpolation: Option<InterpolationName>,
-    /// `path`: where its coordinates begin; default: `start`.
+    /// Where its coordinates begin; default: `start`.
     pub frame: Option<PathFrame>,
-    /// Parameters of a registered reference.
+    /// The reference's own keys.
     pub custom: Parameters,
 }
 
-/// Where a path's coordinates begin.
+/// Where a motion's coordinates begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PathFrame {
-    /// The first point is where the platform stands at the start.
+    /// It begins where the platform stands at the start.
     Start,
-    /// Points are poses in odom; the platform must stand at the first one.
+    /// Its poses are in odom; the platform must stand at the first one.
     Odom,
 }
 

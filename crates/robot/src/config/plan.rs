@@ -167,7 +167,7 @@ pub struct DrivePlan {
     pub encoder: EncoderName,
     /// SDOs in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
-    /// Parameters of a registered device.
+    /// The device's own keys.
     pub custom: Parameters,
 }
 

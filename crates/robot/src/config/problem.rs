@@ -58,6 +58,24 @@ pub struct Problem {
     pub place: Option<Location>,
 }
 
+impl Problem {
+    /// A problem of a setting, without value, limit and place.
+    pub fn new(kind: ProblemKind, setting: impl Into<String>, reason: impl fmt::Display) -> Self {
+        let (setting, reason) = (setting.into(), reason.to_string());
+        Problem { kind, setting, value: None, limit: None, reason, place: None }
+    }
+
+    /// A value that a stage refuses.
+    pub fn refused(setting: impl Into<String>, reason: impl fmt::Display) -> Self {
+        Problem::new(ProblemKind::OutOfRange, setting, reason)
+    }
+
+    /// A setting that must be there, and why.
+    pub fn missing(setting: impl Into<String>, why: impl fmt::Display) -> Self {
+        Problem::new(ProblemKind::Missing, setting, format_args!("must be given: {why}"))
+    }
+}
+
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(place) = &self.place {

@@ -10,15 +10,23 @@ use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::file::{ReferenceTable, RobotFile};
 use super::problem::{Location, Problem, ProblemKind};
 use super::units;
 
-/// Where each setting of a text stands.
+/// Where each setting stands, in one text or several.
 #[derive(Clone, Debug, Default)]
 pub struct Locations {
+    texts: Vec<Text>,
+    /// The text and the bytes of each setting.
+    spans: BTreeMap<String, (usize, Range<usize>)>,
+}
+
+#[derive(Clone, Debug)]
+struct Text {
     text: String,
+    /// Its name where it isn't the robot's file itself.
     file: Option<String>,
-    spans: BTreeMap<String, Range<usize>>,
 }
 
 impl Locations {
@@ -26,13 +34,24 @@ impl Locations {
     pub fn place(&self, setting: &str) -> Option<Location> {
         let mut name = setting;
         loop {
-            if let Some(span) = self.spans.get(name) {
-                return Some(self.place_of(span.clone()));
+            if let Some((text, span)) = self.spans.get(name) {
+                return Some(self.texts.get(*text)?.place_of(span.clone()));
             }
             name = &name[..name.rfind(['.', '['])?];
         }
     }
 
+    /// The settings of a table stand elsewhere.
+    fn replace(&mut self, table: &str, elsewhere: Locations) {
+        self.spans.retain(|setting, _| setting != table && !setting.starts_with(&format!("{table}.")));
+        let before = self.texts.len();
+        self.texts.extend(elsewhere.texts);
+        let moved = elsewhere.spans.into_iter();
+        self.spans.extend(moved.map(|(setting, (text, span))| (setting, (before + text, span))));
+    }
+}
+
+impl Text {
     fn place_of(&self, span: Range<usize>) -> Location {
         let before = self.text.get(..span.start).unwrap_or(&self.text);
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
@@ -56,29 +75,36 @@ pub struct Source<T> {
     pub problems: Vec<Problem>,
 }
 
+/// A table that stands in no text.
+impl<T> From<T> for Source<T> {
+    fn from(file: T) -> Self {
+        Source { file, locations: Locations::default(), problems: Vec::new() }
+    }
+}
+
 impl<T: JsonSchema + DeserializeOwned + Default> Source<T> {
     /// Reads a text; `file` names it in problems where it isn't the robot's file itself.
     pub fn read(text: &str, file: Option<&str>) -> Self {
+        Source::read_table(text, file, "")
+    }
+
+    fn read_table(text: &str, file: Option<&str>, name: &str) -> Self {
         let schema = Value::from(schema_for!(T));
         let (table, errors) = DeTable::parse_recoverable(text);
-        let locations = Locations { text: text.into(), file: file.map(Into::into), spans: BTreeMap::new() };
-        let mut walk = Walk { root: &schema, locations, problems: Vec::new() };
+        let spans = BTreeMap::from([(name.to_owned(), (0, 0..0))]);
+        let texts = vec![Text { text: text.into(), file: file.map(Into::into) }];
+        let mut walk = Walk { root: &schema, locations: Locations { texts, spans }, problems: Vec::new() };
         for error in errors {
             let span = error.span().unwrap_or(0..0);
-            walk.problems.push(Problem {
-                kind: ProblemKind::Syntax,
-                setting: "the text".into(),
-                value: None,
-                limit: None,
-                reason: error.message().trim().into(),
-                place: Some(walk.locations.place_of(span)),
-            });
+            let place = walk.locations.texts.first().map(|text| text.place_of(span));
+            let problem = Problem::new(ProblemKind::Syntax, "the text", error.message().trim());
+            walk.problems.push(Problem { place, ..problem });
         }
-        let value = Value::Object(walk.table(table.get_ref(), &schema, ""));
+        let value = Value::Object(walk.table(table.get_ref(), &schema, name));
         let file = match serde_json::from_value(value) {
             Ok(file) => file,
             Err(error) => {
-                walk.problem(ProblemKind::WrongType, "", None, error.to_string());
+                walk.problem(ProblemKind::WrongType, name, None, error.to_string());
                 T::default()
             }
         };
@@ -86,9 +112,36 @@ impl<T: JsonSchema + DeserializeOwned + Default> Source<T> {
     }
 }
 
-/// The settings of a type as a JSON schema, for editors.
-pub fn json_schema<T: JsonSchema>() -> Value {
-    Value::from(schema_for!(T))
+impl Source<ReferenceTable> {
+    /// Reads a text whose keys are those of the robot file's table `reference`; `file` names it in problems.
+    pub fn read_reference(text: &str, file: &str) -> Self {
+        Source::read_table(text, Some(file), "reference")
+    }
+
+    /// Reads that table out of JSON, where nothing has a place; keys that are null aren't given.
+    pub fn read_json(mut table: Map<String, Value>) -> Self {
+        table.retain(|_, value| !value.is_null());
+        match toml::to_string(&table) {
+            Ok(text) => {
+                let Source { file, problems, .. } = Self::read_table(&text, None, "reference");
+                let problems = problems.into_iter().map(|problem| Problem { place: None, ..problem });
+                Source { problems: problems.collect(), ..Source::from(file) }
+            }
+            Err(error) => {
+                let problems = vec![Problem::new(ProblemKind::WrongType, "reference", error)];
+                Source { problems, ..Source::from(ReferenceTable::default()) }
+            }
+        }
+    }
+}
+
+impl Source<RobotFile> {
+    /// Another reference takes the place of the file's own.
+    pub fn replace_reference(&mut self, reference: Source<ReferenceTable>) {
+        self.problems.extend(reference.problems);
+        self.locations.replace("reference", reference.locations);
+        self.file.reference = reference.file;
+    }
 }
 
 /// Choices that were once there: their setting, their name, and what to write now.
@@ -114,7 +167,7 @@ impl<'s> Walk<'s> {
         reason: String,
     ) -> &mut Problem {
         let place = self.locations.place(setting);
-        self.problems.push(Problem { kind, setting: setting.into(), value, limit: None, reason, place });
+        self.problems.push(Problem { value, place, ..Problem::new(kind, setting, reason) });
         self.problems.last_mut().expect("just pushed")
     }
 
@@ -145,9 +198,8 @@ impl<'s> Walk<'s> {
         for (key, value) in table {
             let name = key.get_ref().as_ref();
             let setting = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
-            self.locations
-                .spans
-                .insert(setting.clone(), key.span().start..value.span().end.max(key.span().end));
+            let span = key.span().start..value.span().end.max(key.span().end);
+            self.locations.spans.insert(setting.clone(), (0, span));
             let Some(properties) = properties else {
                 // A registered stage's own parameters: no schema here.
                 if let Some(value) = self.free(value, &setting) {
@@ -256,7 +308,7 @@ impl<'s> Walk<'s> {
         let mut list = Vec::new();
         for (index, item) in items.iter().enumerate() {
             let setting = format!("{path}[{index}]");
-            self.locations.spans.insert(setting.clone(), item.span());
+            self.locations.spans.insert(setting.clone(), (0, item.span()));
             list.extend(self.value(item, item_schema, &setting));
         }
         // A list of fixed length with a wrong value can't be used; a list of tables keeps its other tables.

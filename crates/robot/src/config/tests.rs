@@ -1,7 +1,7 @@
 //! Files of robots: the shipped ones, and broken ones whose problems all come at once with their places.
 
 use super::*;
-use crate::registry::Registry;
+use crate::registry::{Kind, Registry};
 
 const BMM: &str = include_str!("../../../../robots/bmm.toml");
 const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
@@ -227,25 +227,32 @@ fn parameters_come_from_a_file_too() {
     assert_eq!(problems[0].kind, ProblemKind::File);
 }
 
+/// The BMM's file with other wheels.
+fn with_layout(layout: &str) -> String {
+    let text = BMM.replace("p1_m = 0.38\np_m = 0.40\n", "");
+    assert_ne!(text, BMM);
+    text.replace("layout = \"bmm\"", layout)
+}
+
 #[test]
 fn layouts_that_cannot_be_driven_are_refused_with_the_reason() {
     let wheels = "layout = \"wheels\"\nwheel = [\n { position_m = [0.3, 0.0], rolling_angle_rad = 0.0 },\n \
                   { position_m = [-0.3, 0.0], rolling_angle_rad = 0.0 },\n { position_m = [0.0, 0.3], rolling_angle_rad = 0.0 },\n]";
-    let problems = problems(&BMM.replace("layout = \"bmm\"", wheels));
+    let problems = problems(&with_layout(wheels));
     assert_eq!(problems[0].setting, "platform");
     assert_eq!(problems[0].kind, ProblemKind::Contradiction);
 }
 
 #[test]
 fn wheels_and_drives_are_counted() {
-    let problems = problems(&BMM.replace("layout = \"bmm\"", "layout = \"omni4\"\ncentre_distance_m = 0.4"));
+    let problems = problems(&with_layout("layout = \"omni4\"\ncentre_distance_m = 0.4"));
     let (problem, kind, ..) = found(&problems, "platform.layout");
     assert_eq!((kind, problem.value.as_deref()), (ProblemKind::Contradiction, Some("4 wheels")));
 }
 
 #[test]
 fn the_schema_names_every_key_with_its_bounds() {
-    let schema = json_schema::<RobotFile>();
+    let schema = Registry::with_built_in().json_schema();
     let limits = &schema["$defs"]["LimitsTable"]["properties"];
     assert_eq!(limits["speed_m_s"]["exclusiveMinimum"], 0.0);
     assert!(limits["speed_m_s"]["description"].as_str().unwrap().contains("m/s"));
@@ -255,7 +262,7 @@ fn the_schema_names_every_key_with_its_bounds() {
 #[test]
 fn the_shipped_schema_is_the_present_one() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/robot.schema.json");
-    let present = serde_json::to_string_pretty(&json_schema::<RobotFile>()).unwrap() + "\n";
+    let present = serde_json::to_string_pretty(&Registry::with_built_in().json_schema()).unwrap() + "\n";
     if std::env::var_os("UPDATE_SCHEMA").is_some() {
         std::fs::write(path, &present).unwrap();
     }
@@ -452,10 +459,10 @@ fn a_registered_motion_without_a_reachable_end_is_refused() {
     }
     let built = |duration_s: f64| {
         let mut registry = Registry::with_built_in();
-        registry.reference("endless", move |_| Ok(Box::new(Endless(duration_s))));
+        let kind = Kind { name: "endless", meaning: "For a test", keys: Vec::new() };
+        registry.references.add(kind, Box::new(move |_, _| Ok(Box::new(Endless(duration_s)))));
         let text = format!("{BMM}\n[reference]\nkind = \"endless\"\n");
-        let plan = RobotPlan::from_toml(&text, &registry, &no_files).unwrap();
-        crate::Robot::build(&plan, &registry).map(|_| ()).map_err(|error| error.to_string())
+        RobotPlan::from_toml(&text, &registry, &no_files).map(|_| ()).map_err(|problems| show(&problems))
     };
     assert_eq!(built(60.0), Ok(()));
     for duration_s in [1e18, f64::INFINITY, f64::NAN, -1.0] {

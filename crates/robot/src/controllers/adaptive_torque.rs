@@ -18,8 +18,8 @@ use omnibase_platform::{Kinematics, Twist2};
 
 use super::friction::{WheelForces, WheelFriction};
 use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
-use crate::config::{ControllerTable, Limits, RobotPlan, WheelLimits};
-use crate::registry::StageError;
+use crate::config::{ControllerTable, Limits, Problem, RobotPlan, WheelLimits};
+use crate::registry::{Kind, Made, StageError, given, needed, optional};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
@@ -80,6 +80,28 @@ impl Gains {
     }
 }
 
+/// Its name and keys.
+pub(super) fn kind() -> Kind {
+    let gains = ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "boundary_m_s"];
+    let learning = ["mass_rate_kg_s2_m2", "inertia_rate_kg_m2_s2", "friction_rate_n_m", "friction_leak_1_s"];
+    let estimates = ["mass_bounds_kg", "inertia_bounds_kg_m2", "friction_n", "friction_max_n"];
+    let may_be_given = [gains, learning, estimates].into_iter().flatten().map(optional);
+    Kind {
+        name: "adaptive_torque",
+        meaning: "Wheel torques; mass, inertia and friction are learnt while tracking",
+        keys: ["mass_kg", "inertia_kg_m2"].map(needed).into_iter().chain(may_be_given).collect(),
+    }
+}
+
+/// What is wrong with a first estimate and its bounds.
+fn out_of_bounds(key: &str, first: f64, bounds: Option<[f64; 2]>) -> Option<Problem> {
+    let [low, high] = bounds?;
+    let limit = Some(format!("{low} to {high}"));
+    let reason = "the first estimate must lie within its bounds, which rise";
+    let problem = Problem { value: Some(first.to_string()), limit, ..Problem::refused(key, reason) };
+    (!(low..=high).contains(&first)).then_some(problem)
+}
+
 /// Bounds of the estimates, and where they begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Estimates {
@@ -116,16 +138,25 @@ struct Step {
 
 impl AdaptiveTorque {
     /// The controller as a plan says.
-    pub fn new(plan: &RobotPlan) -> Result<Self, StageError> {
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
         let table = &plan.controller;
-        let need = |value: Option<f64>, key: &str| {
-            value.ok_or_else(|| StageError::Refused {
-                setting: format!("controller.{key}"),
-                reason: "adaptive_torque starts from it".into(),
-            })
-        };
-        let mass_kg = need(table.mass_kg, "mass_kg")?;
-        let inertia_kg_m2 = need(table.inertia_kg_m2, "inertia_kg_m2")?;
+        let mass_kg = given(table.mass_kg, "mass_kg")?;
+        let inertia_kg_m2 = given(table.inertia_kg_m2, "inertia_kg_m2")?;
+        let problems: Vec<Problem> = [
+            out_of_bounds("mass_kg", mass_kg, table.mass_bounds_kg),
+            out_of_bounds("inertia_kg_m2", inertia_kg_m2, table.inertia_bounds_kg_m2),
+            out_of_bounds(
+                "friction_n",
+                table.friction_n.unwrap_or(0.0),
+                table.friction_max_n.map(|max| [0.0, max]),
+            ),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        if !problems.is_empty() {
+            return Err(StageError(problems));
+        }
         let start = Estimates { mass_kg, inertia_kg_m2, friction_n: table.friction_n.unwrap_or(0.0) };
         let friction = WheelFriction::new(&plan.kinematics);
         Ok(AdaptiveTorque {

@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn friction_of_an_omni_wheel_opposes_along_and_across() {
-        let kinematics = Kinematics::new(layout::omni3(0.4, 0.1)).unwrap();
+        let kinematics = Kinematics::new(layout::omni(3, 0.4, 0.1, 0.0)).unwrap();
         let friction = WheelFriction::new(&kinematics);
         assert!((friction.lever_m() - 0.4).abs() < 1e-12);
         // Turning on the spot only the wheels spin: 3 N at 0.4 m.

@@ -8,8 +8,8 @@ use omnibase_cia402::{
 };
 
 use super::{DeviceDefaults, pdo};
-use crate::config::{DrivePlan, DriveScale, EncoderName, PdoPlan, SpeedUnit, TurnDirection};
-use crate::registry::StageError;
+use crate::config::{DrivePlan, DriveScale, EncoderName, PdoPlan, Problem, SpeedUnit, TurnDirection};
+use crate::registry::Made;
 use crate::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use crate::stages::{Device, DriveCommand};
 
@@ -118,12 +118,10 @@ pub struct Cia402Device {
 
 impl Cia402Device {
     /// A drive as its plan says; refused where an object is missing that it can't do without.
-    pub fn new(plan: &DrivePlan) -> Result<Self, StageError> {
+    pub fn new(plan: &DrivePlan) -> Made<Self> {
         let need = |pdos: &[PdoPlan], index: u16, what: &str| {
-            Field::find(pdos, index, 0).ok_or_else(|| StageError::Refused {
-                setting: format!("drive {}", plan.name),
-                reason: format!("{what} ({index:04X}) must be mapped, whole and at a byte"),
-            })
+            let reason = format!("{what} ({index:04X}) must be mapped, whole and at a byte");
+            Field::find(pdos, index, 0).ok_or_else(|| Problem::refused("", reason))
         };
         let input = |index| Field::find(&plan.inputs, index, 0);
         let output = |index| Field::find(&plan.outputs, index, 0);

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_platform::{Pose2, PoseGrowth};
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
+use omnibase_robot::registry::Made;
 use omnibase_robot::safety::SafetyChain;
 use omnibase_robot::signals::{
     Allowed, CycleRecord, PlatformState, ReferenceStatus, RequestAnswer, SafetyReason, Setpoint,
@@ -13,7 +14,7 @@ use omnibase_robot::signals::{
 use omnibase_robot::stages::{Estimator, Observation, Reference, Safety, SafetyView};
 use omnibase_robot::{Phase, Registry, RequestKind, Robot};
 
-use super::support::{BMM, Bench, plan_with};
+use super::support::{BMM, Bench, kind, plan_with};
 
 /// The footprint leaves 0.22 m to the fence behind it, and must leave 0.35 m by 0.1 m of doubt.
 const BEFORE_THE_FENCE: &str = "[fence]\nrectangle_m = [-0.7, -3.0, 5.0, 3.0]\n";
@@ -70,12 +71,17 @@ impl Reference for Blind {
 fn doubted_bench(more: &str) -> (Bench, Doubt) {
     let (doubt, mut registry) = (Doubt::default(), Registry::with_built_in());
     let mine = doubt.clone();
-    registry
-        .estimator("doubting", move |plan| Ok(Box::new(Doubting(WheelOdometry::new(plan)?, mine.clone()))));
+    let doubting = move |plan: &_| -> Made<Box<dyn Estimator>> {
+        Ok(Box::new(Doubting(WheelOdometry::new(plan)?, mine.clone())))
+    };
+    registry.estimators.add(kind("doubting"), Box::new(doubting));
     for (name, speed_m_s) in [("blind_in", 0.2), ("blind_out", -0.05)] {
-        registry.reference(name, move |_| Ok(Box::new(Blind(Setpoint::default(), speed_m_s))));
+        let blind = move |_: &_, _: &_| -> Made<Box<dyn Reference>> {
+            Ok(Box::new(Blind(Setpoint::default(), speed_m_s)))
+        };
+        registry.references.add(kind(name), Box::new(blind));
     }
-    registry.reference("stays", |_| Ok(Box::new(Hold::default())));
+    registry.references.add(kind("stays"), Box::new(|_, _| Ok(Box::new(Hold::default()))));
     let text = format!("{BMM}\n{BEFORE_THE_FENCE}{more}\n");
     let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
     bench.enable();

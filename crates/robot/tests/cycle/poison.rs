@@ -8,6 +8,7 @@ use omnibase_robot::controllers::{AdaptiveTorque, ClosedLoopSpeed};
 use omnibase_robot::devices::Cia402Device;
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
+use omnibase_robot::registry::MakeDevice;
 use omnibase_robot::signals::{
     Commands, CycleTime, DriveMeasurement, DriveProgress, Frame, PlatformState, Quantity, RequestAnswer,
     SafetyReason, Setpoint,
@@ -15,7 +16,7 @@ use omnibase_robot::signals::{
 use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
 use omnibase_robot::{Phase, Registry, RequestKind};
 
-use crate::support::{BMM, Bench, Random, plan_with};
+use crate::support::{BMM, Bench, Random, kind, plan_with};
 
 const WRONG: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 /// Fields of the four stages together: 3 of a device, 14 of a state, 9 of a setpoint, 4 of commands.
@@ -145,26 +146,38 @@ impl Controller for Poisoned<Box<dyn Controller>> {
 fn poisoned_bench(law: &str) -> (Bench, Poison) {
     let poison = Poison::default();
     let mut registry = Registry::with_built_in();
-    let defaults = registry.device_defaults("sgdv").cloned().unwrap();
+    let defaults = registry.devices.defaults("sgdv").cloned().unwrap();
     let mine = poison.clone();
-    registry.device("poisoned", defaults, move |plan| {
-        Ok(Box::new(Poisoned(Cia402Device::new(plan)?, mine.clone())))
-    });
+    let make = MakeDevice {
+        defaults,
+        make: Box::new(move |plan| Ok(Box::new(Poisoned(Cia402Device::new(plan)?, mine.clone())))),
+    };
+    registry.devices.add(kind("poisoned"), make);
+    let mine = poison.clone();
+    registry.estimators.add(
+        kind("poisoned"),
+        Box::new(move |plan| Ok(Box::new(Poisoned(WheelOdometry::new(plan)?, mine.clone())))),
+    );
     let mine = poison.clone();
     registry
-        .estimator("poisoned", move |plan| Ok(Box::new(Poisoned(WheelOdometry::new(plan)?, mine.clone()))));
+        .references
+        .add(kind("poisoned"), Box::new(move |_, _| Ok(Box::new(Poisoned(Hold::default(), mine.clone())))));
     let mine = poison.clone();
-    registry.reference("poisoned", move |_| Ok(Box::new(Poisoned(Hold::default(), mine.clone()))));
+    registry.controllers.add(
+        kind("poisoned_speed"),
+        Box::new(move |plan| {
+            let inner: Box<dyn Controller> = Box::new(ClosedLoopSpeed::new(plan));
+            Ok(Box::new(Poisoned(inner, mine.clone())))
+        }),
+    );
     let mine = poison.clone();
-    registry.controller("poisoned_speed", move |plan| {
-        let inner: Box<dyn Controller> = Box::new(ClosedLoopSpeed::new(plan));
-        Ok(Box::new(Poisoned(inner, mine.clone())))
-    });
-    let mine = poison.clone();
-    registry.controller("poisoned_torque", move |plan| {
-        let inner: Box<dyn Controller> = Box::new(AdaptiveTorque::new(plan)?);
-        Ok(Box::new(Poisoned(inner, mine.clone())))
-    });
+    registry.controllers.add(
+        kind("poisoned_torque"),
+        Box::new(move |plan| {
+            let inner: Box<dyn Controller> = Box::new(AdaptiveTorque::new(plan)?);
+            Ok(Box::new(Poisoned(inner, mine.clone())))
+        }),
+    );
     let text = BMM.replace("\"sgdv\"", "\"poisoned\"").replace("\"closed_loop_speed\"", law)
         + "\n[estimator]\nkind = \"poisoned\"\n[reference]\nkind = \"poisoned\"\n";
     (Bench::with_registry(plan_with(&text, &registry), &registry), poison)

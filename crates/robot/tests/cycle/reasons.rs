@@ -9,7 +9,7 @@ use omnibase_robot::signals::{
 use omnibase_robot::stages::{Controller, Gain, Reference};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
-use crate::support::{BMM, Bench, plan_with};
+use crate::support::{BMM, Bench, kind, plan_with};
 
 /// Cycles in which a stage of these tests does as it should.
 const GOOD_CYCLES: u32 = 300;
@@ -66,10 +66,17 @@ impl Reference for Sideways {
 
 fn registry() -> Registry {
     let mut registry = Registry::with_built_in();
-    registry.controller("too_much", |_| Ok(Box::new(Constant(Quantity::Torque, 60.0, GOOD_CYCLES))));
-    registry.controller("no_number", |_| Ok(Box::new(Constant(Quantity::Speed, f64::NAN, GOOD_CYCLES))));
-    registry.reference("jump", |_| Ok(Box::new(Sideways { speed_m_s: 0.0, jump_m: 0.6 })));
-    registry.reference("away", |_| Ok(Box::new(Sideways { speed_m_s: 0.2, jump_m: 0.0 })));
+    let laws = [("too_much", Quantity::Torque, 60.0), ("no_number", Quantity::Speed, f64::NAN)];
+    for (name, quantity, value) in laws {
+        registry
+            .controllers
+            .add(kind(name), Box::new(move |_| Ok(Box::new(Constant(quantity, value, GOOD_CYCLES)))));
+    }
+    for (name, speed_m_s, jump_m) in [("jump", 0.0, 0.6), ("away", 0.2, 0.0)] {
+        registry
+            .references
+            .add(kind(name), Box::new(move |_, _| Ok(Box::new(Sideways { speed_m_s, jump_m }))));
+    }
     registry
 }
 

@@ -1,6 +1,7 @@
 //! A number that isn't finite, anywhere: always a defined stop.
 
 use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::registry::MakeDevice;
 use omnibase_robot::signals::{
     Commands, CycleTime, DriveMeasurement, DriveProgress, PlatformState, Quantity, ReferenceStatus,
     SafetyReason, Setpoint, Stage,
@@ -8,7 +9,7 @@ use omnibase_robot::signals::{
 use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
 use omnibase_robot::{Phase, Registry, RequestKind};
 
-use crate::support::{BMM, Bench, plan_with};
+use crate::support::{BMM, Bench, kind, plan_with};
 
 /// Cycles after which the stages below give something that isn't finite.
 const GOOD_CYCLES: u32 = 400;
@@ -134,19 +135,30 @@ fn stops(text: &str, registry: &Registry, stage: Stage) {
 fn what_is_not_finite_stops_wherever_it_comes_from() {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut registry = Registry::with_built_in();
-        let defaults = registry.device_defaults("sgdv").cloned().unwrap();
-        registry.device("broken", defaults, |plan| {
-            let inner = Box::new(omnibase_robot::devices::Cia402Device::new(plan)?);
-            Ok(Box::new(BrokenDevice(inner, Fuse::default())))
-        });
-        registry.estimator("broken", move |plan| {
-            let inner = Box::new(omnibase_robot::estimators::WheelOdometry::new(plan)?);
-            Ok(Box::new(BrokenEstimator(inner, Fuse::default(), wrong)))
-        });
-        registry.reference("broken", move |_| Ok(Box::new(BrokenReference(Fuse::default(), wrong))));
+        let defaults = registry.devices.defaults("sgdv").cloned().unwrap();
+        let make = MakeDevice {
+            defaults,
+            make: Box::new(|plan| {
+                let inner = Box::new(omnibase_robot::devices::Cia402Device::new(plan)?);
+                Ok(Box::new(BrokenDevice(inner, Fuse::default())))
+            }),
+        };
+        registry.devices.add(kind("broken"), make);
+        registry.estimators.add(
+            kind("broken"),
+            Box::new(move |plan| {
+                let inner = Box::new(omnibase_robot::estimators::WheelOdometry::new(plan)?);
+                Ok(Box::new(BrokenEstimator(inner, Fuse::default(), wrong)))
+            }),
+        );
+        registry
+            .references
+            .add(kind("broken"), Box::new(move |_, _| Ok(Box::new(BrokenReference(Fuse::default(), wrong)))));
         for (name, quantity) in [("broken_speed", Quantity::Speed), ("broken_torque", Quantity::Torque)] {
-            registry
-                .controller(name, move |_| Ok(Box::new(BrokenController(Fuse::default(), wrong, quantity))));
+            registry.controllers.add(
+                kind(name),
+                Box::new(move |_| Ok(Box::new(BrokenController(Fuse::default(), wrong, quantity)))),
+            );
         }
         stops(&BMM.replace("\"sgdv\"", "\"broken\""), &registry, Stage::Device);
         stops(&format!("{BMM}\n[estimator]\nkind = \"broken\"\n"), &registry, Stage::Estimator);
@@ -171,7 +183,7 @@ fn an_obstacle_far_away_hides_no_plan_that_jumps() {
         }
     }
     let mut registry = Registry::with_built_in();
-    registry.reference("jump", |_| Ok(Box::new(Jump(Fuse::default()))));
+    registry.references.add(kind("jump"), Box::new(|_, _| Ok(Box::new(Jump(Fuse::default())))));
     let far = "\n[reference]\nkind = \"jump\"\n[[obstacle]]\ncentre_m = [90.0, 0.0]\nradius_m = 0.2\n";
     let mut bench = Bench::with_registry(plan_with(&format!("{BMM}{far}"), &registry), &registry);
     bench.enable();
@@ -199,7 +211,7 @@ fn a_users_controller_is_held_to_the_wheels_limits_too() {
         fn set_gain(&mut self, _: usize, _: f64) {}
     }
     let mut registry = Registry::with_built_in();
-    registry.controller("greedy", |_| Ok(Box::new(Greedy)));
+    registry.controllers.add(kind("greedy"), Box::new(|_| Ok(Box::new(Greedy))));
     let text = BMM.replace("\"closed_loop_speed\"", "\"greedy\"");
     let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
     bench.enable();

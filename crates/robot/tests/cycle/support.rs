@@ -1,6 +1,7 @@
 //! A rigid body on ideal wheels and drives without delay, for tests of the cycle: not the simulator.
 
 use omnibase_platform::{Kinematics, PerWheel, Pose2, Twist2};
+use omnibase_robot::registry::Kind;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
@@ -10,6 +11,11 @@ pub const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
 
 pub fn plan(text: &str) -> RobotPlan {
     plan_with(text, &Registry::with_built_in())
+}
+
+/// A kind of a test's own, which reads no keys.
+pub fn kind(name: &'static str) -> Kind {
+    Kind { name, meaning: "For a test", keys: Vec::new() }
 }
 
 pub fn plan_with(text: &str, registry: &Registry) -> RobotPlan {

@@ -3,11 +3,13 @@
 use omnibase_platform::Twist2;
 use omnibase_robot::config::TorqueLimitTold;
 use omnibase_robot::signals::{Batch, Frame, RequestAnswer, SafetyReason};
-use omnibase_robot::{CycleRecord, Phase, RequestKind};
+use omnibase_robot::{CycleRecord, Phase, Registry, RequestKind};
 
 use super::support::{BMM, Bench, MECANUM, plan};
 
-const LAWS: [&str; 4] = ["open_loop", "closed_loop_speed", "adaptive_torque", "adaptive_model_free"];
+fn laws() -> Vec<&'static str> {
+    Registry::with_built_in().controllers.names()
+}
 /// Max torque, positive and negative torque limit value.
 const MAX_TORQUE: u16 = 0x6072;
 const POSITIVE: u16 = 0x60E0;
@@ -41,7 +43,7 @@ fn forward(bench: &mut Bench, speed_m_s: f64, cycles: u32) -> Vec<CycleRecord> {
 
 #[test]
 fn every_drive_is_told_its_limit_in_every_cycle_under_every_law() {
-    for law in LAWS {
+    for law in laws() {
         // 7 N·m rated; and 1.3 N·m with a gear of 10: 13 N·m at the wheel. Never rounded up.
         for (robot, limit_nm, per_mille) in [
             (BMM, 1.0, 142),
@@ -106,7 +108,7 @@ fn a_limit_that_is_not_mapped_is_a_parameter_and_stays_as_it_is() {
 
 #[test]
 fn a_lower_limit_reaches_the_drives_in_the_cycle_and_none_above_the_file() {
-    for law in LAWS {
+    for law in laws() {
         let mut bench = Bench::new(plan(&with_law(BMM, law)));
         bench.enable();
         assert_eq!(set(&mut bench, "wheel_torque_nm", 2.0), RequestAnswer::Taken);
@@ -230,9 +232,9 @@ fn a_lower_wheel_speed_slows_without_a_jump() {
 
 #[test]
 fn limits_have_the_same_places_with_every_law() {
-    let others = LAWS.map(|law| format!("\"{law}\"")).join(", ");
-    let kind = format!("kind = \"{}\"", LAWS[0]);
-    let text = with_law(BMM, LAWS[0]).replace(&kind, &format!("{kind}\nothers = [{others}]"));
+    let laws = laws();
+    let kind = format!("kind = \"{}\"", laws[0]);
+    let text = with_law(BMM, laws[0]).replace(&kind, &format!("{kind}\nothers = {laws:?}"));
     let mut bench = Bench::new(plan(&text));
     let places = |bench: &Bench| -> Vec<(u32, &str)> {
         let of_wheels = |name: &str| name.starts_with("wheel_");
@@ -245,7 +247,7 @@ fn limits_have_the_same_places_with_every_law() {
     };
     let first = places(&bench);
     assert_eq!(first, [(46, "wheel_speed_rad_s"), (47, "wheel_torque_nm")]);
-    for index in 1..=LAWS.len() as u32 {
+    for index in 1..=laws.len() as u32 {
         assert_eq!(bench.step(Some(RequestKind::SwitchController { index })).answer, RequestAnswer::Taken);
         assert_eq!(places(&bench), first);
     }

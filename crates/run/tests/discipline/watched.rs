@@ -12,7 +12,6 @@ use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::{Registry, Robot};
 use omnibase_run::channels::Rows;
 use omnibase_run::live::LiveEnd;
-use omnibase_run::robot_text::NewReference;
 use omnibase_run::{LoadedRobot, Progress, Ran, RobotText, Setup, run, simulated};
 
 const BMM: &str = include_str!("../../../../robots/bmm.toml");
@@ -175,7 +174,7 @@ pub fn robot_with(changes: &[&str]) -> LoadedRobot {
     let text = RobotText {
         text: BMM.into(),
         changes: changes.iter().map(|change| (*change).to_owned()).collect(),
-        reference: Some(NewReference::Table(Box::new(circle))),
+        reference: Some(circle.into()),
         ..RobotText::default()
     };
     text.load(&Registry::with_built_in()).unwrap()

@@ -5,7 +5,6 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::{ComebackEnd, ComebackPlan, ReferenceTable};
-use omnibase_robot::references::reference;
 use omnibase_robot::signals::{
     CycleRecord, Exchange, Frame, Phase, RequestAnswer, SafetyReason, StopCategory,
 };
@@ -262,7 +261,7 @@ fn a_path_that_a_pulled_cable_ended_is_gone_to_its_end_once_a_person_resumes() {
                     "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [4.0, 0.5, 0.0, 0.0]]",
                 )
                 .unwrap();
-                let path = reference(&table, &crate::hands::plan().limits).unwrap();
+                let path = crate::hands::reference(&table);
                 live.load(page, table, path).unwrap();
                 live.send(page, Ask::Robot(RequestKind::Track)).unwrap();
             });

@@ -8,7 +8,6 @@ use crate::hands::{Hands, played};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
-use omnibase_robot::references::reference;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, Setpoint, StopCategory};
 use omnibase_robot::stages::Reference;
 use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Refusal, Snapshot, StickState, StickWish};
@@ -215,7 +214,7 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
         hands.alive(0.4, 12.0, Client::Page(1));
         let table = line.clone();
         hands.at(1.2, move |live, _| {
-            let loaded = reference(&table, &crate::hands::plan().limits).unwrap();
+            let loaded = crate::hands::reference(&table);
             assert_eq!(live.load(Client::Page(1), table.clone(), loaded).unwrap().0, 1);
         });
         hands.ask(1.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
@@ -275,7 +274,7 @@ fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_
                 "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [3.0, {metres:?}, 0.0, 0.0]]"
             ))
             .unwrap();
-            let made = reference(&table, &crate::hands::plan().limits).unwrap();
+            let made = crate::hands::reference(&table);
             live.load(Client::Page(1), table, Box::new(Counted::new(made))).unwrap();
         };
         for number in 1..=100 {

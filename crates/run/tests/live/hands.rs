@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
 use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
 use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
+use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::StopCategory;
+use omnibase_robot::stages::Reference;
 use omnibase_robot::{Registry, Robot, RobotPlan};
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Snapshot, StickWish, live};
@@ -20,6 +22,11 @@ const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
 pub fn plan() -> RobotPlan {
     let text = RobotText { text: BMM.into(), ..RobotText::default() };
     text.load(&Registry::with_built_in()).unwrap().plan
+}
+
+/// What a table asks for, within that robot's limits.
+pub fn reference(table: &ReferenceTable) -> Box<dyn Reference> {
+    Registry::with_built_in().make_reference(table, &plan().limits).unwrap()
 }
 
 type Act = Box<dyn FnMut(&Live, &Snapshot)>;
@@ -151,8 +158,7 @@ pub struct Played {
     pub last: Snapshot,
     pub live: Live,
     pub replayed: Replayed,
-    /// The exact words of every cycle.
-    pub words: Vec<Vec<u8>>,
+    pub recorded: RecordedRun,
     pub stop: &'static AtomicBool,
 }
 
@@ -164,8 +170,17 @@ pub fn played(until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
 
 /// As [`played`], with another robot.
 pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands)) -> Played {
-    let registry = Registry::with_built_in();
-    let robot = robot.load(&registry).unwrap();
+    played_with(&Registry::with_built_in(), robot, until_s, prepare)
+}
+
+/// As [`played_by`], with other kinds.
+pub fn played_with(
+    registry: &Registry,
+    robot: RobotText,
+    until_s: f64,
+    prepare: impl FnOnce(&mut Hands),
+) -> Played {
+    let robot = robot.load(registry).unwrap();
     let mut hands = Hands::default();
     prepare(&mut hands);
     let (live, end) = live(AGES, StopCategory::RampThenRemove);
@@ -187,7 +202,7 @@ pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands
     live.describe_to(recorder.describer());
     let setup = Setup {
         plan: &robot.plan,
-        robot: Robot::build(&robot.plan, &registry).unwrap(),
+        robot: Robot::build(&robot.plan, registry).unwrap(),
         machine: Some(machine),
         recording: Some((rows, sink)),
         live: Some(end),
@@ -199,6 +214,6 @@ pub fn played_by(robot: RobotText, until_s: f64, prepare: impl FnOnce(&mut Hands
     let bytes = std::fs::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
     let recorded = RecordedRun::read(&bytes).unwrap();
-    let replayed = replay(&recorded, &registry).unwrap();
-    Played { ran, last: live.snapshot(), live, replayed, words: recorded.raw, stop }
+    let replayed = replay(&recorded, registry).unwrap();
+    Played { ran, last: live.snapshot(), live, replayed, recorded, stop }
 }

@@ -4,6 +4,7 @@ mod comeback;
 mod driving;
 mod hands;
 mod limits;
+mod own_reference;
 mod stamps;
 mod stick;
 mod teaching;

@@ -7,7 +7,6 @@ use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase};
 use omnibase_run::RobotText;
 use omnibase_run::live::{Ask, Client, StickWish, TracePoint};
-use omnibase_run::robot_text::NewReference;
 use omnibase_run::teach::{Sampling, taught};
 
 /// Somebody drives: ahead, in a bow with a turn, sideways.
@@ -24,7 +23,7 @@ fn driven() -> Played {
 
 /// The robot follows a path from its start to its end.
 fn repeated(reference: &ReferenceTable) -> Played {
-    let reference = Some(NewReference::Table(Box::new(reference.clone())));
+    let reference = Some(reference.clone().into());
     let robot = RobotText { text: BMM.into(), reference, ..RobotText::default() };
     played_by(robot, 14.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Command, Ask::Robot(RequestKind::Enable));
@@ -71,7 +70,8 @@ fn a_path_driven_by_hand_repeats_within_two_millimetres_and_its_repeats_are_the_
         let (x, y) = (trace.last().unwrap().believed, repeat.last().unwrap().believed);
         assert!((x[0] - y[0]).hypot(x[1] - y[1]) < 0.002 && (x[2] - y[2]).abs() < 0.004, "{x:?} {y:?}");
         let second = repeated(&path.reference);
-        assert!(first.words.len() > 10_000 && first.words == second.words, "{sampling:?}");
+        let (first, second) = (first.recorded.raw, second.recorded.raw);
+        assert!(first.len() > 10_000 && first == second, "{sampling:?}");
         // Taught from its own repeat, the path stays the path.
         let again = taught(&repeat, sampling, 0.001, &limits).unwrap();
         let third = repeated(&again.reference);

@@ -2,6 +2,7 @@
 
 use omnibase_cia402::Wanted;
 use omnibase_robot::Registry;
+use omnibase_robot::registry::{Kind, MakeDevice};
 use omnibase_robot::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use omnibase_robot::stages::{Device, DriveCommand};
 
@@ -43,10 +44,12 @@ impl Device for KinematicWheel {
     }
 }
 
-/// Puts kinematic wheels in the place of the drives `sgdv` and `cia402`; their defaults stay.
+/// Puts kinematic wheels in the place of all devices; their defaults stay.
 pub fn register_kinematic(registry: &mut Registry) {
-    for name in ["sgdv", "cia402"] {
-        let defaults = registry.device_defaults(name).cloned().unwrap_or_default();
-        registry.device(name, defaults, |_| Ok(Box::new(KinematicWheel::default())));
+    let kinds: Vec<Kind> = registry.devices.kinds().cloned().collect();
+    for kind in kinds {
+        let defaults = registry.devices.defaults(kind.name).cloned().unwrap_or_default();
+        let make = MakeDevice { defaults, make: Box::new(|_| Ok(Box::new(KinematicWheel::default()))) };
+        registry.devices.add(kind, make);
     }
 }

@@ -3,10 +3,11 @@
 use std::f64::consts::{PI, TAU};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{FencePlan, FootprintSource, PathFrame};
 use omnibase_robot::guard::Obstacle;
+use omnibase_robot::registry::Kind;
 use omnibase_robot::signals::Frame;
+use omnibase_robot::{Registry, RobotPlan};
 
 use super::measure::{distance_to_circle_m, room_in_fence_m};
 use super::{FRAMES, SIGMAS};
@@ -230,6 +231,16 @@ fn obstacle(r: &mut Random, plan: &RobotPlan, size_m: f64) -> Option<Obstacle> {
     None
 }
 
+/// The references that need nothing but a radius.
+fn round() -> Vec<&'static str> {
+    let registry = Registry::with_built_in();
+    let needs = |kind: &Kind| {
+        let needed = kind.keys.iter().filter(|key| key.is_needed);
+        needed.map(|key| key.name).eq(["radius_m"])
+    };
+    registry.references.kinds().filter(|kind| needs(kind)).map(|kind| kind.name).collect()
+}
+
 fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Source {
     let limits = plan.limits;
     match r.below(6) {
@@ -279,7 +290,8 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
                 table.points = Some(points);
                 table.interpolation = Some(omnibase_robot::config::InterpolationName::Quintic);
             } else {
-                table.kind = Some(["circle", "holonomic"][r.below(2) as usize].into());
+                let round = round();
+                table.kind = Some(round[r.below(round.len() as u64) as usize].into());
                 table.radius_m = Some(r.between(0.2, 0.5) * (size_m + 0.5));
                 table.frame = Some(PathFrame::Start);
             }

@@ -9,9 +9,9 @@ use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
 use omnibase_robot::signals::StopCategory;
+use omnibase_run::LoadedRobot;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, Live, LiveEnd, live};
-use omnibase_run::{LoadedRobot, RobotText};
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -86,7 +86,6 @@ impl Options {
     /// Starts what is wanted.
     pub fn start(
         &self,
-        text: RobotText,
         robot: &LoadedRobot,
         registry: Registry,
         known: Known,
@@ -112,7 +111,7 @@ impl Options {
                     foxglove: self.foxglove,
                 };
                 let paths = self.paths.clone();
-                let about = RobotInfo { text, robot: robot.clone(), registry, known, paths, streams };
+                let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
                 Some(self.serve(address, live, about)?)
             }
             None => None,

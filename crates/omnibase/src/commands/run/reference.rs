@@ -1,128 +1,147 @@
-//! The motion that the command line asks for.
+//! The motion that the command line asks for: a file, or one of the registered kinds.
 
 use crate::WrongUsage;
+use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
-use omnibase_robot::config::{HeadingName, ReferenceTable};
-use omnibase_run::robot_text::NewReference;
-use std::path::{Path, PathBuf};
+use clap::{Arg, ArgGroup, ArgMatches, Command};
+use omnibase_robot::Registry;
+use omnibase_robot::config::{ReferenceTable, Source};
+use omnibase_robot::registry::{Key, Kind};
+use omnibase_run::robot_text::read_reference;
+use std::path::Path;
 
-/// The motion, in place of the robot file's own.
-#[derive(Debug, clap::Args)]
-#[group(multiple = false)]
-pub struct ReferenceChoice {
-    /// A reference file: the keys of a robot file's [reference] table.
-    #[arg(long, value_name = "FILE")]
-    reference: Option<PathBuf>,
-    /// A file of path points, lines of (t, x, y, heading) in s, m and rad.
-    #[arg(long, value_name = "FILE")]
-    path: Option<PathBuf>,
-    /// A circle: radius=0.5,period=10 and optionally turns, heading=tangent.
-    #[arg(long, value_name = "KEY=VALUE,...")]
-    circle: Option<String>,
-    /// An ellipse: a=1.0,b=0.5 (semi-axes along x and y) and optionally period, turns, heading.
-    #[arg(long, value_name = "KEY=VALUE,...")]
-    ellipse: Option<String>,
-    /// An Archimedes spiral: step=0.3 (between turns) and optionally period, turns, heading.
-    #[arg(long, value_name = "KEY=VALUE,...")]
-    spiral: Option<String>,
-    /// A lying eight: length=0.8 (from its centre to an end) and optionally period, turns, heading.
-    #[arg(long, value_name = "KEY=VALUE,...")]
-    eight: Option<String>,
-    /// A circle whose heading follows the tangent: radius=0.5 and optionally period, turns.
-    #[arg(long, value_name = "KEY=VALUE,...")]
-    holonomic: Option<String>,
+/// Short names of keys, as they stand on the command line.
+const SHORT: [(&str, &str); 6] = [
+    ("a", "semi_axis_x_m"),
+    ("b", "semi_axis_y_m"),
+    ("length", "half_length_m"),
+    ("period", "duration_s"),
+    ("radius", "radius_m"),
+    ("step", "step_m"),
+];
+const GROUP: &str = "motion";
+
+/// The motion, in place of the robot file's own: an option and its value.
+#[derive(Debug, Default)]
+pub struct ReferenceChoice(Option<(String, String)>);
+
+/// The kinds that have an option of their own: those with keys, but for the path, whose points come from a file.
+fn offered(registry: &Registry) -> impl Iterator<Item = &Kind> {
+    registry.references.kinds().filter(|kind| !kind.keys.is_empty() && kind.name != "path")
+}
+
+impl clap::Args for ReferenceChoice {
+    fn augment_args(command: Command) -> Command {
+        let option = |name: &'static str| Arg::new(name).long(name).group(GROUP);
+        let registry = Registry::with_built_in();
+        let shapes = offered(&registry).map(|kind| {
+            option(kind.name).value_name("KEY=VALUE,...").help(format!("{}: {}", kind.meaning, keys(kind)))
+        });
+        command
+            .group(ArgGroup::new(GROUP).multiple(false))
+            .arg(
+                option("reference")
+                    .value_name("FILE")
+                    .help("A reference file: the keys of a robot file's [reference] table"),
+            )
+            .arg(
+                option("path")
+                    .value_name("FILE")
+                    .help("A file of path points, lines of (t, x, y, heading) in s, m and rad"),
+            )
+            .args(shapes)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for ReferenceChoice {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
+        let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
+        Ok(ReferenceChoice(chosen.and_then(value)))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
 }
 
 impl ReferenceChoice {
     /// What was chosen; `None` leaves the robot file's own.
-    pub fn chosen(&self) -> anyhow::Result<Option<NewReference>> {
-        if let Some(path) = &self.reference {
-            let text =
-                std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
-            let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-            return Ok(Some(NewReference::File { name: path.display().to_string(), text, folder }));
-        }
-        if let Some(path) = &self.path {
-            let path = std::path::absolute(path)?;
-            let table = ReferenceTable {
-                kind: Some("path".to_owned()),
-                points_file: Some(path.to_string_lossy().into_owned()),
-                ..Default::default()
-            };
-            return Ok(Some(NewReference::Table(Box::new(table))));
-        }
-        let shapes = [
-            ("circle", &self.circle),
-            ("ellipse", &self.ellipse),
-            ("spiral", &self.spiral),
-            ("eight", &self.eight),
-            ("holonomic", &self.holonomic),
-        ];
-        let chosen = shapes.into_iter().find_map(|(kind, keys)| Some((kind, keys.as_deref()?)));
-        chosen.map(|(kind, keys)| Ok(shape(kind, keys).map_err(WrongUsage)?)).transpose()
+    pub fn chosen(&self, registry: &Registry) -> anyhow::Result<Option<Source<ReferenceTable>>> {
+        let Some((option, value)) = &self.0 else { return Ok(None) };
+        Ok(Some(match option.as_str() {
+            "reference" => {
+                let text = std::fs::read_to_string(value).with_context(|| format!("reading `{value}`"))?;
+                read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
+            }
+            "path" => {
+                let points_file = Some(std::path::absolute(value)?.to_string_lossy().into_owned());
+                ReferenceTable { kind: Some("path".to_owned()), points_file, ..Default::default() }.into()
+            }
+            name => shape(&registry.references.find(Some(name))?.0, value).map_err(WrongUsage)?,
+        }))
     }
 }
 
-/// A shape from `key=value,key=value`.
-fn shape(kind: &str, keys: &str) -> anyhow::Result<NewReference> {
-    let mut table = ReferenceTable { kind: Some(kind.to_owned()), ..Default::default() };
-    let own: &[&str] = match kind {
-        "ellipse" => &["a", "b"],
-        "spiral" => &["step"],
-        "eight" => &["length"],
-        _ => &["radius"],
+/// The keys of a kind as the command line takes them: `radius=... and optionally period, turns`.
+fn keys(kind: &Kind) -> String {
+    let short = |key: &Key| {
+        let found = SHORT.iter().find(|(_, long)| *long == key.name);
+        found.map_or(key.name, |(short, _)| short)
     };
-    let wanted = || format!("--{kind} takes {}, period, turns, heading", own.join(", "));
-    for part in keys.split(',').filter(|part| !part.trim().is_empty()) {
-        let (key, value) = part.split_once('=').with_context(|| format!("`{part}`: {}", wanted()))?;
-        let (key, value) = (key.trim(), value.trim());
-        if key == "heading" {
-            table.heading = Some(match value {
-                "fixed" => HeadingName::Fixed,
-                "tangent" => HeadingName::FollowsTangent,
-                _ => bail!("--{kind}: heading is `fixed` or `tangent`, not `{value}`"),
-            });
-            continue;
-        }
-        let slot = match key {
-            "period" => &mut table.duration_s,
-            "turns" => &mut table.turns,
-            _ if !own.contains(&key) => bail!("`{key}`: {}", wanted()),
-            "a" => &mut table.semi_axis_x_m,
-            "b" => &mut table.semi_axis_y_m,
-            "step" => &mut table.step_m,
-            "length" => &mut table.half_length_m,
-            _ => &mut table.radius_m,
-        };
-        let number: f64 = value.parse().with_context(|| format!("--{kind}: {key} = `{value}`"))?;
-        if !(number.is_finite() && number > 0.0) {
-            bail!("--{kind}: {key} = {value} must be above 0");
-        }
-        *slot = Some(number);
+    let of = |is_needed: bool| kind.keys.iter().filter(move |key| key.is_needed == is_needed).map(short);
+    let needed: Vec<String> = of(true).map(|name| format!("{name}=...")).collect();
+    format!("{} and optionally {}", needed.join(","), of(false).collect::<Vec<_>>().join(", "))
+}
+
+/// A motion of a kind from `key=value,key=value`: its keys by their names in the file, or by their short ones.
+fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
+    let mut lines = format!("kind = {:?}\n", kind.name);
+    for part in text.split(',').filter(|part| !part.trim().is_empty()) {
+        let wanted = || format!("`{}`: --{} takes {}", part.trim(), kind.name, keys(kind));
+        let (name, value) = part.split_once('=').with_context(wanted)?;
+        let (name, value) = (name.trim(), value.trim());
+        let name = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, long)| long);
+        let value = if value == "tangent" { "follows_tangent" } else { value };
+        let key = kind.keys.iter().find(|key| key.name == name).with_context(wanted)?;
+        let change = parse_change(&format!("{}={value}", key.path()));
+        lines += &change.map_err(|error| anyhow::anyhow!("{}: {error}", wanted()))?;
+        lines.push('\n');
     }
-    Ok(NewReference::Table(Box::new(table)))
+    let Source { file, problems, .. } = Source::read_reference(&lines, "");
+    if problems.is_empty() {
+        return Ok(file.into());
+    }
+    let words =
+        problems.into_iter().map(|problem| omnibase_robot::Problem { place: None, ..problem }.to_string());
+    bail!("--{}: {}", kind.name, words.collect::<Vec<_>>().join("; "))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use omnibase_robot::config::HeadingName;
 
-    fn table(kind: &str, keys: &str) -> ReferenceTable {
-        match shape(kind, keys).unwrap() {
-            NewReference::Table(table) => *table,
-            other => panic!("{other:?}"),
-        }
+    fn read(kind: &str, keys: &str) -> anyhow::Result<ReferenceTable> {
+        let registry = Registry::with_built_in();
+        Ok(shape(&registry.references.find(Some(kind))?.0, keys)?.file)
     }
 
     #[test]
     fn shapes_are_read_from_their_keys() {
-        let circle = table("circle", "radius=0.5, period=10");
+        let circle = read("circle", "radius=0.5, period=10").unwrap();
         assert_eq!((circle.radius_m, circle.duration_s), (Some(0.5), Some(10.0)));
-        let ellipse = table("ellipse", "a=1,b=0.5,turns=2,heading=tangent");
+        assert_eq!(read("circle", "radius_m=0.5,duration_s=10").unwrap(), circle);
+        let ellipse = read("ellipse", "a=1,b=0.5,turns=2,heading=tangent").unwrap();
         assert_eq!((ellipse.semi_axis_x_m, ellipse.semi_axis_y_m), (Some(1.0), Some(0.5)));
         assert_eq!((ellipse.turns, ellipse.heading), (Some(2.0), Some(HeadingName::FollowsTangent)));
-        for wrong in ["radius", "radius=x", "radius=-1", "step=1", "radius=nan", "heading=up"] {
-            assert!(shape("circle", wrong).is_err(), "{wrong}");
+        for wrong in ["radius", "radius=x", "radius=-1", "step=1", "radius=nan", "heading=up", "kind=eight"] {
+            assert!(read("circle", wrong).is_err(), "{wrong}");
         }
     }
 }
