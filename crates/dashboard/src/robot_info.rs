@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use omnibase_robot::Registry;
-use omnibase_robot::config::{ReadFile, ReferenceTable, Source};
+use omnibase_robot::check::ReadFile;
+use omnibase_robot::config::{ReferenceTable, Source};
 use omnibase_robot::stages::Reference;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};

@@ -16,8 +16,8 @@ mod tests;
 use omnibase_platform::{Pose2, PoseGrowth, Twist2, wrap_angle_rad};
 
 use crate::config::{AvoidanceKind, FencePlan, GuardPlan, Limits};
-use crate::limiter::Limiter;
-use crate::motion::SpeedBound;
+use crate::limiter::{Limiter, SpeedBound};
+pub use crate::obstacle::{MAX_OBSTACLES, Obstacle};
 use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
 use braking::{Braking, Sweep};
 use retreat::Retreat;
@@ -25,10 +25,6 @@ use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
 use shaping::Detour;
 use spread::{Spread, WayLeft};
 
-/// Most obstacles at a time.
-pub const MAX_OBSTACLES: usize = 16;
-/// Nothing on the floor is larger, faster or further away, m and m/s.
-pub(crate) const GREATEST: f64 = 1e6;
 /// By how much less room than must be kept counts as kept: rounding, m.
 const ROUNDING_M: f64 = 1e-9;
 /// By how much less counts as being inside of what must be kept, from where only the way out is open, m.
@@ -39,25 +35,6 @@ const SPEED_ROUNDING: f64 = 1.0 + 1e-9;
 const LAG_ALLOWED_M: f64 = 0.1;
 /// A lag at which it waits, m.
 const LAG_WAITS_M: f64 = 0.3;
-
-/// A circle on the floor that moves straight on.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Obstacle {
-    /// Its centre in odom, m.
-    pub centre_m: Point,
-    /// Its radius, m.
-    pub radius_m: f64,
-    /// Its speed in odom, m/s.
-    pub velocity_m_s: Point,
-}
-
-impl Obstacle {
-    /// Whether its numbers are finite and not absurd, and its radius isn't negative.
-    pub fn is_possible(&self) -> bool {
-        let mut numbers = self.centre_m.iter().chain(&self.velocity_m_s);
-        numbers.all(|value| value.abs() <= GREATEST) && (0.0..=GREATEST).contains(&self.radius_m)
-    }
-}
 
 /// What a cycle wants to do.
 #[derive(Clone, Copy, Debug)]

@@ -3,7 +3,7 @@
 //! - [`Robot::compute`]: the cycle, one function whose stages stand in source order.
 //! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
 //! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: all that is chosen by name.
-//! - [`config`]: from a robot's file to a [`RobotPlan`], with every problem and its place.
+//! - [`config`]: a robot's file and its [`RobotPlan`]; [`check`]: from the one to the other, with every problem and its place.
 //! - [`stick_shape`]: [`StickShape`], gains, dead zones and expo of a stick, which change while the robot runs.
 //! - [`guard`]: the footprint stays inside the fence and off obstacles.
 //! - [`layouts`], [`devices`], [`estimators`], [`references`], [`controllers`]: the built-in kinds; [`limiter`], [`safety`].
@@ -13,6 +13,8 @@
 #![forbid(unsafe_code)]
 
 mod blind_ramp;
+mod built_in;
+pub mod check;
 pub mod config;
 pub mod controllers;
 mod cycle;
@@ -24,6 +26,7 @@ pub mod layouts;
 mod lifecycle;
 pub mod limiter;
 mod motion;
+mod obstacle;
 pub mod references;
 pub mod registry;
 pub mod safety;

@@ -5,9 +5,33 @@
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitedTwist, LimitsError, TwistLimiter};
 
-use crate::config::Limits;
-use crate::references::motion_limits;
+use crate::config::{Limits, motion_limits};
 use crate::signals::Setpoint;
+
+/// Greatest speeds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SpeedBound {
+    pub(crate) speed_m_s: f64,
+    pub(crate) turn_speed_rad_s: f64,
+}
+
+impl SpeedBound {
+    /// A twist with no more than these speeds, its direction kept.
+    pub(crate) fn hold(&self, twist: Twist2) -> Twist2 {
+        let speed = twist.speed_m_s();
+        let part = if speed > self.speed_m_s { self.speed_m_s / speed } else { 1.0 };
+        let turn = self.turn_speed_rad_s;
+        Twist2::new(twist.vx_m_s * part, twist.vy_m_s * part, twist.w_rad_s.clamp(-turn, turn))
+    }
+
+    /// The greater of both.
+    pub(crate) fn greater(&self, other: &SpeedBound) -> SpeedBound {
+        SpeedBound {
+            speed_m_s: self.speed_m_s.max(other.speed_m_s),
+            turn_speed_rad_s: self.turn_speed_rad_s.max(other.turn_speed_rad_s),
+        }
+    }
+}
 
 /// How fast a lag behind the wished pose is caught up, 1/s.
 const CATCH_UP_1_S: f64 = 5.0;

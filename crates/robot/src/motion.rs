@@ -6,13 +6,12 @@ mod room;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
 
-use crate::config::{GuardPlan, Limits, SafetyPlan};
+use crate::config::{GuardPlan, Limits, SafetyPlan, motion_limits};
 use crate::guard::Guard;
-use crate::references::motion_limits;
+use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
-pub(crate) use headway::SpeedBound;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
 

@@ -7,7 +7,9 @@ use omnibase_trajectory::{
     ShapeTrajectory, SpeedRule, Trajectory,
 };
 
-use crate::config::{HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable};
+use crate::config::{
+    HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, motion_limits,
+};
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
@@ -111,13 +113,13 @@ impl ShapeKind {
         let make = |duration_s: f64| {
             let key = if table.duration_s.is_some() { "duration_s" } else { "" };
             ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| match error {
-                ShapeError::TooLong { .. } => Problem::refused(key, error),
-                ShapeError::Setting { .. } => Problem::refused("", error),
+                ShapeError::TooLong { .. } => StageError::from(Problem::refused(key, error)),
+                ShapeError::Setting { .. } => Problem::refused("", error).into(),
             })
         };
         let Some(duration_s) = table.duration_s else {
             let (stretch, _) = Peaks::of(&make(1.0)?).stretch(&motion_limits(limits));
-            return Ok(make(stretch * ROOM)?);
+            return make(stretch * ROOM);
         };
         let trajectory = make(duration_s)?;
         limits::check(&trajectory, &motion_limits(limits))
@@ -147,18 +149,6 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Made<PointTrajectory> {
         };
         StageError(refusals.iter().map(problem).collect())
     })
-}
-
-/// The platform's limits as trajectories know them.
-pub fn motion_limits(limits: &Limits) -> omnibase_trajectory::Limits {
-    omnibase_trajectory::Limits {
-        speed_m_s: limits.speed_m_s,
-        acceleration_m_s2: limits.acceleration_m_s2,
-        jerk_m_s3: limits.jerk_m_s3,
-        rate_rad_s: limits.turn_speed_rad_s,
-        angular_acceleration_rad_s2: limits.turn_acceleration_rad_s2,
-        angular_jerk_rad_s3: limits.turn_jerk_rad_s3,
-    }
 }
 
 /// Reads a file of path points.

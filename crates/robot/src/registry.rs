@@ -29,6 +29,12 @@ impl From<Problem> for StageError {
     }
 }
 
+impl From<Box<Problem>> for StageError {
+    fn from(problem: Box<Problem>) -> Self {
+        (*problem).into()
+    }
+}
+
 impl StageError {
     /// The same about another setting.
     pub(crate) fn named(mut self, setting: &str) -> Self {
@@ -265,12 +271,15 @@ pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Limits) -> Made<Box<dyn Re
 /// Makes the wheels of a layout, in the order of the drives.
 pub type MakeWheels = Box<dyn Fn(&PlatformTable) -> Made<Vec<Wheel>> + Send + Sync>;
 
-/// Makes a drive's device.
+/// Makes the device of a drive from its plan.
+pub type MakeDrive = Box<dyn Fn(&DrivePlan) -> Made<Box<dyn Device>> + Send + Sync>;
+
+/// A kind of drive.
 pub struct MakeDevice {
     /// What it brings along.
     pub defaults: DeviceDefaults,
     /// Makes it; settings in its refusals are those of the drive's table, as everywhere.
-    pub make: Box<dyn Fn(&DrivePlan) -> Made<Box<dyn Device>> + Send + Sync>,
+    pub make: MakeDrive,
 }
 
 /// All kinds.
@@ -297,17 +306,6 @@ impl Registry {
             devices: Kinds::new(DEVICE),
             layouts: Kinds::new(LAYOUT),
         }
-    }
-
-    /// A registry with the built-in kinds.
-    pub fn with_built_in() -> Self {
-        let mut registry = Registry::empty();
-        crate::controllers::register(&mut registry);
-        crate::references::register(&mut registry);
-        crate::estimators::register(&mut registry);
-        crate::devices::register(&mut registry);
-        crate::layouts::register(&mut registry);
-        registry
     }
 
     /// Makes the devices of a plan's drives.

@@ -1,8 +1,8 @@
 //! From where a robot was driven by hand to a path that it repeats.
 
 use omnibase_platform::Pose2;
+use omnibase_robot::config::motion_limits;
 use omnibase_robot::config::{InterpolationName, Limits, PathFrame, ReferenceTable};
-use omnibase_robot::references::motion_limits;
 use omnibase_trajectory::limits::Retiming;
 use omnibase_trajectory::{
     Interpolation, PathPoint, PathPoints, PathPointsError, PointTrajectory, Trajectory, limits,

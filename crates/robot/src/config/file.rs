@@ -19,9 +19,9 @@ pub struct Parameters(pub serde_json::Map<String, serde_json::Value>);
 
 impl Parameters {
     /// A number; of one that is needed and declared as such the check made sure.
-    pub fn number(&self, key: &str) -> Result<f64, Problem> {
+    pub fn number(&self, key: &str) -> Result<f64, Box<Problem>> {
         let value = self.0.get(key).and_then(serde_json::Value::as_f64);
-        value.ok_or_else(|| Problem::missing(format!("custom.{key}"), "a number"))
+        value.ok_or_else(|| Box::new(Problem::missing(format!("custom.{key}"), "a number")))
     }
 }
 

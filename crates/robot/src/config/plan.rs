@@ -16,7 +16,7 @@ use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use super::torque_limit::TorqueLimit;
-use crate::guard::Obstacle;
+use crate::obstacle::Obstacle;
 use crate::signals::{SafetyAction, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
@@ -408,4 +408,16 @@ fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config
 
 fn bytes(pdos: &[PdoPlan]) -> usize {
     pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize
+}
+
+/// The platform's limits as trajectories know them.
+pub fn motion_limits(limits: &Limits) -> omnibase_trajectory::Limits {
+    omnibase_trajectory::Limits {
+        speed_m_s: limits.speed_m_s,
+        acceleration_m_s2: limits.acceleration_m_s2,
+        jerk_m_s3: limits.jerk_m_s3,
+        rate_rad_s: limits.turn_speed_rad_s,
+        angular_acceleration_rad_s2: limits.turn_acceleration_rad_s2,
+        angular_jerk_rad_s3: limits.turn_jerk_rad_s3,
+    }
 }

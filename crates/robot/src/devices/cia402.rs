@@ -9,7 +9,7 @@ use omnibase_cia402::{
 
 use super::{DeviceDefaults, pdo};
 use crate::config::{DrivePlan, DriveScale, EncoderName, PdoPlan, Problem, SpeedUnit, TurnDirection};
-use crate::registry::Made;
+use crate::registry::{Made, StageError};
 use crate::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use crate::stages::{Device, DriveCommand};
 
@@ -121,7 +121,7 @@ impl Cia402Device {
     pub fn new(plan: &DrivePlan) -> Made<Self> {
         let need = |pdos: &[PdoPlan], index: u16, what: &str| {
             let reason = format!("{what} ({index:04X}) must be mapped, whole and at a byte");
-            Field::find(pdos, index, 0).ok_or_else(|| Problem::refused("", reason))
+            Field::find(pdos, index, 0).ok_or_else(|| StageError::from(Problem::refused("", reason)))
         };
         let input = |index| Field::find(&plan.inputs, index, 0);
         let output = |index| Field::find(&plan.outputs, index, 0);

@@ -363,7 +363,7 @@ fn obstacles_that_cannot_be_are_refused_and_change_nothing() {
     assert_eq!(guard.obstacles()[3], Some(good));
     // A point, and the greatest one, are obstacles.
     assert_eq!(guard.set(3, Some(Obstacle { radius_m: 0.0, ..good })), Ok(()));
-    assert_eq!(guard.set(3, Some(Obstacle { radius_m: GREATEST, ..good })), Ok(()));
+    assert_eq!(guard.set(3, Some(Obstacle { radius_m: crate::obstacle::GREATEST, ..good })), Ok(()));
     // There is a last place, and no other; the taking away of nothing is no error.
     let last = MAX_OBSTACLES as u32 - 1;
     assert_eq!((guard.set(last, Some(good)), guard.set(last + 1, Some(good))), (Ok(()), Err(())));

@@ -3,9 +3,10 @@
 //! Headway is plan's time that passes, or way by which the platform comes nearer to the plan's place than it ever was:
 //! to and fro is none. What lacks is summed up, so that a plan that creeps, or goes on for moments only, is given up too.
 
-use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
+use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::config::GuardPlan;
+use crate::limiter::SpeedBound;
 use crate::signals::Setpoint;
 
 /// Part of its rate at which a plan's time must pass at least, or else time without headway is counted.
@@ -16,30 +17,6 @@ const LEAST_M_S: f64 = 0.02;
 const CAUGHT_UP: f64 = 1e-3;
 /// With these a place is caught up with where the path itself rests, m/s and rad/s.
 const LEAST_CATCH_UP: SpeedBound = SpeedBound { speed_m_s: 0.05, turn_speed_rad_s: 0.1 };
-
-/// Greatest speeds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct SpeedBound {
-    pub(crate) speed_m_s: f64,
-    pub(crate) turn_speed_rad_s: f64,
-}
-
-impl SpeedBound {
-    /// A twist with no more than these speeds, its direction kept.
-    pub(crate) fn hold(&self, twist: Twist2) -> Twist2 {
-        let speed = twist.speed_m_s();
-        let part = if speed > self.speed_m_s { self.speed_m_s / speed } else { 1.0 };
-        let turn = self.turn_speed_rad_s;
-        Twist2::new(twist.vx_m_s * part, twist.vy_m_s * part, twist.w_rad_s.clamp(-turn, turn))
-    }
-
-    fn greater(&self, other: &SpeedBound) -> SpeedBound {
-        SpeedBound {
-            speed_m_s: self.speed_m_s.max(other.speed_m_s),
-            turn_speed_rad_s: self.turn_speed_rad_s.max(other.turn_speed_rad_s),
-        }
-    }
-}
 
 /// What a cycle asked of a plan, and what passed.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,7 @@ use omnibase_cia402::StatusWord;
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::*;
-use crate::guard::Obstacle;
+use crate::obstacle::Obstacle;
 
 fn full(wheels: usize) -> CycleRecord {
     let mut record = CycleRecord {

@@ -3,7 +3,7 @@
 use omnibase_platform::{Pose2, Twist2};
 
 use super::{StopCategory, coded};
-use crate::guard::Obstacle;
+use crate::obstacle::Obstacle;
 
 /// The frame of a velocity command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

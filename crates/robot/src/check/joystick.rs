@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::check::Check;
-use super::joystick::{AxisCode, DeadManRule, JoystickTable, ReadyMapName};
-use super::problem::ProblemKind;
+use super::Check;
+use crate::config::{AxisCode, DeadManRule, JoystickTable, ProblemKind, ReadyMapName};
 
 /// A setting that a ready map doesn't allow.
 struct Clash {

@@ -4,14 +4,10 @@ use std::collections::HashMap;
 
 use omnibase_ethercat::start_up::ReadBack;
 
-use super::check::{Check, ReadFile};
-use super::drive_tables::*;
 use super::kind_keys::Given;
-use super::mapping::{PdoPlan, find, parse_map, parse_object};
-use super::plan::*;
-use super::problem::ProblemKind;
-use super::source::Source;
-use super::torque_limit::{self, TorqueLimit};
+use super::{Check, ReadFile, torque_limit};
+use crate::config::find_object as find;
+use crate::config::*;
 use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry, Sort};
 use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 

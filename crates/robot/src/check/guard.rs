@@ -2,13 +2,10 @@
 
 use omnibase_platform::{Kinematics, Pose2};
 
-use super::check::Check;
-use super::file::RobotFile;
-use super::guard_tables::FenceTable;
-use super::plan::{FencePlan, FootprintSource, GuardPlan};
-use super::problem::ProblemKind;
+use super::Check;
+use crate::config::{FencePlan, FenceTable, FootprintSource, GuardPlan, ProblemKind, RobotFile};
 use crate::guard::shape::{self, Corners, MAX_FENCE_CORNERS, MAX_FOOTPRINT_CORNERS, Point};
-use crate::guard::{GREATEST, MAX_OBSTACLES, Obstacle};
+use crate::obstacle::{GREATEST, MAX_OBSTACLES, Obstacle};
 
 #[cfg(test)]
 mod tests;

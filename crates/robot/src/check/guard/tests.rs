@@ -1,7 +1,7 @@
 //! Files with fences and obstacles that can't be, and what is said about them.
 
 use crate::config::{Problem, ProblemKind, RobotPlan};
-use crate::guard::MAX_OBSTACLES;
+use crate::obstacle::MAX_OBSTACLES;
 use crate::registry::Registry;
 
 const BMM: &str = include_str!("../../../../../robots/bmm.toml");

@@ -2,10 +2,9 @@
 
 use omnibase_platform::{Kinematics, layout};
 
-use super::check::Check;
-use super::file::PlatformTable;
+use super::Check;
 use super::kind_keys::Given;
-use super::problem::ProblemKind;
+use crate::config::{PlatformTable, ProblemKind};
 use crate::registry::Registry;
 
 pub(super) fn resolve(

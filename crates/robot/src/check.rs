@@ -1,20 +1,22 @@
 //! The robot's file against itself: everything that can be found without hardware.
 
+mod drives;
+mod guard;
+mod joystick;
+mod kind_keys;
+mod platform;
+mod sdo_writes;
+#[cfg(test)]
+mod tests;
+mod torque_limit;
+
 use std::fmt::Display;
 
-use super::drives;
-use super::file::*;
-use super::guard_check;
-use super::kind_keys::Given;
-use super::plan::*;
-use super::platform;
-use super::problem::{Problem, ProblemKind};
-use super::sdo_writes;
-use super::source::{Locations, Source};
-use super::torque_limit;
+use crate::config::*;
 use crate::registry::{Kind, Made, Registry, StageError};
 use crate::signals::{Quantity, SafetyAction, StopCategory};
 use crate::stages::Reference;
+use kind_keys::Given;
 
 /// Lost exchanges in a row that are tolerated by default.
 const LOST_EXCHANGES_TOLERATED: u32 = 3;
@@ -62,13 +64,13 @@ impl RobotPlan {
 }
 
 /// Collects problems while a file is resolved.
-pub(super) struct Check {
-    pub(super) locations: Locations,
-    pub(super) problems: Vec<Problem>,
+pub(crate) struct Check {
+    pub(crate) locations: Locations,
+    pub(crate) problems: Vec<Problem>,
 }
 
 impl Check {
-    pub(super) fn report(&mut self, kind: ProblemKind, setting: &str, reason: impl Display) -> &mut Problem {
+    pub(crate) fn report(&mut self, kind: ProblemKind, setting: &str, reason: impl Display) -> &mut Problem {
         self.add(Problem::new(kind, setting, reason))
     }
 
@@ -91,13 +93,13 @@ impl Check {
     }
 
     /// Whether nothing was said yet about a table and what is in it.
-    pub(super) fn is_sound(&self, table: &str) -> bool {
+    pub(crate) fn is_sound(&self, table: &str) -> bool {
         let is_of = |rest: &str| rest.is_empty() || rest.starts_with(['.', '[']);
         !self.problems.iter().any(|problem| problem.setting.strip_prefix(table).is_some_and(is_of))
     }
 
     /// What was made; otherwise every reason why not, with its place.
-    pub(super) fn made<T>(&mut self, made: Made<T>) -> Option<T> {
+    pub(crate) fn made<T>(&mut self, made: Made<T>) -> Option<T> {
         let refused = |error: StageError| {
             for problem in error.0 {
                 self.add(problem);
@@ -107,7 +109,7 @@ impl Check {
     }
 
     /// A setting that must be there. One whose value was refused already isn't reported twice.
-    pub(super) fn need<T>(&mut self, value: Option<T>, setting: &str, why: &str) -> Option<T> {
+    pub(crate) fn need<T>(&mut self, value: Option<T>, setting: &str, why: &str) -> Option<T> {
         if value.is_none() && !self.refused(setting) {
             self.add(Problem::missing(setting, why));
         }
@@ -115,7 +117,7 @@ impl Check {
     }
 
     /// Whether something was said about a setting already.
-    pub(super) fn refused(&self, setting: &str) -> bool {
+    pub(crate) fn refused(&self, setting: &str) -> bool {
         let (table, key) = setting.rsplit_once('.').unwrap_or(("", setting));
         self.problems.iter().any(|problem| {
             let of_table = problem.setting.rsplit_once('.').map_or("", |(table, _)| table) == table;
@@ -136,7 +138,7 @@ impl Check {
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
         let safety = self.safety(&file.safety);
-        let guard = guard_check::resolve(self, &file, kinematics.as_ref());
+        let guard = guard::resolve(self, &file, kinematics.as_ref());
         let controller = self.controller(file.controller, registry);
         let estimator = self.estimator(file.estimator, registry);
         let reference = self.reference(file.reference, registry, read_file);

@@ -3,9 +3,8 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::check::Check;
-use super::problem::ProblemKind;
-use super::source::nearest;
+use super::Check;
+use crate::config::{ProblemKind, nearest};
 use crate::registry::{Custom, Kind, Kinds, Sort};
 
 /// The keys that a table gives, those of its table `custom` as `custom.key`.
