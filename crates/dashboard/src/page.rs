@@ -13,6 +13,7 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("settings.js", "text/javascript; charset=utf-8", include_str!("page/settings.js")),
     ("stick.js", "text/javascript; charset=utf-8", include_str!("page/stick.js")),
     ("stop.js", "text/javascript; charset=utf-8", include_str!("page/stop.js")),
+    ("warning.js", "text/javascript; charset=utf-8", include_str!("page/warning.js")),
 ];
 
 /// What the page may load and connect to: itself.

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use bench::{Bench, Page};
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::StopCategory;
+use omnibase_run::live::Snapshot;
 use serde_json::{Value, json};
 use tungstenite::Message;
 
@@ -78,4 +79,37 @@ fn a_page_gone_wild_may_still_be_stopped_by_the_person_before_it() {
     page.send(&json!({"number": 1, "do": "emergency_stop"}));
     bench.until("the emergency stop", |end, _| end.say().is_emergency.then_some(()));
     assert!(bench.dashboard.counts()[4] > 1000, "{:?}", bench.dashboard.counts());
+}
+
+#[test]
+fn a_page_is_told_by_how_much_it_lags_behind_the_robots_clock() {
+    let mut bench = Bench::new();
+    let mut page = bench.page();
+    assert_eq!(page.hear("delay_ms")["delay_ms"], Value::Null, "it said nothing yet");
+    let mut snapshot = Snapshot::default();
+    snapshot.record.time.now_ns = 9_000_000_000;
+    bench.end.show(&snapshot);
+    // What it saw last; and what no robot can have told it yet.
+    for (stamp, delay_ms) in [(8300, json!(700)), (9000, json!(0)), (9001, Value::Null), (0, json!(9000))] {
+        page.send(&json!({"do": "alive", "stamp": stamp}));
+        let begin = Instant::now();
+        while page.hear("delay_ms")["delay_ms"] != delay_ms {
+            assert!(begin.elapsed() < Duration::from_secs(60), "{stamp}: never {delay_ms}");
+        }
+    }
+}
+
+#[test]
+fn a_page_is_told_in_how_many_seconds_the_robot_moves_again_by_itself() {
+    let mut bench = Bench::new();
+    let mut page = bench.page();
+    for moves_again_in_s in [None, Some(2.5), None] {
+        let mut snapshot = Snapshot::default();
+        snapshot.beside.moves_again_in_s = moves_again_in_s;
+        bench.end.show(&snapshot);
+        let begin = Instant::now();
+        while page.hear("phase")["moves_again_in_s"] != json!(moves_again_in_s) {
+            assert!(begin.elapsed() < Duration::from_secs(60), "never {moves_again_in_s:?}");
+        }
+    }
 }

@@ -8,6 +8,7 @@ import { Settings } from "./settings.js";
 import { Sticks } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { View } from "./view.js";
+import { Warning } from "./warning.js";
 
 /** So long a slow line may take for a stop. */
 const STOP_MS = 10000;
@@ -19,6 +20,7 @@ const sticks = new Sticks(link, {
   stick: by("stick"), turn: by("turn"), share: by("share"), odom: by("odom"), gamepad: by("gamepad"),
 });
 const stop = new StopButton(by("stop"), link);
+const warning = new Warning();
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
 let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "";
 
@@ -201,6 +203,7 @@ function see(seen) {
   const believed = pose("state");
   if (believed) view.add(believed, facts.simulated ? pose("truth") : null);
   if (seen.values.length) plots.take(seen.time_s, seen.values);
+  warning.see(seen.moves_again_in_s);
   seen.events.forEach(happened);
   if (!isDrawing) requestAnimationFrame(draw);
   isDrawing = true;
@@ -273,10 +276,10 @@ function showBanner(seen) {
   const isLost = link.isSilent && link.age_ms !== null;
   const [text, kind, button] =
     stop.isUnheard ? ["STOP was not heard. Use the emergency stop on the machine. This page tries on until it is heard.", "", "give-up"]
-    : isLost ? [`${link.isOpen ? "Nothing is heard of the robot" : "No connection"}: what this page commanded has stopped; what is pressed is not sent.`, "", ""]
+    : isLost ? [`${link.isOpen ? "Nothing is heard of the robot" : "No connection"}: what this page commanded has stopped; what is pressed is not sent.${seen?.moves_again_in_s != null ? " It said that it moves again by itself: keep away from it." : ""}`, "", ""]
     : !seen ? ["", "", ""]
     : seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", "", "release"]
-    : seen.moves_again_in_s != null ? [`It moves again by itself in ${seen.moves_again_in_s.toFixed(1)} s: keep away from it, or stop it.`, "", ""]
+    : seen.moves_again_in_s != null ? [`It moves again by itself in ${seen.moves_again_in_s.toFixed(1)} s: keep away from it, or stop it.${warning.isHeard ? "" : " No sound: touch this page once."}`, "", ""]
     : seen.phase === "fault" ? [`Fault: ${faultWords(seen, facts.wheels)}`, "", "mend"]
     : seen.phase === "quick stopping" ? [`Quick stop: ${faultWords(seen, facts.wheels)}`, "", ""]
     : link.isOld ? [`The line is slow (${seconds(link.delay_ms)}): whatever begins a motion is refused. Stops are heard, late.`, "warn", ""]

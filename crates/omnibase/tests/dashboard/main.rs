@@ -8,6 +8,7 @@ mod socket;
 #[path = "../stick_recording/mod.rs"]
 mod stick_recording;
 mod stop;
+mod warning;
 
 use browser::Browser;
 use robot::{Robot, TOKEN};

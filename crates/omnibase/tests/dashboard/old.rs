@@ -74,10 +74,12 @@ fn a_page_that_draws_slowly_sees_what_is_new() {
          CanvasRenderingContext2D.prototype.clearRect = function (...area) { \
          const end = performance.now() + 100; while (performance.now() < end); clear.apply(this, area); }; })()",
     );
-    cycles_pass(&robot, 5000, |_| ());
-    let shown_s = "parseFloat(document.getElementById('pose').textContent.match(/time([0-9.]+)/)[1])";
-    let then_s = robot.read("now")["time_s"].as_f64().unwrap();
-    page.wait(&format!("{shown_s} >= {then_s}"));
+    cycles_pass(&robot, 10_000, |_| ());
+    let shown_s =
+        page.value("parseFloat(document.getElementById('pose').textContent.match(/time([0-9.]+)/)[1])");
+    // Asked afterwards: an answer for which everything had to be drawn first is late, too.
+    let behind_s = robot.read("now")["time_s"].as_f64().unwrap() - shown_s.as_f64().unwrap();
+    assert!(behind_s < 5.0, "{behind_s} s behind after ten");
     // What it shows is fresh, not one of thousands that it has yet to draw.
     page.wait(FRESH);
     robot.end();
@@ -151,6 +153,13 @@ fn what_is_pressed_says_how_old_what_the_page_saw_is() {
     page.wait("document.getElementById('said').textContent.includes('s ago, and counts for')");
     assert_eq!(robot.read("now")["phase"], "disabled");
     page.change("");
+    page.wait(FRESH);
+    // What it saw when it was pressed counts, not what came until a page that was busy sends it.
+    page.wait("window.changed > 100");
+    page.value("void (document.getElementById('said').textContent = '')");
+    page.value("document.querySelector('[data-do=enable]').onclick({ timeStamp: performance.now() - 3000 })");
+    page.wait("document.getElementById('said').textContent.includes('s ago, and counts for')");
+    assert_eq!(robot.read("now")["phase"], "disabled");
     press(&mut page, "[data-do=enable]", HOLDS);
     robot.end();
 }
@@ -194,7 +203,9 @@ fn sticks_cannot_be_held_while_what_is_seen_is_old() {
         let_go: &|page| drop(page.value("void (window.pad.buttons[4].pressed = false)")),
     };
     drive(&mut page, &robot, &held);
-    page.swallow();
+    // On a line that is slow, what it says would still arrive.
+    page.change("seen.delay_ms = 600");
+    page.wait(OLD);
     robot.wait("it stops", stands);
     page.change("");
     page.wait(FRESH);
@@ -236,7 +247,7 @@ fn a_fault_names_the_drive_what_it_says_and_what_to_do_and_what_comes_by_itself_
         ),
         (
             "seen.phase = 'holding'; seen.moves_again_in_s = 2.25",
-            "It moves again by itself in 2.3 s: keep away from it, or stop it.",
+            "It moves again by itself in 2.3 s: keep away from it, or stop it. No sound: touch this page once.",
         ),
         ("seen.stop_reason = 'a number wasn\\'t finite'", "Fault: a number wasn't finite."),
     ] {
