@@ -266,6 +266,31 @@ fn a_sound_file_is_checked_to_a_plan_with_units() {
     assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");
 }
 
+#[test]
+fn kinds_and_their_keys_are_told_by_the_registry() {
+    let registry = omnibase_robot::Registry::with_built_in();
+    let (text, help) = (prints(&["check", "--kinds"]), prints(&["run", "--help"]));
+    let told = json(&["check", "--kinds", "--json"]);
+    for ((sort, kinds), told) in registry.sorts().into_iter().zip(told.as_array().unwrap()) {
+        assert_eq!((&told["table"], &told["key"]), (&sort.table.into(), &sort.key.into()));
+        for (kind, told) in kinds.iter().zip(told["kinds"].as_array().unwrap()) {
+            let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", kind.name)));
+            assert!(line.is_some_and(|line| line.contains(kind.meaning)), "{} in {text}", kind.name);
+            let names: Vec<&str> =
+                told["keys"].as_array().unwrap().iter().map(|key| key["name"].as_str().unwrap()).collect();
+            assert_eq!(
+                (&told["name"], names),
+                (&kind.name.into(), kind.keys.iter().map(|key| key.name).collect())
+            );
+        }
+    }
+    let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap();
+    assert!(line("* mass_kg").ends_with("First estimate of the mass, kg. Allowed: above 0."), "{text}");
+    assert!(line("heading").ends_with("Allowed: fixed, follows_tangent."), "{text}");
+    let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
+    assert!(shape.starts_with("An ellipse to the left; takes a, b, period, turns, heading, frame"), "{help}");
+}
+
 /// The file of the BMM with four mistakes, and what is to be said of each: line, column, expected, found.
 fn four_mistakes() -> (String, [(String, &'static str); 4]) {
     let sound = bmm();

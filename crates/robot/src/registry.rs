@@ -143,13 +143,16 @@ pub struct Sort {
     pub key: &'static str,
     /// What is chosen where the file says nothing.
     pub default: Option<&'static str>,
-    /// The table's definition in the JSON schema.
-    definition: &'static str,
     /// Keys of the table that are read for every kind; empty: all of them.
     common: &'static [&'static str],
 }
 
 impl Sort {
+    /// The table's definition in the JSON schema.
+    fn definition(&self) -> String {
+        format!("{}Table", capital(self.table))
+    }
+
     /// Whether a key of the table is read whatever the kind is.
     pub(crate) fn is_common(&self, key: &str) -> bool {
         self.common.is_empty() || self.common.contains(&key)
@@ -161,7 +164,6 @@ const CONTROLLER: Sort = Sort {
     table: "controller",
     key: "kind",
     default: None,
-    definition: "ControllerTable",
     common: &["kind", "others", "custom"],
 };
 const REFERENCE: Sort = Sort {
@@ -169,7 +171,6 @@ const REFERENCE: Sort = Sort {
     table: "reference",
     key: "kind",
     default: Some("hold"),
-    definition: "ReferenceTable",
     common: &["kind", "custom"],
 };
 const ESTIMATOR: Sort = Sort {
@@ -177,23 +178,15 @@ const ESTIMATOR: Sort = Sort {
     table: "estimator",
     key: "kind",
     default: Some("wheel_odometry"),
-    definition: "EstimatorTable",
     common: &["kind", "custom"],
 };
-const DEVICE: Sort = Sort {
-    name: "device",
-    table: "drive",
-    key: "device",
-    default: Some("cia402"),
-    definition: "DriveTable",
-    common: &[],
-};
+const DEVICE: Sort =
+    Sort { name: "device", table: "drive", key: "device", default: Some("cia402"), common: &[] };
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
     key: "layout",
     default: None,
-    definition: "PlatformTable",
     common: &["layout", "wheel_radius_m", "footprint_m", "custom"],
 };
 
@@ -342,6 +335,11 @@ impl Registry {
         let make = |name| self.controllers.find(Some(name)).and_then(|(_, make)| make(plan));
         all(plan.controllers().map(make)).map_err(|error| error.under(CONTROLLER.table))
     }
+}
+
+/// A word with a capital at its beginning.
+fn capital(word: &str) -> String {
+    format!("{}{}", word[..1].to_uppercase(), &word[1..])
 }
 
 /// All of them, or every reason why not.

@@ -151,4 +151,25 @@ mod tests {
         assert_eq!(words.len(), 2, "{words:#?}");
         assert!(words.iter().all(|text| text.starts_with("command line:1:")), "{words:#?}");
     }
+
+    #[test]
+    fn a_wrong_key_of_a_reference_file_has_its_place_there() {
+        let problems = |text: &str| {
+            let reference = Some(read_reference(text, "ring.toml", Path::new("")));
+            let text = RobotText { text: BMM.into(), reference, ..Default::default() };
+            let problems = text.load(&Registry::with_built_in()).unwrap_err();
+            problems.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        let circle = "kind = \"circle\"\nradius_m = 0.5\n";
+        let unread = "ring.toml:3:1: reference.step_m = 0.1: the reference `circle` doesn't read it";
+        assert!(problems(&format!("{circle}step_m = 0.1"))[0].starts_with(unread));
+        let unknown = "ring.toml:3:1: reference.turn: no setting has this name; did you mean `turns`?";
+        assert!(problems(&format!("{circle}turn = 2"))[0].starts_with(unknown));
+        let missing = "ring.toml:1:1: reference.step_m: must be given: `spiral` needs it";
+        assert_eq!(problems("kind = \"spiral\""), [missing]);
+        assert!(
+            problems(&format!("{circle}duration_s = 0.1"))[0]
+                .starts_with("ring.toml:3:1: reference.duration_s: ")
+        );
+    }
 }

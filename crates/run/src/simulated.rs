@@ -136,3 +136,25 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
     };
     order.into_iter().map(station).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use omnibase_robot::devices::Cia402Device;
+    use omnibase_robot::registry::{Kind, MakeDevice, Registry};
+
+    #[test]
+    fn a_users_device_is_simulated_as_the_drive_that_it_expects() {
+        let bmm = include_str!("../../../robots/bmm.toml");
+        for (like, kind) in [("sgdv", DriveKind::Sgdv), ("cia402", DriveKind::Generic)] {
+            let mut registry = Registry::with_built_in();
+            let mut defaults = registry.devices.defaults(like).cloned().unwrap();
+            defaults.counts_per_revolution = Some(1 << 20);
+            let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(Cia402Device::new(plan)?))) };
+            registry.devices.add(Kind { name: "mine", meaning: "For a test", keys: Vec::new() }, make);
+            let text = bmm.replace("\"sgdv\"", "\"mine\"");
+            let plan = RobotPlan::from_toml(&text, &registry, &|name| Err(name.to_owned())).unwrap();
+            assert!(description(&plan).drives.iter().all(|station| station.kind == kind), "{like}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use schemars::schema_for;
 use serde_json::{Value, json};
 
-use super::{Custom, Key, Kind, Registry, Sort};
+use super::{Custom, Key, Kind, Registry, Sort, capital};
 use crate::config::RobotFile;
 
 impl Registry {
@@ -22,9 +22,9 @@ impl Registry {
     pub fn json_schema(&self) -> Value {
         let mut schema = Value::from(schema_for!(RobotFile));
         for (sort, kinds) in self.sorts() {
-            let names = format!("{}{}Name", sort.name[..1].to_uppercase(), &sort.name[1..]);
+            let names = format!("{}Name", capital(sort.name));
             let choice = json!({ "$ref": format!("#/$defs/{names}") });
-            let table = &mut schema["$defs"][sort.definition]["properties"];
+            let table = &mut schema["$defs"][sort.definition()]["properties"];
             for key in kinds.iter().flat_map(|kind| &kind.keys) {
                 let readers = kinds.iter().filter(|kind| kind.reads(&key.path())).map(|kind| kind.name);
                 let readers = readers.collect::<Vec<_>>().join("`, `");
@@ -97,7 +97,7 @@ fn custom_schema(custom: &Custom) -> Value {
 
 fn key_facts(key: &Key, sort: &Sort, schema: &Value) -> Value {
     let own = key.custom.as_ref().map(custom_schema);
-    let property = own.as_ref().unwrap_or(&schema["$defs"][sort.definition]["properties"][key.name]);
+    let property = own.as_ref().unwrap_or(&schema["$defs"][sort.definition()]["properties"][key.name]);
     let words = [("minimum", "at least"), ("exclusiveMinimum", "above"), ("maximum", "at most")];
     let bounds = words.iter().filter_map(|(bound, word)| {
         let bound = property.get(bound).or_else(|| property["items"].get(bound))?.as_f64()?;

@@ -35,7 +35,11 @@ impl clap::Args for ReferenceChoice {
         let option = |name: &'static str| Arg::new(name).long(name).group(GROUP);
         let registry = Registry::with_built_in();
         let shapes = offered(&registry).map(|kind| {
-            option(kind.name).value_name("KEY=VALUE,...").help(format!("{}: {}", kind.meaning, keys(kind)))
+            option(kind.name).value_name("KEY=VALUE,...").help(format!(
+                "{}; takes {}",
+                kind.meaning,
+                keys(kind)
+            ))
         });
         command
             .group(ArgGroup::new(GROUP).multiple(false))
@@ -88,15 +92,11 @@ impl ReferenceChoice {
     }
 }
 
-/// The keys of a kind as the command line takes them: `radius=... and optionally period, turns`.
+/// The keys of a kind as the command line calls them.
 fn keys(kind: &Kind) -> String {
-    let short = |key: &Key| {
-        let found = SHORT.iter().find(|(_, long)| *long == key.name);
-        found.map_or(key.name, |(short, _)| short)
-    };
-    let of = |is_needed: bool| kind.keys.iter().filter(move |key| key.is_needed == is_needed).map(short);
-    let needed: Vec<String> = of(true).map(|name| format!("{name}=...")).collect();
-    format!("{} and optionally {}", needed.join(","), of(false).collect::<Vec<_>>().join(", "))
+    let short =
+        |key: &Key| SHORT.iter().find(|(_, long)| *long == key.name).map_or(key.name, |(short, _)| short);
+    kind.keys.iter().map(short).collect::<Vec<_>>().join(", ")
 }
 
 /// A motion of a kind from `key=value,key=value`: its keys by their names in the file, or by their short ones.
