@@ -202,7 +202,7 @@ impl Drive<'_> {
                     let problem = self.check.report(
                         ProblemKind::OutOfRange,
                         &format!("{setting}.pdo"),
-                        "not a PDO of this way",
+                        "not a PDO index for this direction",
                     );
                     problem.value = Some(format!("\"{name}\""));
                     problem.limit = Some(format!("0x{low:04X} to 0x{high:04X}"));

@@ -13,7 +13,7 @@ pub(super) fn resolve(
     drives: usize,
     registry: &Registry,
 ) -> Option<Kinematics> {
-    let name = check.need(table.layout.as_deref(), "platform.layout", "wheels stand somewhere")?;
+    let name = check.need(table.layout.as_deref(), "platform.layout", "a layout is required")?;
     check.need(table.wheel_radius_m, "platform.wheel_radius_m", "speeds are scaled by it");
     let (kind, make) = check.known(&registry.layouts, "platform.layout", Some(name))?;
     check.keys(kind, &Given::of(table), &registry.layouts.sort);
