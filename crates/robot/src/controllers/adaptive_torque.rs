@@ -97,7 +97,7 @@ pub(super) fn kind() -> Kind {
 fn out_of_bounds(key: &str, first: f64, bounds: Option<[f64; 2]>) -> Option<Problem> {
     let [low, high] = bounds?;
     let limit = Some(format!("{low} to {high}"));
-    let reason = "the first estimate must lie within its bounds, which rise";
+    let reason = "the first estimate must lie within its bounds, which must be positive and ascending";
     let problem = Problem { value: Some(first.to_string()), limit, ..Problem::refused(key, reason) };
     (!(low..=high).contains(&first)).then_some(problem)
 }
