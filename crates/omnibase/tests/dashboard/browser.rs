@@ -9,7 +9,7 @@ use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
 /// The longest wait for anything in the page; only a failure takes so long.
-const LONGEST: Duration = Duration::from_secs(60);
+pub const LONGEST: Duration = Duration::from_secs(60);
 
 /// Runs in the page before its own code: what the robot says passes through `tamper`, which may change it, or swallow
 /// it by giving nothing.
@@ -122,6 +122,18 @@ impl Browser {
             assert!(begin.elapsed() < LONGEST, "never came true: {expression}\n{}", self.value(seen));
             std::thread::sleep(Duration::from_millis(20));
         }
+    }
+
+    /// Whether an expression becomes true in time.
+    pub fn is_true_within(&mut self, expression: &str, within: Duration) -> bool {
+        let begin = Instant::now();
+        while self.value(&format!("Boolean({expression})")) != json!(true) {
+            if begin.elapsed() > within {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        true
     }
 
     /// Where the middle of an element is.

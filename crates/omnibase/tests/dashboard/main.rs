@@ -10,12 +10,14 @@ mod stick_recording;
 mod stop;
 mod warning;
 
-use browser::Browser;
+use browser::{Browser, LONGEST};
 use robot::{Robot, TOKEN};
 use serde_json::{Value, json};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use stick_recording::recording;
 
+/// A press that brought nothing by then hit nothing.
+const HIT: Duration = Duration::from_secs(10);
 /// The stick's stop button.
 const STOP: u16 = 0x121;
 const SQUARE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/square.dat");
@@ -35,12 +37,15 @@ fn opened(page: &mut Browser) {
     page.wait("document.querySelectorAll('.plot').length > 3");
 }
 
-/// Presses a button until what it shall bring about is true: what a busy machine makes late is refused, as it shall be.
+/// Presses a button until what it shall bring about is true: what a busy machine makes late is refused, as it shall be,
+/// and a button that is drawn elsewhere between its press and its release isn't hit.
 fn press(page: &mut Browser, selector: &str, brings: &str) {
+    let (begin, refused) = (Instant::now(), "document.getElementById('said').classList.contains('no')");
     loop {
+        assert!(begin.elapsed() < LONGEST, "{selector} never brought {brings}");
         page.value("void (document.getElementById('said').className = 'said')");
         page.click(selector);
-        page.wait(&format!("({brings}) || document.getElementById('said').classList.contains('no')"));
+        page.is_true_within(&format!("({brings}) || {refused}"), HIT);
         if page.value(&format!("Boolean({brings})")) == json!(true) {
             return;
         }
