@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_platform::{Pose2, PoseGrowth};
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
-use omnibase_robot::registry::Made;
+use omnibase_robot::registry::{Kind, Made, optional};
 use omnibase_robot::safety::SafetyChain;
 use omnibase_robot::signals::{
     Allowed, CycleRecord, PlatformState, ReferenceStatus, RequestAnswer, SafetyReason, Setpoint,
@@ -74,7 +74,8 @@ fn doubted_bench(more: &str) -> (Bench, Doubt) {
     let doubting = move |plan: &_| -> Made<Box<dyn Estimator>> {
         Ok(Box::new(Doubting(WheelOdometry::new(plan)?, mine.clone())))
     };
-    registry.estimators.add(kind("doubting"), Box::new(doubting));
+    let reads_sigma = Kind { keys: vec![optional("start_sigma_m")], ..kind("doubting") };
+    registry.estimators.add(reads_sigma, Box::new(doubting));
     for (name, speed_m_s) in [("blind_in", 0.2), ("blind_out", -0.05)] {
         let blind = move |_: &_, _: &_| -> Made<Box<dyn Reference>> {
             Ok(Box::new(Blind(Setpoint::default(), speed_m_s)))
