@@ -92,7 +92,7 @@ impl Report {
         )?;
         writeln!(output, "commands used           {}", self.commands_used.join(", "))?;
         for not_operational in &self.not_operational {
-            writeln!(output, "not well                {not_operational}")?;
+            writeln!(output, "not operational         {not_operational}")?;
         }
         measure(output, "round trip", &self.round_trip)?;
         measure(output, "wake-up late by", &self.wake_up)?;
