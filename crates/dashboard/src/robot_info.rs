@@ -1,6 +1,7 @@
 //! What doesn't change while a robot runs.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use omnibase_robot::Registry;
 use omnibase_robot::check::ReadFile;
@@ -18,7 +19,7 @@ pub struct RobotInfo {
     /// What its file resolves to.
     pub robot: LoadedRobot,
     /// By which its file was checked, and new references are.
-    pub registry: Registry,
+    pub registry: Arc<Registry>,
     /// Whether the truth is known.
     pub known: Known,
     /// Where paths are saved.

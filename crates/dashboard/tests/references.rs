@@ -19,8 +19,6 @@ struct Steps {
 }
 
 impl Reference for Steps {
-    fn start(&mut self, _: &Setpoint) {}
-
     fn sample(&mut self, _: f64) -> Setpoint {
         self.steps += 1.0;
         Setpoint::at_rest(Pose2 { x_m: self.step_m * self.steps, ..Pose2::default() })
@@ -35,10 +33,9 @@ impl Reference for Steps {
 fn bench() -> Bench {
     let mut registry = Registry::with_built_in();
     let keys = vec![needed("step_m").number("From sample to sample, m", 0.0..=1.0)];
-    registry.references.add(
-        Kind { name: "steps", meaning: "Step by step", keys },
-        Box::new(|table, _| Ok(Box::new(Steps { step_m: table.custom.number("step_m")?, steps: 0.0 }))),
-    );
+    registry.references.add(Kind { name: "steps", meaning: "Step by step", keys }, |table, _| {
+        Ok(Steps { step_m: table.custom.number("step_m")?, steps: 0.0 })
+    });
     Bench::with(registry, &["reference.kind = \"steps\"", "reference.custom.step_m = 0.25"])
 }
 

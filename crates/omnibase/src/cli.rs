@@ -1,10 +1,11 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, doctor, exchange, joystick, kinematics, live, replay, report, run, scan, sdo, sii,
+    check, decode, doctor, exchange, joystick, kinematics, live, new, replay, report, run, scan, sdo, sii,
     simulate,
 };
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use omnibase_robot::Registry;
 
 /// Real-time control of omnidirectional robots over EtherCAT.
 ///
@@ -38,6 +39,31 @@ pub enum Command {
     Simulate(simulate::Arguments),
     Decode(decode::Arguments),
     Sii(sii::Arguments),
+    New(new::Arguments),
+}
+
+impl Cli {
+    /// The command line with an option for each registered motion.
+    pub fn command_with(registry: &Registry) -> clap::Command {
+        Cli::command().mut_subcommand("run", |run| run::with_motions(run, registry))
+    }
+
+    /// What a matched command line says.
+    pub fn from_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        let mut cli = Cli::from_arg_matches(matches)?;
+        if let (Command::Run(arguments), Some(of_run)) = (&mut cli.command, matches.subcommand_matches("run"))
+        {
+            arguments.choose_motion(of_run);
+        }
+        Ok(cli)
+    }
+
+    /// The program's own; ends the program where it is wrong or asks for help.
+    pub fn read(registry: &Registry) -> Self {
+        let mut command = Cli::command_with(registry);
+        let matches = command.get_matches_mut();
+        Cli::from_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+    }
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ pub mod exchange;
 pub mod joystick;
 pub mod kinematics;
 pub mod live;
+pub mod new;
 pub mod replay;
 pub mod report;
 pub mod run;
@@ -21,28 +22,31 @@ use crate::cli::Command;
 use crate::progress::note;
 use crate::target::{AnyBus, Target};
 use anyhow::Context;
+use omnibase_robot::Registry;
 use std::io::Write;
+use std::sync::Arc;
 
 /// Runs a command; data go to `output`.
-pub fn run(command: &Command, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
-        Command::Run(arguments) => run::run(arguments, output),
-        Command::Check(arguments) => check::run(arguments, output),
-        Command::Kinematics(arguments) => kinematics::run(arguments, output),
-        Command::Replay(arguments) => replay::run(arguments, output),
+        Command::Run(arguments) => run::run(arguments, registry, output),
+        Command::Check(arguments) => check::run(arguments, registry, output),
+        Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
+        Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
         Command::Get(arguments) => live::get(arguments, output),
         Command::Set(arguments) => live::set(arguments, output),
         Command::Call(arguments) => live::call(arguments, output),
         Command::Top(arguments) => live::top(arguments, output),
         Command::Doctor(arguments) => doctor::run(arguments, output),
-        Command::Joystick(arguments) => joystick::run(arguments, output),
+        Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
-        Command::Simulate(arguments) => simulate::run(arguments, output),
+        Command::Simulate(arguments) => simulate::run(arguments, registry, output),
         Command::Decode(arguments) => decode::run(arguments, output),
         Command::Sii(arguments) => sii::run(arguments, output),
+        Command::New(arguments) => new::run(arguments, output),
     }
 }
 

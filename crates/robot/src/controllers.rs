@@ -13,7 +13,7 @@ use crate::signals::{Commands, Quantity};
 
 pub use adaptive_model_free::AdaptiveModelFree;
 pub use adaptive_torque::AdaptiveTorque;
-pub use speed::{ClosedLoopSpeed, OpenLoop};
+pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
 /// the measurement is read, one until the command arrives, half of the period in which it holds.
@@ -28,7 +28,7 @@ pub fn register(registry: &mut Registry) {
             meaning: "Wheel speeds by the reference alone; the pose is never looked at",
             keys: Vec::new(),
         },
-        Box::new(|plan| Ok(Box::new(OpenLoop::new(plan)))),
+        OpenLoop::new,
     );
     controllers.add(
         Kind {
@@ -36,16 +36,16 @@ pub fn register(registry: &mut Registry) {
             meaning: "Wheel speeds by the reference and the pose error",
             keys: vec![optional("kp_1_s")],
         },
-        Box::new(|plan| Ok(Box::new(ClosedLoopSpeed::new(plan)))),
+        ClosedLoopSpeed::new,
     );
-    controllers.add(adaptive_torque::kind(), Box::new(|plan| Ok(Box::new(AdaptiveTorque::new(plan)?))));
+    controllers.add(adaptive_torque::kind(), AdaptiveTorque::new);
     controllers.add(
         Kind {
             name: "adaptive_model_free",
             meaning: "Wheel torques by Slotine and Li's law, axis by axis; deprecated, for comparison",
             keys: ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad"].map(optional).to_vec(),
         },
-        Box::new(|plan| Ok(Box::new(AdaptiveModelFree::new(plan)))),
+        AdaptiveModelFree::new,
     );
 }
 
@@ -75,12 +75,13 @@ enum Correction {
     Cut,
 }
 
-/// Setpoint minus pose, in odom; the angle the short way round.
-fn pose_error(wished: &Pose2, found: &Pose2) -> [f64; 3] {
+/// Setpoint minus pose, in odom, (m, m, rad); the angle the short way round.
+pub fn pose_error(wished: &Pose2, found: &Pose2) -> [f64; 3] {
     [wished.x_m - found.x_m, wished.y_m - found.y_m, wrap_angle_rad(wished.heading_rad - found.heading_rad)]
 }
 
-fn axes(twist: &Twist2) -> [f64; 3] {
+/// A twist's numbers, (m/s, m/s, rad/s).
+pub fn axes(twist: &Twist2) -> [f64; 3] {
     [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s]
 }
 

@@ -427,7 +427,14 @@ impl Robot {
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
                 let controller = &mut self.controllers[self.active];
                 controller.limit_wheels(&self.settings.wheel_limits());
-                controller.update(&record.time, &record.state, &record.setpoint)
+                let commands = controller.update(&record.time, &record.state, &record.setpoint);
+                // What the drives' maps were checked for is the quantity that the law names.
+                let is_of_its_kind = commands.quantity == controller.quantity();
+                if is_of_its_kind {
+                    commands
+                } else {
+                    Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
+                }
             }
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => Commands::default(),
         }

@@ -7,7 +7,7 @@ use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::start_up::ReadBack;
 
 use crate::config::{MapEntry, ParameterPlan, PdoPlan};
-use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry};
+use crate::registry::{DeviceDefaults, Kind, Registry};
 
 pub use cia402::Cia402Device;
 pub(crate) use cia402::mode_of;
@@ -18,8 +18,7 @@ pub fn register(registry: &mut Registry) {
     let sgdv =
         ("sgdv", "The Yaskawa SGDV with its EtherCAT option, maps and encoder known", sgdv::defaults());
     for (name, meaning, defaults) in [cia402, sgdv] {
-        let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(Cia402Device::new(plan)?))) };
-        registry.devices.add(Kind { name, meaning, keys: Vec::new() }, make);
+        registry.devices.add(Kind { name, meaning, keys: Vec::new() }, defaults, Cia402Device::new);
     }
 }
 

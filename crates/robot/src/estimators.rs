@@ -32,7 +32,7 @@ pub fn register(registry: &mut Registry) {
             meaning: "Odometry of the wheels with covariance; creep made up for where asked",
             keys: keys.map(optional).to_vec(),
         },
-        Box::new(|plan| Ok(Box::new(WheelOdometry::new(plan)?))),
+        WheelOdometry::new,
     );
 }
 

@@ -14,9 +14,9 @@ pub fn register(registry: &mut Registry) {
             meaning: "The Barcelona Mobile Manipulator: wheel 1 behind, wheels 2 and 3 right and left in front",
             keys: ["p1_m", "p_m"].map(needed).to_vec(),
         },
-        Box::new(|table| {
+        |table| {
             Ok(layout::bmm(given(table.p1_m, "p1_m")?, given(table.p_m, "p_m")?, radius_m(table)?))
-        }),
+        },
     );
     let omni = [("omni3", "Three omni wheels 120° apart", 3), ("omni4", "Four omni wheels 90° apart", 4)];
     for (name, meaning, count) in omni {
@@ -26,11 +26,11 @@ pub fn register(registry: &mut Registry) {
                 meaning,
                 keys: vec![needed("centre_distance_m"), optional("first_wheel_angle_rad")],
             },
-            Box::new(move |table| {
+            move |table| {
                 let distance_m = given(table.centre_distance_m, "centre_distance_m")?;
                 let first_rad = table.first_wheel_angle_rad.unwrap_or(0.0);
                 Ok(layout::omni(count, distance_m, radius_m(table)?, first_rad))
-            }),
+            },
         );
     }
     layouts.add(
@@ -39,11 +39,11 @@ pub fn register(registry: &mut Registry) {
             meaning: "Four mecanum wheels: front left, front right, rear left, rear right",
             keys: ["half_length_m", "half_width_m"].map(needed).to_vec(),
         },
-        Box::new(|table| {
+        |table| {
             let half_length_m = given(table.half_length_m, "half_length_m")?;
             let half_width_m = given(table.half_width_m, "half_width_m")?;
             Ok(layout::mecanum4(half_length_m, half_width_m, radius_m(table)?))
-        }),
+        },
     );
     layouts.add(
         Kind {
@@ -51,10 +51,10 @@ pub fn register(registry: &mut Registry) {
             meaning: "Wheels one by one, in the order of the drives",
             keys: vec![needed("wheel")],
         },
-        Box::new(|table| {
+        |table| {
             let radius_m = radius_m(table)?;
             all(table.wheel.iter().enumerate().map(|(index, one)| wheel(one, index, radius_m)))
-        }),
+        },
     );
 }
 

@@ -74,17 +74,16 @@ fn circle(table: &ReferenceTable) -> Made<Shape> {
 /// Registers the built-in references.
 pub fn register(registry: &mut Registry) {
     let references = &mut registry.references;
-    references.add(
-        Kind { name: "hold", meaning: "Stays where the platform stands", keys: Vec::new() },
-        Box::new(|_, _| Ok(Box::new(Hold::default()))),
-    );
+    references
+        .add(Kind { name: "hold", meaning: "Stays where the platform stands", keys: Vec::new() }, |_, _| {
+            Ok(Hold::default())
+        });
     for shape in SHAPES {
         let further = ["duration_s", "turns", "heading", "frame"];
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
-        references.add(
-            Kind { name: shape.name, meaning: shape.meaning, keys },
-            Box::new(move |table, limits| Tracked::boxed(shape.trajectory(table, limits)?, table)),
-        );
+        references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, limits| {
+            Tracked::new(shape.trajectory(table, limits)?, table)
+        });
     }
     references.add(
         Kind {
@@ -97,7 +96,7 @@ pub fn register(registry: &mut Registry) {
                 optional("frame"),
             ],
         },
-        Box::new(|table, limits| Tracked::boxed(path(table, limits)?, table)),
+        |table, limits| Tracked::new(path(table, limits)?, table),
     );
 }
 
@@ -174,11 +173,11 @@ struct Tracked<T> {
 
 impl<T: Trajectory + Send + 'static> Tracked<T> {
     /// A reference that follows a trajectory in the frame that a table asks for.
-    fn boxed(trajectory: T, table: &ReferenceTable) -> Made<Box<dyn Reference>> {
+    fn new(trajectory: T, table: &ReferenceTable) -> Made<Self> {
         let duration_s = trajectory.duration_s();
         let [first, last] = [0.0, duration_s].map(|time_s| trajectory.sample(time_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Box::new(Tracked { placed, duration_s, frame, first, last }))
+        Ok(Tracked { placed, duration_s, frame, first, last })
     }
 
     /// Where it begins from a pose.
@@ -247,9 +246,5 @@ impl Reference for Hold {
 
     fn sample(&mut self, _: f64) -> Setpoint {
         Setpoint::at_rest(self.pose)
-    }
-
-    fn duration_s(&self) -> Option<f64> {
-        None
     }
 }

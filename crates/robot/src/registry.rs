@@ -202,8 +202,8 @@ impl<Make> Kinds<Make> {
         Kinds { sort, list: Vec::new() }
     }
 
-    /// Adds a kind; one of the same name is replaced.
-    pub fn add(&mut self, kind: Kind, make: Make) {
+    /// Puts a kind to the others; one of the same name is replaced.
+    fn put(&mut self, kind: Kind, make: Make) {
         self.list.retain(|(other, _)| other.name != kind.name);
         self.list.push((kind, make));
     }
@@ -250,7 +250,63 @@ pub struct DeviceDefaults {
     pub parameters: Vec<ParameterPlan>,
 }
 
+impl Kinds<MakeStage<dyn Controller>> {
+    /// Adds a control law, made from the robot's plan; one of the same name is replaced.
+    pub fn add<C: Controller + 'static>(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&RobotPlan) -> Made<C> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(move |plan| Ok(Box::new(make(plan)?))));
+    }
+}
+
+impl Kinds<MakeStage<dyn Estimator>> {
+    /// Adds an estimator, made from the robot's plan; one of the same name is replaced.
+    pub fn add<E: Estimator + 'static>(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&RobotPlan) -> Made<E> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(move |plan| Ok(Box::new(make(plan)?))));
+    }
+}
+
+impl Kinds<MakeReference> {
+    /// Adds a reference, made from its table and the limits alone, for it may be loaded while the robot runs; one of
+    /// the same name is replaced.
+    pub fn add<R: Reference + 'static>(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&ReferenceTable, &Limits) -> Made<R> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(move |table, limits| Ok(Box::new(make(table, limits)?))));
+    }
+}
+
+impl Kinds<MakeWheels> {
+    /// Adds a layout: its wheels in the order of the drives; one of the same name is replaced.
+    pub fn add(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&PlatformTable) -> Made<Vec<Wheel>> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(make));
+    }
+}
+
 impl Kinds<MakeDevice> {
+    /// Adds a kind of drive, made from its plan, with what the robot's file need not say; one of the same name is
+    /// replaced. Settings in its refusals are those of the drive's table.
+    pub fn add<D: Device + 'static>(
+        &mut self,
+        kind: Kind,
+        defaults: DeviceDefaults,
+        make: impl Fn(&DrivePlan) -> Made<D> + Send + Sync + 'static,
+    ) {
+        self.put(kind, MakeDevice { defaults, make: Box::new(move |plan| Ok(Box::new(make(plan)?))) });
+    }
+
     /// What a device brings along; `None` where none has this name.
     pub fn defaults(&self, name: &str) -> Option<&DeviceDefaults> {
         self.find(Some(name)).ok().map(|(_, device)| &device.defaults)

@@ -43,10 +43,12 @@ pub trait Device: Send {
     }
 
     /// Somebody saw what was wrong: faults may be reset.
-    fn acknowledge(&mut self);
+    fn acknowledge(&mut self) {}
 
     /// What is wrong with the drive, in words, for reports; never called in a cycle.
-    fn problem(&self) -> Option<String>;
+    fn problem(&self) -> Option<String> {
+        None
+    }
 }
 
 /// What an estimator works on.
@@ -89,7 +91,9 @@ pub trait Estimator: Send {
 /// A wished motion.
 pub trait Reference: Send {
     /// Begins at a pose at rest; paths are laid from there.
-    fn start(&mut self, from: &Setpoint);
+    fn start(&mut self, from: &Setpoint) {
+        let _ = from;
+    }
 
     /// The setpoint at a time since the start, s; it rises by one period a cycle, or less while the motion is slowed.
     fn sample(&mut self, since_start_s: f64) -> Setpoint;
@@ -103,7 +107,9 @@ pub trait Reference: Send {
     }
 
     /// Time of the whole motion, s; `None` where it has no end.
-    fn duration_s(&self) -> Option<f64>;
+    fn duration_s(&self) -> Option<f64> {
+        None
+    }
 
     /// Where the platform must stand at the start, in odom; `None` where it begins wherever it stands.
     fn start_pose(&self) -> Option<Pose2> {
@@ -132,11 +138,13 @@ pub struct Gain {
 
 /// A control law: from state and setpoint to commands.
 pub trait Controller: Send {
-    /// What its commands are.
-    fn quantity(&self) -> Quantity;
+    /// What its commands are; commands of another quantity stop the robot.
+    fn quantity(&self) -> Quantity {
+        Quantity::Speed
+    }
 
     /// Begins anew: forgets what it learnt.
-    fn reset(&mut self);
+    fn reset(&mut self) {}
 
     /// What the wheels may do from now on; never more than the robot's file says. Told before each update.
     ///
@@ -148,11 +156,16 @@ pub trait Controller: Send {
     /// The wheels' commands now, scaled as a whole so that no wheel exceeds its limit.
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands;
 
-    /// Its gains, by their place; `None` beyond the last.
-    fn gain(&self, index: usize) -> Option<Gain>;
+    /// Its gains that people may change while the robot runs, by their place; `None` beyond the last.
+    fn gain(&self, index: usize) -> Option<Gain> {
+        let _ = index;
+        None
+    }
 
     /// Sets a gain to a value within its bounds.
-    fn set_gain(&mut self, index: usize, value: f64);
+    fn set_gain(&mut self, index: usize, value: f64) {
+        let _ = (index, value);
+    }
 
     /// What it estimates (mass kg, inertia kg·m², force N), 0 for what it doesn't.
     fn estimates(&self) -> [f64; 3] {

@@ -141,7 +141,7 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
 mod tests {
     use super::*;
     use omnibase_robot::devices::Cia402Device;
-    use omnibase_robot::registry::{Kind, MakeDevice, Registry};
+    use omnibase_robot::registry::{Kind, Registry};
 
     #[test]
     fn a_users_device_is_simulated_as_the_drive_that_it_expects() {
@@ -150,8 +150,8 @@ mod tests {
             let mut registry = Registry::with_built_in();
             let mut defaults = registry.devices.defaults(like).cloned().unwrap();
             defaults.counts_per_revolution = Some(1 << 20);
-            let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(Cia402Device::new(plan)?))) };
-            registry.devices.add(Kind { name: "mine", meaning: "For a test", keys: Vec::new() }, make);
+            let mine = Kind { name: "mine", meaning: "For a test", keys: Vec::new() };
+            registry.devices.add(mine, defaults, Cia402Device::new);
             let text = bmm.replace("\"sgdv\"", "\"mine\"");
             let plan = RobotPlan::from_toml(&text, &registry, &|name| Err(name.to_owned())).unwrap();
             assert!(description(&plan).drives.iter().all(|station| station.kind == kind), "{like}");

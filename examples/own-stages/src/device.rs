@@ -1,21 +1,14 @@
 //! A drive that maps no actual speed (0x606C): it is taken from the encoder instead.
 
-use omnibase_robot::config::DrivePlan;
-use omnibase_robot::devices::Cia402Device;
-use omnibase_robot::registry::{Kind, Made, MakeDevice, Registry, needed};
-use omnibase_robot::signals::{CycleTime, DriveMeasurement, DriveProgress};
-use omnibase_robot::stages::{Device, DriveCommand};
+use omnibase::prelude::*;
 
-/// Registers it; what the robot's file need not say is the same as for a drive of the profile.
-pub fn register(registry: &mut Registry) {
-    let kind = Kind {
+/// Its name, and the keys of the drives' `custom` that it reads.
+pub fn kind() -> Kind {
+    Kind {
         name: "speed_from_counts",
         meaning: "A CiA 402 drive whose speed is taken from its encoder",
         keys: vec![needed("filter_1_s").number("Cut-off of the filter, 1/s", 1.0..=10_000.0)],
-    };
-    let defaults = registry.devices.defaults("cia402").cloned().unwrap_or_default();
-    let make = MakeDevice { defaults, make: Box::new(|plan| Ok(Box::new(SpeedFromCounts::new(plan)?))) };
-    registry.devices.add(kind, make);
+    }
 }
 
 /// A CiA 402 drive whose speed is the filtered derivative of its position.

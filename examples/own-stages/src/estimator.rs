@@ -1,29 +1,20 @@
-//! The simplest odometry that works: each cycle's motion at the heading of its middle.
+//! The simplest odometry that works: each cycle's motion at the heading of its middle, without covariance or slip.
+use omnibase::prelude::*;
 
-use omnibase_platform::{Kinematics, PerWheel, Pose2};
-use omnibase_robot::config::RobotPlan;
-use omnibase_robot::registry::{Kind, Registry};
-use omnibase_robot::signals::{Exchange, PlatformState};
-use omnibase_robot::stages::{Estimator, Observation};
-
-/// Registers it.
-pub fn register(registry: &mut Registry) {
-    let kind = Kind { name: "midpoint_odometry", meaning: "Odometry by the midpoint rule", keys: Vec::new() };
-    registry.estimators.add(kind, Box::new(|plan| Ok(Box::new(MidpointOdometry::new(plan)))));
+/// Its name; it reads no keys.
+pub fn kind() -> Kind {
+    Kind { name: "midpoint_odometry", meaning: "Odometry by the midpoint rule", keys: Vec::new() }
 }
 
-/// Odometry by the midpoint rule, without covariance, regimes or slip; speeds as the drives measured them.
-#[derive(Clone, Debug)]
+/// The odometry; speeds as the drives measured them.
 pub struct MidpointOdometry {
     kinematics: Kinematics,
     state: PlatformState,
 }
 
-impl MidpointOdometry {
-    /// Odometry for a plan's wheels.
-    pub fn new(plan: &RobotPlan) -> Self {
-        MidpointOdometry { kinematics: plan.kinematics.clone(), state: PlatformState::default() }
-    }
+/// For the wheels of a plan.
+pub fn make(plan: &RobotPlan) -> Made<MidpointOdometry> {
+    Ok(MidpointOdometry { kinematics: plan.kinematics.clone(), state: PlatformState::default() })
 }
 
 impl Estimator for MidpointOdometry {
@@ -42,13 +33,12 @@ impl Estimator for MidpointOdometry {
         let Pose2 { x_m, y_m, heading_rad } = self.state.odom_from_body;
         let moved_in_odom = moved.rotated(heading_rad + 0.5 * moved.w_rad_s);
         let speeds = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].speed_rad_s);
-        let measured = self.kinematics.twist(&speeds);
+        self.state.twist_in_body = self.kinematics.twist(&speeds).twist_in_base;
         self.state.odom_from_body = Pose2 {
             x_m: x_m + moved_in_odom.vx_m_s,
             y_m: y_m + moved_in_odom.vy_m_s,
             heading_rad: heading_rad + moved.w_rad_s,
         };
-        self.state.twist_in_body = measured.twist_in_base;
         self.state
     }
 }

@@ -1,15 +1,11 @@
 //! To the left and back, several times, smoothly: y = left · sin⁴(π·t/period).
 
-use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{Limits, Problem, ReferenceTable};
-use omnibase_robot::registry::{Kind, Made, Registry, needed};
-use omnibase_robot::signals::{ReferenceStatus, Setpoint};
-use omnibase_robot::stages::Reference;
+use omnibase::prelude::*;
 use std::f64::consts::PI;
 
-/// Registers it.
-pub fn register(registry: &mut Registry) {
-    let kind = Kind {
+/// Its name, and the keys of `[reference] custom` that it reads.
+pub fn kind() -> Kind {
+    Kind {
         name: "sway",
         meaning: "To the left and back, several times",
         keys: vec![
@@ -17,8 +13,7 @@ pub fn register(registry: &mut Registry) {
             needed("period_s").number("Time there and back, s", 0.1..=1000.0),
             needed("times").number("How often", 1.0..=10_000.0),
         ],
-    };
-    registry.references.add(kind, Box::new(|table, limits| Ok(Box::new(Sway::new(table, limits)?))));
+    }
 }
 
 /// Sways to the left of where it starts; the heading stays.
@@ -33,9 +28,7 @@ pub struct Sway {
 impl Sway {
     /// The motion of a table; refused where the platform's limits don't allow it.
     pub fn new(table: &ReferenceTable, limits: &Limits) -> Made<Self> {
-        let left_m = table.custom.number("left_m")?;
-        let period_s = table.custom.number("period_s")?;
-        let times = table.custom.number("times")?.round();
+        let [left_m, period_s, times] = table.custom.numbers(["left_m", "period_s", "times"])?;
         // Peaks of the derivatives of sin⁴: 3√3/4 of the first, 4 of the second, 10.95 of the third.
         let w = PI / period_s;
         let peaks = [
@@ -55,7 +48,7 @@ impl Sway {
             );
             return Err(Problem::refused("custom.period_s", reason).into());
         }
-        Ok(Sway { left_m, period_s, times, from: Pose2::default() })
+        Ok(Sway { left_m, period_s, times: times.round(), from: Pose2::default() })
     }
 }
 

@@ -1,11 +1,8 @@
 //! The stages of this crate by their names, on the simulated robot; no randomness in it.
 
-use omnibase_robot::signals::CycleTime;
-use omnibase_robot::stages::{Device, Reference};
-use omnibase_robot::{Problem, Registry, RobotPlan};
+use omnibase::prelude::*;
 use own_stages::device::SpeedFromCounts;
 use own_stages::reference::Sway;
-use own_stages::simulate;
 
 const ROBOT: &str = include_str!("../robot.toml");
 
@@ -35,7 +32,8 @@ fn refusal(from: &str, to: &str) -> String {
 
 #[test]
 fn the_robot_sways_and_comes_back_to_where_it_started() {
-    let ran = simulate(&plan(ROBOT), &registry()).expect("a run");
+    let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/robot.toml");
+    let ran = omnibase::simulate(robot.as_ref(), own_stages::register).expect("a run");
     assert!(ran.finished, "{:?}", ran.ended);
     let summary = &ran.summary;
     // Three times six seconds and the second of the hold.
@@ -74,7 +72,7 @@ fn speed_and_acceleration_of_the_reference_are_its_derivatives() {
     for step in 1..1000 {
         let t = end_s * f64::from(step) / 1000.0;
         let [before, now, after] = [t - h, t, t + h].map(|t| sway.sample(t));
-        let y = |setpoint: &omnibase_robot::signals::Setpoint| setpoint.odom_from_body.y_m;
+        let y = |setpoint: &Setpoint| setpoint.odom_from_body.y_m;
         let speed = (y(&after) - y(&before)) / (2.0 * h);
         let acceleration = (y(&after) - 2.0 * y(&now) + y(&before)) / (h * h);
         // Differences of step h are wrong by h² times the third derivative, and by rounding: 1e-6 each.
@@ -106,7 +104,10 @@ fn settings_that_make_no_sense_are_refused_with_value_limit_and_reason() {
 fn the_robot_file_of_the_guide_runs() {
     let guide = include_str!("../../../docs/guides/add-a-drive-by-configuration.md");
     let text = guide.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a file");
-    let ran = simulate(&plan(text), &registry()).expect("a run");
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = folder.path().join("robot.toml");
+    std::fs::write(&robot, text).expect("a file");
+    let ran = omnibase::simulate(&robot, own_stages::register).expect("a run");
     // A circle of 20 s, and a second more.
     assert!(ran.finished && ran.summary.cycles > 21_000, "{:?}", ran.ended);
     assert!(ran.summary.final_error_m.truth.unwrap() < 1e-3, "{:?}", ran.summary);

@@ -43,7 +43,13 @@ impl Bench {
         let (live, end) = live(AGES, StopCategory::RampThenRemove);
         let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
         let paths = folder.path().to_owned();
-        let about = RobotInfo { robot, registry, known: Known::Truth, paths, streams: Streams::default() };
+        let about = RobotInfo {
+            robot,
+            registry: registry.into(),
+            known: Known::Truth,
+            paths,
+            streams: Streams::default(),
+        };
         Bench { dashboard: Dashboard::start(access, live, about).unwrap(), end, cycle: 0, folder }
     }
 

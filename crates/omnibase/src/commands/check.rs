@@ -39,8 +39,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let registry = Registry::with_built_in();
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let Some(path) = arguments.robot.as_deref().filter(|_| !arguments.schema && !arguments.kinds) else {
         let kinds = registry.describe();
         if arguments.kinds && !arguments.json {
@@ -53,7 +52,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         return Ok(Outcome::Done);
     };
     let source = RobotSource::read(path, &arguments.changes)?;
-    match source.load(&registry) {
+    match source.load(registry) {
         Ok(robot) => {
             if arguments.json {
                 serde_json::to_writer_pretty(&mut *output, &plan_json(&robot.plan))?;

@@ -58,11 +58,10 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (table, limits) = match &arguments.robot {
         Some(path) => {
-            let robot =
-                RobotSource::read(path, &arguments.changes)?.load_or_explain(&Registry::with_built_in())?;
+            let robot = RobotSource::read(path, &arguments.changes)?.load_or_explain(registry)?;
             (robot.plan.joystick, Some(robot.plan.limits))
         }
         None => (JoystickTable::default(), None),

@@ -30,9 +30,9 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let source = RobotSource::read(&arguments.robot, &arguments.changes)?;
-    let plan = source.load_or_explain(&Registry::with_built_in())?.plan;
+    let plan = source.load_or_explain(registry)?.plan;
     let names: Vec<&str> = plan.drives.iter().map(|drive| drive.name.as_str()).collect();
     if let Some(text) = &arguments.twist {
         let [vx, vy, w] = numbers(text, "--twist", 3)?[..] else { unreachable!("three were asked for") };

@@ -26,11 +26,11 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.recording.display();
     let bytes = std::fs::read(&arguments.recording).with_context(|| format!("reading `{path}`"))?;
     let run = RecordedRun::read(&bytes).with_context(|| format!("`{path}`"))?;
-    let replayed = omnibase_run::replay(&run, &Registry::with_built_in())?;
+    let replayed = omnibase_run::replay(&run, registry)?;
     let until_s = run.times_ns.last().map_or(0.0, |&time_ns| time_ns as f64 * 1e-9);
     if let Some(why) = &run.truncated {
         let way_out = if arguments.partial { "" } else { "; give --partial to be content with that" };

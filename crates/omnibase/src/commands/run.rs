@@ -26,6 +26,7 @@ use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -46,7 +47,7 @@ Exit code 1 where the reference was not followed to its end.")]
 pub struct Arguments {
     /// Robot file (TOML).
     robot: PathBuf,
-    #[command(flatten)]
+    #[arg(skip)]
     reference: ReferenceChoice,
     #[command(flatten)]
     changes: Changes,
@@ -83,11 +84,14 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let registry = Registry::with_built_in();
+pub fn run(
+    arguments: &Arguments,
+    registry: &Arc<Registry>,
+    output: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
-    source.text.reference = arguments.reference.chosen(&registry)?;
-    let robot = source.load_or_explain(&registry)?;
+    source.text.reference = arguments.reference.chosen(registry)?;
+    let robot = source.load_or_explain(registry)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
         is_operated || robot.plan.reference.kind.as_deref() != registry.references.sort.default,
@@ -101,14 +105,15 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     );
     let stop = stop_on_signals()?;
     let way = arguments.open(&robot)?;
-    let stages = Robot::build(&robot.plan, &registry)?;
+    let stages = Robot::build(&robot.plan, registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
     let mut page = arguments.page()?;
     let (recorder, recording) = arguments.recorder(&robot, known, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
-    let (operated, live) = arguments.operated.start(&robot, registry, known, describer.clone())?.unzip();
+    let (operated, live) =
+        arguments.operated.start(&robot, Arc::clone(registry), known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,
@@ -173,7 +178,17 @@ struct Connection {
     machine: Option<SharedMachine>,
 }
 
+/// The command with its options for motions.
+pub fn with_motions(command: clap::Command, registry: &Registry) -> clap::Command {
+    ReferenceChoice::options(command, registry)
+}
+
 impl Arguments {
+    /// Takes over what the options of [`with_motions`] say.
+    pub fn choose_motion(&mut self, matches: &clap::ArgMatches) {
+        self.reference = ReferenceChoice::of(matches);
+    }
+
     fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Connection> {
         let Some(interface) = &self.interface else {
             let (segment, machine) = simulated::segment(&robot.plan)?;

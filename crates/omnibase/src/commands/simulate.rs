@@ -97,11 +97,11 @@ struct Report {
 const SERVICE_PERIOD: Duration = Duration::from_millis(1);
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (mut segment, machine) = match &arguments.file {
         Some(path) if segment::is_robot(path)? => {
             let source = RobotSource::read(path, &arguments.changes)?;
-            let robot = source.load_or_explain(&Registry::with_built_in())?;
+            let robot = source.load_or_explain(registry)?;
             let (segment, machine) = simulated::segment(&robot.plan)?;
             (segment, Some(machine))
         }

@@ -462,7 +462,7 @@ fn a_registered_motion_without_a_reachable_end_is_refused() {
     let built = |duration_s: f64| {
         let mut registry = Registry::with_built_in();
         let kind = Kind { name: "endless", meaning: "For a test", keys: Vec::new() };
-        registry.references.add(kind, Box::new(move |_, _| Ok(Box::new(Endless(duration_s)))));
+        registry.references.add(kind, move |_, _| Ok(Endless(duration_s)));
         let text = format!("{BMM}\n[reference]\nkind = \"endless\"\n");
         RobotPlan::from_toml(&text, &registry, &no_files).map(|_| ()).map_err(|problems| show(&problems))
     };

@@ -23,6 +23,15 @@ impl Parameters {
         let value = self.0.get(key).and_then(serde_json::Value::as_f64);
         value.ok_or_else(|| Box::new(Problem::missing(format!("custom.{key}"), "a number")))
     }
+
+    /// Several numbers, as [`Parameters::number`].
+    pub fn numbers<const N: usize>(&self, keys: [&str; N]) -> Result<[f64; N], Box<Problem>> {
+        let mut numbers = [0.0; N];
+        for (number, key) in numbers.iter_mut().zip(keys) {
+            *number = self.number(key)?;
+        }
+        Ok(numbers)
+    }
 }
 
 /// One robot: its bus, drives, platform, limits, and the stages of its cycle.

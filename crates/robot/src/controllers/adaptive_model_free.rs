@@ -8,6 +8,7 @@ use omnibase_platform::Kinematics;
 
 use super::{axes, pose_error, saturated, wrench};
 use crate::config::{RobotPlan, WheelLimits};
+use crate::registry::Made;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
@@ -31,16 +32,16 @@ pub struct AdaptiveModelFree {
 
 impl AdaptiveModelFree {
     /// The controller as a plan says; it starts knowing nothing.
-    pub fn new(plan: &RobotPlan) -> Self {
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
         let table = &plan.controller;
         let damping = table.damping_n_s_m.unwrap_or(1500.0);
-        AdaptiveModelFree {
+        Ok(AdaptiveModelFree {
             kinematics: plan.kinematics.clone(),
             wheel_torque_nm: plan.limits.wheel_torque_nm,
             lambda_1_s: table.kp_1_s.unwrap_or([8.0; 3]),
             damping: [damping, damping, table.turn_damping_n_m_s_rad.unwrap_or(150.0)],
             learnt: [[0.0; 3]; 3],
-        }
+        })
     }
 }
 

@@ -4,20 +4,41 @@ use omnibase_platform::{Kinematics, Twist2};
 
 use super::{LEAD_PERIODS, axes, pose_error, saturated, within_speed};
 use crate::config::{Limits, RobotPlan, WheelLimits};
+use crate::registry::Made;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
 
-/// Wheel speeds = B/R · Rot(ψ)ᵀ · reference speed; the pose error is never looked at.
+/// From the platform's speed to the wheels': = B/R · Rot(ψ)ᵀ · speed in odom, scaled as a whole where a wheel can't.
 #[derive(Clone, Debug)]
-pub struct OpenLoop {
+pub struct WheelSpeeds {
     kinematics: Kinematics,
-    wheel_speed_rad_s: f64,
+    /// What each wheel may do, rad/s.
+    pub limit_rad_s: f64,
 }
+
+impl WheelSpeeds {
+    /// For a plan's wheels and their limit.
+    pub fn new(plan: &RobotPlan) -> Self {
+        WheelSpeeds { kinematics: plan.kinematics.clone(), limit_rad_s: plan.limits.wheel_speed_rad_s }
+    }
+
+    /// The commands for a speed in odom, (m/s, m/s, rad/s), from a heading, rad, on which the platform turns on for
+    /// `lead_s` until the commands count: half a period for the middle of the time for which they stand.
+    pub fn commands(&self, speed_in_odom: [f64; 3], heading_rad: f64, lead_s: f64) -> Commands {
+        let [vx_m_s, vy_m_s, w_rad_s] = speed_in_odom;
+        let twist_in_body = Twist2::new(vx_m_s, vy_m_s, w_rad_s).rotated(-(heading_rad + lead_s * w_rad_s));
+        saturated(Quantity::Speed, &self.kinematics.wheel_speeds_rad_s(twist_in_body), self.limit_rad_s)
+    }
+}
+
+/// The wheels' speeds by the reference alone; the pose error is never looked at.
+#[derive(Clone, Debug)]
+pub struct OpenLoop(WheelSpeeds);
 
 impl OpenLoop {
     /// The law as a plan says.
-    pub fn new(plan: &RobotPlan) -> Self {
-        OpenLoop { kinematics: plan.kinematics.clone(), wheel_speed_rad_s: plan.limits.wheel_speed_rad_s }
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
+        Ok(OpenLoop(WheelSpeeds::new(plan)))
     }
 }
 
@@ -26,33 +47,21 @@ impl Controller for OpenLoop {
         Quantity::Speed
     }
 
-    fn reset(&mut self) {}
-
     fn limit_wheels(&mut self, limits: &WheelLimits) {
-        self.wheel_speed_rad_s = limits.speed_rad_s;
+        self.0.limit_rad_s = limits.speed_rad_s;
     }
 
     fn update(&mut self, time: &CycleTime, _: &PlatformState, setpoint: &Setpoint) -> Commands {
-        // The reference's own heading: what isn't measured can't be wrong. Its middle over the coming period, for
-        // the command stands for a whole one.
-        let heading_rad =
-            setpoint.odom_from_body.heading_rad + 0.5 * setpoint.twist_in_odom.w_rad_s * time.period_s();
-        let twist_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
-        let wheels = self.kinematics.wheel_speeds_rad_s(twist_in_body);
-        saturated(Quantity::Speed, &wheels, self.wheel_speed_rad_s)
+        // The reference's own heading: what isn't measured can't be wrong.
+        let heading_rad = setpoint.odom_from_body.heading_rad;
+        self.0.commands(axes(&setpoint.twist_in_odom), heading_rad, 0.5 * time.period_s())
     }
-
-    fn gain(&self, _: usize) -> Option<Gain> {
-        None
-    }
-
-    fn set_gain(&mut self, _: usize, _: f64) {}
 }
 
 /// Speed = feed-forward + Kp · (pose error in odom, angle wrapped). Thesis 8.20.
 #[derive(Clone, Debug)]
 pub struct ClosedLoopSpeed {
-    kinematics: Kinematics,
+    wheels: WheelSpeeds,
     limits: Limits,
     kp_1_s: [f64; 3],
 }
@@ -62,12 +71,12 @@ const KP_NAMES: [&str; 3] = ["kp_x_1_s", "kp_y_1_s", "kp_heading_1_s"];
 
 impl ClosedLoopSpeed {
     /// The law as a plan says.
-    pub fn new(plan: &RobotPlan) -> Self {
-        ClosedLoopSpeed {
-            kinematics: plan.kinematics.clone(),
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
+        Ok(ClosedLoopSpeed {
+            wheels: WheelSpeeds::new(plan),
             limits: plan.limits,
             kp_1_s: plan.controller.kp_1_s.unwrap_or(KP_1_S),
-        }
+        })
     }
 }
 
@@ -76,10 +85,8 @@ impl Controller for ClosedLoopSpeed {
         Quantity::Speed
     }
 
-    fn reset(&mut self) {}
-
     fn limit_wheels(&mut self, limits: &WheelLimits) {
-        self.limits.wheel_speed_rad_s = limits.speed_rad_s;
+        self.wheels.limit_rad_s = limits.speed_rad_s;
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
@@ -89,10 +96,7 @@ impl Controller for ClosedLoopSpeed {
         let forward: [f64; 3] = std::array::from_fn(|axis| wished[axis] + lead_s * acceleration[axis]);
         let speed: [f64; 3] = std::array::from_fn(|axis| forward[axis] + self.kp_1_s[axis] * error[axis]);
         let (speed, _) = within_speed(speed, &self.limits);
-        let heading_rad = state.odom_from_body.heading_rad + lead_s * speed[2];
-        let twist_in_body = Twist2::new(speed[0], speed[1], speed[2]).rotated(-heading_rad);
-        let wheels = self.kinematics.wheel_speeds_rad_s(twist_in_body);
-        saturated(Quantity::Speed, &wheels, self.limits.wheel_speed_rad_s)
+        self.wheels.commands(speed, state.odom_from_body.heading_rad, lead_s)
     }
 
     fn gain(&self, index: usize) -> Option<Gain> {

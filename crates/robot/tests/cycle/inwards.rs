@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_platform::{Pose2, PoseGrowth};
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
-use omnibase_robot::registry::{Kind, Made, optional};
+use omnibase_robot::registry::{Kind, optional};
 use omnibase_robot::safety::SafetyChain;
 use omnibase_robot::signals::{
     Allowed, CycleRecord, PlatformState, ReferenceStatus, RequestAnswer, SafetyReason, Setpoint,
@@ -63,26 +63,18 @@ impl Reference for Blind {
         place.twist_in_odom.vx_m_s = 2.0 * self.1 * rising_s;
         place
     }
-    fn duration_s(&self) -> Option<f64> {
-        None
-    }
 }
 
 fn doubted_bench(more: &str) -> (Bench, Doubt) {
     let (doubt, mut registry) = (Doubt::default(), Registry::with_built_in());
     let mine = doubt.clone();
-    let doubting = move |plan: &_| -> Made<Box<dyn Estimator>> {
-        Ok(Box::new(Doubting(WheelOdometry::new(plan)?, mine.clone())))
-    };
+    let doubting = move |plan: &_| Ok(Doubting(WheelOdometry::new(plan)?, mine.clone()));
     let reads_sigma = Kind { keys: vec![optional("start_sigma_m")], ..kind("doubting") };
-    registry.estimators.add(reads_sigma, Box::new(doubting));
+    registry.estimators.add(reads_sigma, doubting);
     for (name, speed_m_s) in [("blind_in", 0.2), ("blind_out", -0.05)] {
-        let blind = move |_: &_, _: &_| -> Made<Box<dyn Reference>> {
-            Ok(Box::new(Blind(Setpoint::default(), speed_m_s)))
-        };
-        registry.references.add(kind(name), Box::new(blind));
+        registry.references.add(kind(name), move |_, _| Ok(Blind(Setpoint::default(), speed_m_s)));
     }
-    registry.references.add(kind("stays"), Box::new(|_, _| Ok(Box::new(Hold::default()))));
+    registry.references.add(kind("stays"), |_, _| Ok(Hold::default()));
     let text = format!("{BMM}\n{BEFORE_THE_FENCE}{more}\n");
     let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
     bench.enable();

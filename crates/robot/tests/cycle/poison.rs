@@ -8,7 +8,6 @@ use omnibase_robot::controllers::{AdaptiveTorque, ClosedLoopSpeed};
 use omnibase_robot::devices::Cia402Device;
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
-use omnibase_robot::registry::MakeDevice;
 use omnibase_robot::signals::{
     Commands, CycleTime, DriveMeasurement, DriveProgress, Frame, PlatformState, Quantity, RequestAnswer,
     SafetyReason, Setpoint,
@@ -114,9 +113,6 @@ impl Reference for Poisoned<Hold> {
         poison(&self.1, 17, fields);
         sample
     }
-    fn duration_s(&self) -> Option<f64> {
-        None
-    }
 }
 
 impl Controller for Poisoned<Box<dyn Controller>> {
@@ -148,36 +144,24 @@ fn poisoned_bench(law: &str) -> (Bench, Poison) {
     let mut registry = Registry::with_built_in();
     let defaults = registry.devices.defaults("sgdv").cloned().unwrap();
     let mine = poison.clone();
-    let make = MakeDevice {
-        defaults,
-        make: Box::new(move |plan| Ok(Box::new(Poisoned(Cia402Device::new(plan)?, mine.clone())))),
-    };
-    registry.devices.add(kind("poisoned"), make);
-    let mine = poison.clone();
-    registry.estimators.add(
-        kind("poisoned"),
-        Box::new(move |plan| Ok(Box::new(Poisoned(WheelOdometry::new(plan)?, mine.clone())))),
-    );
+    let device = move |plan: &_| Ok(Poisoned(Cia402Device::new(plan)?, mine.clone()));
+    registry.devices.add(kind("poisoned"), defaults, device);
     let mine = poison.clone();
     registry
-        .references
-        .add(kind("poisoned"), Box::new(move |_, _| Ok(Box::new(Poisoned(Hold::default(), mine.clone())))));
+        .estimators
+        .add(kind("poisoned"), move |plan| Ok(Poisoned(WheelOdometry::new(plan)?, mine.clone())));
     let mine = poison.clone();
-    registry.controllers.add(
-        kind("poisoned_speed"),
-        Box::new(move |plan| {
-            let inner: Box<dyn Controller> = Box::new(ClosedLoopSpeed::new(plan));
-            Ok(Box::new(Poisoned(inner, mine.clone())))
-        }),
-    );
+    registry.references.add(kind("poisoned"), move |_, _| Ok(Poisoned(Hold::default(), mine.clone())));
     let mine = poison.clone();
-    registry.controllers.add(
-        kind("poisoned_torque"),
-        Box::new(move |plan| {
-            let inner: Box<dyn Controller> = Box::new(AdaptiveTorque::new(plan)?);
-            Ok(Box::new(Poisoned(inner, mine.clone())))
-        }),
-    );
+    registry.controllers.add(kind("poisoned_speed"), move |plan| {
+        let inner: Box<dyn Controller> = Box::new(ClosedLoopSpeed::new(plan)?);
+        Ok(Poisoned(inner, mine.clone()))
+    });
+    let mine = poison.clone();
+    registry.controllers.add(kind("poisoned_torque"), move |plan| {
+        let inner: Box<dyn Controller> = Box::new(AdaptiveTorque::new(plan)?);
+        Ok(Poisoned(inner, mine.clone()))
+    });
     let text = BMM.replace("\"sgdv\"", "\"poisoned\"").replace("\"closed_loop_speed\"", law)
         + "\n[estimator]\nkind = \"poisoned\"\n[reference]\nkind = \"poisoned\"\n";
     (Bench::with_registry(plan_with(&text, &registry), &registry), poison)

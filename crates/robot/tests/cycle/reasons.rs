@@ -6,7 +6,7 @@ use omnibase_robot::signals::{
     Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
     Setpoint, StopCategory,
 };
-use omnibase_robot::stages::{Controller, Gain, Reference};
+use omnibase_robot::stages::{Controller, Reference};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, kind, plan_with};
@@ -22,8 +22,6 @@ impl Controller for Constant {
         self.0
     }
 
-    fn reset(&mut self) {}
-
     fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
         self.2 = self.2.saturating_sub(1);
         let mut commands = Commands { quantity: self.0, ..Commands::default() };
@@ -32,12 +30,6 @@ impl Controller for Constant {
         }
         commands
     }
-
-    fn gain(&self, _: usize) -> Option<Gain> {
-        None
-    }
-
-    fn set_gain(&mut self, _: usize, _: f64) {}
 }
 
 /// Sideways at a constant speed, and once to another place; nobody can look ahead on it.
@@ -47,8 +39,6 @@ struct Sideways {
 }
 
 impl Reference for Sideways {
-    fn start(&mut self, _: &Setpoint) {}
-
     fn sample(&mut self, since_start_s: f64) -> Setpoint {
         let jump_m = if since_start_s > 0.3 { self.jump_m } else { 0.0 };
         let pose = Pose2 { y_m: self.speed_m_s * since_start_s + jump_m, ..Pose2::default() };
@@ -58,24 +48,16 @@ impl Reference for Sideways {
             ..Setpoint::at_rest(pose)
         }
     }
-
-    fn duration_s(&self) -> Option<f64> {
-        None
-    }
 }
 
 fn registry() -> Registry {
     let mut registry = Registry::with_built_in();
     let laws = [("too_much", Quantity::Torque, 60.0), ("no_number", Quantity::Speed, f64::NAN)];
     for (name, quantity, value) in laws {
-        registry
-            .controllers
-            .add(kind(name), Box::new(move |_| Ok(Box::new(Constant(quantity, value, GOOD_CYCLES)))));
+        registry.controllers.add(kind(name), move |_| Ok(Constant(quantity, value, GOOD_CYCLES)));
     }
     for (name, speed_m_s, jump_m) in [("jump", 0.0, 0.6), ("away", 0.2, 0.0)] {
-        registry
-            .references
-            .add(kind(name), Box::new(move |_, _| Ok(Box::new(Sideways { speed_m_s, jump_m }))));
+        registry.references.add(kind(name), move |_, _| Ok(Sideways { speed_m_s, jump_m }));
     }
     registry
 }

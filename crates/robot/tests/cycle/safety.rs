@@ -1,12 +1,11 @@
 //! A number that isn't finite, anywhere: always a defined stop.
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::registry::MakeDevice;
 use omnibase_robot::signals::{
     Commands, CycleTime, DriveMeasurement, DriveProgress, PlatformState, Quantity, ReferenceStatus,
     SafetyReason, Setpoint, Stage,
 };
-use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
+use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Observation, Reference};
 use omnibase_robot::{Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, kind, plan_with};
@@ -65,18 +64,12 @@ impl Estimator for BrokenEstimator {
 struct BrokenReference(Fuse, f64);
 
 impl Reference for BrokenReference {
-    fn start(&mut self, _: &Setpoint) {}
-
     fn sample(&mut self, _: f64) -> Setpoint {
         let mut setpoint = Setpoint::at_rest(Pose2::default());
         if self.0.blown() {
             setpoint.acceleration_in_odom = Twist2::new(0.0, self.1, 0.0);
         }
         setpoint
-    }
-
-    fn duration_s(&self) -> Option<f64> {
-        None
     }
 }
 
@@ -87,8 +80,6 @@ impl Controller for BrokenController {
         self.2
     }
 
-    fn reset(&mut self) {}
-
     fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
         let mut commands = Commands { quantity: self.2, ..Commands::default() };
         if self.0.blown() {
@@ -96,12 +87,6 @@ impl Controller for BrokenController {
         }
         commands
     }
-
-    fn gain(&self, _: usize) -> Option<Gain> {
-        None
-    }
-
-    fn set_gain(&mut self, _: usize, _: f64) {}
 }
 
 /// Runs until the stage breaks; then the drives brake by themselves, lose torque, and wait for a person.
@@ -136,29 +121,19 @@ fn what_is_not_finite_stops_wherever_it_comes_from() {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut registry = Registry::with_built_in();
         let defaults = registry.devices.defaults("sgdv").cloned().unwrap();
-        let make = MakeDevice {
-            defaults,
-            make: Box::new(|plan| {
-                let inner = Box::new(omnibase_robot::devices::Cia402Device::new(plan)?);
-                Ok(Box::new(BrokenDevice(inner, Fuse::default())))
-            }),
-        };
-        registry.devices.add(kind("broken"), make);
-        registry.estimators.add(
-            kind("broken"),
-            Box::new(move |plan| {
-                let inner = Box::new(omnibase_robot::estimators::WheelOdometry::new(plan)?);
-                Ok(Box::new(BrokenEstimator(inner, Fuse::default(), wrong)))
-            }),
-        );
-        registry
-            .references
-            .add(kind("broken"), Box::new(move |_, _| Ok(Box::new(BrokenReference(Fuse::default(), wrong)))));
+        registry.devices.add(kind("broken"), defaults, |plan| {
+            let inner = Box::new(omnibase_robot::devices::Cia402Device::new(plan)?);
+            Ok(BrokenDevice(inner, Fuse::default()))
+        });
+        registry.estimators.add(kind("broken"), move |plan| {
+            let inner = Box::new(omnibase_robot::estimators::WheelOdometry::new(plan)?);
+            Ok(BrokenEstimator(inner, Fuse::default(), wrong))
+        });
+        registry.references.add(kind("broken"), move |_, _| Ok(BrokenReference(Fuse::default(), wrong)));
         for (name, quantity) in [("broken_speed", Quantity::Speed), ("broken_torque", Quantity::Torque)] {
-            registry.controllers.add(
-                kind(name),
-                Box::new(move |_| Ok(Box::new(BrokenController(Fuse::default(), wrong, quantity)))),
-            );
+            registry
+                .controllers
+                .add(kind(name), move |_| Ok(BrokenController(Fuse::default(), wrong, quantity)));
         }
         stops(&BMM.replace("\"sgdv\"", "\"broken\""), &registry, Stage::Device);
         stops(&format!("{BMM}\n[estimator]\nkind = \"broken\"\n"), &registry, Stage::Estimator);
@@ -172,18 +147,14 @@ fn what_is_not_finite_stops_wherever_it_comes_from() {
 fn an_obstacle_far_away_hides_no_plan_that_jumps() {
     struct Jump(Fuse);
     impl Reference for Jump {
-        fn start(&mut self, _: &Setpoint) {}
         fn sample(&mut self, _: f64) -> Setpoint {
             let y_m = if self.0.blown() { 1.0 } else { 0.0 };
             let place = Setpoint::at_rest(Pose2 { y_m, ..Pose2::default() });
             Setpoint { status: ReferenceStatus::Moving, ..place }
         }
-        fn duration_s(&self) -> Option<f64> {
-            None
-        }
     }
     let mut registry = Registry::with_built_in();
-    registry.references.add(kind("jump"), Box::new(|_, _| Ok(Box::new(Jump(Fuse::default())))));
+    registry.references.add(kind("jump"), |_, _| Ok(Jump(Fuse::default())));
     let far = "\n[reference]\nkind = \"jump\"\n[[obstacle]]\ncentre_m = [90.0, 0.0]\nradius_m = 0.2\n";
     let mut bench = Bench::with_registry(plan_with(&format!("{BMM}{far}"), &registry), &registry);
     bench.enable();
@@ -199,19 +170,14 @@ fn a_users_controller_is_held_to_the_wheels_limits_too() {
         fn quantity(&self) -> Quantity {
             Quantity::Speed
         }
-        fn reset(&mut self) {}
         fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
             let mut commands = Commands { quantity: Quantity::Speed, ..Commands::default() };
             commands.values[..3].copy_from_slice(&[30.0, -60.0, 15.0]);
             commands
         }
-        fn gain(&self, _: usize) -> Option<Gain> {
-            None
-        }
-        fn set_gain(&mut self, _: usize, _: f64) {}
     }
     let mut registry = Registry::with_built_in();
-    registry.controllers.add(kind("greedy"), Box::new(|_| Ok(Box::new(Greedy))));
+    registry.controllers.add(kind("greedy"), |_| Ok(Greedy));
     let text = BMM.replace("\"closed_loop_speed\"", "\"greedy\"");
     let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
     bench.enable();

@@ -43,12 +43,9 @@ impl Reference for Sway {
 fn registry() -> Registry {
     let mut registry = Registry::with_built_in();
     let keys = vec![needed("left_m").number("How far to the left, m", 0.0..=0.5)];
-    registry.references.add(
-        Kind { name: "sway", meaning: "To the left and back", keys },
-        Box::new(|table, _| {
-            Ok(Box::new(Sway { left_m: table.custom.number("left_m")?, from: Pose2::default() }))
-        }),
-    );
+    registry.references.add(Kind { name: "sway", meaning: "To the left and back", keys }, |table, _| {
+        Ok(Sway { left_m: table.custom.number("left_m")?, from: Pose2::default() })
+    });
     registry
 }
 

@@ -2,7 +2,7 @@
 
 use omnibase_cia402::Wanted;
 use omnibase_robot::Registry;
-use omnibase_robot::registry::{Kind, MakeDevice};
+use omnibase_robot::registry::Kind;
 use omnibase_robot::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use omnibase_robot::stages::{Device, DriveCommand};
 
@@ -36,12 +36,6 @@ impl Device for KinematicWheel {
         };
         self.progress
     }
-
-    fn acknowledge(&mut self) {}
-
-    fn problem(&self) -> Option<String> {
-        None
-    }
 }
 
 /// Puts kinematic wheels in the place of all devices; their defaults stay.
@@ -49,7 +43,6 @@ pub fn register_kinematic(registry: &mut Registry) {
     let kinds: Vec<Kind> = registry.devices.kinds().cloned().collect();
     for kind in kinds {
         let defaults = registry.devices.defaults(kind.name).cloned().unwrap_or_default();
-        let make = MakeDevice { defaults, make: Box::new(|_| Ok(Box::new(KinematicWheel::default()))) };
-        registry.devices.add(kind, make);
+        registry.devices.add(kind, defaults, |_| Ok(KinematicWheel::default()));
     }
 }

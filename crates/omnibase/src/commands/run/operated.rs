@@ -15,6 +15,7 @@ use omnibase_run::live::{Ages, Live, LiveEnd, live};
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The longest silence of a page that is still there, ns.
 const SESSION_AGE_NS: u64 = 1_000_000_000;
@@ -87,7 +88,7 @@ impl Options {
     pub fn start(
         &self,
         robot: &LoadedRobot,
-        registry: Registry,
+        registry: Arc<Registry>,
         known: Known,
         describer: Option<RunDescriber>,
     ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {

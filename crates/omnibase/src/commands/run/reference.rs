@@ -30,17 +30,17 @@ fn offered(registry: &Registry) -> impl Iterator<Item = &Kind> {
     registry.references.kinds().filter(|kind| !kind.keys.is_empty() && kind.name != "path")
 }
 
-impl clap::Args for ReferenceChoice {
-    fn augment_args(command: Command) -> Command {
-        let option = |name: &'static str| Arg::new(name).long(name).group(GROUP);
-        let registry = Registry::with_built_in();
-        let shapes = offered(&registry).map(|kind| {
-            option(kind.name).value_name("KEY=VALUE,...").help(format!(
-                "{}; takes {}",
-                kind.meaning,
-                keys(kind)
-            ))
-        });
+impl ReferenceChoice {
+    /// The command with an option for each kind that has keys. One whose name is an option already is reached by a file.
+    pub fn options(command: Command, registry: &Registry) -> Command {
+        let option = |name: &'static str| Arg::new(name).long(name).group(GROUP).help_heading("Motion");
+        let taken: Vec<String> =
+            command.get_arguments().filter_map(|taken| taken.get_long().map(str::to_owned)).collect();
+        let shapes =
+            offered(registry).filter(|kind| !taken.iter().any(|taken| taken == kind.name)).map(|kind| {
+                let help = format!("{}; takes {}", kind.meaning, keys(kind));
+                option(kind.name).value_name("KEY=VALUE,...").help(help)
+            });
         command
             .group(ArgGroup::new(GROUP).multiple(false))
             .arg(
@@ -56,25 +56,13 @@ impl clap::Args for ReferenceChoice {
             .args(shapes)
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl clap::FromArgMatches for ReferenceChoice {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    /// What the matched options say.
+    pub fn of(matches: &ArgMatches) -> Self {
         let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
         let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
-        Ok(ReferenceChoice(chosen.and_then(value)))
+        ReferenceChoice(chosen.and_then(value))
     }
 
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-impl ReferenceChoice {
     /// What was chosen; `None` leaves the robot file's own.
     pub fn chosen(&self, registry: &Registry) -> anyhow::Result<Option<Source<ReferenceTable>>> {
         let Some((option, value)) = &self.0 else { return Ok(None) };

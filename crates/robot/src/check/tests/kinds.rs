@@ -3,7 +3,7 @@
 use super::*;
 use crate::registry::{Key, needed, optional};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
-use crate::stages::{Controller, Gain};
+use crate::stages::Controller;
 
 /// A controller that commands something, and nothing more.
 struct Commanding(Quantity);
@@ -12,14 +12,9 @@ impl Controller for Commanding {
     fn quantity(&self) -> Quantity {
         self.0
     }
-    fn reset(&mut self) {}
     fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
         Commands::default()
     }
-    fn gain(&self, _: usize) -> Option<Gain> {
-        None
-    }
-    fn set_gain(&mut self, _: usize, _: f64) {}
 }
 
 /// The problems of a file where users added kinds of every sort.
@@ -29,16 +24,13 @@ fn with_own_kinds(text: &str) -> Result<RobotPlan, Vec<Problem>> {
     let gain = needed("gain_1_s").number("Gain, 1/s", 0.0..=10.0);
     for (name, quantity) in [("own_speed", Quantity::Speed), ("own_torque", Quantity::Torque)] {
         let keys = [gain.clone(), optional("law").value("Anything")];
-        registry.controllers.add(kind(name, &keys), Box::new(move |_| Ok(Box::new(Commanding(quantity)))));
+        registry.controllers.add(kind(name, &keys), move |_| Ok(Commanding(quantity)));
     }
     let keys = [needed("rows").number("Wheels on either side", 2.0..=4.0), optional("half_width_m")];
-    registry.layouts.add(
-        kind("own_layout", &keys),
-        Box::new(|table| {
-            assert_eq!(table.custom.number("rows")?, 2.0);
-            Ok(omnibase_platform::layout::omni(3, 0.4, 0.1, 0.0))
-        }),
-    );
+    registry.layouts.add(kind("own_layout", &keys), |table| {
+        assert_eq!(table.custom.number("rows")?, 2.0);
+        Ok(omnibase_platform::layout::omni(3, 0.4, 0.1, 0.0))
+    });
     RobotPlan::from_toml(text, &registry, &no_files)
 }
 
@@ -170,7 +162,7 @@ fn a_users_layout_stands_in_the_file_and_in_the_schema_like_any_other() {
     let mut registry = Registry::with_built_in();
     let keys = vec![needed("rows").number("Wheels on either side", 2.0..=4.0)];
     let kind = Kind { name: "own_layout", meaning: "Rows of wheels", keys };
-    registry.layouts.add(kind, Box::new(|_| Ok(Vec::new())));
+    registry.layouts.add(kind, |_| Ok(Vec::new()));
     let schema = registry.json_schema();
     let names = schema["$defs"]["LayoutName"]["oneOf"].as_array().unwrap();
     assert_eq!(names.last().unwrap()["description"], "Rows of wheels. Needs custom.rows.");
