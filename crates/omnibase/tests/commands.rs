@@ -193,3 +193,28 @@ fn sii_images_of_real_devices_come_in_words() {
     let words = text(&broken.stdout);
     assert!(words.contains("vendor           0x0000006a") && words.contains("PROBLEM at byte 0x"), "{words}");
 }
+
+#[test]
+fn a_new_crate_overwrites_nothing_and_needs_a_name_and_a_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    for (arguments, words) in [
+        (vec!["new", &path("Mine")], "is no name for a crate of your own"),
+        (vec!["new", &path("omnibase")], "is no name for a crate of your own"),
+        (
+            vec!["new", &path("mine"), "--omnibase", folder.path().to_str().unwrap()],
+            "no source of omnibase in",
+        ),
+    ] {
+        let refused = omnibase(&arguments);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(text(&refused.stderr).contains(words), "{}", text(&refused.stderr));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was written");
+    }
+    let made = omnibase(&["new", &path("mine"), "--omnibase", "https://host.test/omnibase"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let manifest = std::fs::read_to_string(folder.path().join("mine/Cargo.toml")).unwrap();
+    assert!(manifest.contains("omnibase = { git = \"https://host.test/omnibase\" }"), "{manifest}");
+    let again = omnibase(&["new", &path("mine")]);
+    assert!(text(&again.stderr).contains("making the folder"), "{}", text(&again.stderr));
+}

@@ -5,10 +5,13 @@
 
 mod ends;
 mod manners;
+mod own_crate;
 mod recovery;
 mod redundancy;
 mod refusals;
 mod same_end;
+#[path = "../stick_recording/mod.rs"]
+mod stick_recording;
 mod support;
 mod system_calls;
 mod watchdog;

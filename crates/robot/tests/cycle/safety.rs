@@ -185,3 +185,20 @@ fn a_users_controller_is_held_to_the_wheels_limits_too() {
     assert_eq!(allowed.commands.values[..3], [7.5, -15.0, 3.75], "direction kept, greatest at its limit");
     assert_eq!(allowed.commands.saturation, 0.25);
 }
+
+#[test]
+fn commands_of_another_quantity_than_the_law_names_stop() {
+    /// Names speeds, for which the maps were checked, and commands torques.
+    struct Mistaken;
+    impl Controller for Mistaken {
+        fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
+            Commands { quantity: Quantity::Torque, ..Commands::default() }
+        }
+    }
+    let mut registry = Registry::with_built_in();
+    registry.controllers.add(kind("mistaken"), |_| Ok(Mistaken));
+    let text = BMM.replace("\"closed_loop_speed\"", "\"mistaken\"");
+    let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
+    bench.enable();
+    assert_eq!(bench.run(3).stop_reason, SafetyReason::NotFinite);
+}

@@ -1,0 +1,121 @@
+//! A crate that `omnibase new` made, built outside the workspace: its stages go wherever the program goes.
+
+use crate::stick_recording::recording;
+use crate::support::{Ended, PATIENT, Program, number, repository};
+use omnibase_host::Namespace;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+/// Buttons of the recorded stick: held while driving, and taken before.
+const TRIGGER: u16 = 0x120;
+const ENABLE: u16 = 0x12B;
+const ABS_Y: u16 = 1;
+
+/// A fresh crate, and its program, built.
+fn own_crate() -> (PathBuf, PathBuf) {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-robot");
+    let _ = fs::remove_dir_all(&folder);
+    let made = Program::omnibase(&["new", folder.to_str().unwrap()]).end();
+    assert!(made.status.success(), "{}", made.said);
+    // The same dependencies as here, so that they are built once.
+    fs::copy(repository("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    let target = Path::new(env!("CARGO_BIN_EXE_omnibase")).ancestors().nth(2).unwrap();
+    let mut cargo = Command::new("cargo");
+    cargo.args(["build", "--quiet", "--offline"]).current_dir(&folder).env("CARGO_TARGET_DIR", target);
+    let built = Program::start(cargo).end();
+    assert!(built.status.success(), "{}", built.said);
+    (folder, target.join("debug/own-robot"))
+}
+
+/// The crate's folder and its program, made once for all tests here.
+fn own() -> &'static (PathBuf, PathBuf) {
+    static OWN: OnceLock<(PathBuf, PathBuf)> = OnceLock::new();
+    OWN.get_or_init(own_crate)
+}
+
+/// A command of the crate's program, in its folder.
+fn command(arguments: &[&str]) -> Command {
+    let (folder, program) = own();
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(folder);
+    command
+}
+
+fn done(arguments: &[&str]) -> Ended {
+    let ended = Program::start(command(arguments)).end();
+    assert!(ended.status.success(), "{arguments:?}: {}", ended.said);
+    ended
+}
+
+#[test]
+fn a_crate_of_ones_own_is_checked_recorded_reported_and_replayed() {
+    let kinds = done(&["check", "--kinds"]).output;
+    assert!(kinds.contains("pi_speed") && kinds.contains("midpoint_odometry"), "{kinds}");
+    done(&["run", "robot.toml", "--record", "run.mcap", "--report", "run.html"]);
+    let replayed = done(&["replay", "run.mcap"]).output;
+    assert!(replayed.contains("the same to the bit"), "{replayed}");
+    let page = fs::read_to_string(own().0.join("run.html")).unwrap();
+    assert!(page.contains("pi_speed"), "the report names the law");
+    // The program without these stages says what it lacks.
+    let mut without = Command::new(env!("CARGO_BIN_EXE_omnibase"));
+    without.args(["replay", "run.mcap"]).current_dir(&own().0);
+    let refused = Program::start(without).end();
+    assert!(!refused.status.success() && refused.said.contains("pi_speed"), "{}", refused.said);
+}
+
+#[test]
+fn a_crate_of_ones_own_has_its_page_and_answers_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let in_folder = |arguments: &[&str]| {
+        let mut command = command(arguments);
+        command.env("XDG_RUNTIME_DIR", folder.path()).env_remove("OMNIBASE_TOKEN");
+        Program::start(command)
+    };
+    let mut robot = in_folder(&["run", "robot.toml", "--dashboard=127.0.0.1:0", "--json"]);
+    robot.wait_for("dashboard: http://");
+    for law in ["closed_loop_speed", "pi_speed"] {
+        let switched = in_folder(&["call", "controller", &format!("name={law}")]).end();
+        assert!(switched.status.success(), "{law}: {}", switched.said);
+    }
+    let none = in_folder(&["call", "controller", "name=nobodys"]).end();
+    assert!(!none.status.success() && none.said.contains("nobodys"), "{}", none.said);
+    robot.signal("INT");
+    assert!(robot.end().status.success());
+}
+
+#[test]
+fn a_crate_of_ones_own_is_driven_by_a_stick() {
+    let folder = tempfile::tempdir().unwrap();
+    // Grasped again and again: drives come up when the machine lets them.
+    let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);
+    let enabled = [(100, ENABLE, 1), (200, ENABLE, 0), (1000, ABS_Y, 64)];
+    let stick = recording(folder.path(), &enabled.into_iter().chain(grasps).collect::<Vec<_>>());
+    let mut robot =
+        Program::start(command(&["run", "robot.toml", "--json", "--joystick", stick.to_str().unwrap()]));
+    robot.wait_for("blocked until it is enabled");
+    robot.signal("INT");
+    let ended = robot.end();
+    assert!(ended.said.contains("hold BTN_TRIGGER to drive"), "{}", ended.said);
+    let events = ended.json()["events"].to_string();
+    assert!(events.contains("drives by hand"), "{events}");
+}
+
+#[test]
+fn a_crate_of_ones_own_drives_over_a_cable() {
+    let Some(namespace) = Namespace::for_test("a_crate_of_ones_own_drives_over_a_cable") else { return };
+    let run = namespace.run(|| {
+        let simulator = Program::start(command(
+            &[&["simulate", "robot.toml", "--interface", Namespace::FAR, "--realtime"][..], &PATIENT]
+                .concat(),
+        ));
+        let fixed = ["run", "robot.toml", "--interface", Namespace::NEAR, "--realtime", "--json"];
+        let run = Program::start(command(&[&fixed[..], &PATIENT].concat())).end();
+        simulator.signal("INT");
+        run
+    });
+    assert!(run.status.success(), "{}", run.said);
+    let believed_m = number(&run.json()["final_error_m"]["believed"]);
+    assert!(believed_m < 0.005, "{believed_m} m beside the end of the circle");
+}
