@@ -8,6 +8,8 @@ use serde::Serialize;
 
 /// Points of a planned path as the page draws it.
 const POINTS: u32 = 400;
+/// How much of a motion without an end is drawn, s.
+const ENDLESS_SHOWN_S: f64 = 60.0;
 
 /// A reference, drawn.
 #[derive(Debug)]
@@ -36,13 +38,13 @@ impl Drawn {
         made.start(&Setpoint::at_rest(Pose2::default()));
         let duration_s = made.duration_s();
         let at = |duration_s: f64, n: u32| duration_s * f64::from(n) / f64::from(POINTS);
-        let poses = duration_s
-            .map(|duration_s| (0..=POINTS).map(|n| made.sample(at(duration_s, n)).odom_from_body).collect());
+        let shown_s = duration_s.unwrap_or(ENDLESS_SHOWN_S);
+        let poses = (0..=POINTS).map(|n| made.sample(at(shown_s, n)).odom_from_body).collect();
         Drawn {
             name: table.kind.clone().unwrap_or_default(),
             duration_s,
             start_pose: made.start_pose(),
-            poses: poses.unwrap_or_default(),
+            poses,
         }
     }
 

@@ -51,7 +51,7 @@ impl Drop for Ended {
 
 fn main() {
     let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
-        .args(["run", ROBOT, "--circle", "radius=0.5,period=60"])
+        .args(["run", ROBOT, "--circle", "radius_m=0.5,duration_s=60"])
         .args(["--dashboard=127.0.0.1:0", "--paths"])
         .env("OMNIBASE_TOKEN", TOKEN)
         .arg(std::env::temp_dir())

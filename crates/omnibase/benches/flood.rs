@@ -162,7 +162,7 @@ fn measured(flood: Flood) -> Measured {
         "run",
         ROBOT,
         "--circle",
-        "radius=0.5,period=60",
+        "radius_m=0.5,duration_s=60",
         "--interface",
         Namespace::NEAR,
         "--dashboard=127.0.0.1:0",

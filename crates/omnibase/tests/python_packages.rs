@@ -45,7 +45,14 @@ fn every_message_and_every_column_is_read() {
     let run = successful(
         Command::new(env!("CARGO_BIN_EXE_omnibase"))
             .current_dir(&root)
-            .args(["run", "robots/mecanum.toml", "--circle", "radius=0.2,period=5", "--json", "--record"])
+            .args([
+                "run",
+                "robots/mecanum.toml",
+                "--circle",
+                "radius_m=0.2,duration_s=5",
+                "--json",
+                "--record",
+            ])
             .arg(&mcap)
             .arg("--columns")
             .arg(&columns),

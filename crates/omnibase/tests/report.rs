@@ -42,14 +42,14 @@ fn omnibase(arguments: &[&str]) -> Output {
 
 /// A short run: a circle of 0.2 m in 5 s.
 fn circle(further: &[&str]) -> Output {
-    omnibase(&[&["run", "robots/bmm.toml", "--circle", "radius=0.2,period=5"], further].concat())
+    omnibase(&[&["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5"], further].concat())
 }
 
 /// A run of some 30,000 cycles whose page something happens to once cycles are in its recording.
 fn circle_disturbed(folder: &Folder, recording: &str, further: &[&str], disturb: impl FnOnce()) -> Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-    command.args(["run", "robots/bmm.toml", "--circle", "radius=0.2,period=30", "--json"]);
+    command.args(["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=30", "--json"]);
     command.args(["--report", &folder.path("run.html")]).args(further).current_dir(root).stdin(Stdio::null());
     let mut run = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let began = Instant::now();

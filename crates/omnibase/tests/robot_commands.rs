@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 const SQUARE: [&str; 4] = ["run", "robots/bmm.toml", "--path", "robots/square.dat"];
-const CIRCLE: [&str; 4] = ["run", "robots/bmm.toml", "--circle", "radius=0.2,period=5"];
+const CIRCLE: [&str; 4] = ["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5"];
 
 /// A folder of the test's own that vanishes with it.
 struct Folder(PathBuf);
@@ -206,7 +206,7 @@ fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
 fn a_run_without_an_end_is_refused() {
     let folder = Folder::new("endless");
     let far = folder.file("far.dat", "0 0 0 0\n1e18 1 0 0\n");
-    for motion in [["--circle", "radius=0.3,period=1e18"], ["--path", &far]] {
+    for motion in [["--circle", "radius_m=0.3,duration_s=1e18"], ["--path", &far]] {
         let (code, says) = refused(&[&["run", "robots/bmm.toml"], &motion[..]].concat());
         assert_eq!(code, Some(1), "{says}");
         assert!(says.contains("1000000 s") && says.contains("1000000000000000000 s"), "{says}");
@@ -288,7 +288,9 @@ fn kinds_and_their_keys_are_told_by_the_registry() {
     assert!(line("* mass_kg").ends_with("First estimate of the mass, kg. Allowed: above 0."), "{text}");
     assert!(line("heading").ends_with("Allowed: fixed, follows_tangent."), "{text}");
     let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
-    assert!(shape.starts_with("An ellipse to the left; takes a, b, period, turns, heading, frame"), "{help}");
+    let shape = shape.split_whitespace().collect::<Vec<_>>().join(" ");
+    let keys = "semi_axis_x_m, semi_axis_y_m, duration_s, period_s, turns, heading, frame";
+    assert!(shape.starts_with(&format!("An ellipse to the left; takes {keys}")), "{help}");
 }
 
 /// The file of the BMM with four mistakes, and what is to be said of each: line, column, expected, found.
@@ -322,7 +324,7 @@ fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
     let file = folder.file("robot.toml", &text);
     for command in [
         &["check", &file][..],
-        &["run", &file, "--circle", "radius=0.5"],
+        &["run", &file, "--circle", "radius_m=0.5"],
         &["kinematics", &file, "--twist", "1 0 0"],
     ] {
         let (code, says) = refused(command);
@@ -356,7 +358,7 @@ fn missing_limits_are_refused_before_anything_moves() {
         .map(|line| format!("{line}\n"))
         .collect();
     let file = folder.file("robot.toml", &text);
-    let (code, says) = refused(&["run", &file, "--circle", "radius=0.5"]);
+    let (code, says) = refused(&["run", &file, "--circle", "radius_m=0.5"]);
     assert_eq!(code, Some(1), "{says}");
     assert!(says.contains("wheel_speed_rad_s") && says.contains("must be given"), "{says}");
 }
@@ -378,16 +380,50 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
             1,
             "event99: No such file or directory (os error 2)\n",
         ),
-        (vec!["run", robot, "--circle", "step=1"], 2, "--circle takes radius, period, turns, heading"),
         (
-            vec!["run", robot, "--circle", "radius=0.5", "--controller", "open_lop"],
+            vec!["run", robot, "--circle", "step_m=1"],
+            2,
+            "--circle takes radius_m, duration_s, period_s, turns",
+        ),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5", "--controller", "open_lop"],
             1,
             "did you mean `open_loop`?",
         ),
-        (vec!["run", robot, "--circle", "radius=0.5", "--set", "limits.speed_m_s"], 2, "expected key=value"),
-        (vec!["run", robot, "--circle", "radius=0.5", "--path", &fast], 2, "cannot be used with"),
-        (vec!["run", "--circle", "radius=0.5"], 2, "<ROBOT>"),
-        (vec!["run", "no-such.toml", "--circle", "radius=0.5"], 1, "no-such.toml"),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5", "--set", "limits.speed_m_s"],
+            2,
+            "expected key=value",
+        ),
+        (vec!["run", robot, "--circle", "radius_m=0.5", "--path", &fast], 2, "cannot be used with"),
+        (vec!["run", robot, "--circle", "radius=0.5"], 2, "did you mean `radius_m`?"),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5,turns=always"],
+            2,
+            "turns = \"always\": no choice has this name",
+        ),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5,duration_s=9,period_s=9"],
+            1,
+            "period_s: `duration_s` says the time of the whole motion already",
+        ),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5,duration_s=9,turns=endless"],
+            1,
+            "give the time of one turn, `period_s`",
+        ),
+        (
+            vec!["run", robot, "--circle", "radius_m=0.5,period_s=1,turns=2"],
+            1,
+            "period_s: the trajectory's end cannot be reached in 1.000 s",
+        ),
+        (
+            vec!["run", robot, "--holonomic", "radius_m=0.5,frame=platform,turns=endless"],
+            1,
+            "can't be in the platform's axes",
+        ),
+        (vec!["run", "--circle", "radius_m=0.5"], 2, "<ROBOT>"),
+        (vec!["run", "no-such.toml", "--circle", "radius_m=0.5"], 1, "no-such.toml"),
         (vec!["check"], 2, "<ROBOT>"),
         (vec!["kinematics", robot], 2, "--twist"),
         (vec!["kinematics", robot, "--twist", "1 0"], 2, "expected 3 finite numbers, found 2 words"),
@@ -459,4 +495,30 @@ fn kinematics_go_both_ways_as_text_and_json() {
     assert_eq!(turn.split_whitespace().collect::<Vec<_>>(), ["w", "-0.254237", "rad/s"]);
     let text = prints(&["kinematics", robot, "--twist", "0 0 1"]);
     assert!(text.contains("wheel_1") && text.contains("-3.800000 rad/s"), "{text}");
+}
+
+#[test]
+fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
+    let folder = Folder::new("endless");
+    let recording = folder.path("run.mcap");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["run", "robots/bmm.toml", "--circle", "radius_m=0.3,period_s=8,turns=endless", "--json"])
+        .args(["--record", &recording])
+        .current_dir(root())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Some turns, on virtual time.
+    while std::fs::metadata(&recording).map_or(0, |file| file.len()) < 25_000_000 {
+        assert!(run.try_wait().unwrap().is_none(), "it goes on");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    let ended = run.wait_with_output().unwrap();
+    let summary: Value = serde_json::from_slice(&ended.stdout).unwrap();
+    assert!(summary["cycles"].as_u64().unwrap() > 16_000, "two turns and more: {}", summary["cycles"]);
+    assert!(summary["events"].to_string().contains("a stop was asked for"), "{}", summary["events"]);
+    assert!(summary["max_error_m"]["believed"].as_f64().unwrap() < 0.005, "{}", summary["max_error_m"]);
+    let replayed = omnibase(&["replay", &recording]);
+    assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
 }

@@ -27,7 +27,6 @@ pub use plan::*;
 pub use problem::{Location, Problem, ProblemKind};
 pub use sdo_writes::SdoWriteRule;
 pub(crate) use sdo_writes::owner;
-pub(crate) use source::nearest;
-pub use source::{Locations, Source};
+pub use source::{Locations, Source, nearest};
 pub(crate) use torque_limit::TORQUE_LIMIT_OBJECTS;
 pub use torque_limit::{TorqueLimit, TorqueLimitTold};

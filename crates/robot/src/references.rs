@@ -3,12 +3,13 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Heading, Interpolation, PathPoint, PathPoints, Placed, PointTrajectory, Shape, ShapeError,
+    Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, Placed, Shape, ShapeError,
     ShapeTrajectory, SpeedRule, Trajectory,
 };
 
 use crate::config::{
-    HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, motion_limits,
+    EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Turns,
+    motion_limits,
 };
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
@@ -79,10 +80,10 @@ pub fn register(registry: &mut Registry) {
             Ok(Hold::default())
         });
     for shape in SHAPES {
-        let further = ["duration_s", "turns", "heading", "frame"];
+        let further = ["duration_s", "period_s", "turns", "heading", "frame"];
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, limits| {
-            Tracked::new(shape.trajectory(table, limits)?, table)
+            Ok(Tracked::new(shape.trajectory(table, limits)?, table))
         });
     }
     references.add(
@@ -96,38 +97,57 @@ pub fn register(registry: &mut Registry) {
                 optional("frame"),
             ],
         },
-        |table, limits| Tracked::new(path(table, limits)?, table),
+        |table, limits| Ok(Tracked::new(path(table, limits)?, table)),
     );
 }
 
 impl ShapeKind {
     /// As a table asks for it; without a duration as fast as the limits allow.
-    fn trajectory(&self, table: &ReferenceTable, limits: &Limits) -> Made<ShapeTrajectory> {
+    fn trajectory(&self, table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
         let heading = table.heading.map_or(self.heading, |heading| match heading {
             HeadingName::FollowsTangent => Heading::FollowsTangent,
             HeadingName::Fixed => Heading::Fixed,
         });
         let shape = (self.shape)(table)?;
-        let turns = table.turns.unwrap_or(1.0);
-        let make = |duration_s: f64| {
-            let key = if table.duration_s.is_some() { "duration_s" } else { "" };
-            ShapeTrajectory::new(shape, heading, turns, duration_s).map_err(|error| match error {
+        let turns = table.turns.unwrap_or(Turns::Count(1.0));
+        let (time_s, key) = match (table.duration_s, table.period_s, turns) {
+            (Some(_), Some(_), _) => {
+                let reason = "`duration_s` says the time of the whole motion already: give one of the two";
+                return Err(Problem::refused("period_s", reason).into());
+            }
+            (Some(_), None, Turns::Named(EndlessName::Endless)) => {
+                let reason = "an endless motion has no duration: give the time of one turn, `period_s`";
+                return Err(Problem::refused("duration_s", reason).into());
+            }
+            (Some(duration_s), None, Turns::Count(_)) => (Some(duration_s), "duration_s"),
+            (None, Some(period_s), Turns::Count(count)) => (Some(count * period_s), "period_s"),
+            (None, Some(period_s), Turns::Named(EndlessName::Endless)) => (Some(period_s), "period_s"),
+            (None, None, _) => (None, ""),
+        };
+        let make = |time_s: f64| {
+            let made = match turns {
+                Turns::Count(count) => ShapeTrajectory::new(shape, heading, count, time_s),
+                Turns::Named(EndlessName::Endless) => ShapeTrajectory::endless(shape, heading, time_s),
+            };
+            let made = made.map_err(|error| match error {
                 ShapeError::TooLong { .. } => StageError::from(Problem::refused(key, error)),
                 ShapeError::Setting { .. } => Problem::refused("", error).into(),
-            })
+            });
+            in_frame(made?, table)
         };
-        let Some(duration_s) = table.duration_s else {
+        let Some(time_s) = time_s else {
             let (stretch, _) = Peaks::of(&make(1.0)?).stretch(&motion_limits(limits));
             return make(stretch * ROOM);
         };
-        let trajectory = make(duration_s)?;
-        limits::check(&trajectory, &motion_limits(limits))
-            .map_err(|refusal| Problem::refused("duration_s", refusal))?;
+        let trajectory = make(time_s)?;
+        let given_s = table.period_s.unwrap_or(time_s);
+        limits::check(&trajectory, given_s, &motion_limits(limits))
+            .map_err(|refusal| Problem::refused(key, refusal))?;
         Ok(trajectory)
     }
 }
 
-fn path(table: &ReferenceTable, limits: &Limits) -> Made<PointTrajectory> {
+fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
     let points = given(table.points.as_ref(), "points")?;
     let points = points.iter().map(|&[time_s, x_m, y_m, heading_rad]| PathPoint {
         time_s,
@@ -141,13 +161,32 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Made<PointTrajectory> {
         InterpolationName::Spline => Interpolation::Spline,
         InterpolationName::BSpline => Interpolation::BSpline,
     };
-    limits::plan(&points, interpolation, &motion_limits(limits)).map_err(|refusals| {
+    let planned = limits::plan(&points, interpolation, &motion_limits(limits)).map_err(|refusals| {
         let problem = |refusal: &limits::Refusal| {
             let key = refusal.part.point.map_or_else(|| "points".into(), |point| format!("points[{point}]"));
             Problem::refused(key, refusal)
         };
         StageError(refusals.iter().map(problem).collect())
-    })
+    })?;
+    let path = in_frame(planned, table)?;
+    if table.frame == Some(PathFrame::Platform) {
+        // Axes that turn add to the acceleration.
+        limits::check(&path, path.duration_s(), &motion_limits(limits))
+            .map_err(|refusal| Problem::refused("points", refusal))?;
+    }
+    Ok(path)
+}
+
+type AnyTrajectory = Box<dyn Trajectory + Send>;
+
+/// A trajectory in the axes that a table asks for.
+fn in_frame(trajectory: impl Trajectory + Send + 'static, table: &ReferenceTable) -> Made<AnyTrajectory> {
+    if table.frame != Some(PathFrame::Platform) {
+        return Ok(Box::new(trajectory));
+    }
+    let reason = "a motion without an end can't be in the platform's axes: expected a number of turns";
+    let turned = InPlatformAxes::new(trajectory).ok_or_else(|| Problem::refused("frame", reason))?;
+    Ok(Box::new(turned))
 }
 
 /// Reads a file of path points.
@@ -161,29 +200,30 @@ pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
 }
 
 /// Follows a trajectory.
-struct Tracked<T> {
+struct Tracked {
     /// Taken out only while it is put in its place.
-    placed: Option<Placed<T>>,
+    placed: Option<Placed<AnyTrajectory>>,
     duration_s: f64,
     frame: PathFrame,
-    /// The trajectory's own first and last pose.
+    /// The trajectory's own first and last pose; without an end it has no last.
     first: Pose2,
-    last: Pose2,
+    last: Option<Pose2>,
 }
 
-impl<T: Trajectory + Send + 'static> Tracked<T> {
+impl Tracked {
     /// A reference that follows a trajectory in the frame that a table asks for.
-    fn new(trajectory: T, table: &ReferenceTable) -> Made<Self> {
+    fn new(trajectory: AnyTrajectory, table: &ReferenceTable) -> Self {
         let duration_s = trajectory.duration_s();
-        let [first, last] = [0.0, duration_s].map(|time_s| trajectory.sample(time_s).odom_from_base);
+        let first = trajectory.sample(0.0).odom_from_base;
+        let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Tracked { placed, duration_s, frame, first, last })
+        Tracked { placed, duration_s, frame, first, last }
     }
 
     /// Where it begins from a pose.
     fn begin(&self, here: &Pose2) -> Pose2 {
         match self.frame {
-            PathFrame::Start => *here,
+            PathFrame::Start | PathFrame::Platform => *here,
             // The platform's heading counts its turns.
             PathFrame::Odom => {
                 let turn_rad = wrap_angle_rad(self.first.heading_rad - here.heading_rad);
@@ -193,7 +233,7 @@ impl<T: Trajectory + Send + 'static> Tracked<T> {
     }
 }
 
-impl<T: Trajectory + Send + 'static> Reference for Tracked<T> {
+impl Reference for Tracked {
     fn start(&mut self, from: &Setpoint) {
         let begin = self.begin(&from.odom_from_body);
         self.placed = self.placed.take().map(|placed| placed.beginning_at(begin));
@@ -218,18 +258,18 @@ impl<T: Trajectory + Send + 'static> Reference for Tracked<T> {
     }
 
     fn duration_s(&self) -> Option<f64> {
-        Some(self.duration_s)
+        self.duration_s.is_finite().then_some(self.duration_s)
     }
 
     fn start_pose(&self) -> Option<Pose2> {
         match self.frame {
-            PathFrame::Start => None,
+            PathFrame::Start | PathFrame::Platform => None,
             PathFrame::Odom => Some(self.first),
         }
     }
 
     fn end_pose(&self, odom_from_body: &Pose2) -> Option<Pose2> {
-        Some(self.begin(odom_from_body).then(self.first.inverse().then(self.last)))
+        Some(self.begin(odom_from_body).then(self.first.inverse().then(self.last?)))
     }
 }
 

@@ -3,7 +3,8 @@
 //! - [`trajectory`]: [`Trajectory`] and its [`Setpoint`]: pose, twist, acceleration and jerk at a time.
 //! - [`path_points`]: files of `(t, x, y, θ)`, with errors by line and column.
 //! - [`interpolation`]: cubic, quintic, C2 spline and B-spline through [`PathPoints`]; [`polynomial`] below it.
-//! - [`shape`]: circle, ellipse, Archimedes spiral and figure of eight, from rest to rest.
+//! - [`shape`]: circle, ellipse, Archimedes spiral and figure of eight, from rest to rest or without an end.
+//! - [`platform_axes`]: a motion whose velocity is in the platform's own axes.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
 //! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
 //! - [`playback`]: [`Playback`] pauses, resumes and reverses a trajectory without leaving its path or its limits.
@@ -16,6 +17,7 @@ pub mod interpolation;
 pub mod limiter;
 pub mod limits;
 pub mod path_points;
+pub mod platform_axes;
 pub mod playback;
 pub mod polynomial;
 pub mod shape;
@@ -25,6 +27,7 @@ pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
 pub use limiter::{LimitedTwist, TwistLimiter};
 pub use limits::{Limits, LimitsError, Peaks, Refusal};
 pub use path_points::{PathPoint, PathPoints, PathPointsError};
+pub use platform_axes::InPlatformAxes;
 pub use playback::{Playback, PlaybackError};
 pub use shape::{Heading, Shape, ShapeError, ShapeTrajectory};
 pub use trajectory::{LONGEST_S, Placed, Setpoint, Trajectory};

@@ -170,7 +170,7 @@ impl Peaks {
             }
         }
         // Just beside each break; what a derivative changes over this distance is far below the tolerance.
-        let beside_s = trajectory.duration_s() * 1e-10;
+        let beside_s = breaks_s.last().copied().unwrap_or_default() * 1e-10;
         for time_s in breaks_s {
             let (before, after) =
                 (trajectory.sample(time_s - beside_s), trajectory.sample(time_s + beside_s));
@@ -291,9 +291,15 @@ impl std::fmt::Display for Part {
 /// Refuses a trajectory that exceeds limits anywhere, with the time that it would need.
 ///
 /// Jumps of the acceleration do not count here; see [`Peaks::acceleration_jump_m_s2`].
-pub fn check<T: Trajectory + ?Sized>(trajectory: &T, limits: &Limits) -> Result<Peaks, Refusal> {
+///
+/// `given_s` is the time that was asked for, of the whole or of one turn; a refusal says how long it must be.
+pub fn check<T: Trajectory + ?Sized>(
+    trajectory: &T,
+    given_s: f64,
+    limits: &Limits,
+) -> Result<Peaks, Refusal> {
     let peaks = Peaks::of(trajectory);
-    let part = Part { point: None, line: None, given_s: trajectory.duration_s() };
+    let part = Part { point: None, line: None, given_s };
     match peaks.refusal(limits, part) {
         Some(refusal) => Err(refusal),
         None => Ok(peaks),

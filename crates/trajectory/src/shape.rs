@@ -49,9 +49,16 @@ pub enum Heading {
 pub struct ShapeTrajectory {
     shape: Shape,
     heading: Heading,
-    duration_s: f64,
-    /// φ over time.
-    phase: Polynomial,
+    progress: Progress,
+}
+
+/// How far along the curve it is over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Progress {
+    /// From rest to rest: φ over time.
+    Once { phase: Polynomial, duration_s: f64 },
+    /// From rest to a constant rate that never ends: φ, but of a spiral, which grows, the way in m.
+    Endless { start: Polynomial, start_s: f64, rate: f64, turn_s: f64 },
 }
 
 /// Why a shape was refused.
@@ -102,19 +109,81 @@ impl ShapeTrajectory {
         }
         let end = End { position: TAU * turns, ..End::default() };
         let phase = Polynomial::quintic(End::default(), end, duration_s);
-        Ok(ShapeTrajectory { shape, heading, duration_s, phase })
+        Ok(ShapeTrajectory { shape, heading, progress: Progress::Once { phase, duration_s } })
     }
+
+    /// `shape` without an end, each turn in `period_s` once it goes at its rate; a spiral's first turn takes so long, and
+    /// it goes on at that speed.
+    pub fn endless(shape: Shape, heading: Heading, period_s: f64) -> Result<ShapeTrajectory, ShapeError> {
+        // One turn in this time is checked like any other.
+        ShapeTrajectory::new(shape, heading, 1.0, period_s)?;
+        let turn = match shape {
+            Shape::Spiral { step_m } => spiral_way_m(step_m / TAU, TAU),
+            _ => TAU,
+        };
+        let (rate, start_s) = (turn / period_s, 0.5 * period_s);
+        // Half the time at half the rate on average.
+        let end = End { position: 0.5 * rate * start_s, speed: rate, acceleration: 0.0 };
+        let start = Polynomial::quintic(End::default(), end, start_s);
+        let progress = Progress::Endless { start, start_s, rate, turn_s: period_s };
+        Ok(ShapeTrajectory { shape, heading, progress })
+    }
+
+    /// φ and its first three derivatives by time.
+    fn phase(&self, time_s: f64) -> [f64; 4] {
+        match self.progress {
+            Progress::Once { phase, .. } => phase.derivatives(time_s),
+            Progress::Endless { start, start_s, rate, .. } => {
+                let way = match time_s - start_s {
+                    beyond_s if beyond_s > 0.0 => [rate * (0.5 * start_s + beyond_s), rate, 0.0, 0.0],
+                    _ => start.derivatives(time_s),
+                };
+                match self.shape {
+                    Shape::Spiral { step_m } => over_time(spiral_phase(step_m / TAU, way[0]), way),
+                    _ => way,
+                }
+            }
+        }
+    }
+}
+
+/// The way along a spiral r = k·φ from its centre, in m: k/2·(φ·√(1+φ²) + asinh φ).
+fn spiral_way_m(k: f64, phi: f64) -> f64 {
+    0.5 * k * (phi * phi.hypot(1.0) + phi.asinh())
+}
+
+/// φ of a spiral r = k·φ where the way is so long, in m, and its first three derivatives by the way.
+fn spiral_phase(k: f64, way_m: f64) -> [f64; 4] {
+    // Newton's method from below both asymptotes: the way is convex in φ, so it converges from its second step on.
+    let mut phi = (way_m / k).min((2.0 * way_m / k).sqrt());
+    for _ in 0..8 {
+        phi -= (spiral_way_m(k, phi) - way_m) / (k * phi.hypot(1.0));
+    }
+    let w = phi.hypot(1.0);
+    [phi, 1.0 / (k * w), -phi / (k * k * w.powi(4)), (4.0 * phi * phi - w * w) / (k.powi(3) * w.powi(7))]
 }
 
 impl Trajectory for ShapeTrajectory {
     fn duration_s(&self) -> f64 {
-        self.duration_s
+        match self.progress {
+            Progress::Once { duration_s, .. } => duration_s,
+            Progress::Endless { .. } => f64::INFINITY,
+        }
+    }
+
+    fn breaks_s(&self) -> Vec<f64> {
+        match self.progress {
+            Progress::Once { duration_s, .. } => vec![0.0, duration_s],
+            // What follows repeats, and of a spiral it bends less and less.
+            Progress::Endless { start_s, turn_s, .. } => vec![0.0, start_s, start_s + turn_s],
+        }
     }
 
     fn sample(&self, time_s: f64) -> Setpoint {
-        let inside = (0.0..=self.duration_s).contains(&time_s);
-        let time_s = if time_s > 0.0 { time_s.min(self.duration_s) } else { 0.0 };
-        let phase = self.phase.derivatives(time_s);
+        let duration_s = self.duration_s();
+        let inside = (0.0..=duration_s).contains(&time_s);
+        let time_s = if time_s > 0.0 { time_s.min(duration_s) } else { 0.0 };
+        let phase = self.phase(time_s);
         let curve = self.shape.curve(phase[0]);
         let heading = match self.heading {
             Heading::Fixed => [0.0; 4],

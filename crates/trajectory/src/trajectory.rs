@@ -39,7 +39,7 @@ impl Setpoint {
 
 /// A motion over time, at rest before its beginning (time 0) and after its end.
 pub trait Trajectory {
-    /// How long it takes, in s.
+    /// How long it takes, in s; infinite where it has no end.
     fn duration_s(&self) -> f64;
 
     /// The setpoint at a time since its beginning, in s; before and after it stands still at the ends.
@@ -47,7 +47,8 @@ pub trait Trajectory {
     /// Allocates nothing and cannot fail.
     fn sample(&self, time_s: f64) -> Setpoint;
 
-    /// The times between pieces, with beginning and end, rising: only there may derivatives jump.
+    /// The times between pieces, with beginning and end, rising: only there may derivatives jump. Of a motion without an
+    /// end those of its beginning and of what then repeats.
     fn breaks_s(&self) -> Vec<f64> {
         vec![0.0, self.duration_s()]
     }

@@ -1,13 +1,13 @@
 //! Planned motions: what they promise at points and ends, and that derivatives are derivatives.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Quantity, Retiming};
 use omnibase_trajectory::path_points::nearest_turn_rad;
 use omnibase_trajectory::{
-    Heading, Interpolation, LONGEST_S, Limits, PathPoint, PathPoints, PathPointsError, Peaks, Placed,
-    PointTrajectory, Shape, ShapeTrajectory, SpeedRule, Trajectory,
+    Heading, InPlatformAxes, Interpolation, LONGEST_S, Limits, PathPoint, PathPoints, PathPointsError, Peaks,
+    Placed, PointTrajectory, Shape, ShapeTrajectory, SpeedRule, Trajectory,
 };
 use proptest::prelude::*;
 
@@ -255,12 +255,15 @@ fn a_point_out_of_reach_is_refused_with_the_time_it_needs() {
     }
     let circle =
         ShapeTrajectory::new(Shape::Circle { radius_m: 0.5 }, Heading::FollowsTangent, 1.0, 2.0).unwrap();
-    let refusal = limits::check(&circle, &LIMITS).unwrap_err();
+    let refusal = limits::check(&circle, circle.duration_s(), &LIMITS).unwrap_err();
     assert!(
         refusal.to_string().starts_with("the trajectory's end cannot be reached in 2.000 s"),
         "{refusal}"
     );
-    assert!(limits::check(&Placed::new(circle).stretched(refusal.needed_s / 2.0), &LIMITS).is_ok());
+    assert!(
+        limits::check(&Placed::new(circle).stretched(refusal.needed_s / 2.0), refusal.needed_s, &LIMITS)
+            .is_ok()
+    );
 }
 
 #[test]
@@ -331,4 +334,59 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn a_shape_without_an_end_goes_at_its_rate_and_its_derivatives_agree() {
+    for (shape, _) in shapes() {
+        for heading in [Heading::Fixed, Heading::FollowsTangent] {
+            let endless = ShapeTrajectory::endless(shape, heading, 10.0).unwrap();
+            assert_eq!(endless.duration_s(), f64::INFINITY);
+            let start = endless.sample(0.0);
+            assert_eq!((start.odom_from_base, start.twist_in_odom), (Pose2::default(), Twist2::default()));
+            for at in 1..600 {
+                let time_s = f64::from(at) * 0.1;
+                // Where it has reached its rate the jerk jumps.
+                if (time_s - 5.0).abs() > 1e-3 {
+                    derivatives_agree(&endless, time_s);
+                }
+            }
+            assert!(Peaks::of(&endless).acceleration_jump_m_s2 < 1e-6, "{shape:?}");
+            // An hour later it is still as far from limits as in its first turn.
+            let speed_m_s = |time_s: f64| endless.sample(time_s).twist_in_odom.speed_m_s();
+            let at_first_m_s = (0..1500).map(|at| speed_m_s(f64::from(at) * 0.01)).fold(0.0, f64::max);
+            let later_m_s = speed_m_s(3601.3);
+            assert!(later_m_s < at_first_m_s * (1.0 + 1e-6), "{shape:?}: {later_m_s}, {at_first_m_s}");
+        }
+        if matches!(shape, Shape::Spiral { .. }) {
+            continue;
+        }
+        let endless = ShapeTrajectory::endless(shape, Heading::Fixed, 10.0).unwrap();
+        let [one, next] = [7.3, 17.3].map(|time_s| endless.sample(time_s).odom_from_base);
+        assert!(one.distance_m(next) < 1e-9, "{shape:?}: a turn takes its period");
+    }
+}
+
+#[test]
+fn a_motion_in_the_platforms_axes_goes_where_the_platform_points() {
+    // Forward by a metre while it turns by a quarter: in odom an arc to the left.
+    let forward = PointTrajectory::new(&points("0 0 0 0\n4 1 0 1.5707963267948966"), Interpolation::Quintic);
+    let arc = InPlatformAxes::new(forward).unwrap();
+    rests_at_both_ends(&arc);
+    for time_s in [0.5, 1.0, 2.0, 3.1, 3.9] {
+        derivatives_agree(&arc, time_s);
+        let setpoint = arc.sample(time_s);
+        let own = setpoint.twist_in_odom.rotated(-setpoint.odom_from_base.heading_rad);
+        assert!(own.vx_m_s > 0.0 && own.vy_m_s.abs() < 1e-12, "{own:?}");
+    }
+    // Rate and speed rise and fall alike, so the arc is a circle's: its radius is length by angle.
+    let (end, radius_m) = (arc.sample(4.0).odom_from_base, 1.0 / FRAC_PI_2);
+    assert!(end.distance_m(Pose2::new(radius_m, radius_m, 0.0)) < 1e-9, "{end:?}");
+    let askew = PointTrajectory::new(&points("0 0 0 0\n2 1 0.4 0.5\n4 0 1 2"), Interpolation::Quintic);
+    let askew = InPlatformAxes::new(askew).unwrap();
+    for time_s in [0.4, 1.1, 1.7, 2.3, 3.6] {
+        derivatives_agree(&askew, time_s);
+    }
+    let endless = ShapeTrajectory::endless(Shape::Circle { radius_m: 0.5 }, Heading::Fixed, 10.0).unwrap();
+    assert!(InPlatformAxes::new(endless).is_none());
 }

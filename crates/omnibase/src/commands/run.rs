@@ -36,7 +36,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase run robots/bmm.toml --path robots/square.dat                 the 2 m square, simulated
-  omnibase run robots/bmm.toml --circle radius=0.5,period=10 --controller adaptive_torque --payload-kg 100
+  omnibase run robots/bmm.toml --circle radius_m=0.5,duration_s=10 --controller adaptive_torque --payload-kg 100
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
   omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
   omnibase run robots/bmm.toml --joystick                               driven by the stick at this computer

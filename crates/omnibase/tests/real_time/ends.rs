@@ -21,7 +21,7 @@ fn a_signal_ramps_down_disables_the_drives_and_closes_the_files() {
             let recording = Scratch::new(&format!("{signal}.mcap"));
             let mut simulator = Program::simulate(&[&robot]);
             let arguments = [
-                &[robot.as_str(), "--circle", "radius=0.5,period=30", "--record", recording.path()][..],
+                &[robot.as_str(), "--circle", "radius_m=0.5,duration_s=30", "--record", recording.path()][..],
                 &PATIENT,
             ];
             let run = Program::run(&arguments.concat());
@@ -56,7 +56,7 @@ fn a_second_signal_ends_at_once_and_the_drives_stop_by_themselves() {
         let robot = repository("robots/bmm.toml");
         let mut simulator = Program::simulate(&[&robot]);
         // A ramp of a second and more: the second signal comes in the midst of it.
-        let slow = ["--set", "limits.acceleration_m_s2=0.04", "--circle", "radius=0.5"];
+        let slow = ["--set", "limits.acceleration_m_s2=0.04", "--circle", "radius_m=0.5"];
         let mut run = Program::run(&[&[robot.as_str()][..], &slow, &PATIENT].concat());
         simulator.wait_for("the robot moves");
         run.signal("INT");
@@ -100,7 +100,8 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
 fn a_recording_that_cannot_begin_is_refused_before_any_drive_is_touched() {
     let robot = repository("robots/bmm.toml");
     let run =
-        Program::omnibase(&["run", &robot, "--circle", "radius=0.3,period=6", "--record", "/dev/full"]).end();
+        Program::omnibase(&["run", &robot, "--circle", "radius_m=0.3,duration_s=6", "--record", "/dev/full"])
+            .end();
     assert_eq!(run.status.code(), Some(1));
     assert!(run.said.contains("error: starting the recording: /dev/full: "), "{}", run.said);
     assert_eq!(run.output, "");

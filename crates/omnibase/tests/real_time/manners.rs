@@ -133,7 +133,7 @@ fn who_comes_second_at_an_interface_is_told_who_has_it() {
             &["scan", near, "--force"],
             &["sdo", "read", near, "0", "6041:00"],
             &["exchange", near],
-            &["run", &robot, "--circle", "radius=0.3,period=6", "--interface", near],
+            &["run", &robot, "--circle", "radius_m=0.3,duration_s=6", "--interface", near],
         ];
         for command in commands {
             let refused = operated.omnibase(command);

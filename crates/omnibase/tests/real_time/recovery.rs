@@ -19,7 +19,7 @@ fn power_cycled(after_lost_device: &str, more: &[&str]) -> BothReports {
     let robot = repository("robots/bmm.toml");
     let policy = format!("safety.after_lost_device=\"{after_lost_device}\"");
     let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:3:0.5", "--set", ABSOLUTE]);
-    let circle = ["--set", &policy, "--circle", "radius=0.3,period=8", "--set", ABSOLUTE];
+    let circle = ["--set", &policy, "--circle", "radius_m=0.3,duration_s=8", "--set", ABSOLUTE];
     let run = Program::run(&[&[robot.as_str()], &circle[..], more].concat());
     simulator.wait_for("fault: power-cycle@2");
     BothReports::of(run, simulator)

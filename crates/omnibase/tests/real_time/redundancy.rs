@@ -35,7 +35,8 @@ fn wait_for_carrier(namespace: &Namespace) {
 fn start(more: &[&str]) -> (Program, Program) {
     let robot = repository("robots/bmm.toml");
     let simulator = Program::simulate(&[&[robot.as_str(), "--redundant", FAR], more].concat());
-    let arguments = [&[robot.as_str(), "--redundant", NEAR, "--circle", "radius=0.3,period=7"][..], &PATIENT];
+    let arguments =
+        [&[robot.as_str(), "--redundant", NEAR, "--circle", "radius_m=0.3,duration_s=7"][..], &PATIENT];
     (simulator, Program::run(&arguments.concat()))
 }
 

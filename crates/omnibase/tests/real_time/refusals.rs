@@ -6,7 +6,7 @@ use std::process::Command;
 
 /// What a run along a circle says before it fails.
 fn refused(robot: &str, more: &[&str]) -> String {
-    let arguments = [&["run", robot, "--circle", "radius=0.3,period=6"], more].concat();
+    let arguments = [&["run", robot, "--circle", "radius_m=0.3,duration_s=6"], more].concat();
     let run = Program::omnibase(&arguments).end();
     assert_eq!(run.status.code(), Some(1), "{run:?}");
     run.said
@@ -39,7 +39,7 @@ fn missing_rights_name_the_capability_and_the_command() {
     let program = env!("CARGO_BIN_EXE_omnibase");
     let mut command = Command::new("setpriv");
     command.args(["--reuid=65534", "--clear-groups", program, "run", &repository("robots/bmm.toml")]);
-    command.args(["--circle", "radius=0.3,period=6", "--interface", "lo"]);
+    command.args(["--circle", "radius_m=0.3,duration_s=6", "--interface", "lo"]);
     let run = Program::start(command).end();
     if run.said.contains("setpriv:") {
         eprintln!("SKIPPED: setpriv can't take the rights away here: {}", run.said);
@@ -91,7 +91,7 @@ fn a_drive_in_fault_is_named_with_its_error_code() {
         let mut simulator = Program::simulate(&[&robot, "--fault", "drive-fault@1:4:0x7500"]);
         let fixed = ["--interface", Namespace::NEAR, "--realtime"];
         let run = Program::omnibase(
-            &[&["run", &robot, "--circle", "radius=0.3,period=12"], &fixed[..], &PATIENT].concat(),
+            &[&["run", &robot, "--circle", "radius_m=0.3,duration_s=12"], &fixed[..], &PATIENT].concat(),
         );
         simulator.wait_for("fault: drive-fault@1:4:0x7500");
         run.end().said

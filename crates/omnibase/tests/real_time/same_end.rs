@@ -13,7 +13,7 @@ fn a_run_over_a_cable_ends_where_the_one_on_virtual_time_does() {
         return;
     };
     let robot = repository("robots/bmm.toml");
-    let arguments = [&[robot.as_str(), "--circle", "radius=0.3,period=6"][..], &PATIENT].concat();
+    let arguments = [&[robot.as_str(), "--circle", "radius_m=0.3,duration_s=6"][..], &PATIENT].concat();
     let in_virtual = Program::omnibase(&[&["run", "--json"], &arguments[..]].concat()).end().json();
     // The circle ends where it began, in the simulator's origin.
     let expected_m = number(&in_virtual["final_error_m"]["true"]);

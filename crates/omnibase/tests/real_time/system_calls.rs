@@ -19,7 +19,7 @@ fn traced(ring: &[&str]) -> String {
     let _simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:5:0.3"]);
     let mut command = Command::new("strace");
     command.args(["-f", "-o", trace.path(), env!("CARGO_BIN_EXE_omnibase"), "run", &robot, "--realtime"]);
-    command.args(["--interface", Namespace::NEAR, "--circle", "radius=0.3,period=6", "--json"]);
+    command.args(["--interface", Namespace::NEAR, "--circle", "radius_m=0.3,duration_s=6", "--json"]);
     command.args(["--record", recording.path()]).args(PATIENT);
     command.args(["--set", "safety.after_lost_device=\"move_again_unattended\""]).args(ring);
     // However it ends: cycles that are late, and those of a stop, count too.

@@ -12,7 +12,7 @@ const COUNTING_MS: f64 = 0.001;
 fn kill(robot: &str, watchdog_us: u32, more: &[&str]) -> Option<Value> {
     let mut simulator = Program::simulate(&[robot]);
     let watchdog = format!("safety.drive_watchdog_us={watchdog_us}");
-    let arguments = [robot, "--circle", "radius=0.5,period=12", "--set", &watchdog];
+    let arguments = [robot, "--circle", "radius_m=0.5,duration_s=12", "--set", &watchdog];
     let mut run = Program::run(&[more, &arguments].concat());
     let moved = simulator.wait_for_while_runs("the robot moves", &mut run);
     let is_disturbed = !moved || simulator.said.iter().any(|line| line.contains("error"));

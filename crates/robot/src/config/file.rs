@@ -3,7 +3,9 @@
 //! What is missing or impossible is found by [`RobotPlan::check`](super::RobotPlan::check), so that all problems
 //! come at once. The bounds in the attributes stand in the JSON schema too and are checked when the file is read.
 
-use schemars::JsonSchema;
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
 use super::drive_tables::DriveTable;
@@ -294,9 +296,12 @@ pub struct ReferenceTable {
     /// Radius, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub radius_m: Option<f64>,
-    /// Turns; default: 1.
+    /// Time of one turn, s, in place of `duration_s`.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub turns: Option<f64>,
+    pub period_s: Option<f64>,
+    /// Turns, or `endless`: until somebody stops it; default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turns: Option<Turns>,
     /// How the heading goes along; default: the motion's own.
     pub heading: Option<HeadingName>,
     /// Semi-axis along x, m.
@@ -323,6 +328,34 @@ pub struct ReferenceTable {
     pub custom: Parameters,
 }
 
+/// How often a shape is gone round.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Turns {
+    /// So often.
+    Count(f64),
+    /// Until somebody stops it.
+    Named(EndlessName),
+}
+
+/// The one name that a number of turns can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EndlessName {
+    /// Until somebody stops it.
+    Endless,
+}
+
+impl JsonSchema for Turns {
+    fn schema_name() -> Cow<'static, str> {
+        "Turns".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["number", "string"], "oneOf": [{ "type": "number" }, { "const": "endless" }] })
+    }
+}
+
 /// Where a motion's coordinates begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -331,6 +364,8 @@ pub enum PathFrame {
     Start,
     /// Its poses are in odom; the platform must stand at the first one.
     Odom,
+    /// It begins where the platform stands, and goes on in the platform's axes: along x is forward, however it has turned.
+    Platform,
 }
 
 /// What joins path points.

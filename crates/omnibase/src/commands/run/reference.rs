@@ -5,20 +5,11 @@ use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
 use clap::{Arg, ArgGroup, ArgMatches, Command};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{ReferenceTable, Source};
-use omnibase_robot::registry::{Key, Kind};
+use omnibase_robot::config::{ReferenceTable, Source, nearest};
+use omnibase_robot::registry::Kind;
 use omnibase_run::robot_text::read_reference;
 use std::path::Path;
 
-/// Short names of keys, as they stand on the command line.
-const SHORT: [(&str, &str); 6] = [
-    ("a", "semi_axis_x_m"),
-    ("b", "semi_axis_y_m"),
-    ("length", "half_length_m"),
-    ("period", "duration_s"),
-    ("radius", "radius_m"),
-    ("step", "step_m"),
-];
 const GROUP: &str = "motion";
 
 /// The motion, in place of the robot file's own: an option and its value.
@@ -80,23 +71,23 @@ impl ReferenceChoice {
     }
 }
 
-/// The keys of a kind as the command line calls them.
+/// The keys of a kind.
 fn keys(kind: &Kind) -> String {
-    let short =
-        |key: &Key| SHORT.iter().find(|(_, long)| *long == key.name).map_or(key.name, |(short, _)| short);
-    kind.keys.iter().map(short).collect::<Vec<_>>().join(", ")
+    kind.keys.iter().map(|key| key.name).collect::<Vec<_>>().join(", ")
 }
 
-/// A motion of a kind from `key=value,key=value`: its keys by their names in the file, or by their short ones.
+/// A motion of a kind from `key=value,key=value`: its keys by their names in the file.
 fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
     let mut lines = format!("kind = {:?}\n", kind.name);
     for part in text.split(',').filter(|part| !part.trim().is_empty()) {
         let wanted = || format!("`{}`: --{} takes {}", part.trim(), kind.name, keys(kind));
         let (name, value) = part.split_once('=').with_context(wanted)?;
         let (name, value) = (name.trim(), value.trim());
-        let name = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, long)| long);
-        let value = if value == "tangent" { "follows_tangent" } else { value };
-        let key = kind.keys.iter().find(|key| key.name == name).with_context(wanted)?;
+        let key = kind.keys.iter().find(|key| key.name == name).with_context(|| {
+            let near = nearest(name, kind.keys.iter().map(|key| key.name));
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            format!("{}{near}", wanted())
+        })?;
         let change = parse_change(&format!("{}={value}", key.path()));
         lines += &change.map_err(|error| anyhow::anyhow!("{}: {error}", wanted()))?;
         lines.push('\n');
@@ -113,7 +104,7 @@ fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use omnibase_robot::config::HeadingName;
+    use omnibase_robot::config::{EndlessName, HeadingName, Turns};
 
     fn read(kind: &str, keys: &str) -> anyhow::Result<ReferenceTable> {
         let registry = Registry::with_built_in();
@@ -122,14 +113,24 @@ mod tests {
 
     #[test]
     fn shapes_are_read_from_their_keys() {
-        let circle = read("circle", "radius=0.5, period=10").unwrap();
+        let circle = read("circle", "radius_m=0.5, duration_s=10").unwrap();
         assert_eq!((circle.radius_m, circle.duration_s), (Some(0.5), Some(10.0)));
-        assert_eq!(read("circle", "radius_m=0.5,duration_s=10").unwrap(), circle);
-        let ellipse = read("ellipse", "a=1,b=0.5,turns=2,heading=tangent").unwrap();
+        let endless = read("circle", "radius_m=0.5,period_s=10,turns=endless").unwrap();
+        assert_eq!((endless.period_s, endless.turns), (Some(10.0), Some(Turns::Named(EndlessName::Endless))));
+        let near = format!("{:#}", read("circle", "radius=0.5").unwrap_err());
+        assert!(near.ends_with("did you mean `radius_m`?"), "{near}");
+        let keys = "semi_axis_x_m=1,semi_axis_y_m=0.5,turns=2,heading=follows_tangent";
+        let ellipse = read("ellipse", keys).unwrap();
         assert_eq!((ellipse.semi_axis_x_m, ellipse.semi_axis_y_m), (Some(1.0), Some(0.5)));
-        assert_eq!((ellipse.turns, ellipse.heading), (Some(2.0), Some(HeadingName::FollowsTangent)));
-        for wrong in ["radius", "radius=x", "radius=-1", "step=1", "radius=nan", "heading=up", "kind=eight"] {
+        assert_eq!(
+            (ellipse.turns, ellipse.heading),
+            (Some(Turns::Count(2.0)), Some(HeadingName::FollowsTangent))
+        );
+        for wrong in
+            ["radius_m", "radius_m=x", "radius_m=-1", "step_m=1", "radius_m=nan", "heading=up", "kind=eight"]
+        {
             assert!(read("circle", wrong).is_err(), "{wrong}");
         }
+        assert!(read("circle", "radius_m=1,turns=forever").is_err(), "the one name is `endless`");
     }
 }
