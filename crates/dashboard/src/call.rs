@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use omnibase_robot::config::StopName;
 use omnibase_robot::signals::{Frame, StopCategory};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a client asks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Call {
     /// Bring the drives to operation and hold.
@@ -243,7 +244,7 @@ impl Call {
 }
 
 /// In which frame a stick's wish is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WishFrame {
     /// The platform's.
@@ -254,7 +255,7 @@ pub enum WishFrame {
 }
 
 /// When a point is remembered.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TeachBy {
     /// Every so many seconds.
@@ -284,7 +285,7 @@ impl From<WishFrame> for Frame {
 }
 
 /// What came of a call.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct CallResult {
     /// Whether it was done.
     pub done: bool,

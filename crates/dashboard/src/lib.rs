@@ -4,6 +4,7 @@
 //! - [`access`]: who may do what: with the token everything, without it reading, and that on loopback alone.
 //! - [`call`]: what a client may ask of the robot, in words of JSON.
 //! - [`robot_info`]: what doesn't change while a robot runs; [`status`]: what does, thirty times a second.
+//! - [`openapi`]: the API described, for programs and people.
 //! - [`Streams`]: the same values for PlotJuggler and Foxglove.
 //!
 //! Principles: everything that comes in is bounded, counted and checked; what a page commands ends with the page.
@@ -14,6 +15,7 @@ mod bus;
 pub mod call;
 mod call_handler;
 mod connections;
+pub mod openapi;
 mod page;
 mod planned;
 pub mod robot_info;

@@ -1,5 +1,8 @@
 //! The page: all its files are part of the program.
 
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+
 /// Files by the end of their address, with their kind.
 pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("", "text/html; charset=utf-8", include_str!("page/page.html")),
@@ -19,3 +22,14 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
 /// What the page may load and connect to: itself.
 pub(crate) const POLICY: &str =
     "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
+
+/// An answer that a browser shows, loads nothing beside, and doesn't keep.
+pub(crate) fn answer(kind: &'static str, body: impl IntoResponse) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::REFERRER_POLICY, "no-referrer"),
+    ];
+    (headers, body).into_response()
+}

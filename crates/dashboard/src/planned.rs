@@ -4,6 +4,7 @@ use omnibase_platform::Pose2;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::Setpoint;
 use omnibase_robot::stages::Reference;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Points of a planned path as the page draws it.
@@ -23,7 +24,7 @@ pub(crate) struct Drawn {
 }
 
 /// The planned path, where the robot follows it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Planned {
     number: u32,
     name: String,

@@ -9,6 +9,7 @@ use omnibase_robot::config::{ReferenceTable, Source};
 use omnibase_robot::stages::Reference;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::planned::Drawn;
@@ -29,10 +30,12 @@ pub struct RobotInfo {
 }
 
 /// The robot, for the page.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(crate) struct Facts<'a> {
     name: &'a str,
     version: &'static str,
+    /// Of the API.
+    api: &'static str,
     simulated: bool,
     cycle_s: f64,
     wheels: Vec<WheelFacts<'a>>,
@@ -45,7 +48,7 @@ pub(crate) struct Facts<'a> {
     may_command: bool,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct WheelFacts<'a> {
     name: &'a str,
     device: &'a str,
@@ -54,7 +57,7 @@ struct WheelFacts<'a> {
     radius_m: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct LimitFacts {
     speed_m_s: f64,
     turn_speed_rad_s: f64,
@@ -69,6 +72,7 @@ impl RobotInfo {
         Facts {
             name: &plan.name,
             version: env!("CARGO_PKG_VERSION"),
+            api: crate::openapi::VERSION,
             simulated: self.known == Known::Truth,
             cycle_s: plan.bus.cycle_ns as f64 * 1e-9,
             wheels: wheels

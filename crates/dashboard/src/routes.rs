@@ -12,12 +12,14 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Extension, Json, Router};
 use omnibase_run::live::{Client, Stamp};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::access::{COOKIE, Denied, Right};
 use crate::call::{Call, CallResult, Message};
 use crate::connections::Seat;
+use crate::openapi;
 use crate::page;
 use crate::shared::{SaidNow, Shared, Underway, stamp_of};
 use crate::socket;
@@ -43,6 +45,8 @@ pub(crate) struct Peer {
 /// All of it.
 pub(crate) fn all(shared: Shared) -> Router {
     Router::new()
+        .route("/api", get(described))
+        .route("/api/openapi.json", get(description))
         .route("/api/robot", get(robot))
         .route("/api/now", get(now))
         .route("/api/planned", get(planned))
@@ -93,15 +97,7 @@ async fn file(
     }
     let name = name.map_or(String::new(), |Path(name)| name);
     match page::FILES.iter().find(|(known, ..)| *known == name) {
-        Some((_, kind, text)) => {
-            let headers = [
-                (header::CONTENT_TYPE, *kind),
-                (header::CONTENT_SECURITY_POLICY, page::POLICY),
-                (header::CACHE_CONTROL, "no-store"),
-                (header::REFERRER_POLICY, "no-referrer"),
-            ];
-            (headers, *text).into_response()
-        }
+        Some((_, kind, text)) => page::answer(kind, *text),
         None => (StatusCode::NOT_FOUND, format!("there is no `/{name}`")).into_response(),
     }
 }
@@ -142,6 +138,27 @@ reading!(trace, shared, _right, {
     trace.iter().step_by(step).map(point).collect::<Vec<_>>()
 });
 
+reading!(description, shared, _right, {
+    let _ = &shared;
+    openapi::description()
+});
+
+/// The description for people.
+async fn described(
+    State(shared): State<Shared>,
+    Extension(peer): Extension<Peer>,
+    headers: HeaderMap,
+) -> Response {
+    let _underway = match begun(&shared, &peer, &headers, None).await {
+        Ok(begun) => begun,
+        Err(refusal) => return refusal,
+    };
+    match shared.work.run(For::Reader, || openapi::page(&openapi::description())).await {
+        Ok(text) => page::answer("text/html; charset=utf-8", text),
+        Err(busy) => busy.into_response(),
+    }
+}
+
 /// Said at once, for a stamp must be fresh; and made once for all who ask at the same time.
 async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, headers: HeaderMap) -> Response {
     let _underway = match begun(&shared, &peer, &headers, None).await {
@@ -168,8 +185,8 @@ fn json_text(text: Vec<u8>) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], text).into_response()
 }
 
-#[derive(Serialize)]
-struct Robot<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Robot<'a> {
     #[serde(flatten)]
     facts: crate::robot_info::Facts<'a>,
     saved_paths: Vec<String>,

@@ -10,13 +10,14 @@ use omnibase_robot::signals::{
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
 use omnibase_run::live::{Commander, LiveEvent, Snapshot, StickState};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A stamp's unit, ns.
 pub(crate) const NS_OF_MS: u64 = 1_000_000;
 
 /// The robot at one instant.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct StatusMessage {
     /// Time of the run, s.
     pub time_s: f64,
@@ -59,6 +60,7 @@ pub struct StatusMessage {
     /// Cycles done, frames lost, cycles left out.
     pub counts: [u64; 3],
     /// Cycle times so far.
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub timing: TimingSeen,
     /// Which controller of the robot's file has its say.
     pub controller: u64,
@@ -79,7 +81,7 @@ pub struct StatusMessage {
 }
 
 /// One drive.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct DriveSeen {
     /// What it does.
     pub state: &'static str,
@@ -88,7 +90,7 @@ pub struct DriveSeen {
 }
 
 /// One obstacle, in odom.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct ObstacleSeen {
     /// Its place.
     pub index: usize,
@@ -103,7 +105,7 @@ pub struct ObstacleSeen {
 }
 
 /// A value that may be set.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Setting {
     /// Its name, with its unit.
     pub name: &'static str,
@@ -114,7 +116,7 @@ pub struct Setting {
 }
 
 /// Something that happened.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct EventSeen {
     /// Its number.
     pub number: u64,

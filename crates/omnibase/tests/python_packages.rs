@@ -1,25 +1,25 @@
-//! What `omnibase run` records is read by the official Python packages: `mcap` with its protobuf support, and `numpy`.
+//! What others' Python packages make of ours: recordings are read by `mcap` with its protobuf support and `numpy`; the API's
+//! description is validated, and a client of it alone drives the robot.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The versions that the test was written with; of numpy any does, as the Python at hand takes it.
 const PACKAGES: [&str; 4] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "protobuf==7.36.2", "numpy"];
 
-/// A Python with the packages, in an environment made once; `Err` says why there is none.
-fn python() -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-mcap");
+/// What checks the API's description.
+const API_PACKAGES: [&str; 2] = ["openapi-spec-validator==0.7.2", "jsonschema>=4"];
+
+/// A Python with packages, in an environment made once; `Err` says why there is none.
+fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let python = folder.join("bin/python");
-    let has_packages = || {
-        let mut command = Command::new(&python);
-        command
-            .args(["-c", "import mcap_protobuf, numpy"])
-            .output()
-            .is_ok_and(|output| output.status.success())
-    };
+    let has_packages =
+        || Command::new(&python).args(["-c", imports]).output().is_ok_and(|output| output.status.success());
     if !has_packages() {
         successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-        successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(PACKAGES))?;
+        successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages))?;
     }
     Ok(python)
 }
@@ -33,7 +33,7 @@ fn successful(command: &mut Command) -> Result<Vec<u8>, String> {
 
 #[test]
 fn every_message_and_every_column_is_read() {
-    let python = match python() {
+    let python = match python("python-mcap", &PACKAGES, "import mcap_protobuf, numpy") {
         Ok(python) => python,
         Err(why) => return eprintln!("SKIPPED: no Python with mcap and numpy: {why}"),
     };
@@ -80,4 +80,37 @@ fn every_message_and_every_column_is_read() {
     assert_eq!(read["rows"].as_u64(), Some(cycles));
     assert_eq!(read["column_names"], read["names"]);
     assert_eq!(read["differing"], serde_json::json!([]));
+}
+
+#[test]
+fn a_client_of_the_description_alone_drives_the_robot() {
+    let python = match python("python-api", &API_PACKAGES, "import jsonschema, openapi_spec_validator") {
+        Ok(python) => python,
+        Err(why) => return eprintln!("SKIPPED: no Python with openapi-spec-validator: {why}"),
+    };
+    let token = "token-of-the-description";
+    let folder = tempfile::tempdir().unwrap();
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+        .args(["run", "robots/bmm.toml", "--dashboard=127.0.0.1:0", "--json"])
+        .env("OMNIBASE_TOKEN", token)
+        .env("XDG_RUNTIME_DIR", folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(robot.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let said = lines.by_ref().find_map(|line| line.strip_prefix("dashboard: http://").map(str::to_owned));
+    let said = said.expect("it says where its page is");
+    std::thread::spawn(move || lines.for_each(drop));
+    let address = said.split('/').next().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/api.py");
+    let drove = successful(Command::new(python).arg(script).args([address, token]));
+    let _ = robot.kill();
+    let _ = robot.wait();
+    let drove: serde_json::Value = serde_json::from_slice(&drove.unwrap()).unwrap();
+    assert_eq!(drove["done"], serde_json::json!(["enable", "load", "track", "stop"]));
+    assert_eq!((&drove["unknown"], &drove["api"]), (&400.into(), &"1.0.0".into()));
+    assert_eq!(drove["on_page"], drove["calls"], "the page for people has them all");
+    assert!(drove["calls"].as_array().unwrap().len() > 25, "{}", drove["calls"]);
 }

@@ -1,0 +1,145 @@
+//! The API described, as OpenAPI 3.1: made from the types that are read and written, so that it can't be another one.
+
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, SchemaGenerator};
+use serde_json::{Map, Value, json};
+
+use crate::call::{Call, CallResult};
+use crate::planned::Planned;
+use crate::routes::Robot;
+use crate::status::{EventSeen, StatusMessage};
+
+/// The API's version: the first number changes where a client of before would no longer work.
+pub const VERSION: &str = "1.0.0";
+
+/// Where schemas stand in the description.
+const SCHEMAS: &str = "/components/schemas";
+
+/// The description.
+pub fn description() -> Value {
+    let settings =
+        || SchemaSettings::draft2020_12().with(|settings| settings.definitions_path = SCHEMAS.into());
+    let (mut read, mut written) = (settings().into_generator(), settings().for_serialize().into_generator());
+    let call = schema::<Call>(&mut read);
+    let seen = schema::<StatusMessage>(&mut written);
+    let result = schema::<CallResult>(&mut written);
+    let [robot, planned, event] = [
+        schema::<Robot<'static>>(&mut written),
+        schema::<Option<Planned>>(&mut written),
+        schema::<EventSeen>(&mut written),
+    ];
+    let mut schemas: Map<String, Value> = read.take_definitions(true);
+    schemas.extend(written.take_definitions(true));
+    let variants = schemas.get_mut("Call").and_then(|call| call["oneOf"].as_array_mut());
+    for variant in variants.into_iter().flatten() {
+        // What stands beside a call.
+        variant["properties"]["stamp"] = json!({
+            "type": ["integer", "null"], "minimum": 0,
+            "description": "The last stamp that the client had from the robot, ms of the robot's clock.",
+        });
+        variant["properties"]["number"] =
+            json!({ "type": "integer", "minimum": 0, "description": "Comes back in a WebSocket's answer." });
+    }
+    let mut now = schemas.get("StatusMessage").cloned().unwrap_or_default();
+    now["properties"]["values"] = json!({
+        "type": "object", "additionalProperties": { "type": ["number", "null"] },
+        "description": "Every recorded signal by its name; null where it is no number.",
+    });
+    schemas.insert("Now".to_owned(), now);
+    let trace = json!({ "type": "array", "description": "(time s, believed pose, true pose)" });
+    let get = |summary: &str, what: Value| json!({ "get": { "summary": summary, "responses": answers("application/json", what) } });
+    json!({
+        "openapi": "3.1.0",
+        "info": {
+            "title": "omnibase", "version": VERSION,
+            "description": "A running robot: what it is, what it does, and what may be asked of it. SI units.",
+            "license": { "name": "MIT OR Apache-2.0", "identifier": "MIT OR Apache-2.0" },
+        },
+        "servers": [{ "url": "/" }],
+        "security": [{}, { "token": [] }],
+        "paths": {
+            "/api/robot": get("What doesn't change while it runs", robot),
+            "/api/now": get("What it does now, with the stamp for calls", json!({ "$ref": "#/components/schemas/Now" })),
+            "/api/planned": get("The reference as it is drawn", planned),
+            "/api/events": get("What has happened", json!({ "type": "array", "items": event })),
+            "/api/trace": get("Where it was", trace),
+            "/api/call": { "post": {
+                "summary": "Asks for something; STOP needs no token on this machine, everything else does",
+                "security": [{ "token": [] }],
+                "requestBody": { "required": true, "content": { "application/json": { "schema": call } } },
+                "responses": answers("application/json", result.clone()),
+            } },
+            "/api/live": { "get": {
+                "summary": "A WebSocket: calls in, their answers and thirty times a second what the robot does out",
+                "responses": { "101": { "description": "It is one now" } },
+                "x-client-messages": call, "x-server-messages": { "anyOf": [seen, result] },
+            } },
+        },
+        "components": {
+            "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } },
+            "schemas": schemas,
+        },
+    })
+}
+
+fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
+    generator.subschema_for::<T>().to_value()
+}
+
+/// What may come back: what was asked for, or why not.
+fn answers(kind: &str, what: Value) -> Value {
+    let words = |why: &str| json!({ "description": why, "content": { "text/plain": { "schema": { "type": "string" } } } });
+    let result = json!({ "application/json": { "schema": { "$ref": "#/components/schemas/CallResult" } } });
+    let refused = |why: &str| json!({ "description": why, "content": result });
+    json!({
+        "200": { "description": "Done", "content": { kind: { "schema": what } } },
+        "400": refused("It can't be read"),
+        "403": words("Not with this token, or not from there"),
+        "408": refused("The body didn't come in time"),
+        "409": refused("Refused, and why"),
+        "429": words("Asked too often; Retry-After says when again"),
+        "503": refused("Too much is computed already"),
+    })
+}
+
+/// The description for people: a page of HTML.
+pub fn page(description: &Value) -> String {
+    let mut text = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>omnibase API {VERSION}</title>\
+         <link rel=\"stylesheet\" href=\"/style.css\"><main class=\"api\"><h1>omnibase API {VERSION}</h1>\
+         <p>For programs: <a href=\"/api/openapi.json\">/api/openapi.json</a> (OpenAPI 3.1).</p><h2>Addresses</h2><dl>"
+    );
+    for (path, methods) in description["paths"].as_object().into_iter().flatten() {
+        for (method, operation) in methods.as_object().into_iter().flatten() {
+            text += &format!(
+                "<dt><code>{} {path}</code><dd>{}",
+                method.to_uppercase(),
+                said(&operation["summary"])
+            );
+        }
+    }
+    text += "</dl><h2>Calls</h2><p>The body of <code>POST /api/call</code>; a star: must be given.</p><dl>";
+    let schemas = &description["components"]["schemas"];
+    for call in schemas["Call"]["oneOf"].as_array().into_iter().flatten() {
+        let keys = &call["properties"];
+        text += &format!("<dt><code>{{\"do\": {}", keys["do"]["const"]);
+        let needed =
+            |name: &str| call["required"].as_array().is_some_and(|all| all.iter().any(|one| one == name));
+        let own = keys.as_object().into_iter().flatten();
+        let own: Vec<_> =
+            own.filter(|(name, _)| !["do", "stamp", "number"].contains(&name.as_str())).collect();
+        for (name, _) in &own {
+            text += &format!(", \"{name}{}\": …", if needed(name) { "*" } else { "" });
+        }
+        text += &format!("}}</code><dd>{}", said(&call["description"]));
+        for (name, key) in own {
+            text += &format!("<br><code>{name}</code>: {}", said(&key["description"]));
+        }
+    }
+    text + "</dl></main></html>\n"
+}
+
+/// A description as HTML.
+fn said(text: &Value) -> String {
+    text.as_str().unwrap_or_default().replace('&', "&amp;").replace('<', "&lt;").replace('\n', " ")
+}
