@@ -193,6 +193,11 @@ impl Conductor {
                 if matches!(phase, Phase::Disabled | Phase::Fault) =>
             {
                 self.finished &= phase == Phase::Disabled;
+                match last.answer {
+                    RequestAnswer::StopInput => self.stopped_by = SafetyReason::StopInput,
+                    RequestAnswer::EnableInput => self.stopped_by = SafetyReason::EnableInput,
+                    _ => {}
+                }
                 self.part = Part::LettingGo { until_ns: now_ns + LET_GO_NS };
             }
             Part::LettingGo { until_ns } if now_ns >= until_ns || have_let_go(last) => self.part = Part::Over,

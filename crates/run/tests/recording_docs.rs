@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use omnibase_robot::signals::SafetyReason;
+use omnibase_robot::signals::{RecordLayout, SafetyReason};
 use omnibase_run::channels::{Known, Rows};
 
 fn page() -> String {
@@ -23,7 +23,7 @@ fn told(page: &str, topic: &str) -> BTreeSet<String> {
 #[test]
 fn every_signal_stands_in_the_manual_and_no_other() {
     let page = page();
-    let rows = Rows::new(1, Known::Truth);
+    let rows = Rows::new(&RecordLayout::of_wheels(1), Known::Truth);
     for topic in &rows.schema().topics {
         let recorded: BTreeSet<String> = topic.signals.iter().map(|signal| signal.name.clone()).collect();
         assert_eq!(told(&page, &topic.name), recorded, "docs/recording.md on {}", topic.name);

@@ -92,7 +92,7 @@ fn a_recording_replays_to_the_same_bits() {
             // Through channels, as a file holds them.
             let mut values = Vec::new();
             record.values(&mut values);
-            let read = CycleRecord::from_values(wheels, &values).unwrap();
+            let read = CycleRecord::from_values(&RecordLayout::of_wheels(wheels), &values).unwrap();
             let replayed = robot.replay(&read, &mut buffer);
             assert_eq!(bits(replayed), bits(record), "cycle {}", record.time.index);
         }

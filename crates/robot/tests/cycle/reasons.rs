@@ -164,7 +164,7 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
         }
         SafetyReason::DeviceLost => {
             let mut bench = driven("");
-            bench.exchange = Exchange::Without { wheels: 0b100 };
+            bench.exchange = Exchange::Without { wheels: 0b100, devices: 0 };
             bench
         }
         SafetyReason::Fence => tracking(BMM, fence),

@@ -117,7 +117,7 @@ impl SinceStop {
     fn count_unheard(&mut self, exchange: Exchange) {
         self.unheard = match exchange {
             Exchange::Lost => self.unheard.saturating_add(1),
-            Exchange::Without { wheels } if self.is_all(wheels) => self.unheard.saturating_add(1),
+            Exchange::Without { wheels, .. } if self.is_all(wheels) => self.unheard.saturating_add(1),
             // Nobody knows yet who was heard.
             Exchange::ShortCount { .. } => self.unheard,
             Exchange::Complete | Exchange::Restarted { .. } | Exchange::Without { .. } => 0,
