@@ -234,7 +234,7 @@ mod tests {
         let (row, raw) = rows.of(&cycle, &CycleExtras::default());
         assert_eq!(row.len(), schema.width());
         assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
-        assert_eq!(record(3, raw), Ok(cycle));
-        assert_eq!(record(4, raw), Err(NotARecord::Channels));
+        assert_eq!(record(&RecordLayout::of_wheels(3), raw), Ok(cycle));
+        assert_eq!(record(&RecordLayout::of_wheels(4), raw), Err(NotARecord::Channels));
     }
 }

@@ -73,7 +73,7 @@ fn channels_have_one_name_each_and_a_fixed_order() {
     }
     assert!(!names.contains(&"wheel_4.speed"));
     let speed = channels.iter().find(|channel| channel.name == "wheel_2.speed").unwrap();
-    assert_eq!((speed.unit, speed.kind), ("rad/s", ValueKind::F64));
+    assert_eq!((speed.unit.as_str(), speed.kind), ("rad/s", ValueKind::F64));
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), channels.len());
