@@ -315,6 +315,8 @@ impl Check {
                 within_ns: ns(table.lost_device_wait_ms, 30_000),
                 steady_ns: ns(table.steady_before_comeback_ms, 1000),
                 lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
+                enable_input,
+                stop_input,
             }),
             command_age_ns: ns(table.command_age_ms, 200),
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),

@@ -284,6 +284,10 @@ pub struct ComebackPlan {
     pub steady_ns: u64,
     /// Lost exchanges in a row that are tolerated; more of them are all drives gone.
     pub lost_exchanges_tolerated: u32,
+    /// The input, by its place, that enables: one that was seen off meanwhile forbids it.
+    pub enable_input: Option<usize>,
+    /// The input, by its place, that stops: one that was seen set meanwhile forbids it.
+    pub stop_input: Option<usize>,
 }
 
 /// How far a comeback goes by itself.

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use omnibase_robot::registry::{Key, Kind, PeripheralDefaults, needed};
 use omnibase_robot::signals::{
-    Commands, CycleTime, Inputs, Outputs, Phase, PlatformState, Quantity, RequestAnswer, SafetyReason,
-    Setpoint,
+    Commands, CycleTime, Inputs, Outputs, Phase, PlatformState, Quantity, RequestAnswer, SafetyAction,
+    SafetyReason, Setpoint, StopCategory,
 };
 use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral};
 use omnibase_robot::{CycleRecord, Exchange, ImageBuffer, Registry, RequestKind, Robot};
@@ -88,9 +88,9 @@ fn nothing_is_believed_before_it_was_heard() {
 
 #[test]
 fn a_stop_by_an_input_is_kept_until_a_person_acknowledges() {
-    for (text, phase) in [
-        (IO.to_owned(), Phase::Stopping),
-        (IO.replace("[safety]", "[safety]\ninput_stop = \"category_0\""), Phase::Fault),
+    for (text, category) in [
+        (IO.to_owned(), StopCategory::RampThenRemove),
+        (IO.replace("[safety]", "[safety]\ninput_stop = \"category_0\""), StopCategory::RemoveTorque),
     ] {
         let mut bench = bench(&text);
         bench.enable();
@@ -98,7 +98,7 @@ fn a_stop_by_an_input_is_kept_until_a_person_acknowledges() {
         bench.image.device_inputs[BUTTONS][0] = 0b11;
         let record = bench.step(None);
         assert_eq!((record.allowed.reason, record.allowed.where_index), (SafetyReason::StopInput, 1));
-        assert_eq!(bench.robot.phase(), phase);
+        assert_eq!(record.allowed.action, SafetyAction::Stop(category));
         // For one cycle alone.
         bench.image.device_inputs[BUTTONS][0] = 0b01;
         bench.run(500);
@@ -109,8 +109,8 @@ fn a_stop_by_an_input_is_kept_until_a_person_acknowledges() {
 
 #[test]
 fn outputs_go_where_the_file_says_in_every_stop_that_takes_torque() {
+    use StopCategory::{RampAndHold, RampThenRemove, RemoveTorque};
     let stop = |category| Some(RequestKind::Stop(category));
-    use omnibase_robot::signals::StopCategory::{RampAndHold, RampThenRemove, RemoveTorque};
     for (request, kept) in
         [(stop(RemoveTorque), false), (stop(RampThenRemove), false), (stop(RampAndHold), true)]
     {

@@ -2,7 +2,7 @@
 
 use omnibase_host::CountingAllocator;
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Frame, Value};
+use omnibase_robot::signals::{Frame, RecordLayout, Value};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
 
 use crate::support::{BMM, Bench, MECANUM, plan};

@@ -18,7 +18,14 @@ const UNATTENDED: ComebackEnd = ComebackEnd::MoveAgain { warning_ns: 3000 * MS }
 
 /// A second of rest, then what the end says.
 fn plan(within_ns: u64, end: ComebackEnd) -> ComebackPlan {
-    ComebackPlan { end, within_ns, steady_ns: 1000 * MS, lost_exchanges_tolerated: 3 }
+    ComebackPlan {
+        end,
+        within_ns,
+        steady_ns: 1000 * MS,
+        lost_exchanges_tolerated: 3,
+        enable_input: None,
+        stop_input: None,
+    }
 }
 
 /// The operator of a robot whose phases the test plays; every request is taken.
