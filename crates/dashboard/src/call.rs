@@ -94,6 +94,13 @@ pub enum Call {
         /// Its place, from 0.
         index: u32,
     },
+    /// Set an output of a SubDevice without a wheel; it stays so until the robot stops, or the page that set it is gone.
+    SetOutput {
+        /// Its full name, as `lamps.green`.
+        name: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
     /// Take another reference.
     Load {
         /// The reference, with the keys of its table in a robot's file.
@@ -217,6 +224,7 @@ impl Call {
             | Call::EnableJoystick
             | Call::SetObstacle { .. }
             | Call::RemoveObstacle { .. }
+            | Call::SetOutput { .. }
             | Call::Scan
             | Call::SdoRead { .. }
             | Call::SdoType { .. }

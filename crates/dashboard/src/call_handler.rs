@@ -114,6 +114,7 @@ impl CallHandler {
                 })
             }
             Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
+            Call::SetOutput { name, value } => robot(self.output(&name, value)?),
             Call::Set { values } => return self.set(asker, &values),
             Call::Stick { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
@@ -178,6 +179,24 @@ impl CallHandler {
         found
             .map(|index| index as u32)
             .ok_or_else(|| format!("controller: expected one of {}, found `{name}`", known()))
+    }
+
+    /// What sets an output, where it is there and can have the value.
+    fn output(&self, name: &str, value: f64) -> Result<RequestKind, String> {
+        let plan = &self.about.robot.plan;
+        let outputs = plan.signals().outputs;
+        let found = outputs.iter().position(|output| output.name == name);
+        let Some(index) = found else {
+            let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
+            let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            return Err(format!("output: the robot's are {names}, found `{name}`"));
+        };
+        let coding = plan.devices.iter().flat_map(|device| &device.output).nth(index);
+        if let Some(coding) = coding.and_then(|output| output.coding).filter(|coding| !coding.holds(value)) {
+            let [least, greatest] = coding.values();
+            return Err(format!("{name}: expected {least} to {greatest}, found {value}"));
+        }
+        Ok(RequestKind::SetOutput { index: index as u32, value })
     }
 
     /// All of the values, or none: each is checked before the first is sent, and the robot takes them in one cycle.

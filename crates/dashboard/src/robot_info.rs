@@ -101,7 +101,7 @@ impl RobotInfo {
 
     /// Rows of values, as recordings have them.
     pub(crate) fn rows(&self) -> Rows {
-        Rows::new(self.robot.plan.drives.len(), self.known)
+        Rows::new(&self.robot.plan.record_layout(), self.known)
     }
 
     /// Names of the values, as `state/pose_x_m`.

@@ -259,7 +259,8 @@ fn stop_drive(record: &CycleRecord) -> Option<u64> {
         record.stop_reason,
         SafetyReason::WheelSpeed | SafetyReason::WheelTorque | SafetyReason::Drive | SafetyReason::DeviceLost
     );
-    is_about_one.then_some(record.stop_where)
+    // Beyond the wheels it is about a SubDevice without one.
+    Some(record.stop_where).filter(|place| is_about_one && *place < record.measurements.wheels as u64)
 }
 
 fn drives(record: &CycleRecord, errors: &DriveErrors) -> Vec<DriveSeen> {
@@ -275,7 +276,7 @@ fn drives(record: &CycleRecord, errors: &DriveErrors) -> Vec<DriveSeen> {
     };
     // What a drive said before it was lost says nothing of it now.
     let away = match record.exchange {
-        Exchange::Without { wheels } => wheels,
+        Exchange::Without { wheels, .. } => wheels,
         Exchange::Complete | Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => 0,
     };
     let seen = |(n, drive): (usize, &DriveMeasurement)| DriveSeen {
@@ -322,8 +323,10 @@ mod tests {
 
     #[test]
     fn a_drive_that_is_away_is_lost_whatever_it_said_last() {
-        let mut record =
-            CycleRecord { exchange: Exchange::Without { wheels: 0b100 }, ..CycleRecord::default() };
+        let mut record = CycleRecord {
+            exchange: Exchange::Without { wheels: 0b100, devices: 0 },
+            ..CycleRecord::default()
+        };
         record.measurements.wheels = 3;
         for drive in &mut record.measurements.drives {
             drive.progress = DriveProgress::Running;

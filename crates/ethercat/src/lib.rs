@@ -40,7 +40,7 @@ mod found;
 pub mod image;
 pub mod mailbox;
 pub mod mapping;
-mod mismatch;
+pub mod mismatch;
 pub mod paced;
 pub mod procedure;
 mod process_data;

@@ -1,7 +1,7 @@
 //! The kinds that omnibase brings along.
 
 use crate::registry::Registry;
-use crate::{controllers, devices, estimators, layouts, references};
+use crate::{controllers, devices, estimators, layouts, peripherals, references};
 
 impl Registry {
     /// A registry with the built-in kinds.
@@ -11,6 +11,7 @@ impl Registry {
         references::register(&mut registry);
         estimators::register(&mut registry);
         devices::register(&mut registry);
+        peripherals::register(&mut registry);
         layouts::register(&mut registry);
         registry
     }

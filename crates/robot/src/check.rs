@@ -1,11 +1,13 @@
 //! The robot's file against itself: everything that can be found without hardware.
 
+mod devices;
 mod drives;
 mod guard;
 mod joystick;
 mod kind_keys;
 mod platform;
 mod sdo_writes;
+mod subdevices;
 #[cfg(test)]
 mod tests;
 mod torque_limit;
@@ -14,7 +16,7 @@ use std::fmt::Display;
 
 use crate::config::*;
 use crate::registry::{Kind, Made, Registry, StageError};
-use crate::signals::{Quantity, SafetyAction, StopCategory};
+use crate::signals::{Quantity, SafetyAction, SignalLayout, StopCategory};
 use crate::stages::Reference;
 use kind_keys::Given;
 
@@ -61,6 +63,12 @@ impl RobotPlan {
         let made = table.as_ref().and_then(|table| check.reachable(table, &self.limits, registry));
         check.end(table.zip(made))
     }
+}
+
+/// Whether a name has small letters, digits and underscores alone.
+fn is_plain_name(name: &str) -> bool {
+    let is_plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+    !name.is_empty() && name.bytes().all(is_plain)
 }
 
 /// Collects problems while a file is resolved.
@@ -135,9 +143,12 @@ impl Check {
         let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
         let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
+        let devices = devices::resolve(self, &file.device, &file.drive, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let safety = self.safety(&file.safety);
+        let signals = devices.as_deref().map(signal_layout).unwrap_or_default();
+        let is_known = devices.is_some();
+        let safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
         let controller = self.controller(file.controller, registry);
         let estimator = self.estimator(file.estimator, registry);
@@ -155,6 +166,7 @@ impl Check {
             bus: bus?,
             sdo_write_while_enabled,
             drives,
+            devices: devices?,
             kinematics: kinematics?,
             limits,
             estimator: estimator?,
@@ -240,7 +252,44 @@ impl Check {
         })
     }
 
-    fn safety(&mut self, table: &SafetyTable) -> SafetyPlan {
+    /// The place of an input that safety looks at.
+    fn input(&mut self, name: Option<&String>, key: &str, signals: &SignalLayout) -> Option<usize> {
+        let name = name?;
+        let found = signals.input(name);
+        if found.is_none() {
+            let names: Vec<&str> = signals.inputs.iter().map(|signal| signal.name.as_str()).collect();
+            let near = nearest(name, names.iter().copied());
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            let reason = format!("no `[[device]]` has this input{near}");
+            let problem = self.report(ProblemKind::UnknownName, &format!("safety.{key}"), reason);
+            problem.value = Some(format!("\"{name}\""));
+            problem.limit =
+                Some(if names.is_empty() { "an input of a `[[device]]`".into() } else { names.join(", ") });
+        }
+        found
+    }
+
+    /// What inputs lead to: a hold isn't enough, for it goes on with the next command.
+    fn input_stop(&mut self, table: &SafetyTable) -> StopCategory {
+        match table.input_stop {
+            Some(StopName::Category0) => StopCategory::RemoveTorque,
+            Some(StopName::Category1) | None => StopCategory::RampThenRemove,
+            Some(StopName::Category2) => {
+                let reason = "a robot that an input stopped mustn't move with the next command";
+                let problem = self.report(ProblemKind::OutOfRange, "safety.input_stop", reason);
+                problem.value = Some("\"category_2\"".into());
+                problem.limit = Some("category_0, category_1".into());
+                StopCategory::RampThenRemove
+            }
+        }
+    }
+
+    fn safety(&mut self, table: &SafetyTable, signals: &SignalLayout, is_known: bool) -> SafetyPlan {
+        // Where a `[[device]]` is wrong itself, its inputs aren't missing too.
+        let wanted = |name: &Option<String>| name.clone().filter(|_| is_known);
+        let enable_input = self.input(wanted(&table.enable_input).as_ref(), "enable_input", signals);
+        let stop_input = self.input(wanted(&table.stop_input).as_ref(), "stop_input", signals);
+        let input_stop = self.input_stop(table);
         let ns = |ms: Option<u32>, default_ms: u32| u64::from(ms.unwrap_or(default_ms)) * 1_000_000;
         let stop = |name: Option<StopName>, default: StopName| match name.unwrap_or(default) {
             StopName::Category0 => StopCategory::RemoveTorque,
@@ -266,6 +315,8 @@ impl Check {
                 within_ns: ns(table.lost_device_wait_ms, 30_000),
                 steady_ns: ns(table.steady_before_comeback_ms, 1000),
                 lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
+                enable_input,
+                stop_input,
             }),
             command_age_ns: ns(table.command_age_ms, 200),
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),
@@ -280,6 +331,9 @@ impl Check {
             wheel_torque_stop: stop(table.wheel_torque_stop, StopName::Category1),
             wheel_torque_margin_nm: table.wheel_torque_margin_nm,
             wheel_torque_time_ns: ns(table.wheel_torque_time_ms, 50),
+            enable_input,
+            stop_input,
+            input_stop,
         }
     }
 
@@ -382,6 +436,9 @@ impl Check {
 
     /// Stages that can't be made are told now, and not where the robot is built.
     fn stages(&mut self, plan: &RobotPlan, registry: &Registry) {
+        if self.is_sound("device") {
+            self.made(registry.make_peripherals(plan));
+        }
         if self.is_sound("drive") && self.is_sound("drive_defaults") {
             self.made(registry.make_devices(plan));
         }

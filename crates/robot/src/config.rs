@@ -4,6 +4,8 @@
 //! 2. [`RobotPlan::check`] resolves it without any hardware and gives all [`Problem`]s at once ([`check`](crate::check)).
 //! 3. [`Robot::build`](crate::Robot::build) makes the stages of the cycle from the plan.
 
+mod device_plan;
+mod device_tables;
 mod drive_tables;
 mod file;
 mod guard_tables;
@@ -17,6 +19,9 @@ mod source;
 mod torque_limit;
 mod units;
 
+pub(crate) use device_plan::signal_layout;
+pub use device_plan::{Coding, DevicePlan, InputPlan, OutputPlan};
+pub use device_tables::*;
 pub use drive_tables::*;
 pub use file::*;
 pub use guard_tables::*;

@@ -6,15 +6,16 @@ use omnibase_platform::Twist2;
 use omnibase_trajectory::LimitsError;
 
 use crate::blind_ramp::BlindRamp;
-use crate::config::{Problem, RobotPlan};
+use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
 use crate::lifecycle::{Change, Lifecycle, Outcome};
 use crate::limiter::Limiter;
 use crate::motion::{CantBegin, Motion};
+use crate::peripherals::Beside;
 use crate::registry::{Registry, StageError};
-use crate::safety::SafetyChain;
+use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
     Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
@@ -30,6 +31,7 @@ use pose::Counted;
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
+    beside: Beside,
     estimator: Box<dyn Estimator>,
     limiter: Limiter,
     /// Never empty; the present one is `active`.
@@ -40,6 +42,7 @@ pub struct Robot {
     lifecycle: Lifecycle,
     counted: Counted,
     command_age_ns: u64,
+    safety_plan: SafetyPlan,
     motion: Motion,
     guard: Guard,
     settings: Settings,
@@ -71,9 +74,12 @@ impl Robot {
         }
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
+        let beside = Beside::new(plan, registry)?;
+        record.signals = beside.begin();
         let estimator = registry.make_estimator(plan)?;
         Ok(Robot {
             devices,
+            beside,
             guard: Guard::new(&plan.guard, &plan.limits, period_s, &estimator.growth()),
             estimator,
             limiter,
@@ -84,6 +90,7 @@ impl Robot {
             lifecycle: Lifecycle::new(plan.safety),
             counted: Counted::default(),
             command_age_ns: plan.safety.command_age_ns,
+            safety_plan: plan.safety,
             motion,
             settings: Settings::new(plan),
             record,
@@ -104,6 +111,7 @@ impl Robot {
         self.record.phase = self.lifecycle.phase();
 
         self.read(exchange, image);
+        self.beside.read(&time, exchange, image, &mut self.record.signals);
         self.record.state = self.estimate();
         self.guard.advance(&self.record.time, &self.record.state);
         self.settings.settle(&self.record);
@@ -133,6 +141,7 @@ impl Robot {
             let length = inputs.len().min(MAX_PROCESS_BYTES);
             inputs[..length].copy_from_slice(&recorded.0[..length]);
         }
+        self.beside.replay(&record.signals, &mut buffer.device_inputs);
         self.compute(record.time, record.exchange, record.request, buffer)
     }
 
@@ -213,6 +222,7 @@ impl Robot {
             time: &record.time,
             exchange: record.exchange,
             measurements: &record.measurements,
+            inputs: self.beside.inputs(&record.signals),
             wished: &record.wished,
             unread_rad: &self.counted.take_unread(record.exchange),
         });
@@ -259,6 +269,16 @@ impl Robot {
             RequestKind::RemoveObstacle { index } => return self.put(index, None),
             RequestKind::SetPose { odom_from_body, sigma_m, sigma_rad } => {
                 return self.set_pose(odom_from_body, [sigma_m, sigma_rad]);
+            }
+            RequestKind::SetOutput { .. } if self.lifecycle.lets_go() => return RequestAnswer::WrongPhase,
+            RequestKind::SetOutput { index, value } => return taken_if(self.beside.ask(index, value)),
+            RequestKind::ResetOutput { index } => return taken_if(self.beside.reset(index)),
+            RequestKind::Enable => {
+                match input_forbids(&self.safety_plan, &self.record.signals).map(|(reason, _)| reason) {
+                    None => {}
+                    Some(SafetyReason::StopInput) => return RequestAnswer::StopInput,
+                    Some(_) => return RequestAnswer::EnableInput,
+                }
             }
             _ => {}
         }
@@ -364,7 +384,11 @@ impl Robot {
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
             Phase::Tracking => match self.motion.velocity() {
                 Some(&request) => self.velocity_wish(&request),
-                None => self.motion.sample(&self.record.time, &self.settings, &self.guard),
+                None => {
+                    let (inputs, mut outputs) = self.beside.open(&self.record.signals);
+                    self.motion.signals(&inputs, &mut outputs);
+                    self.motion.sample(&self.record.time, &self.settings, &self.guard)
+                }
             },
         }
     }
@@ -427,6 +451,8 @@ impl Robot {
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
                 let controller = &mut self.controllers[self.active];
                 controller.limit_wheels(&self.settings.wheel_limits());
+                let (inputs, mut outputs) = self.beside.open(&record.signals);
+                controller.signals(&inputs, &mut outputs);
                 let commands = controller.update(&record.time, &record.state, &record.setpoint);
                 // What the drives' maps were checked for is the quantity that the law names.
                 let is_of_its_kind = commands.quantity == controller.quantity();
@@ -448,6 +474,7 @@ impl Robot {
             exchange: record.exchange,
             phase: self.lifecycle.phase(),
             measurements: &record.measurements,
+            signals: &record.signals,
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
@@ -509,7 +536,14 @@ impl Robot {
             self.record.outputs[wheel] = ProcessBytes::of(outputs);
             self.record.measurements.drives[wheel].progress = progress;
         }
+        let is_let_go = self.lifecycle.phase() == Phase::Disabled && self.record.phase != Phase::Disabled;
+        let lets_go = self.lifecycle.lets_go() || is_let_go;
+        self.beside.write(&self.record.time, lets_go, image, &mut self.record.signals);
     }
+}
+
+fn taken_if(is_taken: bool) -> RequestAnswer {
+    if is_taken { RequestAnswer::Taken } else { RequestAnswer::Refused }
 }
 
 fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {

@@ -9,6 +9,12 @@ pub trait ProcessImage {
 
     /// What the drive of a wheel will be sent; empty where there is no such wheel.
     fn outputs(&mut self, wheel: usize) -> &mut [u8];
+
+    /// What a SubDevice without a wheel sent; empty where nothing of it is read.
+    fn device_inputs(&self, device: usize) -> &[u8];
+
+    /// What a SubDevice without a wheel will be sent; empty where nothing is written to it.
+    fn device_outputs(&mut self, device: usize) -> &mut [u8];
 }
 
 /// A process image in memory, for buses that keep their own, for replay and for tests.
@@ -18,6 +24,10 @@ pub struct ImageBuffer {
     pub inputs: Vec<Vec<u8>>,
     /// Outputs, wheel by wheel.
     pub outputs: Vec<Vec<u8>>,
+    /// Inputs of the SubDevices without a wheel.
+    pub device_inputs: Vec<Vec<u8>>,
+    /// Outputs of the SubDevices without a wheel.
+    pub device_outputs: Vec<Vec<u8>>,
 }
 
 impl ImageBuffer {
@@ -26,6 +36,8 @@ impl ImageBuffer {
         ImageBuffer {
             inputs: plan.drives.iter().map(|drive| vec![0; drive.input_bytes()]).collect(),
             outputs: plan.drives.iter().map(|drive| vec![0; drive.output_bytes()]).collect(),
+            device_inputs: plan.devices.iter().map(|device| vec![0; device.input_bytes()]).collect(),
+            device_outputs: plan.devices.iter().map(|device| vec![0; device.output_bytes()]).collect(),
         }
     }
 }
@@ -37,5 +49,13 @@ impl ProcessImage for ImageBuffer {
 
     fn outputs(&mut self, wheel: usize) -> &mut [u8] {
         self.outputs.get_mut(wheel).map_or(&mut [], Vec::as_mut_slice)
+    }
+
+    fn device_inputs(&self, device: usize) -> &[u8] {
+        self.device_inputs.get(device).map_or(&[], Vec::as_slice)
+    }
+
+    fn device_outputs(&mut self, device: usize) -> &mut [u8] {
+        self.device_outputs.get_mut(device).map_or(&mut [], Vec::as_mut_slice)
     }
 }

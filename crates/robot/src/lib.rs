@@ -6,7 +6,7 @@
 //! - [`config`]: a robot's file and its [`RobotPlan`]; [`check`]: from the one to the other, with every problem and its place.
 //! - [`stick_shape`]: [`StickShape`], gains, dead zones and expo of a stick, which change while the robot runs.
 //! - [`guard`]: the footprint stays inside the fence and off obstacles.
-//! - [`layouts`], [`devices`], [`estimators`], [`references`], [`controllers`]: the built-in kinds; [`limiter`], [`safety`].
+//! - [`layouts`], [`devices`], [`peripherals`], [`estimators`], [`references`], [`controllers`]: the built-in kinds; [`limiter`], [`safety`].
 //!
 //! Principles: a cycle has no link, no clock, no queue and no allocation: the same inputs give the same bits, so a
 //! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
@@ -27,6 +27,7 @@ mod lifecycle;
 pub mod limiter;
 mod motion;
 mod obstacle;
+pub mod peripherals;
 pub mod references;
 pub mod registry;
 pub mod safety;

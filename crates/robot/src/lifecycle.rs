@@ -78,6 +78,15 @@ impl Lifecycle {
         self.where_index
     }
 
+    /// Whether torque is being taken from the drives, or was by a fault.
+    pub(crate) fn lets_go(&self) -> bool {
+        match self.phase {
+            Phase::Stopping => self.category != StopCategory::RampAndHold,
+            Phase::QuickStopping | Phase::Fault => true,
+            Phase::Disabled | Phase::Enabling | Phase::Holding | Phase::Tracking => false,
+        }
+    }
+
     /// Whether it ramps down without the inputs of lost drives: nothing that is measured may lead the wheels then.
     pub(crate) fn is_blind(&self) -> bool {
         self.is_blind

@@ -10,7 +10,7 @@ use crate::config::{GuardPlan, Limits, SafetyPlan, motion_limits};
 use crate::guard::Guard;
 use crate::limiter::SpeedBound;
 use crate::settings::Settings;
-use crate::signals::{Course, CycleTime, ReferenceStatus, Request, Setpoint};
+use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
@@ -359,6 +359,13 @@ impl Motion {
         };
         self.spare_room_m = self.room_had.spare_m(guard.room_left(&wished.odom_from_body));
         wished
+    }
+
+    /// What comes in beside the drives, for the reference where one is followed.
+    pub(crate) fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        if self.course == Course::Reference {
+            self.reference.signals(inputs, outputs);
+        }
     }
 
     /// By how much what is followed keeps off the fence more than it must, m; below 0 where it leads out.

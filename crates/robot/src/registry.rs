@@ -13,10 +13,10 @@ use omnibase_platform::Wheel;
 use omnibase_trajectory::LONGEST_S;
 
 use crate::config::{
-    DrivePlan, Identity, Limits, ParameterPlan, PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable,
-    RobotPlan, nearest,
+    DevicePlan, DrivePlan, Identity, InputPlan, Limits, OutputPlan, ParameterPlan, PdoPlan, PlatformTable,
+    Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
 };
-use crate::stages::{Controller, Device, Estimator, Reference};
+use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 
 /// Why something can't be made: every reason, with its setting.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -182,6 +182,13 @@ const ESTIMATOR: Sort = Sort {
 };
 const DEVICE: Sort =
     Sort { name: "device", table: "drive", key: "device", default: Some("cia402"), common: &[] };
+const PERIPHERAL: Sort = Sort {
+    name: "peripheral",
+    table: "device",
+    key: "kind",
+    default: None,
+    common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
+};
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
@@ -250,6 +257,23 @@ pub struct DeviceDefaults {
     pub parameters: Vec<ParameterPlan>,
 }
 
+/// What a SubDevice that drives no wheel brings along where the robot's file says nothing.
+#[derive(Clone, Debug, Default)]
+pub struct PeripheralDefaults {
+    /// Who must be there.
+    pub identity: Identity,
+    /// PDOs from the cycle to it.
+    pub outputs: Vec<PdoPlan>,
+    /// PDOs from it to the cycle.
+    pub inputs: Vec<PdoPlan>,
+    /// Signals that come from it, before those of its table.
+    pub input: Vec<InputPlan>,
+    /// Signals that it is told, before those of its table.
+    pub output: Vec<OutputPlan>,
+    /// Parameters that every one of this kind is sent first.
+    pub parameters: Vec<ParameterPlan>,
+}
+
 impl Kinds<MakeStage<dyn Controller>> {
     /// Adds a control law, made from the robot's plan; one of the same name is replaced.
     pub fn add<C: Controller + 'static>(
@@ -313,6 +337,19 @@ impl Kinds<MakeDevice> {
     }
 }
 
+impl Kinds<MakePeripheral> {
+    /// Adds a kind of SubDevice that drives no wheel, made from its plan, with what the robot's file need not say; one
+    /// of the same name is replaced.
+    pub fn add<P: Peripheral + 'static>(
+        &mut self,
+        kind: Kind,
+        defaults: PeripheralDefaults,
+        make: impl Fn(&DevicePlan) -> Made<P> + Send + Sync + 'static,
+    ) {
+        self.put(kind, MakePeripheral { defaults, make: Box::new(move |plan| Ok(Box::new(make(plan)?))) });
+    }
+}
+
 /// Makes a stage from a robot's plan.
 pub type MakeStage<Stage> = Box<dyn Fn(&RobotPlan) -> Made<Box<Stage>> + Send + Sync>;
 /// Makes a reference that keeps within the limits from its table alone: the robot's own, or one loaded while it runs.
@@ -331,6 +368,17 @@ pub struct MakeDevice {
     pub make: MakeDrive,
 }
 
+/// Makes a SubDevice that drives no wheel from its plan.
+pub type MakeBeside = Box<dyn Fn(&DevicePlan) -> Made<Box<dyn Peripheral>> + Send + Sync>;
+
+/// A kind of SubDevice that drives no wheel.
+pub struct MakePeripheral {
+    /// What it brings along.
+    pub defaults: PeripheralDefaults,
+    /// Makes it; settings in its refusals are those of its table.
+    pub make: MakeBeside,
+}
+
 /// All kinds.
 pub struct Registry {
     /// Control laws.
@@ -341,6 +389,8 @@ pub struct Registry {
     pub estimators: Kinds<MakeStage<dyn Estimator>>,
     /// Drives.
     pub devices: Kinds<MakeDevice>,
+    /// SubDevices that drive no wheel.
+    pub peripherals: Kinds<MakePeripheral>,
     /// Where the wheels stand.
     pub layouts: Kinds<MakeWheels>,
 }
@@ -353,6 +403,7 @@ impl Registry {
             references: Kinds::new(REFERENCE),
             estimators: Kinds::new(ESTIMATOR),
             devices: Kinds::new(DEVICE),
+            peripherals: Kinds::new(PERIPHERAL),
             layouts: Kinds::new(LAYOUT),
         }
     }
@@ -362,6 +413,15 @@ impl Registry {
         all(plan.drives.iter().enumerate().map(|(index, drive)| {
             let made = self.devices.find(Some(&drive.device)).and_then(|(_, device)| (device.make)(drive));
             made.map_err(|error| error.under(format_args!("drive[{index}]")))
+        }))
+    }
+
+    /// Makes the SubDevices of a plan that drive no wheel.
+    pub fn make_peripherals(&self, plan: &RobotPlan) -> Made<Vec<Box<dyn Peripheral>>> {
+        all(plan.devices.iter().enumerate().map(|(index, device)| {
+            let found = self.peripherals.find(Some(&device.kind));
+            let made = found.and_then(|(_, peripheral)| (peripheral.make)(device));
+            made.map_err(|error| error.under(format_args!("device[{index}]")))
         }))
     }
 

@@ -4,8 +4,8 @@ mod torque_watch;
 
 use crate::config::{Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
-    Allowed, Commands, DriveProgress, Exchange, LimitedBy, Phase, Quantity, SafetyAction, SafetyReason,
-    Stage, StopCategory,
+    Allowed, Commands, DriveProgress, Exchange, LimitedBy, MAX_WHEELS, Phase, Quantity, SafetyAction,
+    SafetyReason, Signals, Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
 use torque_watch::TorqueWatch;
@@ -63,7 +63,10 @@ impl SafetyChain {
                 let by_torque = view.commands.quantity == Quantity::Torque;
                 let action = if by_torque { at_least_quick } else { chosen };
                 let wheel = match view.exchange {
-                    Exchange::Without { wheels } => first(wheels),
+                    Exchange::Without { wheels: 0, devices } if devices != 0 => {
+                        MAX_WHEELS as u64 + first(devices)
+                    }
+                    Exchange::Without { wheels, .. } => first(wheels),
                     _ => 0,
                 };
                 Some((action, SafetyReason::DeviceLost, wheel))
@@ -141,10 +144,26 @@ impl SafetyChain {
         view.is_way_blocked.then_some((stop, SafetyReason::WayBlocked, 0))
     }
 
+    fn inputs(&self, view: &SafetyView<'_>) -> Objection {
+        let (reason, input) = input_forbids(&self.plan, view.signals)?;
+        Some((SafetyAction::Stop(self.plan.input_stop), reason, input))
+    }
+
     fn command_age(&self, view: &SafetyView<'_>) -> Objection {
         let old = view.velocity.is_some_and(|request| view.time.now_ns >= request.valid_until_ns);
         old.then_some((SafetyAction::Stop(StopCategory::RampAndHold), SafetyReason::CommandAge, 0))
     }
+}
+
+/// Which of the inputs that enable and stop forbids that drives are enabled, by its place. One that isn't heard, or is
+/// no number, enables nothing, and stops.
+pub(crate) fn input_forbids(plan: &SafetyPlan, signals: &Signals) -> Option<(SafetyReason, u64)> {
+    let stops = plan.stop_input.filter(|input| signals.believed(*input) != Some(0.0));
+    let enables = |input: &usize| signals.believed(*input).is_some_and(|value| value != 0.0);
+    let lacks = plan.enable_input.filter(|input| !enables(input));
+    stops
+        .map(|input| (SafetyReason::StopInput, input as u64))
+        .or(lacks.map(|input| (SafetyReason::EnableInput, input as u64)))
 }
 
 /// Whether drives carry torque, or soon will.
@@ -157,7 +176,7 @@ fn harder(one: SafetyAction, other: SafetyAction) -> SafetyAction {
     if other.severity() > one.severity() { other } else { one }
 }
 
-/// The first wheel of a set by bits; 0 where it is empty.
+/// The first of a set by bits; 0 where it is empty.
 fn first(wheels: u16) -> u64 {
     if wheels == 0 { 0 } else { wheels.trailing_zeros().into() }
 }
@@ -189,8 +208,9 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 10] = [
+        let checks: [(bool, Check); 11] = [
             (is_powered, Self::exchange),
+            (is_powered, Self::inputs),
             (true, Self::finite),
             (is_powered, Self::drives),
             (is_powered, Self::wheel_speed),

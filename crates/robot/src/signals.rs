@@ -3,6 +3,7 @@
 mod commands;
 mod exchange;
 mod guard;
+mod inputs;
 mod measurements;
 mod motion;
 mod phase;
@@ -16,11 +17,18 @@ pub use commands::{
 };
 pub use exchange::{CycleTime, Exchange};
 pub use guard::{GuardReport, LimitedBy};
+pub(crate) use inputs::Told;
+pub use inputs::{
+    Inputs, MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, Outputs, SignalLayout, SignalName, SignalShape,
+    Signals,
+};
 pub use measurements::{DriveMeasurement, DriveProgress, Measurements};
 pub use motion::{Course, PlatformState, ReferenceStatus, Setpoint};
 pub use omnibase_platform::MAX_WHEELS;
 pub use phase::Phase;
-pub use record::{Channel, CycleRecord, NotARecord, ProcessBytes, Value, ValueKind};
+pub use record::{
+    Channel, CycleRecord, NotARecord, ProcessBytes, RecordLayout, TOPICS_BESIDE, Value, ValueKind,
+};
 pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
 
 /// Bytes of process data that one drive can send or receive in a cycle.

@@ -8,8 +8,8 @@ use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, MAX_WHEELS,
-    Measurements, Phase, PlatformState, Quantity, Request, Setpoint, WheelCommand,
+    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Inputs, MAX_WHEELS,
+    Measurements, Outputs, Phase, PlatformState, Quantity, Request, Setpoint, Signals, WheelCommand,
 };
 
 /// What a device is told in one cycle.
@@ -51,6 +51,26 @@ pub trait Device: Send {
     }
 }
 
+/// A SubDevice that drives no wheel: between its process data and its signals, in the order of its plan.
+pub trait Peripheral: Send {
+    /// Reads its process data of an exchange in which it took part; NaN for what it can't say now.
+    fn read(&mut self, time: &CycleTime, bytes: &[u8], inputs: &mut [f64]) {
+        let _ = (time, bytes);
+        inputs.fill(f64::NAN);
+    }
+
+    /// Writes its process data for the next exchange, which hold what it wrote last.
+    fn write(&mut self, time: &CycleTime, outputs: &[f64], bytes: &mut [u8]) {
+        let _ = (time, outputs, bytes);
+    }
+
+    /// Whether an output, by its place, can have a value.
+    fn takes(&self, output: usize, value: f64) -> bool {
+        let _ = output;
+        value.is_finite()
+    }
+}
+
 /// What an estimator works on.
 #[derive(Clone, Copy, Debug)]
 pub struct Observation<'a> {
@@ -60,6 +80,8 @@ pub struct Observation<'a> {
     pub exchange: Exchange,
     /// What the drives said.
     pub measurements: &'a Measurements,
+    /// What comes in beside the drives.
+    pub inputs: Inputs<'a>,
     /// What was wished in the cycle before.
     pub wished: &'a Setpoint,
     /// By how much each wheel may have rolled, rad, while its drive was off and counted nothing; 0 for all but the cycle
@@ -93,6 +115,11 @@ pub trait Reference: Send {
     /// Begins at a pose at rest; paths are laid from there.
     fn start(&mut self, from: &Setpoint) {
         let _ = from;
+    }
+
+    /// What comes in beside the drives, and what it tells other SubDevices; before each sample.
+    fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        let _ = (inputs, outputs);
     }
 
     /// The setpoint at a time since the start, s; it rises by one period a cycle, or less while the motion is slowed.
@@ -153,6 +180,12 @@ pub trait Controller: Send {
         let _ = limits;
     }
 
+    /// What comes in beside the drives, and what it tells other SubDevices; before each update. An output that isn't set
+    /// in a cycle goes back to what a call set, or to its value at a stop.
+    fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        let _ = (inputs, outputs);
+    }
+
     /// The wheels' commands now, scaled as a whole so that no wheel exceeds its limit.
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands;
 
@@ -184,6 +217,8 @@ pub struct SafetyView<'a> {
     pub phase: Phase,
     /// What the drives said.
     pub measurements: &'a Measurements,
+    /// What comes in beside the drives.
+    pub signals: &'a Signals,
     /// What is known.
     pub state: &'a PlatformState,
     /// What is wished, before any limit.

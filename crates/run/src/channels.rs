@@ -1,7 +1,7 @@
 //! A cycle as a row of a recording: its channels grouped in topics, and its exact words for replay.
 
 use omnibase_record::run::RunSchema;
-use omnibase_robot::signals::{CycleRecord, NotARecord, Value, ValueKind};
+use omnibase_robot::signals::{CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind};
 
 use crate::live::{Commander, StickState};
 use omnibase_ethercat::paced::Times;
@@ -70,9 +70,9 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Rows of a robot with so many wheels.
-    pub fn new(wheels: usize, known: Known) -> Self {
-        let channels = CycleRecord::channels(wheels);
+    /// Rows of a robot.
+    pub fn new(layout: &RecordLayout, known: Known) -> Self {
+        let channels = CycleRecord::channels(layout);
         let mut topics: Vec<(String, Vec<usize>)> = Vec::new();
         let split = |name: &str| -> (String, String) {
             let (topic, rest) = name.split_once('.').unwrap_or(("cycle", name));
@@ -91,16 +91,17 @@ impl Rows {
                 topic,
                 members.iter().map(|&number| {
                     let channel = &channels[number];
-                    with_unit(&split(&channel.name).1, channel.unit)
+                    with_unit(&split(&channel.name).1, &channel.unit)
                 }),
             );
         }
-        schema.push("/timing", TIMING);
-        schema.push("/error", ERROR);
-        schema.push("/operator", OPERATOR);
-        schema.push("/bus", BusFigures::CHANNELS);
+        let [timing, error, operator, bus, truth] = TOPICS_BESIDE.map(|topic| format!("/{topic}"));
+        schema.push(&timing, TIMING);
+        schema.push(&error, ERROR);
+        schema.push(&operator, OPERATOR);
+        schema.push(&bus, BusFigures::CHANNELS);
         if known == Known::Truth {
-            schema.push("/truth", TRUTH);
+            schema.push(&truth, TRUTH);
         }
         let order: Vec<usize> = topics.into_iter().flat_map(|(_, members)| members).collect();
         let (row, raw) = (Vec::with_capacity(schema.width()), Vec::with_capacity(8 * order.len()));
@@ -156,9 +157,9 @@ pub fn word(value: Value) -> u64 {
     }
 }
 
-/// The record of a row's exact words, of a robot with so many wheels.
-pub fn record(wheels: usize, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
-    let channels = CycleRecord::channels(wheels);
+/// The record of a row's exact words.
+pub fn record(layout: &RecordLayout, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
+    let channels = CycleRecord::channels(layout);
     if raw.len() != 8 * channels.len() {
         return Err(NotARecord::Channels);
     }
@@ -169,7 +170,7 @@ pub fn record(wheels: usize, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
             ValueKind::U64 => Value::U64(word),
         }
     });
-    CycleRecord::from_values(wheels, &values.collect::<Vec<_>>())
+    CycleRecord::from_values(layout, &values.collect::<Vec<_>>())
 }
 
 /// A name with its unit, in letters, digits and underscores.
@@ -186,9 +187,24 @@ fn with_unit(name: &str, unit: &str) -> String {
         "rad²" => "rad2",
         "m·rad" => "m_rad",
         "kg·m²" => "kg_m2",
-        plain => plain,
+        "%" => "percent",
+        other => return format!("{name}_{}", plain(other)),
     };
     format!("{name}_{unit}")
+}
+
+/// A unit in small letters, digits and underscores.
+fn plain(unit: &str) -> String {
+    let letters = unit.chars().map(|letter| match letter {
+        '°' => "deg".to_owned(),
+        'µ' | 'μ' => "u".to_owned(),
+        'Ω' => "ohm".to_owned(),
+        '²' => "2".to_owned(),
+        '³' => "3".to_owned(),
+        letter if letter.is_ascii_alphanumeric() => letter.to_ascii_lowercase().to_string(),
+        _ => "_".to_owned(),
+    });
+    letters.collect()
 }
 
 #[cfg(test)]
@@ -197,7 +213,7 @@ mod tests {
 
     #[test]
     fn every_channel_has_one_column_with_its_unit() {
-        let mut rows = Rows::new(3, Known::Truth);
+        let mut rows = Rows::new(&RecordLayout::of_wheels(3), Known::Truth);
         let schema = rows.schema().clone();
         for (topic, signal) in [
             ("/state", "pose_x_m"),
@@ -218,7 +234,7 @@ mod tests {
         let (row, raw) = rows.of(&cycle, &CycleExtras::default());
         assert_eq!(row.len(), schema.width());
         assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
-        assert_eq!(record(3, raw), Ok(cycle));
-        assert_eq!(record(4, raw), Err(NotARecord::Channels));
+        assert_eq!(record(&RecordLayout::of_wheels(3), raw), Ok(cycle));
+        assert_eq!(record(&RecordLayout::of_wheels(4), raw), Err(NotARecord::Channels));
     }
 }

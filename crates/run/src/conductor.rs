@@ -139,7 +139,7 @@ impl Conductor {
         if self.part == Part::Tracking && !has_stopped(phase) {
             self.since_stop.begin(last);
         } else {
-            self.since_stop.look(last);
+            self.since_stop.look(last, self.comeback.as_ref());
         }
     }
 
@@ -193,6 +193,11 @@ impl Conductor {
                 if matches!(phase, Phase::Disabled | Phase::Fault) =>
             {
                 self.finished &= phase == Phase::Disabled;
+                match last.answer {
+                    RequestAnswer::StopInput => self.stopped_by = SafetyReason::StopInput,
+                    RequestAnswer::EnableInput => self.stopped_by = SafetyReason::EnableInput,
+                    _ => {}
+                }
                 self.part = Part::LettingGo { until_ns: now_ns + LET_GO_NS };
             }
             Part::LettingGo { until_ns } if now_ns >= until_ns || have_let_go(last) => self.part = Part::Over,
@@ -251,7 +256,9 @@ impl Conductor {
                 return Some(RequestKind::Enable);
             }
             Part::EnablingAgain if phase == Phase::Holding => self.hold(&plan, last),
-            Part::EnablingAgain if phase == Phase::Fault => self.give_up(phase, NOT_ENABLED),
+            Part::EnablingAgain if phase == Phase::Fault || is_forbidden(last) => {
+                self.give_up(phase, NOT_ENABLED);
+            }
             Part::Warning { .. } if phase != Phase::Holding || !is_at_rest(last) => {
                 self.give_up(phase, "something happened while it warned: nothing goes on by itself");
             }
@@ -307,6 +314,11 @@ impl Conductor {
 }
 
 const NOT_ENABLED: &str = "what was lost is back, but its drives can't be enabled: a person goes on";
+
+/// Whether an input forbade what was just asked.
+fn is_forbidden(last: &CycleRecord) -> bool {
+    matches!(last.answer, RequestAnswer::StopInput | RequestAnswer::EnableInput)
+}
 
 /// For how long all exchanges were complete and all wheels stood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

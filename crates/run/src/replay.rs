@@ -101,17 +101,17 @@ pub struct Difference {
 /// Computes a recording again until the first difference.
 pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, ReplayError> {
     let plan = from_description(&run.description, registry).map_err(ReplayError::Robot)?;
-    let wheels = plan.drives.len();
+    let layout = plan.record_layout();
     let mut robot = Robot::build(&plan, registry)?;
     let mut image = ImageBuffer::new(&plan);
     let (mut recorded, mut computed) = (Vec::new(), Vec::new());
     let mut cycles = 0;
     for (row, raw) in run.raw.iter().enumerate() {
-        let cycle = record(wheels, raw).map_err(|error| match error {
+        let cycle = record(&layout, raw).map_err(|error| match error {
             NotARecord::Channels => ReplayError::Words { row, bytes: raw.len() },
             NotARecord::Code { channel, value } => ReplayError::Code {
                 row,
-                channel: CycleRecord::channels(wheels).swap_remove(channel).name,
+                channel: CycleRecord::channels(&layout).swap_remove(channel).name,
                 value: value.as_f64(),
             },
         })?;
@@ -126,7 +126,7 @@ pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, Replay
         cycles += 1;
         let differs = recorded.iter().zip(&computed).position(|(a, b)| word(*a) != word(*b));
         if let Some(number) = differs {
-            let channel = CycleRecord::channels(wheels).swap_remove(number).name;
+            let channel = CycleRecord::channels(&layout).swap_remove(number).name;
             let (recorded, computed) = (recorded[number], computed[number]);
             let difference = Difference { index: cycle.time.index, channel, recorded, computed };
             return Ok(Replayed { cycles, difference: Some(difference) });

@@ -1,11 +1,15 @@
 //! The simulated robot of a plan: what the file says, and the simulator's documented figures for the rest.
 
-use omnibase_ethercat_sim::Segment;
 use omnibase_ethercat_sim::device::drive::{DriveKind, SGDV_PRODUCT, SGDV_VENDOR};
+use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_ethercat_sim::device::servo::Encoder;
+use omnibase_ethercat_sim::{Segment, SubDevice};
 use omnibase_platform::Wheel;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{DrivePlace, DrivePlan, EncoderName, SimulationTable, TurnDirection};
+use omnibase_robot::config::{BusPlace, DrivePlan, EncoderName, SimulationTable, TurnDirection};
+
+mod beside;
+
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
@@ -26,8 +30,37 @@ pub struct SimulationError(pub String);
 
 /// The simulated robot of a plan on a bus of its own, and the truth behind it.
 pub fn segment(plan: &RobotPlan) -> Result<(Segment, SharedMachine), SimulationError> {
-    let robot = RobotSim::new(&description(plan)).map_err(|error| SimulationError(error.to_string()))?;
-    robot.into_line().map_err(|error| SimulationError(error.to_string()))
+    robot(plan).map(|robot| (robot.segment, robot.machine))
+}
+
+/// A simulated robot on a bus of its own.
+pub struct Simulated {
+    /// The bus.
+    pub segment: Segment,
+    /// The truth behind it.
+    pub machine: SharedMachine,
+    /// The terminals of the SubDevices without a wheel, in the order of the robot's file: inputs to set, outputs to look
+    /// at.
+    pub panels: Vec<IoPanel>,
+}
+
+/// As [`segment`], with a hand on the terminals.
+pub fn robot(plan: &RobotPlan) -> Result<Simulated, SimulationError> {
+    let in_words = |error: &dyn std::fmt::Display| SimulationError(error.to_string());
+    let RobotSim { sub_devices, machine } =
+        RobotSim::new(&description(plan)).map_err(|error| in_words(&error))?;
+    let mut places: Vec<(u32, SubDevice)> =
+        order(plan).into_iter().map(|wheel| sort_key(plan.drives[wheel].place)).zip(sub_devices).collect();
+    let mut panels = Vec::new();
+    for (number, device) in plan.devices.iter().enumerate() {
+        let generic = beside::terminal(device, number).map_err(|error| in_words(&error))?;
+        panels.push(generic.panel);
+        places.push((sort_key(device.place), generic.sub_device));
+    }
+    places.sort_by_key(|(place, _)| *place);
+    let line = places.into_iter().map(|(_, sub_device)| sub_device).collect();
+    let segment = Segment::line(line).map_err(|error| in_words(&error))?;
+    Ok(Simulated { segment, machine, panels })
 }
 
 /// What a plan says about its simulated robot.
@@ -111,13 +144,22 @@ fn motor(table: &SimulationTable, drive: &DrivePlan) -> MotorParameters {
     }
 }
 
-/// The drives in the order of their positions; those known by alias stand behind them.
-fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
+/// Positions in their order; those known by alias stand behind them.
+fn sort_key(place: BusPlace) -> u32 {
+    match place {
+        BusPlace::Position(position) => u32::from(position),
+        BusPlace::Alias(_) => u32::MAX,
+    }
+}
+
+/// The wheels in the order of their drives on the bus.
+fn order(plan: &RobotPlan) -> Vec<usize> {
     let mut order: Vec<usize> = (0..plan.drives.len()).collect();
-    order.sort_by_key(|&wheel| match plan.drives[wheel].place {
-        DrivePlace::Position(position) => u32::from(position),
-        DrivePlace::Alias(_) => u32::MAX,
-    });
+    order.sort_by_key(|&wheel| sort_key(plan.drives[wheel].place));
+    order
+}
+
+fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
     let station = |wheel: usize| {
         let drive = &plan.drives[wheel];
         let is_sgdv = (drive.identity.vendor_id, drive.identity.product_code)
@@ -129,12 +171,12 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
             EncoderName::Absolute => Encoder::Absolute,
         };
         station.counts_per_revolution = drive.scale.counts_per_revolution;
-        if let DrivePlace::Alias(alias) = drive.place {
+        if let BusPlace::Alias(alias) = drive.place {
             station.piece.alias = alias;
         }
         station
     };
-    order.into_iter().map(station).collect()
+    order(plan).into_iter().map(station).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use omnibase_robot::signals::SafetyReason;
+use omnibase_robot::Registry;
+use omnibase_robot::signals::{RecordLayout, SafetyReason};
+use omnibase_run::RobotText;
 use omnibase_run::channels::{Known, Rows};
 
 fn page() -> String {
@@ -23,11 +25,28 @@ fn told(page: &str, topic: &str) -> BTreeSet<String> {
 #[test]
 fn every_signal_stands_in_the_manual_and_no_other() {
     let page = page();
-    let rows = Rows::new(1, Known::Truth);
+    let rows = Rows::new(&RecordLayout::of_wheels(1), Known::Truth);
     for topic in &rows.schema().topics {
         let recorded: BTreeSet<String> = topic.signals.iter().map(|signal| signal.name.clone()).collect();
         assert_eq!(told(&page, &topic.name), recorded, "docs/recording.md on {}", topic.name);
     }
+}
+
+#[test]
+fn what_is_recorded_of_terminals_stands_in_the_manual() {
+    let text = include_str!("../../../robots/bmm_io.toml").into();
+    let robot = RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap();
+    let rows = Rows::new(&robot.plan.record_layout(), Known::BeliefAlone);
+    let of = |topic: &str| -> BTreeSet<String> {
+        let topic = rows.schema().topics.iter().find(|one| one.name == topic).expect("its topic");
+        topic.signals.iter().map(|signal| signal.name.clone()).collect()
+    };
+    let mut told = told(&page(), "/device");
+    // Seven bytes of inputs.
+    assert!(told.remove("input_1"));
+    assert_eq!(told, of("/device"));
+    assert_eq!(of("/supply"), ["age_s", "voltage_v"].map(str::to_owned).into());
+    assert_eq!(of("/lamps"), ["age_s", "green", "red", "horn"].map(str::to_owned).into());
 }
 
 #[test]

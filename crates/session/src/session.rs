@@ -1,12 +1,13 @@
 //! The bus of a robot: from what is plugged in to OP, one exchange a cycle at the pace of clocks, and back to INIT.
 
+mod beside;
 mod error;
 
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use crate::supervision::{BusFigures, DatagramFigures, SubDeviceFigures, Supervisor};
+use crate::supervision::{BusFigures, DatagramFigures, Role, SubDeviceFigures, Supervisor};
 use crate::words::Words;
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::cyclic::{
@@ -19,8 +20,8 @@ use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError, register};
-use omnibase_ethercat::{Bus, BusOptions, Match, ProcessImage as BusImage, SetUpError};
-use omnibase_robot::config::{BusPlan, ClockSource, DrivePlace, DriveWatchdog, Synchronisation};
+use omnibase_ethercat::{Bus, BusOptions, ProcessImage as BusImage, SetUpError};
+use omnibase_robot::config::{BusPlace, BusPlan, ClockSource, DriveWatchdog, Synchronisation};
 use omnibase_robot::signals::DriveMeasurement;
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
@@ -38,10 +39,12 @@ pub struct Session<L: Link, C: Clock> {
     counted_before: CycleCounters,
 }
 
-/// The process data of the wheels, and who looks after their SubDevices.
+/// The process data of the wheels and of what is beside them, and who looks after their SubDevices.
 struct Wheels {
     image: BusImage,
     wiring: Vec<Wires>,
+    /// Of the SubDevices without a wheel.
+    beside: Vec<Wires>,
     supervisor: Supervisor,
 }
 
@@ -50,35 +53,53 @@ impl Wheels {
         &mut self,
         paced: &mut PacedBus<L, C>,
     ) -> Result<(Exchange, Times), LinkError> {
-        let Wheels { image, wiring, supervisor } = self;
-        let were_away = supervisor.away_wheels();
+        let Wheels { image, wiring, beside, supervisor } = self;
+        let were_away = Away::now(supervisor);
         // Whoever is away mustn't find an old command when it comes back: all zero disables a drive.
-        for wires in wiring.iter().filter(|wires| supervisor.is_away(wires.position)) {
+        for wires in wiring.iter().chain(&*beside).filter(|wires| supervisor.is_away(wires.position)) {
             image.outputs[wires.outputs.clone()].fill(0);
         }
         let (exchange, times) = paced.exchange_and(image, |bus, deadline| supervisor.after(bus, deadline))?;
         Ok((self.robot_exchange(exchange, were_away), times))
     }
 
-    /// What became of an exchange, as the robot needs to know it; of some wheels nobody was heard when it began.
-    fn robot_exchange(&mut self, exchange: BusExchange, were_away: u16) -> Exchange {
+    /// What became of an exchange, as the robot needs to know it; of some SubDevices nothing was heard when it began.
+    fn robot_exchange(&mut self, exchange: BusExchange, were_away: Away) -> Exchange {
         // Whoever is on its way back already answers, but its way isn't over. Whoever was away when the frame left had
         // its inputs left as they were, even if it is well by now.
-        let wheels = were_away | self.supervisor.away_wheels();
+        let are_away = Away::now(&self.supervisor);
+        let Away { wheels, devices } = were_away.or(are_away);
         match exchange {
-            BusExchange::Complete if self.supervisor.away_wheels() != 0 => Exchange::Without { wheels },
+            BusExchange::Complete if are_away != Away::default() => Exchange::Without { wheels, devices },
             BusExchange::Complete => match self.supervisor.take_restarted() {
                 0 => Exchange::Complete,
                 wheels => Exchange::Restarted { wheels },
             },
             BusExchange::Lost { .. } => Exchange::Lost,
             BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
-            BusExchange::Without { .. } => Exchange::Without { wheels },
+            BusExchange::Without { .. } => Exchange::Without { wheels, devices },
         }
     }
 }
 
-/// Where one wheel's process data stand.
+/// Who is away: bit n for the n-th.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Away {
+    wheels: u16,
+    devices: u16,
+}
+
+impl Away {
+    fn now(supervisor: &Supervisor) -> Self {
+        Away { wheels: supervisor.away_wheels(), devices: supervisor.away_devices() }
+    }
+
+    fn or(self, other: Away) -> Self {
+        Away { wheels: self.wheels | other.wheels, devices: self.devices | other.devices }
+    }
+}
+
+/// Where one SubDevice's process data stand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Wires {
     /// Position of the SubDevice.
@@ -98,10 +119,21 @@ impl ProcessImage for Wheels {
             None => &mut [],
         }
     }
+
+    fn device_inputs(&self, device: usize) -> &[u8] {
+        self.beside.get(device).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
+    }
+
+    fn device_outputs(&mut self, device: usize) -> &mut [u8] {
+        match self.beside.get(device) {
+            Some(wires) => &mut self.image.outputs[wires.outputs.clone()],
+            None => &mut [],
+        }
+    }
 }
 
 impl<L: Link, C: Clock> Session<L, C> {
-    /// Finds the drives, compares them with the plan and configures them; they are in PRE-OP then.
+    /// Finds the SubDevices, compares them with the plan and configures them; they are in PRE-OP then.
     ///
     /// `warn` is told what a person should know of the segment.
     pub fn prepare(
@@ -112,23 +144,34 @@ impl<L: Link, C: Clock> Session<L, C> {
     ) -> Result<Self, SessionError> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan()?;
-        let configs: Vec<_> = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus)).collect();
+        let drives = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus));
+        let found = bus.subdevices();
+        let beside = plan.devices.iter().map(|device| beside::config(device, &plan.bus, found));
+        let configs: Vec<_> = drives.chain(beside).collect();
         let configured = bus.configure(&configs);
         bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
-        configured?;
+        configured.map_err(beside::unnamed)?;
+        for device in &plan.devices {
+            beside::check_maps(device, bus.subdevices())?;
+        }
         check_watchdogs(&mut bus, plan)?;
         let direction = match plan.bus.clock_source {
             ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
             ClockSource::Host => ClockDirection::DcFollowsHost,
         };
         let Handover { bus, clock, subdevices } = bus.into_cyclic(direction)?;
-        let wiring = wire(plan, &bus, &subdevices)?;
+        let (wiring, beside) = wire(plan, &bus, &subdevices)?;
         let image = bus.plan().image();
         let paced = PacedBus::new(bus, clock, pace(&plan.bus));
-        let wheel_of =
-            |one: &SubDevice| wiring.iter().position(|wires: &Wires| wires.position == one.position);
-        let supervisor = Supervisor::new(subdevices, plan.safety.lost_exchanges_tolerated, wheel_of);
-        let wheels = Wheels { image, wiring, supervisor };
+        let place =
+            |all: &[Wires], one: &SubDevice| all.iter().position(|wires| wires.position == one.position);
+        let role_of = |one: &SubDevice| match (place(&wiring, one), place(&beside, one)) {
+            (Some(wheel), _) => Role::Wheel(wheel),
+            (None, Some(device)) => Role::Device(device),
+            (None, None) => Role::Nobody,
+        };
+        let supervisor = Supervisor::new(subdevices, plan.safety.lost_exchanges_tolerated, role_of);
+        let wheels = Wheels { image, wiring, beside, supervisor };
         Ok(Session { paced, wheels, counted_before: CycleCounters::default() })
     }
 
@@ -273,13 +316,14 @@ impl<L: Link, C: Clock> Session<L, C> {
     }
 }
 
-/// Reads back what decides whether the wheels stop when this program dies.
+/// Reads back what decides whether the wheels stop, and outputs go safe, when this program dies.
 fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) -> Result<(), SessionError> {
     let expected =
         WatchdogRegisters { divider: DriveWatchdog::DIVIDER, process_data: plan.bus.drive_watchdog.steps };
-    let positions: Vec<u16> = bus.subdevices().iter().map(|one| one.position).collect();
+    let watched = bus.subdevices().iter().filter(|one| one.config.watchdogs.process_data.is_some());
+    let positions: Vec<u16> = watched.map(|one| one.position).collect();
     for position in positions {
-        let drive = bus.subdevice(position)?.config.name.clone().unwrap_or_default();
+        let name = bus.subdevice(position)?.config.name.clone().unwrap_or_default();
         let mut read = |what, register| {
             let access = bus.transactor().perform_one(Access::read_at(what, position, register, 2))?;
             Ok::<u16, SetUpError>(access.data.iter().rev().fold(0, |word, byte| word << 8 | u16::from(*byte)))
@@ -289,7 +333,7 @@ fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) -> 
             process_data: read("the process-data watchdog", register::WATCHDOG_PROCESS_DATA)?,
         };
         if found != expected {
-            return Err(SessionError::Watchdog { drive, position, expected, found });
+            return Err(SessionError::Watchdog { name, position, expected, found });
         }
     }
     Ok(())
@@ -318,31 +362,44 @@ pub fn input_age_ns(bus: &BusPlan) -> u64 {
     }
 }
 
-fn wire<L>(plan: &RobotPlan, bus: &CyclicBus<L>, subdevices: &[SubDevice]) -> Result<Vec<Wires>, SessionError>
+/// Where the process data of the wheels stand, and of what is beside them.
+fn wire<L>(
+    plan: &RobotPlan,
+    bus: &CyclicBus<L>,
+    subdevices: &[SubDevice],
+) -> Result<(Vec<Wires>, Vec<Wires>), SessionError>
 where
     L: Link,
 {
-    let wires = plan.drives.iter().map(|drive| {
-        let place = match drive.place {
-            DrivePlace::Position(position) => Match::Position(position),
-            DrivePlace::Alias(alias) => Match::Alias(alias),
-        };
-        let found = subdevices.iter().find(|one| one.config.place == Some(place));
+    let wires = |name: &str, place: BusPlace, inputs: usize, outputs: usize| {
+        let found = beside::found(place, subdevices);
         let placements = found.map_or(&[][..], |one| bus.plan().placements_of(one.position));
-        let bytes = |direction: Direction, name, expected: usize| {
+        let bytes = |direction: Direction, words, expected: usize| {
             let placement = placements.iter().find(|placement| placement.direction == direction);
             let range = placement.map_or(0..0, |placement| placement.bytes());
-            if range.len() == expected {
-                return Ok(range);
+            // What nobody reads or writes has any length.
+            match expected {
+                0 => Ok(0..0),
+                _ if range.len() == expected => Ok(range),
+                _ => Err(SessionError::Length {
+                    name: name.to_owned(),
+                    direction: words,
+                    expected,
+                    found: range.len(),
+                }),
             }
-            let drive = drive.name.clone();
-            Err(SessionError::Length { drive, direction: name, expected, found: range.len() })
         };
         Ok(Wires {
             position: found.map_or(u16::MAX, |one| one.position),
-            inputs: bytes(Direction::Inputs, "inputs", drive.input_bytes())?,
-            outputs: bytes(Direction::Outputs, "outputs", drive.output_bytes())?,
+            inputs: bytes(Direction::Inputs, "inputs", inputs)?,
+            outputs: bytes(Direction::Outputs, "outputs", outputs)?,
         })
-    });
-    wires.collect()
+    };
+    let drives = plan.drives.iter();
+    let drives =
+        drives.map(|drive| wires(&drive.name, drive.place, drive.input_bytes(), drive.output_bytes()));
+    let beside = plan.devices.iter();
+    let beside =
+        beside.map(|device| wires(&device.name, device.place, device.input_bytes(), device.output_bytes()));
+    Ok((drives.collect::<Result<_, _>>()?, beside.collect::<Result<_, SessionError>>()?))
 }

@@ -17,7 +17,7 @@ use omnibase_ethercat::cyclic::{
 };
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
-use omnibase_robot::signals::{DriveMeasurement, MAX_WHEELS};
+use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES, MAX_WHEELS};
 
 use crate::words::Words;
 
@@ -52,12 +52,25 @@ enum RecoveryState {
     Waiting { until: HostTime },
 }
 
+/// What a SubDevice is to the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The drive of a wheel.
+    Wheel(usize),
+    /// A SubDevice without a wheel, by its place in the robot's file.
+    Device(usize),
+    /// Nothing.
+    Nobody,
+}
+
 /// One SubDevice.
 #[derive(Debug)]
 struct Supervised {
     subdevice: SubDevice,
     /// Its wheel, where it has one.
     wheel: Option<usize>,
+    /// Its place among the SubDevices without a wheel, where it is one.
+    device: Option<usize>,
     health: Health,
     way: RecoveryState,
     since: HostTime,
@@ -104,15 +117,11 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// A supervisor of what set-up found; `wheel_of` tells which wheel a SubDevice drives.
+    /// A supervisor of what set-up found; `role_of` tells what a SubDevice is to the robot.
     ///
     /// Who is silent in up to `tolerated` exchanges in a row is named, but neither are its outputs taken from it nor is it
     /// brought back.
-    pub fn new(
-        subdevices: Vec<SubDevice>,
-        tolerated: u32,
-        wheel_of: impl Fn(&SubDevice) -> Option<usize>,
-    ) -> Self {
+    pub fn new(subdevices: Vec<SubDevice>, tolerated: u32, role_of: impl Fn(&SubDevice) -> Role) -> Self {
         let supervised = |subdevice: SubDevice| {
             let position = subdevice.position;
             let name = match (&subdevice.config.name, subdevice.name.as_str()) {
@@ -120,8 +129,16 @@ impl Supervisor {
                 (None, "") => format!("SubDevice {position}"),
                 (None, name) => format!("SubDevice {position} ({name})"),
             };
+            let role = role_of(&subdevice);
             Supervised {
-                wheel: wheel_of(&subdevice).filter(|wheel| *wheel < MAX_WHEELS),
+                wheel: match role {
+                    Role::Wheel(wheel) if wheel < MAX_WHEELS => Some(wheel),
+                    _ => None,
+                },
+                device: match role {
+                    Role::Device(device) if device < MAX_DEVICES => Some(device),
+                    _ => None,
+                },
                 subdevice,
                 health: Health::Well,
                 way: RecoveryState::None,
@@ -434,6 +451,12 @@ impl Supervisor {
     pub fn away_wheels(&self) -> u16 {
         let away = self.all.iter().filter(|one| one.is_away()).filter_map(|one| one.wheel);
         away.fold(0, |wheels, wheel| wheels | 1 << wheel)
+    }
+
+    /// The same of SubDevices without a wheel; bit n for the n-th of the robot's file.
+    pub fn away_devices(&self) -> u16 {
+        let away = self.all.iter().filter(|one| one.is_away()).filter_map(|one| one.device);
+        away.fold(0, |devices, device| devices | 1 << device)
     }
 
     /// Wheels whose drives started anew since this was last asked; bit n for wheel n.

@@ -69,18 +69,76 @@ pub fn digital_io(bits: DigitalIo, piece: &Piece) -> Result<Generic, ImageTooSho
     }
     let name = format!("Digital I/O {inputs}+{outputs}");
     let product = DIGITAL_IO_PRODUCT | u32::from(inputs) << 8 | u32::from(outputs);
+    from_pdos(&name, identity(product, piece), &process_data, &pdos, piece)
+}
+
+/// An input and output terminal without a mailbox: its PDOs are what they are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Terminal {
+    /// Its name.
+    pub name: String,
+    /// Vendor.
+    pub vendor_id: u32,
+    /// Product.
+    pub product_code: u32,
+    /// Revision.
+    pub revision: u32,
+    /// PDOs that the MainDevice writes.
+    pub outputs: Vec<PdoMap>,
+    /// PDOs that the MainDevice reads.
+    pub inputs: Vec<PdoMap>,
+}
+
+/// Most bytes of a terminal's direction.
+const TERMINAL_BYTES: u16 = 128;
+
+/// A terminal with these PDOs; one without any has no process data.
+pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooShort> {
+    let Terminal { name, vendor_id, product_code, revision, outputs, inputs } = terminal;
+    let mut process_data = Vec::new();
+    for (direction, pdos, start, control) in
+        [(Direction::Outputs, outputs, 0x1000, 0x64), (Direction::Inputs, inputs, 0x1800, 0x20)]
+    {
+        if !pdos.is_empty() {
+            let number = process_data.len() as u8;
+            process_data.push(ProcessSyncManager {
+                number,
+                direction,
+                start,
+                control,
+                max_bytes: TERMINAL_BYTES,
+            });
+        }
+    }
+    let pdos: Vec<PdoMap> = outputs.iter().chain(inputs).cloned().collect();
+    let identity = Identity {
+        vendor_id: *vendor_id,
+        product_code: *product_code,
+        revision: *revision,
+        serial: piece.serial,
+    };
+    from_pdos(name, identity, &process_data, &pdos, piece)
+}
+
+fn from_pdos(
+    name: &str,
+    identity: Identity,
+    process_data: &[ProcessSyncManager],
+    pdos: &[PdoMap],
+    piece: &Piece,
+) -> Result<Generic, ImageTooShort> {
     let sii = emit(&ImagePlan {
         pdi_control: PDI_DIGITAL_IO,
-        identity: identity(product, piece),
+        identity,
         alias: piece.alias,
         group: "Digital I/O",
-        order: &name,
-        name: &name,
+        order: name,
+        name,
         ports: PORT_EBUS | PORT_EBUS << 4,
         flags: 0,
         mailbox: None,
-        process_data: &process_data,
-        pdos: &pdos,
+        process_data,
+        pdos,
         dictionary: None,
         dc_modes: &[],
     });

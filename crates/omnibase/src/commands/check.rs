@@ -3,7 +3,7 @@
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_robot::config::{
-    AvoidanceKind, ComebackEnd, DrivePlace, DrivePlan, FootprintSource, Limits, PdoPlan, SafetyPlan,
+    AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, Limits, PdoPlan, SafetyPlan,
     TorqueLimit, TorqueLimitTold,
 };
 use omnibase_robot::signals::{SafetyAction, StopCategory};
@@ -109,10 +109,10 @@ fn problem_json(problem: &Problem) -> Value {
     })
 }
 
-fn place(drive: &DrivePlan) -> String {
-    match drive.place {
-        DrivePlace::Position(position) => format!("position {position}"),
-        DrivePlace::Alias(alias) => format!("alias {alias}"),
+fn bus_place(place: BusPlace) -> String {
+    match place {
+        BusPlace::Position(position) => format!("position {position}"),
+        BusPlace::Alias(alias) => format!("alias {alias}"),
     }
 }
 
@@ -161,6 +161,9 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         wheel_torque_stop,
         wheel_torque_margin_nm,
         wheel_torque_time_ns,
+        enable_input,
+        stop_input,
+        input_stop,
     } = &plan.safety;
     let margin = wheel_torque_margin_nm.map_or("the default margin".to_owned(), |nm| format!("{nm} N·m"));
     let ms = |ns: u64| format!("{} ms", ns / 1_000_000);
@@ -168,6 +171,11 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         StopCategory::RemoveTorque => "category 0: torque removed",
         StopCategory::RampThenRemove => "category 1: ramp, then torque removed",
         StopCategory::RampAndHold => "category 2: ramp, then hold",
+    };
+    let inputs = plan.signals().inputs;
+    let input = |place: &Option<usize>| match place.and_then(|place| inputs.get(place)) {
+        Some(signal) => format!("{}; {}", signal.name, then(input_stop)),
+        None => "none".to_owned(),
     };
     let lost = match lost_device_stop {
         SafetyAction::Stop(category) => then(category),
@@ -210,6 +218,8 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
             format!("{} above for {}; {}", margin, ms(*wheel_torque_time_ns), then(wheel_torque_stop)),
         ),
         ("fence_stop", then(fence_stop).to_owned()),
+        ("enable_input", input(enable_input)),
+        ("stop_input", input(stop_input)),
         ("fence", fence),
         ("avoidance", kind),
     ];
@@ -276,7 +286,7 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             degrees(wheel.rolling_direction),
             degrees(wheel.force_direction),
             wheel.radius_m,
-            place(drive),
+            bus_place(drive.place),
             drive.device
         )?;
     }
@@ -304,6 +314,7 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             writeln!(output, "    {name:<4}{bytes:>3} bytes  {}", list.join(" "))?;
         }
     }
+    print_devices(plan, output)?;
     writeln!(output, "\nlimits")?;
     for (name, value, unit) in limits(&plan.limits) {
         writeln!(output, "  {name:<20} {value:>8} {unit}")?;
@@ -311,6 +322,27 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     writeln!(output, "\nsafety")?;
     for (name, value) in safety(plan) {
         writeln!(output, "  {name:<20} {value}")?;
+    }
+    Ok(())
+}
+
+/// The SubDevices without a wheel and their signals; nothing where there are none.
+fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    if !plan.devices.is_empty() {
+        writeln!(output, "\nother SubDevices, and their signals")?;
+    }
+    let at = |coding: &Option<Coding>| {
+        coding.map_or_else(String::new, |coding| format!("@{}", position(coding.bit, coding.bits)))
+    };
+    for device in &plan.devices {
+        writeln!(output, "  {}: {}, {}", device.name, device.kind, bus_place(device.place))?;
+        for input in &device.input {
+            writeln!(output, "    in  {}.{}{} {}", device.name, input.name, at(&input.coding), input.unit)?;
+        }
+        for one in &device.output {
+            let (at, stop) = (at(&one.coding), one.on_stop);
+            writeln!(output, "    out {}.{}{at} {}; {stop} at a stop", device.name, one.name, one.unit)?;
+        }
     }
     Ok(())
 }
@@ -336,7 +368,7 @@ fn plan_json(plan: &RobotPlan) -> Value {
             "rolling_direction": wheel.rolling_direction,
             "force_direction": wheel.force_direction,
             "radius_m": wheel.radius_m,
-            "place": place(drive),
+            "place": bus_place(drive.place),
             "device": drive.device,
             "outputs": { "bytes": drive.output_bytes(), "objects": image(&drive.outputs) },
             "inputs": { "bytes": drive.input_bytes(), "objects": image(&drive.inputs) },
@@ -346,12 +378,22 @@ fn plan_json(plan: &RobotPlan) -> Value {
         .into_iter()
         .map(|(name, value, unit)| (name.to_owned(), json!({ "value": value, "unit": unit })))
         .collect();
+    let devices = plan.devices.iter().map(|device| {
+        json!({
+            "name": device.name,
+            "kind": device.kind,
+            "place": bus_place(device.place),
+            "inputs": device.input.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
+            "outputs": device.output.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
+        })
+    });
     json!({
         "problems": [],
         "robot": plan.name,
         "cycle_us": plan.bus.cycle_ns / 1000,
         "controllers": plan.controllers().collect::<Vec<_>>(),
         "wheels": wheels.collect::<Vec<_>>(),
+        "devices": devices.collect::<Vec<_>>(),
         "limits": limits,
         "safety": safety(plan).into_iter().map(|(name, value)| json!([name, value])).collect::<Vec<_>>(),
     })

@@ -240,7 +240,7 @@ impl Arguments {
         if mcap.is_none() && self.columns.is_none() {
             return Ok(None);
         }
-        let rows = Rows::new(robot.plan.drives.len(), known);
+        let rows = Rows::new(&robot.plan.record_layout(), known);
         let mut description = omnibase_run::describe::description(robot);
         description.extend(page::first_words());
         let files = RunFiles { mcap, columns: self.columns.clone(), description };

@@ -1,10 +1,7 @@
 //! The drives: defaults, the device's own defaults, identities, PDO maps, parameters, and their places on the bus.
 
-use std::collections::HashMap;
-
-use omnibase_ethercat::start_up::ReadBack;
-
 use super::kind_keys::Given;
+use super::subdevices::{self, parameter};
 use super::{Check, ReadFile, torque_limit};
 use crate::config::find_object as find;
 use crate::config::*;
@@ -29,7 +26,6 @@ pub(super) fn resolve(
         problem.value = Some(format!("{} drives", drives.len()));
         problem.limit = Some(format!("3 to {MAX_WHEELS}"));
     }
-    duplicates(check, drives);
     let shared = Given::of(defaults);
     let name = |drive: &DriveTable| drive.device.clone().or(defaults.device.clone());
     let kinds: Vec<&Kind> = drives
@@ -44,26 +40,6 @@ pub(super) fn resolve(
         .map(|(index, own)| Drive { check, index, own, defaults }.resolve(registry, &shared, read_file))
         .collect();
     resolved.into_iter().collect()
-}
-
-fn duplicates(check: &mut Check, drives: &[DriveTable]) {
-    let mut first = HashMap::new();
-    for (index, drive) in drives.iter().enumerate() {
-        let claims = [
-            drive.position.map(|position| ("position", position.to_string())),
-            drive.alias.map(|alias| ("alias", alias.to_string())),
-            drive.name.as_ref().map(|name| ("name", format!("\"{name}\""))),
-        ];
-        for (key, value) in claims.into_iter().flatten() {
-            if let Some(other) = first.insert((key, value.clone()), index) {
-                let setting = format!("drive[{index}].{key}");
-                let line =
-                    check.locations.place(&format!("drive[{other}].{key}")).map_or(0, |place| place.line);
-                let reason = format!("drive[{other}] has the same {key} (line {line})");
-                check.report(ProblemKind::Duplicate, &setting, reason).value = Some(value);
-            }
-        }
-    }
 }
 
 struct Drive<'a> {
@@ -90,7 +66,8 @@ impl Drive<'_> {
 
     fn resolve(mut self, registry: &Registry, shared: &Given, read_file: ReadFile<'_>) -> Option<DrivePlan> {
         let name = self.own.name.clone().unwrap_or_else(|| format!("wheel_{}", self.index + 1));
-        let place = self.place();
+        let table = format!("drive[{}]", self.index);
+        let place = subdevices::place(self.check, &table, self.own.position, self.own.alias, "a drive");
         let (device, device_setting) = self.pick("device", |table| &table.device);
         let kinds = &registry.devices;
         let (kind, MakeDevice { defaults, .. }) =
@@ -142,38 +119,10 @@ impl Drive<'_> {
         self.check.nobody_reads(&[kind], &own, sort, &format!("drive[{index}]"));
     }
 
-    fn place(&mut self) -> Option<DrivePlace> {
-        let setting = self.setting("position", true);
-        match (self.own.position, self.own.alias) {
-            (Some(position), None) => Some(DrivePlace::Position(position)),
-            (None, Some(alias)) => Some(DrivePlace::Alias(alias)),
-            (Some(_), Some(_)) => {
-                self.check.report(
-                    ProblemKind::Contradiction,
-                    &setting,
-                    "give `position` or `alias`, not both",
-                );
-                None
-            }
-            (None, None) => {
-                self.check.need(None, &setting, "a drive is found by its `position` or its `alias`")
-            }
-        }
-    }
-
     fn identity(&mut self, device: &DeviceDefaults) -> Identity {
         let mut number = |key: &str, get: fn(&DriveTable) -> &Option<String>, default: Option<u32>| {
             let (Some(text), setting) = self.pick(key, get) else { return default };
-            let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
-                Some(digits) => u32::from_str_radix(digits, 16),
-                None => text.parse(),
-            };
-            if number.is_err() {
-                let problem = self.check.report(ProblemKind::WrongType, &setting, "not a number of 32 bits");
-                problem.value = Some(format!("\"{text}\""));
-                problem.limit = Some("such as \"0x539\" or \"1337\"".into());
-            }
-            number.ok()
+            subdevices::identity_number(self.check, &setting, &text)
         };
         Identity {
             vendor_id: number("vendor_id", |table| &table.vendor_id, device.identity.vendor_id),
@@ -189,40 +138,8 @@ impl Drive<'_> {
         default: &[PdoPlan],
     ) -> Option<Vec<PdoPlan>> {
         let (Some(tables), setting) = self.pick(key, get) else { return Some(default.to_vec()) };
-        let (low, high) = if key == "outputs" { (0x1600, 0x17FF) } else { (0x1A00, 0x1BFF) };
-        let mut pdos = Some(Vec::new());
-        for (index, table) in tables.iter().enumerate() {
-            let setting = format!("{setting}[{index}]");
-            let why = "a PDO has an index and a map";
-            let name = self.check.need(table.pdo.as_ref(), &format!("{setting}.pdo"), why);
-            let map = self.check.need(table.map.as_ref(), &format!("{setting}.map"), why);
-            let pdo = name.and_then(|name| match parse_object(name) {
-                Ok((index @ 0x1600..=0x1BFF, 0)) if (low..=high).contains(&index) => Some(index),
-                _ => {
-                    let problem = self.check.report(
-                        ProblemKind::OutOfRange,
-                        &format!("{setting}.pdo"),
-                        "not a PDO index for this direction",
-                    );
-                    problem.value = Some(format!("\"{name}\""));
-                    problem.limit = Some(format!("0x{low:04X} to 0x{high:04X}"));
-                    None
-                }
-            });
-            let entries = map.and_then(|map| match parse_map(map) {
-                Ok(entries) => Some(entries),
-                Err(error) => {
-                    self.check.report(ProblemKind::WrongType, &format!("{setting}.map"), error).value =
-                        Some(format!("\"{map}\""));
-                    None
-                }
-            });
-            match (pdo, entries, &mut pdos) {
-                (Some(index), Some(entries), Some(pdos)) => pdos.push(PdoPlan { index, entries }),
-                _ => pdos = None,
-            }
-        }
-        pdos
+        let bounds = if key == "outputs" { subdevices::OUTPUT_PDOS } else { subdevices::INPUT_PDOS };
+        subdevices::pdos(self.check, &setting, &tables, bounds)
     }
 
     fn required_objects(&mut self, outputs: &Option<Vec<PdoPlan>>, inputs: &Option<Vec<PdoPlan>>) {
@@ -327,49 +244,4 @@ impl Drive<'_> {
 /// Whether an object lies whole and at a byte in the process data.
 pub(super) fn is_mapped(pdos: &[PdoPlan], object: u16, bits: u8) -> bool {
     find(pdos, object, 0).is_some_and(|(bit, length)| length == bits && bit % 8 == 0)
-}
-
-fn parameter(check: &mut Check, table: &ParameterTable, setting: &str) -> Option<ParameterPlan> {
-    let why = "a parameter has object, type and value";
-    let object = check.need(table.object.as_ref(), &format!("{setting}.object"), why);
-    let kind = check.need(table.kind, &format!("{setting}.type"), why);
-    let value = check.need(table.value, &format!("{setting}.value"), why);
-    let object = object.and_then(|text| match parse_object(text) {
-        Ok(object) => Some(object),
-        Err(error) => {
-            check.report(ProblemKind::WrongType, &format!("{setting}.object"), error);
-            None
-        }
-    });
-    let (kind, value, (index, subindex)) = (kind?, value?, object?);
-    let (bytes, low, high) = match kind {
-        ParameterType::I8 => (1, i64::from(i8::MIN), i64::from(i8::MAX)),
-        ParameterType::I16 => (2, i64::from(i16::MIN), i64::from(i16::MAX)),
-        ParameterType::I32 => (4, i64::from(i32::MIN), i64::from(i32::MAX)),
-        ParameterType::U8 => (1, 0, i64::from(u8::MAX)),
-        ParameterType::U16 => (2, 0, i64::from(u16::MAX)),
-        ParameterType::U32 => (4, 0, i64::from(u32::MAX)),
-    };
-    if !(low..=high).contains(&value) {
-        let reason = "the value doesn't fit its type";
-        let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.value"), reason);
-        problem.value = Some(value.to_string());
-        problem.limit = Some(format!("{low} to {high}"));
-        return None;
-    }
-    let place = check.locations.place(&format!("{setting}.object"));
-    let origin = place.map_or_else(String::new, |place| match place.file {
-        Some(file) => format!("{file} line {}", place.line),
-        None => format!("line {}", place.line),
-    });
-    Some(ParameterPlan {
-        index,
-        subindex,
-        data: value.to_le_bytes()[..bytes].to_vec(),
-        read_back: match table.read_back.unwrap_or(ReadBackChoice::Compare) {
-            ReadBackChoice::Compare => ReadBack::Compare,
-            ReadBackChoice::Skip => ReadBack::Skip,
-        },
-        origin,
-    })
 }

@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
+use super::device_tables::DeviceTable;
 use super::drive_tables::DriveTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
@@ -48,6 +49,8 @@ pub struct RobotFile {
     pub drive_defaults: DriveTable,
     /// The drives, wheel by wheel.
     pub drive: Vec<DriveTable>,
+    /// The SubDevices that drive no wheel.
+    pub device: Vec<DeviceTable>,
     /// Wheels and where they stand.
     pub platform: PlatformTable,
     /// Limits of the platform and its wheels; without all of them the drives aren't enabled.
@@ -454,6 +457,13 @@ pub struct SafetyTable {
     /// For how long a measured torque may lie further above than that, ms; time below counts back; default: 50.
     #[schemars(range(min = 1, max = 10_000))]
     pub wheel_torque_time_ms: Option<u32>,
+    /// An input, as `"buttons.3"`, that must be there and not 0: without it nothing is enabled, and what is enabled
+    /// stops; default: none.
+    pub enable_input: Option<String>,
+    /// An input, as `"buttons.4"`, that stops where it isn't 0, or isn't there; default: none.
+    pub stop_input: Option<String>,
+    /// What these two lead to, `category_0` or `category_1`; default: `category_1`.
+    pub input_stop: Option<StopName>,
 }
 
 /// What the loss of a SubDevice leads to.

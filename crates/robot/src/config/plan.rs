@@ -6,6 +6,7 @@ use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
+use super::device_plan::{DevicePlan, signal_layout};
 use super::drive_tables::EncoderName;
 use super::drive_tables::{SpeedUnit, TurnDirection};
 use super::file::{
@@ -17,7 +18,7 @@ use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
-use crate::signals::{SafetyAction, StopCategory};
+use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -30,6 +31,8 @@ pub struct RobotPlan {
     pub sdo_write_while_enabled: Vec<ObjectAddress>,
     /// The drives in the order of the wheels.
     pub drives: Vec<DrivePlan>,
+    /// The SubDevices that drive no wheel.
+    pub devices: Vec<DevicePlan>,
     /// Wheels and where they stand.
     pub kinematics: Kinematics,
     /// Limits.
@@ -54,6 +57,16 @@ impl RobotPlan {
     /// Names of the controllers: the one that begins, then those to which it can be switched.
     pub fn controllers(&self) -> impl Iterator<Item = &str> {
         self.controller.kind.iter().chain(self.controller.others.iter().flatten()).map(String::as_str)
+    }
+
+    /// The signals that come and go beside the drives.
+    pub fn signals(&self) -> SignalLayout {
+        signal_layout(&self.devices)
+    }
+
+    /// What a cycle's record of this robot holds.
+    pub fn record_layout(&self) -> RecordLayout {
+        RecordLayout { wheels: self.drives.len(), signals: self.signals() }
     }
 }
 
@@ -150,7 +163,7 @@ pub struct DrivePlan {
     /// The wheel's name.
     pub name: String,
     /// Where it is on the bus.
-    pub place: DrivePlace,
+    pub place: BusPlace,
     /// Device by name.
     pub device: String,
     /// Who must be there.
@@ -171,9 +184,9 @@ pub struct DrivePlan {
     pub custom: Parameters,
 }
 
-/// Where a drive is on the bus.
+/// Where a SubDevice is on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DrivePlace {
+pub enum BusPlace {
     /// By position, from 0.
     Position(u16),
     /// By station alias.
@@ -271,6 +284,10 @@ pub struct ComebackPlan {
     pub steady_ns: u64,
     /// Lost exchanges in a row that are tolerated; more of them are all drives gone.
     pub lost_exchanges_tolerated: u32,
+    /// The input, by its place, that enables: one that was seen off meanwhile forbids it.
+    pub enable_input: Option<usize>,
+    /// The input, by its place, that stops: one that was seen set meanwhile forbids it.
+    pub stop_input: Option<usize>,
 }
 
 /// How far a comeback goes by itself.
@@ -321,6 +338,12 @@ pub struct SafetyPlan {
     pub wheel_torque_margin_nm: Option<f64>,
     /// For how long it may lie further above, ns.
     pub wheel_torque_time_ns: u64,
+    /// The input, by its place, without which nothing is enabled.
+    pub enable_input: Option<usize>,
+    /// The input, by its place, that stops.
+    pub stop_input: Option<usize>,
+    /// What these two lead to.
+    pub input_stop: StopCategory,
 }
 
 impl DrivePlan {
@@ -339,16 +362,8 @@ impl DrivePlan {
         let sync0 = bus.synchronisation == Synchronisation::Sync0;
         bus_config::SubDeviceConfig {
             name: Some(self.name.clone()),
-            place: Some(match self.place {
-                DrivePlace::Position(position) => bus_config::Match::Position(position),
-                DrivePlace::Alias(alias) => bus_config::Match::Alias(alias),
-            }),
-            identity: bus_config::ExpectedIdentity {
-                vendor_id: self.identity.vendor_id,
-                product_code: self.identity.product_code,
-                revision: self.identity.revision,
-                serial: None,
-            },
+            place: Some(matched(self.place)),
+            identity: expected_identity(&self.identity),
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             pdos: vec![
                 sync_manager(2, Direction::Outputs, &self.outputs),
@@ -376,7 +391,7 @@ impl DrivePlan {
 }
 
 impl ParameterPlan {
-    fn sdo_write(&self) -> SdoWrite {
+    pub(super) fn sdo_write(&self) -> SdoWrite {
         SdoWrite {
             object: ObjectAddress::new(self.index, self.subindex),
             data: self.data.clone(),
@@ -388,7 +403,21 @@ impl ParameterPlan {
     }
 }
 
-fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config::SyncManagerPdos {
+/// Where the bus finds a SubDevice.
+pub(super) fn matched(place: BusPlace) -> bus_config::Match {
+    match place {
+        BusPlace::Position(position) => bus_config::Match::Position(position),
+        BusPlace::Alias(alias) => bus_config::Match::Alias(alias),
+    }
+}
+
+pub(super) fn expected_identity(identity: &Identity) -> bus_config::ExpectedIdentity {
+    let Identity { vendor_id, product_code, revision } = *identity;
+    bus_config::ExpectedIdentity { vendor_id, product_code, revision, serial: None }
+}
+
+/// What a SyncManager is asked to carry.
+pub fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config::SyncManagerPdos {
     let pdo = |pdo: &PdoPlan| bus_config::PdoConfig {
         index: pdo.index,
         entries: Some(
@@ -406,7 +435,7 @@ fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config
     }
 }
 
-fn bytes(pdos: &[PdoPlan]) -> usize {
+pub(super) fn bytes(pdos: &[PdoPlan]) -> usize {
     pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize
 }
 

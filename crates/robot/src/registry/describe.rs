@@ -8,12 +8,13 @@ use crate::config::RobotFile;
 
 impl Registry {
     /// Every sort with its kinds.
-    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 5] {
+    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 6] {
         [
             (self.controllers.sort, self.controllers.kinds().collect()),
             (self.references.sort, self.references.kinds().collect()),
             (self.estimators.sort, self.estimators.kinds().collect()),
             (self.devices.sort, self.devices.kinds().collect()),
+            (self.peripherals.sort, self.peripherals.kinds().collect()),
             (self.layouts.sort, self.layouts.kinds().collect()),
         ]
     }

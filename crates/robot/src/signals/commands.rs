@@ -137,6 +137,10 @@ pub enum SafetyReason {
     WheelTorque,
     /// Obstacles let a plan make no headway for too long.
     WayBlocked,
+    /// The input that stops isn't 0, or is old.
+    StopInput,
+    /// The input that enables is 0, or old.
+    EnableInput,
 }
 
 coded!(SafetyReason {
@@ -156,6 +160,8 @@ coded!(SafetyReason {
     Fence = 14,
     WheelTorque = 15,
     WayBlocked = 16,
+    StopInput = 17,
+    EnableInput = 18,
 });
 
 impl SafetyReason {
@@ -178,6 +184,8 @@ impl SafetyReason {
             SafetyReason::Fence => "the way led out of the fence",
             SafetyReason::WheelTorque => "a wheel's drive gave more torque than its limit",
             SafetyReason::WayBlocked => "the way is blocked",
+            SafetyReason::StopInput => "the input that stops it was set, or not heard",
+            SafetyReason::EnableInput => "the input that enables it was off, or not heard",
         }
     }
 }

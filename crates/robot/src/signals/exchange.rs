@@ -47,6 +47,8 @@ pub enum Exchange {
     Without {
         /// Wheels whose inputs are missing: bit n for wheel n; 0 where only SubDevices without a wheel are away.
         wheels: u16,
+        /// The same of the SubDevices that drive no wheel, in the order of the robot's file.
+        devices: u16,
     },
     /// Every SubDevice took part, but some drives started anew since they last did: what they count has another
     /// origin. Whatever the robot does, it stops; only then do they count again.
@@ -61,20 +63,29 @@ impl Exchange {
     pub fn has_inputs_of(self, wheel: usize) -> bool {
         match self {
             Exchange::Complete => true,
-            Exchange::Without { wheels } => u32::from(wheels) >> wheel & 1 == 0,
+            Exchange::Without { wheels, .. } => u32::from(wheels) >> wheel & 1 == 0,
             Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => false,
         }
     }
 
-    /// The three numbers by which recordings hold an exchange: sort, then expected and received working counter or
-    /// wheels.
+    /// Whether the inputs of a SubDevice without a wheel are those of this very cycle.
+    pub fn has_inputs_of_device(self, device: usize) -> bool {
+        match self {
+            Exchange::Complete => true,
+            Exchange::Without { devices, .. } => u32::from(devices) >> device & 1 == 0,
+            Exchange::Lost | Exchange::ShortCount { .. } | Exchange::Restarted { .. } => false,
+        }
+    }
+
+    /// The three numbers by which recordings hold an exchange: sort, then expected and received working counter, or
+    /// wheels and other SubDevices.
     pub fn codes(self) -> [u64; 3] {
         match self {
             Exchange::Complete => [0, 0, 0],
             Exchange::Lost => [1, 0, 0],
             Exchange::ShortCount { expected, received } => [2, expected.into(), received.into()],
             Exchange::Restarted { wheels } => [3, wheels.into(), 0],
-            Exchange::Without { wheels } => [4, wheels.into(), 0],
+            Exchange::Without { wheels, devices } => [4, wheels.into(), devices.into()],
         }
     }
 
@@ -88,7 +99,9 @@ impl Exchange {
                 received: received.try_into().ok()?,
             },
             [3, wheels, 0] => Exchange::Restarted { wheels: wheels.try_into().ok()? },
-            [4, wheels, 0] => Exchange::Without { wheels: wheels.try_into().ok()? },
+            [4, wheels, devices] => {
+                Exchange::Without { wheels: wheels.try_into().ok()?, devices: devices.try_into().ok()? }
+            }
             _ => return None,
         })
     }

@@ -5,8 +5,9 @@ use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
     Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, LimitedBy,
-    MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, ReferenceStatus, Request,
-    RequestAnswer, SafetyAction, SafetyReason, Setpoint,
+    MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
+    ReferenceStatus, Request, RequestAnswer, SafetyAction, SafetyReason, Setpoint, SignalLayout, SignalName,
+    SignalShape, Signals,
 };
 
 const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
@@ -33,7 +34,8 @@ impl Default for ProcessBytes {
 
 /// Everything of one cycle: what came in, what each stage made of it, and what went out.
 ///
-/// `time`, `exchange`, `inputs` and `request` are enough to compute all the rest again, to the same bits.
+/// `time`, `exchange`, `inputs`, the raw inputs of `signals` and `request` are enough to compute all the rest again, to
+/// the same bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CycleRecord {
     /// The moment.
@@ -80,7 +82,28 @@ pub struct CycleRecord {
     pub allowed: Allowed,
     /// What the drives are sent, raw, wheel by wheel.
     pub outputs: [ProcessBytes; MAX_WHEELS],
+    /// What comes and goes beside the drives.
+    pub signals: Signals,
 }
+
+/// What the records of a robot hold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordLayout {
+    /// Wheels.
+    pub wheels: usize,
+    /// Signals beside the drives.
+    pub signals: SignalLayout,
+}
+
+impl RecordLayout {
+    /// Wheels, and nothing beside the drives.
+    pub fn of_wheels(wheels: usize) -> Self {
+        RecordLayout { wheels, signals: SignalLayout::default() }
+    }
+}
+
+/// Topics of a recording beside those that the first part of a channel's name makes.
+pub const TOPICS_BESIDE: [&str; 5] = ["timing", "error", "operator", "bus", "truth"];
 
 /// How a channel's values are held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +120,7 @@ pub struct Channel {
     /// Its name, such as `wheel_1.speed`.
     pub name: String,
     /// Its unit; empty for codes and counts.
-    pub unit: &'static str,
+    pub unit: String,
     /// How its values are held.
     pub kind: ValueKind,
 }
@@ -136,25 +159,46 @@ pub enum NotARecord {
 }
 
 impl CycleRecord {
-    /// The channels of a robot with `wheels` wheels, in a fixed order.
-    pub fn channels(wheels: usize) -> Vec<Channel> {
+    /// The channels of such records, in a fixed order.
+    pub fn channels(layout: &RecordLayout) -> Vec<Channel> {
         let mut list = Vec::new();
-        let mut record = CycleRecord::default();
-        record.visit(wheels, &mut |name, unit, slot| {
+        let mut record = CycleRecord::of(layout);
+        record.visit(&layout.signals, &mut |name, unit, slot| {
             let kind = match slot {
                 Slot::F64(_) => ValueKind::F64,
                 Slot::U64(_) => ValueKind::U64,
             };
-            list.push(Channel { name: name.to_string(), unit, kind });
+            list.push(Channel { name: name.to_string(), unit: unit.to_owned(), kind });
         });
         list
+    }
+
+    /// The first part of every channel's name that isn't a signal's.
+    pub fn topics() -> Vec<String> {
+        let some = SignalLayout { devices: vec![String::new()], ..SignalLayout::default() };
+        let channels = CycleRecord::channels(&RecordLayout { wheels: MAX_WHEELS, signals: some });
+        let topic = |channel: &Channel| channel.name.split('.').next().unwrap_or_default().to_owned();
+        let mut topics: Vec<String> = channels.iter().map(topic).filter(|topic| !topic.is_empty()).collect();
+        topics.extend(TOPICS_BESIDE.map(str::to_owned));
+        topics.dedup();
+        topics
+    }
+
+    /// An empty record of a robot.
+    fn of(layout: &RecordLayout) -> CycleRecord {
+        let mut record = CycleRecord::default();
+        record.measurements.wheels = layout.wheels;
+        record.signals.shape = layout.signals.shape();
+        record
     }
 
     /// Puts the values of all channels into `values`, which is emptied first; no allocation once it is long enough.
     pub fn values(&self, values: &mut Vec<Value>) {
         values.clear();
         let mut copy = *self;
-        copy.visit(self.measurements.wheels, &mut |_, _, slot| {
+        // Nobody reads the names.
+        let nameless = SignalLayout::default();
+        copy.visit(&nameless, &mut |_, _, slot| {
             values.push(match slot {
                 Slot::F64(value) => Value::F64(*value),
                 Slot::U64(value) => Value::U64(*value),
@@ -163,12 +207,11 @@ impl CycleRecord {
     }
 
     /// The record of such values.
-    pub fn from_values(wheels: usize, values: &[Value]) -> Result<CycleRecord, NotARecord> {
-        let mut record = CycleRecord::default();
-        record.measurements.wheels = wheels;
+    pub fn from_values(layout: &RecordLayout, values: &[Value]) -> Result<CycleRecord, NotARecord> {
+        let mut record = CycleRecord::of(layout);
         let mut rest = values.iter();
         let mut fits = true;
-        record.visit(wheels, &mut |_, _, slot| match (slot, rest.next()) {
+        record.visit(&layout.signals, &mut |_, _, slot| match (slot, rest.next()) {
             (Slot::F64(slot), Some(Value::F64(value))) => *slot = *value,
             (Slot::U64(slot), Some(Value::U64(value))) => *slot = *value,
             _ => fits = false,
@@ -190,7 +233,7 @@ impl CycleRecord {
     }
 
     /// The one list of all channels: reading, writing and naming go through it.
-    fn visit(&mut self, wheels: usize, visitor: Visitor<'_>) {
+    fn visit(&mut self, names: &SignalLayout, visitor: Visitor<'_>) {
         let mut v = Visit { prefix: Name::default(), visitor };
         v.u64("cycle.index", "", &mut self.time.index);
         v.u64("cycle.time", "ns", &mut self.time.now_ns);
@@ -258,7 +301,7 @@ impl CycleRecord {
         v.code("allowed.action", &mut self.allowed.action, SafetyAction::code, SafetyAction::from_code);
         v.code("allowed.reason", &mut self.allowed.reason, SafetyReason::code, SafetyReason::from_code);
         v.u64("allowed.where", "", &mut self.allowed.where_index);
-        for wheel in 0..wheels.min(MAX_WHEELS) {
+        for wheel in 0..self.measurements.wheels.min(MAX_WHEELS) {
             v.prefix = Name::wheel(wheel);
             v.drive(&mut self.measurements.drives[wheel]);
             v.f64("command", "rad/s or N·m", &mut self.commands.values[wheel]);
@@ -266,6 +309,8 @@ impl CycleRecord {
             v.bytes(&INPUTS, &mut self.inputs[wheel]);
             v.bytes(&OUTPUTS, &mut self.outputs[wheel]);
         }
+        v.prefix = Name::default();
+        v.signals(names, &mut self.signals);
     }
 }
 
@@ -274,22 +319,24 @@ enum Slot<'a> {
     U64(&'a mut u64),
 }
 
-type Visitor<'a> = &'a mut dyn FnMut(&Name, &'static str, Slot<'_>);
+type Visitor<'a> = &'a mut dyn FnMut(&Name, &str, Slot<'_>);
 
 /// A channel's name, put together without allocation.
 #[derive(Clone, Copy)]
 struct Name {
-    bytes: [u8; 48],
+    bytes: [u8; Name::CAPACITY],
     length: usize,
 }
 
 impl Default for Name {
     fn default() -> Self {
-        Name { bytes: [0; 48], length: 0 }
+        Name { bytes: [0; Name::CAPACITY], length: 0 }
     }
 }
 
 impl Name {
+    const CAPACITY: usize = 64;
+
     fn new(text: &str) -> Self {
         Name::default().with(text)
     }
@@ -323,7 +370,7 @@ struct Visit<'a> {
 }
 
 impl Visit<'_> {
-    fn f64(&mut self, name: &str, unit: &'static str, value: &mut f64) {
+    fn f64(&mut self, name: &str, unit: &str, value: &mut f64) {
         (self.visitor)(&self.prefix.with(name), unit, Slot::F64(value));
     }
 
@@ -334,7 +381,7 @@ impl Visit<'_> {
         *value = Some(number).filter(|number| !number.is_nan());
     }
 
-    fn u64(&mut self, name: &str, unit: &'static str, value: &mut u64) {
+    fn u64(&mut self, name: &str, unit: &str, value: &mut u64) {
         (self.visitor)(&self.prefix.with(name), unit, Slot::U64(value));
     }
 
@@ -392,14 +439,57 @@ impl Visit<'_> {
         self.code("progress", &mut drive.progress, DriveProgress::code, DriveProgress::from_code);
     }
 
-    fn bytes(&mut self, names: &[&str; PROCESS_WORDS], bytes: &mut ProcessBytes) {
-        for (name, bytes) in names.iter().zip(bytes.0.chunks_exact_mut(8)) {
-            let mut word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
-            self.u64(name, "", &mut word);
-            bytes.copy_from_slice(&word.to_le_bytes());
+    /// Nothing for a robot without them.
+    fn signals(&mut self, names: &SignalLayout, signals: &mut Signals) {
+        let SignalShape { devices, inputs, outputs, input_bytes, output_bytes } = signals.shape;
+        if devices == 0 {
+            return;
+        }
+        self.prefix = Name::new("device.");
+        self.u64("believed", "", &mut signals.believed);
+        for (part, bytes, length) in [
+            ("input_", &mut signals.input_bytes, input_bytes),
+            ("output_", &mut signals.output_bytes, output_bytes),
+        ] {
+            self.prefix = Name::new("device.").with(part);
+            for (number, bytes) in DEVICE_WORDS.iter().zip(bytes.chunks_exact_mut(8)).take(length.div_ceil(8))
+            {
+                self.word(number, bytes);
+            }
+        }
+        self.prefix = Name::default();
+        for (n, age_s) in signals.ages_s.iter_mut().take(devices).enumerate() {
+            self.prefix = Name::new(names.devices.get(n).map_or("", String::as_str));
+            self.f64(".age", "s", age_s);
+        }
+        self.prefix = Name::default();
+        for (names, values, count) in
+            [(&names.inputs, &mut signals.inputs, inputs), (&names.outputs, &mut signals.outputs, outputs)]
+        {
+            for (n, value) in values.iter_mut().take(count).enumerate() {
+                let SignalName { name, unit } = names.get(n).unwrap_or(&NAMELESS);
+                self.f64(name, unit, value);
+            }
         }
     }
+
+    fn bytes(&mut self, names: &[&str; PROCESS_WORDS], bytes: &mut ProcessBytes) {
+        for (name, bytes) in names.iter().zip(bytes.0.chunks_exact_mut(8)) {
+            self.word(name, bytes);
+        }
+    }
+
+    /// Eight bytes as one number.
+    fn word(&mut self, name: &str, bytes: &mut [u8]) {
+        let mut word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
+        self.u64(name, "", &mut word);
+        bytes.copy_from_slice(&word.to_le_bytes());
+    }
 }
+
+const DEVICE_WORDS: [&str; MAX_DEVICE_BYTES / 8] =
+    ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15"];
+static NAMELESS: SignalName = SignalName { name: String::new(), unit: String::new() };
 
 const INPUTS: [&str; PROCESS_WORDS] =
     ["input_0", "input_1", "input_2", "input_3", "input_4", "input_5", "input_6", "input_7"];

@@ -52,15 +52,18 @@ fn a_record_comes_back_to_the_bit() {
         let record = full(wheels);
         let mut values = Vec::new();
         record.values(&mut values);
-        assert_eq!(values.len(), CycleRecord::channels(wheels).len());
-        assert_eq!(CycleRecord::from_values(wheels, &values), Ok(record));
-        assert_eq!(CycleRecord::from_values(wheels, &values[1..]), Err(NotARecord::Channels));
+        assert_eq!(values.len(), CycleRecord::channels(&RecordLayout::of_wheels(wheels)).len());
+        assert_eq!(CycleRecord::from_values(&RecordLayout::of_wheels(wheels), &values), Ok(record));
+        assert_eq!(
+            CycleRecord::from_values(&RecordLayout::of_wheels(wheels), &values[1..]),
+            Err(NotARecord::Channels)
+        );
     }
 }
 
 #[test]
 fn channels_have_one_name_each_and_a_fixed_order() {
-    let channels = CycleRecord::channels(3);
+    let channels = CycleRecord::channels(&RecordLayout::of_wheels(3));
     let mut names: Vec<&str> = channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!(names[..2], ["cycle.index", "cycle.time"]);
     for name in
@@ -70,7 +73,7 @@ fn channels_have_one_name_each_and_a_fixed_order() {
     }
     assert!(!names.contains(&"wheel_4.speed"));
     let speed = channels.iter().find(|channel| channel.name == "wheel_2.speed").unwrap();
-    assert_eq!((speed.unit, speed.kind), ("rad/s", ValueKind::F64));
+    assert_eq!((speed.unit.as_str(), speed.kind), ("rad/s", ValueKind::F64));
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), channels.len());
@@ -126,7 +129,7 @@ fn requests_about_obstacles_are_12_and_13_and_come_back_through_a_record() {
         };
         let mut values = Vec::new();
         record.values(&mut values);
-        assert_eq!(CycleRecord::from_values(3, &values), Ok(record));
+        assert_eq!(CycleRecord::from_values(&RecordLayout::of_wheels(3), &values), Ok(record));
     }
     // A place that no number of 32 bits holds is no request.
     for sort in [12, 13] {
@@ -146,7 +149,7 @@ fn a_pose_that_is_set_is_14_and_comes_back_through_a_record() {
         record.state.pose_known = pose_known;
         let mut values = Vec::new();
         record.values(&mut values);
-        assert_eq!(CycleRecord::from_values(3, &values), Ok(record));
+        assert_eq!(CycleRecord::from_values(&RecordLayout::of_wheels(3), &values), Ok(record));
     }
     assert_eq!(RequestAnswer::PoseUnknown.code(), 6);
 }
@@ -158,10 +161,13 @@ fn a_code_that_no_choice_has_is_no_record() {
     for name in
         ["exchange.result", "request.kind", "phase", "stop_reason", "allowed.action", "wheel_1.progress"]
     {
-        let channel = CycleRecord::channels(3).iter().position(|channel| channel.name == name).unwrap();
+        let channel = CycleRecord::channels(&RecordLayout::of_wheels(3))
+            .iter()
+            .position(|channel| channel.name == name)
+            .unwrap();
         let mut changed = values.clone();
         changed[channel] = Value::U64(200);
         let refused = NotARecord::Code { channel, value: Value::U64(200) };
-        assert_eq!(CycleRecord::from_values(3, &changed), Err(refused), "{name}");
+        assert_eq!(CycleRecord::from_values(&RecordLayout::of_wheels(3), &changed), Err(refused), "{name}");
     }
 }

@@ -84,6 +84,18 @@ pub enum RequestKind {
         /// Standard deviation of the heading, rad.
         sigma_rad: f64,
     },
+    /// Set an output beside the drives; it stays so until the robot stops.
+    SetOutput {
+        /// Its place in [`RobotPlan::signals`](crate::RobotPlan::signals).
+        index: u32,
+        /// Its value, in its unit.
+        value: f64,
+    },
+    /// Whoever set an output is gone: it has its value at a stop again.
+    ResetOutput {
+        /// Its place.
+        index: u32,
+    },
 }
 
 /// Which changes of settings belong together: they act in the cycle of the last one, all of them or none.
@@ -177,6 +189,8 @@ impl Request {
             RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad } => {
                 (14, 0, [x_m, y_m, heading_rad, sigma_m, sigma_rad, 0.0])
             }
+            RequestKind::SetOutput { index, value } => (15, index.into(), [value, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            RequestKind::ResetOutput { index } => (16, index.into(), [0.0; 6]),
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -224,6 +238,8 @@ impl Request {
                 let [x_m, y_m, heading_rad, sigma_m, sigma_rad, _] = values;
                 RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad }
             }
+            15 => RequestKind::SetOutput { index: argument.try_into().ok()?, value: values[0] },
+            16 => RequestKind::ResetOutput { index: argument.try_into().ok()? },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
@@ -252,6 +268,10 @@ pub enum RequestAnswer {
     AtStartUpOnly,
     /// An obstacle stands where the motion would begin or end.
     Blocked,
+    /// The input that stops is set, or isn't heard.
+    StopInput,
+    /// The input that enables is off, or isn't heard.
+    EnableInput,
 }
 
 coded!(RequestAnswer {
@@ -264,4 +284,6 @@ coded!(RequestAnswer {
     PoseUnknown = 6,
     Blocked = 7,
     AtStartUpOnly = 8,
+    StopInput = 9,
+    EnableInput = 10,
 });

@@ -2,6 +2,7 @@
 
 mod blocked;
 mod courses;
+mod inputs;
 mod inwards;
 mod lifecycle;
 mod poison;

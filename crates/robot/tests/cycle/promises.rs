@@ -2,7 +2,7 @@
 
 use omnibase_host::CountingAllocator;
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Frame, Value};
+use omnibase_robot::signals::{Frame, RecordLayout, Value};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
 
 use crate::support::{BMM, Bench, MECANUM, plan};
@@ -92,7 +92,7 @@ fn a_recording_replays_to_the_same_bits() {
             // Through channels, as a file holds them.
             let mut values = Vec::new();
             record.values(&mut values);
-            let read = CycleRecord::from_values(wheels, &values).unwrap();
+            let read = CycleRecord::from_values(&RecordLayout::of_wheels(wheels), &values).unwrap();
             let replayed = robot.replay(&read, &mut buffer);
             assert_eq!(bits(replayed), bits(record), "cycle {}", record.time.index);
         }

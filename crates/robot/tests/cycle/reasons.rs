@@ -109,6 +109,18 @@ fn stops(mut bench: Bench, reason: SafetyReason) -> (Phase, Phase) {
     panic!("never {reason:?}, but {:?} in {:?}", bench.robot.record().stop_reason, bench.robot.phase());
 }
 
+/// A robot that drove while somebody pressed a button of a terminal.
+fn pressed(safety: &str) -> Bench {
+    let mut bench = driven(&format!(
+        "[safety]\n{safety}\n[[device]]\nname = \"button\"\nposition = 3\nkind = \"io\"\n\
+         inputs = [{{ pdo = \"0x1A00\", map = \"6000.1:1\" }}]\n\
+         input = [{{ name = \"stop\", object = \"6000.1\" }}, \
+         {{ name = \"released\", object = \"6000.1\", scale = -1, offset = 1 }}]"
+    ));
+    bench.image.device_inputs[0][0] = 1;
+    bench
+}
+
 /// What leads to a reason, and what it leads to; `None` for those that are no stop.
 fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
     let robot = |from: &str, to: &str| BMM.replace(from, to);
@@ -164,7 +176,7 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
         }
         SafetyReason::DeviceLost => {
             let mut bench = driven("");
-            bench.exchange = Exchange::Without { wheels: 0b100 };
+            bench.exchange = Exchange::Without { wheels: 0b100, devices: 0 };
             bench
         }
         SafetyReason::Fence => tracking(BMM, fence),
@@ -181,6 +193,8 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench.step(Some(RequestKind::SetObstacle { index: 0, obstacle }));
             bench
         }
+        SafetyReason::StopInput => pressed("stop_input = \"button.stop\""),
+        SafetyReason::EnableInput => pressed("enable_input = \"button.released\""),
     };
     Some(stops(bench, reason))
 }
@@ -194,7 +208,9 @@ fn every_reason_stops_the_robot_as_it_should() {
         SafetyReason::WheelSpeed
         | SafetyReason::WheelTorque
         | SafetyReason::ReferenceSpeed
-        | SafetyReason::TrackingError => Some((Phase::Stopping, Phase::Fault)),
+        | SafetyReason::TrackingError
+        | SafetyReason::StopInput
+        | SafetyReason::EnableInput => Some((Phase::Stopping, Phase::Fault)),
         SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
             Some((Phase::Stopping, Phase::Holding))
         }
@@ -211,7 +227,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 16, "every reason has had its turn");
+    assert_eq!(seen, 18, "every reason has had its turn");
 }
 
 #[test]

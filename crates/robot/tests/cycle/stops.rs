@@ -179,7 +179,7 @@ fn of_two_causes_in_one_cycle_the_harder_stop_wins() {
     }
     // A wheel too fast in the very cycle in which a loss is too much.
     let mut bench = pushed("lost_exchanges_tolerated = 1\nwheel_speed_stop = \"category_0\"");
-    bench.exchange = Exchange::Without { wheels: 0b010 };
+    bench.exchange = Exchange::Without { wheels: 0b010, devices: 0 };
     push(&mut bench);
     bench.run(2);
     assert_eq!(found(&bench), (Phase::Fault, SafetyReason::WheelSpeed));
@@ -206,7 +206,7 @@ fn the_wheels_that_are_heard_decide_when_a_stop_is_over() {
     // Wheel 1 is away and never heard again; its last speed must not keep the torque on.
     for (policy, before) in [("ramp", Phase::Stopping), ("quick_stop", Phase::QuickStopping)] {
         let mut bench = driven(&format!("on_lost_device = \"{policy}\""));
-        bench.exchange = Exchange::Without { wheels: 0b010 };
+        bench.exchange = Exchange::Without { wheels: 0b010, devices: 0 };
         bench.run(4);
         assert_eq!(found(&bench), (before, SafetyReason::DeviceLost), "{policy}");
         assert_eq!(bench.robot.record().stop_where, 1, "the wheel that is missing");
@@ -219,7 +219,7 @@ fn the_wheels_that_are_heard_decide_when_a_stop_is_over() {
 fn what_wheels_turned_while_another_was_away_counts_when_it_is_back() {
     // A cable that is out for a moment: no drive started anew, so odometry misses nothing.
     let mut bench = driven("lost_exchanges_tolerated = 1000");
-    for lost in [Exchange::Without { wheels: 0b010 }, SHORT, Exchange::Lost] {
+    for lost in [Exchange::Without { wheels: 0b010, devices: 0 }, SHORT, Exchange::Lost] {
         bench.exchange = lost;
         for _ in 0..20 {
             bench.step(Some(forward(0.3)));

@@ -23,6 +23,8 @@ pub(super) struct SinceStop {
     /// Exchanges in a row in which no drive was heard, and the most of them.
     unheard: u32,
     most_unheard: u32,
+    /// An input was seen that stops, or doesn't enable.
+    by_input: bool,
     /// Drives with high voltage while the robot ran, and those that were heard without it since.
     had_voltage: u16,
     lost_voltage: u16,
@@ -39,6 +41,8 @@ pub(super) enum Spoilt {
     AllVanished,
     /// A drive that was heard all the time has no high voltage.
     NoVoltage,
+    /// An input stopped the robot, or didn't enable it.
+    Input,
 }
 
 impl Spoilt {
@@ -49,6 +53,7 @@ impl Spoilt {
             Spoilt::AllVanished => {
                 "all drives vanished, as when an emergency stop cuts the supply: nothing goes on by itself"
             }
+            Spoilt::Input => "an input stopped the robot meanwhile: nothing goes on by itself",
             Spoilt::NoVoltage => {
                 "a drive lost its high voltage, as by an emergency stop: nothing goes on by itself"
             }
@@ -69,11 +74,12 @@ impl SinceStop {
     }
 
     /// A cycle since.
-    pub(super) fn look(&mut self, record: &CycleRecord) {
+    pub(super) fn look(&mut self, record: &CycleRecord, plan: Option<&ComebackPlan>) {
         let is_loss = matches!(record.stop_reason, SafetyReason::DeviceLost | SafetyReason::ExchangeLost);
         // Once somebody acknowledged, or asked for the drives, there is none.
         self.other |= !is_loss && (!self.is_stopped || record.stop_reason != SafetyReason::None);
         self.is_stopped = true;
+        self.by_input |= plan.is_some_and(|plan| is_by_input(record, plan));
         self.all_wheels = all_wheels(record);
         if let Exchange::Restarted { wheels } = record.exchange {
             self.restarted |= wheels;
@@ -117,7 +123,7 @@ impl SinceStop {
     fn count_unheard(&mut self, exchange: Exchange) {
         self.unheard = match exchange {
             Exchange::Lost => self.unheard.saturating_add(1),
-            Exchange::Without { wheels } if self.is_all(wheels) => self.unheard.saturating_add(1),
+            Exchange::Without { wheels, .. } if self.is_all(wheels) => self.unheard.saturating_add(1),
             // Nobody knows yet who was heard.
             Exchange::ShortCount { .. } => self.unheard,
             Exchange::Complete | Exchange::Restarted { .. } | Exchange::Without { .. } => 0,
@@ -133,6 +139,8 @@ impl SinceStop {
             Some(Spoilt::DriveFault)
         } else if self.lost_voltage != 0 {
             Some(Spoilt::NoVoltage)
+        } else if self.by_input {
+            Some(Spoilt::Input)
         } else if self.other {
             Some(Spoilt::OtherStop)
         } else {
@@ -144,6 +152,12 @@ impl SinceStop {
     pub(super) fn unexplained(&self) -> Option<Spoilt> {
         (self.faulty & !self.of_the_bus != 0).then_some(Spoilt::DriveFault)
     }
+}
+
+/// Whether somebody stops the robot by an input that is heard; one that isn't is a part of the loss.
+fn is_by_input(record: &CycleRecord, plan: &ComebackPlan) -> bool {
+    let heard = |input: Option<usize>| input.and_then(|input| record.signals.believed(input));
+    heard(plan.stop_input).is_some_and(|value| value != 0.0) || heard(plan.enable_input) == Some(0.0)
 }
 
 /// Bit n for wheel n of the robot.

@@ -189,6 +189,12 @@ impl Answer {
                 "refused: nobody knows where the platform stands: set its pose first (set_pose); \
                  a stick leads it slowly, in its own frame"
             }
+            Answer::Robot(RequestAnswer::StopInput) => {
+                "refused: the input that stops the robot (safety.stop_input) is set, or isn't heard"
+            }
+            Answer::Robot(RequestAnswer::EnableInput) => {
+                "refused: the input that enables the robot (safety.enable_input) is off, or isn't heard"
+            }
             Answer::Robot(RequestAnswer::Blocked) => {
                 "refused: an obstacle is too near to where the motion would begin or end"
             }

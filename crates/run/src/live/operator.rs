@@ -3,6 +3,7 @@
 //! The operator turns what many clients ask into the one request that a cycle takes. It is a plain struct without
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
+mod outputs;
 mod sticks;
 
 use omnibase_robot::signals::{Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
@@ -14,6 +15,7 @@ use omnibase_robot::config::ComebackPlan;
 
 use crate::conductor::{Conductor, Wish};
 
+use self::outputs::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Refusal, StickState, StickWish, begins_motion,
@@ -85,6 +87,7 @@ pub struct Operator {
     comeback_plan: Option<ComebackPlan>,
     /// Whose motion a loss may end, or ended, and how far the way back from it is.
     comeback: Option<(Client, Conductor)>,
+    authors: Authors,
     answers: Vec<(u64, Answer)>,
     notes: Vec<Note>,
     /// References that won't be offered; dropping them is not the cycle's work.
@@ -108,6 +111,7 @@ impl Operator {
             asked: None,
             comeback_plan: None,
             comeback: None,
+            authors: Authors::default(),
             answers: Vec::with_capacity(MOST_ANSWERS),
             notes: Vec::with_capacity(MOST_NOTES),
             discarded: Vec::with_capacity(MOST_WAITING),
@@ -248,6 +252,9 @@ impl Operator {
             self.drop_waiting(|waiting| begins(&waiting.kind));
             return self.send(client, ticket, RequestKind::Stop(category), u64::MAX);
         }
+        if let Some(kind) = self.authors.next_reset() {
+            return self.send(Client::Command, 0, kind, u64::MAX);
+        }
         if let Some(client) = self.driver(phase) {
             let others_turn = self.cycle.is_multiple_of(SHARE_OF_OTHERS) && !self.waiting.is_empty();
             if !others_turn && let Some(turn) = self.drive(client) {
@@ -296,6 +303,9 @@ impl Operator {
     fn settle(&mut self, last: &CycleRecord, phase: Phase) {
         if let Some((client, ticket, kind)) = self.asked.take() {
             self.answer(ticket, Answer::Robot(last.answer));
+            if let (RequestKind::SetOutput { index, .. }, RequestAnswer::Taken) = (kind, last.answer) {
+                self.authors.set(index, client);
+            }
             if begins_motion(&kind) && last.answer == RequestAnswer::Taken {
                 self.commander = Commander::Reference(client);
             }
@@ -441,15 +451,19 @@ impl Operator {
     }
 }
 
-/// What must not begin while the robot shall stand.
+/// What must not begin while the robot shall stand: motion, and what moves beside it.
 fn begins(kind: &RequestKind) -> bool {
-    begins_motion(kind) || *kind == RequestKind::Enable
+    begins_motion(kind) || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
 }
 
 /// What decides about motion: who asks for that leads the robot.
 fn leads(kind: &RequestKind) -> bool {
     !matches!(
         kind,
-        RequestKind::Set { .. } | RequestKind::SetObstacle { .. } | RequestKind::RemoveObstacle { .. }
+        RequestKind::Set { .. }
+            | RequestKind::SetObstacle { .. }
+            | RequestKind::RemoveObstacle { .. }
+            | RequestKind::SetOutput { .. }
+            | RequestKind::ResetOutput { .. }
     )
 }

@@ -69,12 +69,16 @@ fn counts(ask: &Ask) -> Counts {
             | RequestKind::GoTo { .. }
             // Where the robot was then is not where it is.
             | RequestKind::SetPose { .. }
+            | RequestKind::SetOutput { .. }
             | RequestKind::Velocity { .. } => Counts::Always,
             RequestKind::Set { .. }
             | RequestKind::SwitchController { .. }
             | RequestKind::SetObstacle { .. }
             | RequestKind::RemoveObstacle { .. } => Counts::WhereKnown,
-            RequestKind::Stop(_) | RequestKind::Pause | RequestKind::UseReference { .. } => Counts::Never,
+            RequestKind::Stop(_)
+            | RequestKind::Pause
+            | RequestKind::UseReference { .. }
+            | RequestKind::ResetOutput { .. } => Counts::Never,
         },
         Ask::ReleaseEmergencyStop | Ask::EnableStick(_) | Ask::Stick(StickWish::Held { .. }) => {
             Counts::Always

@@ -9,4 +9,5 @@ mod pose;
 mod recovery;
 mod resume;
 mod storm;
+mod terminals;
 mod topology;

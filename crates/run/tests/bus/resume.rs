@@ -365,3 +365,28 @@ fn a_loss_during_a_drives_fault_stays_a_fault() {
 fn a_robot_that_only_holds_again_ends_a_run_that_nobody_leads() {
     stays("[safety]\nafter_lost_device = \"hold\"\n", OFF);
 }
+
+#[test]
+fn a_terminal_that_was_lost_comes_back_as_a_drive_does_unless_its_input_stops() {
+    let text = format!(
+        "{CIRCLE}[safety]\nafter_lost_device = \"move_again_unattended\"\nmove_again_warning_ms = 3000\n\
+         stop_input = \"buttons.stop\"\n[[device]]\nname = \"buttons\"\nposition = 3\nkind = \"io\"\n\
+         inputs = [{{ pdo = \"0x1A00\", map = \"6000.1:1\" }}]\ninput = [{{ name = \"stop\", object = \"6000.1\" }}]\n"
+    );
+    let plan = plan(&text);
+    // For how long somebody presses it, from 500 cycles after the loss.
+    for pressed in [0, 100, 100_000] {
+        let simulated::Simulated { segment, machine, panels } = simulated::robot(&plan).unwrap();
+        let led = led_on((segment, machine), &plan, |bench| {
+            if bench.cycles == LOST {
+                bench.inject(3, Fault::PowerCycle { off_for: OFF });
+            }
+            let since = bench.cycles.saturating_sub(LOST + 500);
+            let object = omnibase_ethercat::wire::coe::ObjectAddress::new(0x6000, 1);
+            panels[0].set_input(object, (since > 0 && since <= pressed).into());
+        });
+        let fault = led.moments.iter().position(|moment| moment.phase == Phase::Fault).expect("it stops");
+        let goes_on = led.moments[fault..].iter().any(|moment| moment.phase == Phase::Tracking);
+        assert_eq!((goes_on, led.finished), (pressed == 0, pressed == 0), "{pressed}: {:?}", led.events);
+    }
+}

@@ -206,7 +206,7 @@ impl FullPipe {
 fn a_recorder_that_is_full() {
     let mut robot = robot();
     let pipe = FullPipe::new("full");
-    let rows = Rows::new(robot.plan.drives.len(), Known::Truth);
+    let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
     let files = RunFiles {
         mcap: None,
         columns: Some(pipe.path.clone()),

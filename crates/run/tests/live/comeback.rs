@@ -18,7 +18,14 @@ const UNATTENDED: ComebackEnd = ComebackEnd::MoveAgain { warning_ns: 3000 * MS }
 
 /// A second of rest, then what the end says.
 fn plan(within_ns: u64, end: ComebackEnd) -> ComebackPlan {
-    ComebackPlan { end, within_ns, steady_ns: 1000 * MS, lost_exchanges_tolerated: 3 }
+    ComebackPlan {
+        end,
+        within_ns,
+        steady_ns: 1000 * MS,
+        lost_exchanges_tolerated: 3,
+        enable_input: None,
+        stop_input: None,
+    }
 }
 
 /// The operator of a robot whose phases the test plays; every request is taken.
@@ -60,7 +67,7 @@ impl Bench {
 
     /// A SubDevice is lost for 100 cycles, and the drives' own stop ends in a fault.
     fn lose(&mut self) {
-        self.record.exchange = Exchange::Without { wheels: 0b100 };
+        self.record.exchange = Exchange::Without { wheels: 0b100, devices: 0 };
         self.record.stop_reason = SafetyReason::DeviceLost;
         for phase in [Phase::QuickStopping, Phase::Fault] {
             self.phase = phase;
@@ -162,7 +169,9 @@ fn nothing_comes_by_itself_where_more_than_a_loss_happened() {
         ("a fault that no drive explains", |bench| set_fault(bench, 0)),
         ("a fault that only an emergency tells", |bench| bench.operator.drive_said(1, ErrorCode(0x4310))),
         ("the high voltage is gone", |bench| bench.record.measurements.drives[0].status = StatusWord(0x0040)),
-        ("all drives vanish", |bench| bench.record.exchange = Exchange::Without { wheels: 0b111 }),
+        ("all drives vanish", |bench| {
+            bench.record.exchange = Exchange::Without { wheels: 0b111, devices: 0 }
+        }),
         ("no frame comes back", |bench| bench.record.exchange = Exchange::Lost),
         ("all drives start anew", |bench| bench.record.exchange = Exchange::Restarted { wheels: 0b111 }),
         ("another reason", |bench| bench.record.stop_reason = SafetyReason::Drive),
@@ -241,7 +250,7 @@ fn a_person_who_does_anything_about_motion_meanwhile_comes_first() {
     // A page that falls silent meanwhile, too.
     let mut bench = Bench::following(page, Some(10_000 * MS));
     bench.lose();
-    bench.record.exchange = Exchange::Without { wheels: 0b100 };
+    bench.record.exchange = Exchange::Without { wheels: 0b100, devices: 0 };
     assert_eq!(bench.asked(1100), []);
     bench.record.exchange = Exchange::Complete;
     assert_eq!(bench.asked(6000), []);

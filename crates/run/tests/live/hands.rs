@@ -5,6 +5,7 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
+use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
 use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
 use omnibase_robot::config::ReferenceTable;
@@ -13,6 +14,7 @@ use omnibase_robot::stages::Reference;
 use omnibase_robot::{Registry, Robot, RobotPlan};
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Snapshot, StickWish, live};
+use omnibase_run::simulated::Simulated;
 use omnibase_run::{Progress, Ran, Replayed, RobotText, Setup, replay, run, simulated};
 
 pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
@@ -43,6 +45,8 @@ pub struct Hands {
     deeds: Vec<Deed>,
     /// The cable is pulled: no frame arrives anywhere.
     is_pulled: Rc<Cell<bool>>,
+    /// The terminals of the SubDevices without a wheel.
+    pub panels: Vec<IoPanel>,
 }
 
 /// The cable to the simulated robot, which hands can pull.
@@ -181,10 +185,10 @@ pub fn played_with(
     prepare: impl FnOnce(&mut Hands),
 ) -> Played {
     let robot = robot.load(registry).unwrap();
-    let mut hands = Hands::default();
+    let Simulated { segment, machine, panels } = simulated::robot(&robot.plan).unwrap();
+    let mut hands = Hands { panels, ..Hands::default() };
     prepare(&mut hands);
     let (live, end) = live(AGES, StopCategory::RampThenRemove);
-    let (segment, machine) = simulated::segment(&robot.plan).unwrap();
     let (link, clock) = in_process(segment);
     let link = Cable { link, is_pulled: hands.is_pulled.clone() };
     let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
@@ -192,7 +196,7 @@ pub fn played_with(
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let path = std::env::temp_dir().join(format!("omnibase-live-{}-{number}.mcap", std::process::id()));
-    let rows = Rows::new(robot.plan.drives.len(), Known::Truth);
+    let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
     let files = RunFiles {
         mcap: Some(path.clone()),
         columns: None,

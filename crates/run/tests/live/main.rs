@@ -3,6 +3,7 @@
 mod comeback;
 mod driving;
 mod hands;
+mod inputs;
 mod limits;
 mod own_reference;
 mod stamps;

@@ -16,19 +16,41 @@ pub enum SessionError {
     /// The process data don't fit.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// A drive refused a state.
+    /// A SubDevice that the robot's file doesn't name.
+    #[error(
+        "{0}: expected a `[[drive]]` or a `[[device]]` for every SubDevice in the robot's file; `kind = \"ignore\"` brings \
+         one along that nobody reads or writes"
+    )]
+    Unnamed(SetUpError),
+    /// A SubDevice has other process data than its file says, and no mailbox by which they could be changed.
+    #[error(
+        "`{name}` (SubDevice {position}): its {direction} are `{found}`, its file says `{expected}`; they can't be changed"
+    )]
+    Map {
+        /// Its name.
+        name: String,
+        /// Its position.
+        position: u16,
+        /// Which of its data.
+        direction: &'static str,
+        /// The map by the plan.
+        expected: String,
+        /// The map that it has.
+        found: String,
+    },
+    /// A SubDevice refused a state.
     #[error(transparent)]
     Reach(ReachError),
     /// The port is broken.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// A drive's watchdog isn't what was written: it would stop late, or never.
+    /// A SubDevice's watchdog isn't what was written: it would stop late, or never.
     #[error(
-        "drive `{drive}` (SubDevice {position}): its watchdog is {found} (registers 0x0400, 0x0420), expected {expected}"
+        "`{name}` (SubDevice {position}): its watchdog is {found} (registers 0x0400, 0x0420), expected {expected}"
     )]
     Watchdog {
-        /// The drive.
-        drive: String,
+        /// Its name.
+        name: String,
         /// Its position.
         position: u16,
         /// As the robot's file wants it.
@@ -36,11 +58,11 @@ pub enum SessionError {
         /// As it was read back.
         found: WatchdogRegisters,
     },
-    /// A drive's process data have another length than the plan says.
-    #[error("drive `{drive}` has {found} bytes of {direction}, its file says {expected}")]
+    /// A SubDevice's process data have another length than the plan says.
+    #[error("`{name}` has {found} bytes of {direction}, its file says {expected}")]
     Length {
-        /// The drive.
-        drive: String,
+        /// Its name.
+        name: String,
         /// Which of its data.
         direction: &'static str,
         /// Bytes by the plan.

@@ -375,7 +375,7 @@ impl Stops {
             *cycles += 1;
             self.trial.next_exchange = match *cycles {
                 0..=UNKNOWN => Exchange::ShortCount { expected: 9, received: 6 },
-                _ => Exchange::Without { wheels: 1 << *wheel },
+                _ => Exchange::Without { wheels: 1 << *wheel, devices: 0 },
             };
             if *loss == Loss::DriveData && *cycles == watchdog {
                 self.trial.watchdog_expires(*wheel);

@@ -71,7 +71,7 @@ fn came(state: State, dead: Dead) -> Came {
     let (segment, machine) = simulated::segment(&plan).unwrap();
     let (link, clock) = in_process(segment);
     let (stop, progress) = (AtomicBool::new(false), Progress::default());
-    let rows = Rows::new(plan.drives.len(), Known::Truth);
+    let rows = Rows::new(&plan.record_layout(), Known::Truth);
     let pipe = std::env::temp_dir().join(format!("omnibase-matrix-{state:?}-{}", std::process::id()));
     let (mut recorder, mut recording, mut reader) = (None, None, None);
     if dead == Dead::Recorder {

@@ -1,0 +1,323 @@
+//! The SubDevices that drive no wheel: their places, maps and signals.
+
+use super::kind_keys::Given;
+use super::subdevices::{self, Claims, parameter};
+use super::{Check, is_plain_name};
+use crate::config::find_object as find;
+use crate::config::*;
+use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
+use crate::signals::{CycleRecord, MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS};
+
+/// A part of a signal's name: both parts fit into a channel's name.
+const LONGEST_NAME: usize = 24;
+
+pub(super) fn resolve(
+    check: &mut Check,
+    devices: &[DeviceTable],
+    drives: &[DriveTable],
+    registry: &Registry,
+) -> Option<Vec<DevicePlan>> {
+    let claims = |table: &str, n: usize, position, alias, name| Claims {
+        table: format!("{table}[{n}]"),
+        position,
+        alias,
+        name,
+    };
+    let drives = drives.iter().enumerate();
+    let tables = drives.map(|(n, one)| claims("drive", n, one.position, one.alias, one.name.as_ref())).chain(
+        devices
+            .iter()
+            .enumerate()
+            .map(|(n, one)| claims("device", n, one.position, one.alias, one.name.as_ref())),
+    );
+    subdevices::duplicates(check, tables);
+    if devices.len() > MAX_DEVICES {
+        let problem =
+            check.report(ProblemKind::OutOfRange, "device", "too many SubDevices beside the drives");
+        problem.value = Some(devices.len().to_string());
+        problem.limit = Some(format!("at most {MAX_DEVICES}"));
+    }
+    let resolved: Vec<Option<DevicePlan>> = devices
+        .iter()
+        .enumerate()
+        .map(|(index, own)| Device { check, table: format!("device[{index}]"), own }.resolve(registry))
+        .collect();
+    let plans: Vec<DevicePlan> = resolved.into_iter().collect::<Option<_>>()?;
+    room(check, &plans);
+    Some(plans)
+}
+
+/// A cycle's record has room for so much.
+fn room(check: &mut Check, plans: &[DevicePlan]) {
+    let layout = signal_layout(plans);
+    for (what, found, most) in [
+        ("inputs", layout.inputs.len(), MAX_SIGNALS),
+        ("outputs", layout.outputs.len(), MAX_SIGNALS),
+        ("bytes of inputs", layout.input_bytes, MAX_DEVICE_BYTES),
+        ("bytes of outputs", layout.output_bytes, MAX_DEVICE_BYTES),
+    ] {
+        if found > most {
+            let problem = check.report(ProblemKind::OutOfRange, "device", "too much for one cycle's record");
+            problem.value = Some(format!("{found} {what}"));
+            problem.limit = Some(format!("at most {most} of all SubDevices together"));
+        }
+    }
+}
+
+struct Device<'a> {
+    check: &'a mut Check,
+    table: String,
+    own: &'a DeviceTable,
+}
+
+impl Device<'_> {
+    fn setting(&self, key: &str) -> String {
+        format!("{}.{key}", self.table)
+    }
+
+    fn resolve(mut self, registry: &Registry) -> Option<DevicePlan> {
+        let (own, table) = (self.own, self.table.clone());
+        let name = self.name();
+        let place = subdevices::place(self.check, &table, own.position, own.alias, "a SubDevice");
+        let kinds = &registry.peripherals;
+        let setting = self.setting("kind");
+        let why = "it says what the SubDevice is: `ignore` for one that nobody reads or writes";
+        let kind = self.check.need(own.kind.as_deref(), &setting, why)?;
+        let (kind, MakePeripheral { defaults, .. }) = self.check.known(kinds, &setting, Some(kind))?;
+        let given = Given::of(own);
+        self.check.kind_reads(kind, &given, &|key| format!("{table}.{key}"));
+        self.check.nobody_reads(&[kind], &given, &kinds.sort, &table);
+        let identity = self.identity(defaults);
+        let outputs = self.pdos("outputs", &own.outputs, &defaults.outputs, subdevices::OUTPUT_PDOS);
+        let inputs = self.pdos("inputs", &own.inputs, &defaults.inputs, subdevices::INPUT_PDOS);
+        let mut parameters = defaults.parameters.clone();
+        for (index, table) in own.parameters.iter().flatten().enumerate() {
+            let setting = self.setting(&format!("parameters[{index}]"));
+            parameters.extend(parameter(self.check, table, &setting));
+        }
+        let (outputs, inputs) = (outputs?, inputs?);
+        let input = self.inputs(defaults, &inputs);
+        let output = self.outputs(defaults, &outputs);
+        let (input, output) = (input?, output?);
+        self.one_name_each(&input, &output);
+        Some(DevicePlan {
+            name: name?,
+            place: place?,
+            kind: kind.name.to_owned(),
+            identity,
+            outputs,
+            inputs,
+            input,
+            output,
+            parameters,
+            custom: own.custom.clone(),
+        })
+    }
+
+    /// Recordings have a topic of its name.
+    fn name(&mut self) -> Option<String> {
+        let setting = self.setting("name");
+        let name = self.plain_name(self.own.name.as_deref(), &setting)?;
+        if CycleRecord::topics().contains(&name) {
+            let problem =
+                self.check.report(ProblemKind::Duplicate, &setting, "recordings call something else so");
+            problem.value = Some(format!("\"{name}\""));
+            problem.limit = Some("another name".into());
+            return None;
+        }
+        Some(name)
+    }
+
+    fn plain_name(&mut self, name: Option<&str>, setting: &str) -> Option<String> {
+        let name = self.check.need(name, setting, "its signals are called by it")?;
+        if is_plain_name(name) && name.len() <= LONGEST_NAME {
+            return Some(name.to_owned());
+        }
+        let problem =
+            self.check.report(ProblemKind::OutOfRange, setting, "not a name that recordings can have");
+        problem.value = Some(format!("\"{name}\""));
+        problem.limit = Some(format!("1 to {LONGEST_NAME} small letters, digits and underscores"));
+        None
+    }
+
+    fn identity(&mut self, defaults: &PeripheralDefaults) -> Identity {
+        let mut number = |key: &str, text: &Option<String>, default: Option<u32>| {
+            let Some(text) = text else { return default };
+            subdevices::identity_number(self.check, &format!("{}.{key}", self.table), text)
+        };
+        Identity {
+            vendor_id: number("vendor_id", &self.own.vendor_id, defaults.identity.vendor_id),
+            product_code: number("product_code", &self.own.product_code, defaults.identity.product_code),
+            revision: number("revision", &self.own.revision, defaults.identity.revision),
+        }
+    }
+
+    fn pdos(
+        &mut self,
+        key: &str,
+        tables: &Option<Vec<PdoTable>>,
+        default: &[PdoPlan],
+        bounds: (u16, u16),
+    ) -> Option<Vec<PdoPlan>> {
+        let Some(tables) = tables else { return Some(default.to_vec()) };
+        subdevices::pdos(self.check, &self.setting(key), tables, bounds)
+    }
+
+    fn inputs(&mut self, defaults: &PeripheralDefaults, pdos: &[PdoPlan]) -> Option<Vec<InputPlan>> {
+        let own = self.own.input.iter().enumerate().map(|(n, table)| {
+            let InputTable { name, object, bit, kind, unit, scale, offset, simulated } = table;
+            let written =
+                Written { name, object, bit: *bit, kind: *kind, unit, scale: *scale, offset: *offset };
+            let key = format!("input[{n}]");
+            let (name, unit, coding) = self.signal(&key, "inputs", &written, pdos)?;
+            let reason = "the process data can't hold it";
+            self.held(&format!("{key}.simulated"), *simulated, &coding, reason)?;
+            Some(InputPlan { name, unit, coding: Some(coding), simulated: *simulated })
+        });
+        let own: Vec<Option<InputPlan>> = own.collect();
+        defaults.input.iter().cloned().map(Some).chain(own).collect()
+    }
+
+    fn outputs(&mut self, defaults: &PeripheralDefaults, pdos: &[PdoPlan]) -> Option<Vec<OutputPlan>> {
+        let own = self.own.output.iter().enumerate().map(|(n, table)| {
+            let OutputTable { name, object, bit, kind, unit, scale, offset, on_stop } = table;
+            let written =
+                Written { name, object, bit: *bit, kind: *kind, unit, scale: *scale, offset: *offset };
+            let key = format!("output[{n}]");
+            let (name, unit, coding) = self.signal(&key, "outputs", &written, pdos)?;
+            let on_stop = on_stop.unwrap_or(0.0);
+            let reason = "the process data can't hold it, and the output is it when the robot stops";
+            self.held(&format!("{key}.on_stop"), Some(on_stop), &coding, reason)?;
+            Some(OutputPlan { name, unit, coding: Some(coding), on_stop })
+        });
+        let own: Vec<Option<OutputPlan>> = own.collect();
+        defaults.output.iter().cloned().map(Some).chain(own).collect()
+    }
+
+    /// A value that the process data must be able to hold; `None` where they aren't.
+    fn held(&mut self, key: &str, value: Option<f64>, coding: &Coding, reason: &str) -> Option<()> {
+        let Some(value) = value.filter(|value| !coding.holds(*value)) else { return Some(()) };
+        let [least, greatest] = coding.values();
+        let problem = self.check.report(ProblemKind::OutOfRange, &self.setting(key), reason);
+        problem.value = Some(value.to_string());
+        problem.limit = Some(format!("{least} to {greatest}"));
+        None
+    }
+
+    fn signal(
+        &mut self,
+        key: &str,
+        map: &str,
+        written: &Written<'_>,
+        pdos: &[PdoPlan],
+    ) -> Option<(String, String, Coding)> {
+        let setting = |part: &str| format!("{}.{key}.{part}", self.table);
+        let (of_name, of_object, of_bit, of_type, of_unit, of_scale) = (
+            setting("name"),
+            setting("object"),
+            setting("bit"),
+            setting("type"),
+            setting("unit"),
+            setting("scale"),
+        );
+        let of_offset = setting("offset");
+        let name = self.plain_name(written.name.as_deref(), &of_name);
+        let object =
+            self.check.need(written.object.as_ref(), &of_object, "it says where the signal stands")?;
+        let (index, subindex) = match parse_object(object) {
+            Ok(object) => object,
+            Err(error) => {
+                self.check.report(ProblemKind::WrongType, &of_object, error).value =
+                    Some(format!("\"{object}\""));
+                return None;
+            }
+        };
+        let Some((first, length)) = find(pdos, index, subindex).filter(|_| index != 0) else {
+            let reason = format!("the object isn't among `{map}`");
+            let shown = pdos.iter().flat_map(|pdo| &pdo.entries).filter(|entry| entry.index != 0);
+            let shown: Vec<String> = shown.map(ToString::to_string).collect();
+            let problem = self.check.report(ProblemKind::Missing, &of_object, reason);
+            problem.value = Some(format!("\"{object}\""));
+            problem.limit =
+                Some(if shown.is_empty() { format!("an object of `{map}`") } else { shown.join(" ") });
+            return None;
+        };
+        let (bit, bits) = match written.bit {
+            None => (first, length),
+            Some(bit) if bit < length => (first + u32::from(bit), 1),
+            Some(bit) => {
+                let problem =
+                    self.check.report(ProblemKind::OutOfRange, &of_bit, "the object has fewer bits");
+                problem.value = Some(bit.to_string());
+                problem.limit = Some(format!("0 to {}", length - 1));
+                return None;
+            }
+        };
+        let of_one_bit = (bits == 1).then_some(SignalType::Bool);
+        let kind =
+            self.check.need(written.kind.or(of_one_bit), &of_type, "it says how its bits are a number")?;
+        let fits = match kind {
+            SignalType::F32 | SignalType::Bool => bits == kind.bits(),
+            _ => bits <= kind.bits(),
+        };
+        if !fits {
+            let problem =
+                self.check.report(ProblemKind::Contradiction, &of_type, "the object has another length");
+            problem.value = Some(format!("{} bits", kind.bits()));
+            problem.limit = Some(format!("a type of {bits} bits"));
+            return None;
+        }
+        let scale = written.scale.unwrap_or(1.0);
+        let offset = written.offset.unwrap_or(0.0);
+        for (value, setting, is_sound) in
+            [(scale, of_scale, scale.is_finite() && scale != 0.0), (offset, of_offset, offset.is_finite())]
+        {
+            if !is_sound {
+                let problem =
+                    self.check.report(ProblemKind::OutOfRange, &setting, "no value follows from it");
+                problem.value = Some(value.to_string());
+                problem.limit = Some("a finite number, the scale not 0".into());
+                return None;
+            }
+        }
+        let unit = written.unit.clone().unwrap_or_default();
+        if unit.chars().count() > LONGEST_UNIT || unit.chars().any(char::is_control) {
+            let problem = self.check.report(ProblemKind::OutOfRange, &of_unit, "not a unit");
+            problem.value = Some(format!("\"{unit}\""));
+            problem.limit = Some(format!("at most {LONGEST_UNIT} characters, such as \"V\" or \"°C\""));
+            return None;
+        }
+        Some((name?, unit, Coding { bit, bits, kind, scale, offset }))
+    }
+
+    /// Recordings have a column for each, and one for the age.
+    fn one_name_each(&mut self, input: &[InputPlan], output: &[OutputPlan]) {
+        let inputs = input.iter().map(|one| ("input", one.name.as_str()));
+        let outputs = output.iter().map(|one| ("output", one.name.as_str()));
+        let mut seen = vec!["age"];
+        for (n, (key, name)) in inputs.chain(outputs).enumerate() {
+            if seen.contains(&name) {
+                let place = if key == "input" { n } else { n - input.len() };
+                let setting = self.setting(&format!("{key}[{place}].name"));
+                let reason = "another signal of this SubDevice, or its age, is called so";
+                self.check.report(ProblemKind::Duplicate, &setting, reason).value =
+                    Some(format!("\"{name}\""));
+            }
+            seen.push(name);
+        }
+    }
+}
+
+/// The longest unit, characters.
+const LONGEST_UNIT: usize = 16;
+
+/// A signal as written, whichever way it goes.
+struct Written<'a> {
+    name: &'a Option<String>,
+    object: &'a Option<String>,
+    bit: Option<u8>,
+    kind: Option<SignalType>,
+    unit: &'a Option<String>,
+    scale: Option<f64>,
+    offset: Option<f64>,
+}

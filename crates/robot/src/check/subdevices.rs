@@ -1,0 +1,161 @@
+//! What tables of SubDevices have in common: places on the bus, identities, PDO maps, parameters.
+
+use std::collections::HashMap;
+
+use omnibase_ethercat::start_up::ReadBack;
+
+use super::Check;
+use crate::config::*;
+
+/// What a table says about who it is and where; `table` is as settings name it, such as `drive[0]`.
+pub(super) struct Claims<'a> {
+    pub(super) table: String,
+    pub(super) position: Option<u16>,
+    pub(super) alias: Option<u16>,
+    pub(super) name: Option<&'a String>,
+}
+
+/// One SubDevice has one table, and no name stands for two.
+pub(super) fn duplicates<'a>(check: &mut Check, tables: impl Iterator<Item = Claims<'a>>) {
+    let mut first = HashMap::new();
+    for Claims { table, position, alias, name } in tables {
+        let claims = [
+            position.map(|position| ("position", position.to_string())),
+            alias.map(|alias| ("alias", alias.to_string())),
+            name.map(|name| ("name", format!("\"{name}\""))),
+        ];
+        for (key, value) in claims.into_iter().flatten() {
+            if let Some(other) = first.insert((key, value.clone()), table.clone()) {
+                let line = check.locations.place(&format!("{other}.{key}")).map_or(0, |place| place.line);
+                let reason = format!("{other} has the same {key} (line {line})");
+                check.report(ProblemKind::Duplicate, &format!("{table}.{key}"), reason).value = Some(value);
+            }
+        }
+    }
+}
+
+/// Where a SubDevice is: by position or alias. `what` says who is looked for.
+pub(super) fn place(
+    check: &mut Check,
+    table: &str,
+    position: Option<u16>,
+    alias: Option<u16>,
+    what: &str,
+) -> Option<BusPlace> {
+    let setting = format!("{table}.position");
+    match (position, alias) {
+        (Some(position), None) => Some(BusPlace::Position(position)),
+        (None, Some(alias)) => Some(BusPlace::Alias(alias)),
+        (Some(_), Some(_)) => {
+            check.report(ProblemKind::Contradiction, &setting, "give `position` or `alias`, not both");
+            None
+        }
+        (None, None) => {
+            check.need(None, &setting, &format!("{what} is found by its `position` or its `alias`"))
+        }
+    }
+}
+
+/// A number of an identity as text: `0x539` or `1337`.
+pub(super) fn identity_number(check: &mut Check, setting: &str, text: &str) -> Option<u32> {
+    let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    if number.is_err() {
+        let problem = check.report(ProblemKind::WrongType, setting, "not a number of 32 bits");
+        problem.value = Some(format!("\"{text}\""));
+        problem.limit = Some("such as \"0x539\" or \"1337\"".into());
+    }
+    number.ok()
+}
+
+/// Indices of the PDOs to a SubDevice.
+pub(super) const OUTPUT_PDOS: (u16, u16) = (0x1600, 0x17FF);
+/// Indices of the PDOs from a SubDevice.
+pub(super) const INPUT_PDOS: (u16, u16) = (0x1A00, 0x1BFF);
+
+/// PDO maps of one direction, whose indices lie between the bounds.
+pub(super) fn pdos(
+    check: &mut Check,
+    setting: &str,
+    tables: &[PdoTable],
+    (low, high): (u16, u16),
+) -> Option<Vec<PdoPlan>> {
+    let mut pdos = Some(Vec::new());
+    for (index, table) in tables.iter().enumerate() {
+        let setting = format!("{setting}[{index}]");
+        let why = "a PDO has an index and a map";
+        let name = check.need(table.pdo.as_ref(), &format!("{setting}.pdo"), why);
+        let map = check.need(table.map.as_ref(), &format!("{setting}.map"), why);
+        let pdo = name.and_then(|name| match parse_object(name) {
+            Ok((index, 0)) if (low..=high).contains(&index) => Some(index),
+            _ => {
+                let reason = "not a PDO index for this direction";
+                let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.pdo"), reason);
+                problem.value = Some(format!("\"{name}\""));
+                problem.limit = Some(format!("0x{low:04X} to 0x{high:04X}"));
+                None
+            }
+        });
+        let entries = map.and_then(|map| match parse_map(map) {
+            Ok(entries) => Some(entries),
+            Err(error) => {
+                check.report(ProblemKind::WrongType, &format!("{setting}.map"), error).value =
+                    Some(format!("\"{map}\""));
+                None
+            }
+        });
+        match (pdo, entries, &mut pdos) {
+            (Some(index), Some(entries), Some(pdos)) => pdos.push(PdoPlan { index, entries }),
+            _ => pdos = None,
+        }
+    }
+    pdos
+}
+
+/// One SDO to write.
+pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str) -> Option<ParameterPlan> {
+    let why = "a parameter has object, type and value";
+    let object = check.need(table.object.as_ref(), &format!("{setting}.object"), why);
+    let kind = check.need(table.kind, &format!("{setting}.type"), why);
+    let value = check.need(table.value, &format!("{setting}.value"), why);
+    let object = object.and_then(|text| match parse_object(text) {
+        Ok(object) => Some(object),
+        Err(error) => {
+            check.report(ProblemKind::WrongType, &format!("{setting}.object"), error);
+            None
+        }
+    });
+    let (kind, value, (index, subindex)) = (kind?, value?, object?);
+    let (bytes, low, high) = match kind {
+        ParameterType::I8 => (1, i64::from(i8::MIN), i64::from(i8::MAX)),
+        ParameterType::I16 => (2, i64::from(i16::MIN), i64::from(i16::MAX)),
+        ParameterType::I32 => (4, i64::from(i32::MIN), i64::from(i32::MAX)),
+        ParameterType::U8 => (1, 0, i64::from(u8::MAX)),
+        ParameterType::U16 => (2, 0, i64::from(u16::MAX)),
+        ParameterType::U32 => (4, 0, i64::from(u32::MAX)),
+    };
+    if !(low..=high).contains(&value) {
+        let reason = "the value doesn't fit its type";
+        let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.value"), reason);
+        problem.value = Some(value.to_string());
+        problem.limit = Some(format!("{low} to {high}"));
+        return None;
+    }
+    let place = check.locations.place(&format!("{setting}.object"));
+    let origin = place.map_or_else(String::new, |place| match place.file {
+        Some(file) => format!("{file} line {}", place.line),
+        None => format!("line {}", place.line),
+    });
+    Some(ParameterPlan {
+        index,
+        subindex,
+        data: value.to_le_bytes()[..bytes].to_vec(),
+        read_back: match table.read_back.unwrap_or(ReadBackChoice::Compare) {
+            ReadBackChoice::Compare => ReadBack::Compare,
+            ReadBackChoice::Skip => ReadBack::Skip,
+        },
+        origin,
+    })
+}

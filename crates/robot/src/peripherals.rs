@@ -1,0 +1,32 @@
+//! Peripherals: SubDevices that drive no wheel, between their process data and their signals.
+
+mod beside;
+mod io;
+
+use crate::registry::{Kind, PeripheralDefaults, Registry, optional};
+use crate::stages::Peripheral;
+
+pub(crate) use beside::Beside;
+pub use io::Io;
+
+/// A SubDevice that is brought along as it describes itself: nobody reads its inputs, its outputs stay 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ignored;
+
+impl Peripheral for Ignored {}
+
+/// Registers the built-in kinds.
+pub fn register(registry: &mut Registry) {
+    let ignore = Kind {
+        name: "ignore",
+        meaning: "Brought along as it describes itself; nobody reads its inputs, its outputs stay 0",
+        keys: Vec::new(),
+    };
+    registry.peripherals.add(ignore, PeripheralDefaults::default(), |_| Ok(Ignored));
+    let io = Kind {
+        name: "io",
+        meaning: "Digital and analog inputs and outputs, as its tables say",
+        keys: ["inputs", "outputs", "input", "output", "parameters"].map(optional).into(),
+    };
+    registry.peripherals.add(io, PeripheralDefaults::default(), Io::new);
+}

@@ -1,0 +1,178 @@
+//! The cycle's part of the signals beside the drives: read, aged, told, written.
+
+use std::ops::Range;
+
+use crate::config::RobotPlan;
+use crate::image::ProcessImage;
+use crate::registry::{Made, Registry};
+use crate::signals::{
+    CycleTime, Exchange, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, SignalLayout, Signals, Told,
+};
+use crate::stages::Peripheral;
+
+/// All SubDevices that drive no wheel, and what they remember from cycle to cycle.
+pub(crate) struct Beside {
+    layout: SignalLayout,
+    all: Vec<Part>,
+    /// Values of the outputs until somebody sets them.
+    on_stop: [f64; MAX_SIGNALS],
+    /// What was asked of the outputs.
+    asked: [Option<f64>; MAX_SIGNALS],
+    /// What stages tell in this cycle.
+    told: Told,
+    /// Inputs older than this aren't believed, ns: as much as lost exchanges are tolerated.
+    most_age_ns: u64,
+}
+
+/// One of them, and where its signals and bytes stand.
+struct Part {
+    peripheral: Box<dyn Peripheral>,
+    inputs: Range<usize>,
+    outputs: Range<usize>,
+    input_bytes: Range<usize>,
+    output_bytes: Range<usize>,
+    heard_ns: Option<u64>,
+}
+
+/// The next so many places.
+fn next(at: &mut usize, length: usize) -> Range<usize> {
+    let begin = std::mem::replace(at, *at + length);
+    begin..*at
+}
+
+impl Beside {
+    pub(crate) fn new(plan: &RobotPlan, registry: &Registry) -> Made<Self> {
+        let [mut inputs, mut outputs, mut input_bytes, mut output_bytes] = [0; 4];
+        let made = registry.make_peripherals(plan)?;
+        let parts = plan.devices.iter().zip(made).take(MAX_DEVICES).map(|(device, peripheral)| Part {
+            peripheral,
+            inputs: next(&mut inputs, device.input.len()),
+            outputs: next(&mut outputs, device.output.len()),
+            input_bytes: next(&mut input_bytes, device.input_bytes()),
+            output_bytes: next(&mut output_bytes, device.output_bytes()),
+            heard_ns: None,
+        });
+        let all = parts.collect();
+        let mut on_stop = [0.0; MAX_SIGNALS];
+        let outputs = plan.devices.iter().flat_map(|device| &device.output);
+        on_stop.iter_mut().zip(outputs).for_each(|(value, output)| *value = output.on_stop);
+        Ok(Beside {
+            layout: plan.signals(),
+            all,
+            on_stop,
+            asked: [None; MAX_SIGNALS],
+            told: Told::default(),
+            most_age_ns: u64::from(plan.safety.lost_exchanges_tolerated).saturating_mul(plan.bus.cycle_ns),
+        })
+    }
+
+    /// Before the first cycle nothing was heard.
+    pub(crate) fn begin(&self) -> Signals {
+        let mut signals = Signals { shape: self.layout.shape(), outputs: self.on_stop, ..Signals::NONE };
+        signals.ages_s[..self.all.len()].fill(f64::INFINITY);
+        signals
+    }
+
+    /// From process data to signals; what wasn't heard grows old.
+    pub(crate) fn read(
+        &mut self,
+        time: &CycleTime,
+        exchange: Exchange,
+        image: &dyn ProcessImage,
+        signals: &mut Signals,
+    ) {
+        self.told = Told::default();
+        signals.believed = 0;
+        signals.input_bytes.fill(0);
+        for (device, part) in self.all.iter_mut().enumerate() {
+            let values = &mut signals.inputs[part.inputs.clone()];
+            if exchange.has_inputs_of_device(device) {
+                let bytes = &mut signals.input_bytes[part.input_bytes.clone()];
+                let heard = image.device_inputs(device);
+                let length = heard.len().min(bytes.len());
+                bytes[..length].copy_from_slice(&heard[..length]);
+                part.peripheral.read(time, bytes, values);
+                part.heard_ns = Some(time.now_ns);
+            }
+            let age_ns = part.heard_ns.map(|heard_ns| time.now_ns.saturating_sub(heard_ns));
+            signals.ages_s[device] = age_ns.map_or(f64::INFINITY, |age_ns| age_ns as f64 * 1e-9);
+            if age_ns.is_none_or(|age_ns| age_ns > self.most_age_ns) {
+                continue;
+            }
+            for (input, value) in part.inputs.clone().zip(values) {
+                signals.believed |= u64::from(value.is_finite()) << input;
+            }
+        }
+    }
+
+    /// What stages see.
+    pub(crate) fn inputs<'a>(&'a self, signals: &'a Signals) -> Inputs<'a> {
+        Inputs::new(&self.layout, signals)
+    }
+
+    /// What stages see, and what they tell.
+    pub(crate) fn open<'a>(&'a mut self, signals: &'a Signals) -> (Inputs<'a>, Outputs<'a>) {
+        (Inputs::new(&self.layout, signals), Outputs::new(&self.layout, &mut self.told))
+    }
+
+    /// Somebody sets an output; `false` where there is none that can have this value.
+    pub(crate) fn ask(&mut self, index: u32, value: f64) -> bool {
+        let output = index as usize;
+        let takes = |part: &Part| {
+            part.outputs.contains(&output) && part.peripheral.takes(output - part.outputs.start, value)
+        };
+        if !value.is_finite() || !self.all.iter().any(takes) {
+            return false;
+        }
+        self.asked[output] = Some(value);
+        true
+    }
+
+    /// Whoever set an output is gone; `false` where there is none.
+    pub(crate) fn reset(&mut self, index: u32) -> bool {
+        let output = index as usize;
+        let is_there = output < self.layout.outputs.len();
+        if is_there {
+            self.asked[output] = None;
+        }
+        is_there
+    }
+
+    /// From signals to process data. A robot that lets go of its drives lets go of the outputs: nothing that was asked
+    /// before counts after it.
+    pub(crate) fn write(
+        &mut self,
+        time: &CycleTime,
+        lets_go: bool,
+        image: &mut dyn ProcessImage,
+        signals: &mut Signals,
+    ) {
+        if lets_go {
+            self.asked = [None; MAX_SIGNALS];
+            self.told = Told::default();
+        }
+        for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {
+            *value = match self.told.is_told >> output & 1 {
+                1 => self.told.values[output],
+                _ => self.asked[output].unwrap_or(self.on_stop[output]),
+            };
+        }
+        signals.output_bytes.fill(0);
+        for (device, part) in self.all.iter_mut().enumerate() {
+            let bytes = image.device_outputs(device);
+            part.peripheral.write(time, &signals.outputs[part.outputs.clone()], bytes);
+            let recorded = &mut signals.output_bytes[part.output_bytes.clone()];
+            let length = bytes.len().min(recorded.len());
+            recorded[..length].copy_from_slice(&bytes[..length]);
+        }
+    }
+
+    /// Puts a recorded cycle's inputs back into process data.
+    pub(crate) fn replay(&self, signals: &Signals, inputs: &mut [Vec<u8>]) {
+        for (part, bytes) in self.all.iter().zip(inputs) {
+            let recorded = &signals.input_bytes[part.input_bytes.clone()];
+            let length = bytes.len().min(recorded.len());
+            bytes[..length].copy_from_slice(&recorded[..length]);
+        }
+    }
+}

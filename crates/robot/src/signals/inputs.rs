@@ -1,0 +1,178 @@
+//! Named values beside the drives: what other SubDevices say, and what they are told.
+
+/// SubDevices that drive no wheel.
+pub const MAX_DEVICES: usize = 16;
+/// Named values of one direction.
+pub const MAX_SIGNALS: usize = 32;
+/// Bytes of process data of all these SubDevices together in one direction.
+pub const MAX_DEVICE_BYTES: usize = 128;
+
+/// The name of a signal and its unit.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SignalName {
+    /// Its full name, as `buttons.3`.
+    pub name: String,
+    /// Its unit; empty where it has none.
+    pub unit: String,
+}
+
+/// Which signals a robot has, in the order of its file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SignalLayout {
+    /// Names of the SubDevices.
+    pub devices: Vec<String>,
+    /// What comes in, at most [`MAX_SIGNALS`].
+    pub inputs: Vec<SignalName>,
+    /// What goes out, at most [`MAX_SIGNALS`].
+    pub outputs: Vec<SignalName>,
+    /// Bytes of process data that are read.
+    pub input_bytes: usize,
+    /// Bytes of process data that are written.
+    pub output_bytes: usize,
+}
+
+impl SignalLayout {
+    /// The place of an input.
+    pub fn input(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|signal| signal.name == name)
+    }
+
+    /// The place of an output.
+    pub fn output(&self, name: &str) -> Option<usize> {
+        self.outputs.iter().position(|signal| signal.name == name)
+    }
+
+    /// How many there are of everything.
+    pub fn shape(&self) -> SignalShape {
+        SignalShape {
+            devices: self.devices.len(),
+            inputs: self.inputs.len(),
+            outputs: self.outputs.len(),
+            input_bytes: self.input_bytes,
+            output_bytes: self.output_bytes,
+        }
+    }
+}
+
+/// How many signals there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SignalShape {
+    /// SubDevices.
+    pub devices: usize,
+    /// Inputs.
+    pub inputs: usize,
+    /// Outputs.
+    pub outputs: usize,
+    /// Bytes of process data that are read.
+    pub input_bytes: usize,
+    /// Bytes of process data that are written.
+    pub output_bytes: usize,
+}
+
+/// All signals of one cycle; what lies beyond the robot's own is 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signals {
+    /// How many there are.
+    pub shape: SignalShape,
+    /// Process data from the SubDevices, one behind the other, raw; 0 of those that took no part in the exchange.
+    pub input_bytes: [u8; MAX_DEVICE_BYTES],
+    /// Age of each SubDevice's inputs, s; infinite until it was heard.
+    pub ages_s: [f64; MAX_DEVICES],
+    /// Inputs, in their units: the last that were heard.
+    pub inputs: [f64; MAX_SIGNALS],
+    /// Which inputs are to be believed: bit n for input n. Not those that are old, or no number.
+    pub believed: u64,
+    /// Outputs, in their units.
+    pub outputs: [f64; MAX_SIGNALS],
+    /// Process data to the SubDevices, one behind the other, raw.
+    pub output_bytes: [u8; MAX_DEVICE_BYTES],
+}
+
+impl Signals {
+    /// No signals.
+    pub const NONE: Signals = Signals {
+        shape: SignalShape { devices: 0, inputs: 0, outputs: 0, input_bytes: 0, output_bytes: 0 },
+        input_bytes: [0; MAX_DEVICE_BYTES],
+        ages_s: [0.0; MAX_DEVICES],
+        inputs: [0.0; MAX_SIGNALS],
+        believed: 0,
+        outputs: [0.0; MAX_SIGNALS],
+        output_bytes: [0; MAX_DEVICE_BYTES],
+    };
+
+    /// An input by its place; `None` where it isn't to be believed.
+    pub fn believed(&self, input: usize) -> Option<f64> {
+        let is_believed = input < self.shape.inputs && self.believed >> input & 1 == 1;
+        is_believed.then(|| self.inputs[input])
+    }
+}
+
+impl Default for Signals {
+    fn default() -> Self {
+        Signals::NONE
+    }
+}
+
+static NONE: Signals = Signals::NONE;
+
+/// What comes in beside the drives, by name.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs<'a> {
+    names: &'a [SignalName],
+    signals: &'a Signals,
+}
+
+impl<'a> Inputs<'a> {
+    /// The inputs of a cycle.
+    pub fn new(layout: &'a SignalLayout, signals: &'a Signals) -> Self {
+        Inputs { names: &layout.inputs, signals }
+    }
+
+    /// An input by its full name, as `buttons.3`, in its unit; `None` where it is old, no number, or isn't there.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        self.signals.believed(self.names.iter().position(|signal| signal.name == name)?)
+    }
+
+    /// Their names, in order.
+    pub fn names(&self) -> impl Iterator<Item = &'a str> {
+        self.names.iter().map(|signal| signal.name.as_str())
+    }
+}
+
+impl Default for Inputs<'_> {
+    fn default() -> Self {
+        Inputs { names: &[], signals: &NONE }
+    }
+}
+
+/// What stages tell other SubDevices in one cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Told {
+    pub(crate) values: [f64; MAX_SIGNALS],
+    pub(crate) is_told: u64,
+}
+
+/// What goes out beside the drives, by name; it counts for the cycle in which it is set.
+#[derive(Debug)]
+pub struct Outputs<'a> {
+    names: &'a [SignalName],
+    told: &'a mut Told,
+}
+
+impl<'a> Outputs<'a> {
+    pub(crate) fn new(layout: &'a SignalLayout, told: &'a mut Told) -> Self {
+        Outputs { names: &layout.outputs, told }
+    }
+
+    /// Sets an output by its full name, as `valve.open`, in its unit; `false` where it isn't there, or the value is no
+    /// number.
+    pub fn set(&mut self, name: &str, value: f64) -> bool {
+        let place = self.names.iter().position(|signal| signal.name == name);
+        let Some(place) = place.filter(|place| *place < MAX_SIGNALS && value.is_finite()) else {
+            return false;
+        };
+        self.told.values[place] = value;
+        self.told.is_told |= 1 << place;
+        true
+    }
+}

@@ -1,0 +1,62 @@
+//! The SubDevices without a wheel of a simulated robot.
+
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::sii::ImageTooShort;
+use omnibase_ethercat_sim::device::Piece;
+use omnibase_ethercat_sim::device::generic::Generic;
+use omnibase_ethercat_sim::device::simple::{self, Terminal};
+use omnibase_ethercat_sim::dictionary::standard::PdoMap;
+use omnibase_robot::config::{BusPlace, DevicePlan, PdoPlan};
+
+/// Vendor and product where the robot's file gives none.
+const VENDOR: u32 = 0xE000_0001;
+const PRODUCT: u32 = 1;
+
+/// A terminal with the process data of the plan; one that is ignored has none. Its inputs are as the plan says.
+pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, ImageTooShort> {
+    let terminal = Terminal {
+        name: device.name.clone(),
+        vendor_id: device.identity.vendor_id.unwrap_or(VENDOR),
+        product_code: device.identity.product_code.unwrap_or(PRODUCT),
+        revision: device.identity.revision.unwrap_or(1),
+        outputs: maps(&device.outputs, "Outputs"),
+        inputs: maps(&device.inputs, "Inputs"),
+    };
+    let piece = Piece {
+        alias: match device.place {
+            BusPlace::Alias(alias) => alias,
+            BusPlace::Position(_) => 0,
+        },
+        serial: 100 + number as u32,
+        dc_offset_ns: (number as u64 + 1) * 76_543_210,
+        ..Piece::default()
+    };
+    let generic = simple::terminal(&terminal, &piece)?;
+    let mut bytes = vec![0; device.input_bytes()];
+    for input in &device.input {
+        if let (Some(coding), Some(value)) = (input.coding, input.simulated) {
+            coding.write(value, &mut bytes);
+        }
+    }
+    let mut at = 0_usize;
+    for entry in device.inputs.iter().flat_map(|pdo| &pdo.entries) {
+        let bits = at..at + usize::from(entry.bits);
+        at = bits.end;
+        let value = bits.rev().fold(0, |value, bit| value << 1 | u64::from(bytes[bit / 8] >> (bit % 8) & 1));
+        generic.panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
+    }
+    Ok(generic)
+}
+
+fn maps(pdos: &[PdoPlan], name: &str) -> Vec<PdoMap> {
+    let map = |pdo: &PdoPlan| PdoMap {
+        index: pdo.index,
+        name: name.to_owned(),
+        entries: pdo
+            .entries
+            .iter()
+            .map(|entry| (ObjectAddress::new(entry.index, entry.subindex), entry.bits))
+            .collect(),
+    };
+    pdos.iter().map(map).collect()
+}
