@@ -1,7 +1,9 @@
 //! `omnibase run`: the whole robot, from its file to the error at the end.
 
+mod calendar;
 mod operated;
 mod page;
+mod recording;
 mod reference;
 mod report;
 mod stick_thread;
@@ -69,12 +71,8 @@ pub struct Arguments {
     /// Look at the ring until the frame is back instead of sleeping; uses up a CPU meanwhile.
     #[arg(long, requires = "ring")]
     busy_poll: bool,
-    /// Record every signal of every cycle into this MCAP file.
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Record every signal of every cycle into this text file of columns, as Kst and numpy read it.
-    #[arg(long, value_name = "FILE")]
-    columns: Option<PathBuf>,
+    #[command(flatten)]
+    recording: recording::RecordingChoice,
     /// Show the run on this page of HTML.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -107,8 +105,9 @@ pub fn run(
     let way = arguments.open(&robot)?;
     let stages = Robot::build(&robot.plan, registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
-    let mut page = arguments.page()?;
-    let (recorder, recording) = arguments.recorder(&robot, known, page.as_ref())?.unzip();
+    let files = arguments.recording.files(&robot, &source.text.folder)?;
+    let mut page = arguments.page(files.as_ref())?;
+    let (recorder, recording) = arguments.recorder(&robot, known, files, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
@@ -154,6 +153,9 @@ pub fn run(
     if let Some(recorder) = recorder {
         let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded));
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+        if recorded.removed > 0 {
+            note(format_args!("recording: {} cycles went with the oldest files", recorded.removed));
+        }
         lost = recorded.failure;
     }
     let told = arguments.tell(&summary, output);
@@ -226,24 +228,34 @@ impl Arguments {
         Ok(output.flush()?)
     }
 
-    fn page(&self) -> anyhow::Result<Option<Page>> {
-        self.report.as_deref().map(|path| Page::begin(path, self.record.as_deref())).transpose()
+    fn page(&self, files: Option<&RunFiles>) -> anyhow::Result<Option<Page>> {
+        let Some(path) = self.report.as_deref() else { return Ok(None) };
+        anyhow::ensure!(
+            files.is_none_or(|files| files.rotation.is_none()),
+            "--report shows a run in one file: give --no-recording, or show the files one by one by `omnibase report`"
+        );
+        Page::begin(path, files.and_then(|files| files.mcap.as_deref())).map(Some)
     }
 
     fn recorder(
         &self,
         robot: &LoadedRobot,
         known: Known,
+        files: Option<RunFiles>,
         page: Option<&Page>,
     ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
-        let mcap = self.record.clone().or_else(|| page.map(|page| page.recording().to_owned()));
-        if mcap.is_none() && self.columns.is_none() {
-            return Ok(None);
-        }
+        let Some(mut files) = files.or_else(|| page.map(|_| RunFiles::default())) else { return Ok(None) };
+        files.mcap = files.mcap.or_else(|| page.map(|page| page.recording().to_owned()));
         let rows = Rows::new(robot.plan.drives.len(), known);
-        let mut description = omnibase_run::describe::description(robot);
-        description.extend(page::first_words());
-        let files = RunFiles { mcap, columns: self.columns.clone(), description };
+        files.description = omnibase_run::describe::description(robot);
+        files.description.extend(page::first_words());
+        anyhow::ensure!(
+            !files.selection.columns(rows.schema()).is_empty(),
+            "none of the chosen signals is there on hardware: expected others beside `truth`"
+        );
+        if let Some(words) = recording::words(&files, rows.schema()) {
+            note(words);
+        }
         let on_full =
             if self.interface.is_some() || self.operated.is_wanted() { OnFull::Drop } else { OnFull::Wait };
         let (recorder, sink) =

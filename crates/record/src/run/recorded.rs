@@ -25,7 +25,7 @@ pub struct RecordedRun {
     pub times_ns: Vec<u64>,
     /// All rows, one behind the other, each [`RunSchema::width`] values.
     pub values: Vec<f64>,
-    /// The bytes that replay each row; nothing where only some signals were kept.
+    /// The bytes that replay each row; nothing where only some signals were recorded or kept.
     pub raw: Vec<Vec<u8>>,
     /// What happened.
     pub events: Vec<RunEvent>,
@@ -135,6 +135,8 @@ struct Reading {
     schemas: BTreeMap<u16, Vec<u8>>,
     /// What each channel holds, by its number.
     channels: BTreeMap<u16, Content>,
+    /// The channel that comes last in a cycle.
+    last: Option<u16>,
     /// The row that isn't complete yet.
     partial: Vec<f64>,
     /// The file was closed in order.
@@ -158,6 +160,7 @@ impl Reading {
             keep,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
+            last: None,
             partial: Vec::new(),
             is_whole: false,
         }
@@ -202,6 +205,10 @@ impl Reading {
                     EVENT_TOPIC => Content::Events,
                     _ => self.signals(channel.topic, channel.schema_id),
                 };
+                match content {
+                    Content::Raw | Content::Signals { .. } => self.last = Some(channel.id),
+                    Content::Events => {}
+                }
                 self.channels.insert(channel.id, content);
             }
             Record::Message { header, data } => {
@@ -220,12 +227,16 @@ impl Reading {
                             }
                         }
                     }
-                    Content::Raw => self.cycle(header.log_time, &data),
+                    Content::Raw => {}
                     Content::Events => {
                         let text =
                             String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
                         self.run.events.push(RunEvent { time_ns: header.log_time, text });
                     }
+                }
+                if self.last == Some(header.channel_id) {
+                    let raw = matches!(content, Content::Raw).then_some(&*data);
+                    self.cycle(header.log_time, raw);
                 }
             }
             _ => {}
@@ -256,15 +267,15 @@ impl Reading {
         Content::Signals { at, width, fields }
     }
 
-    /// The raw bytes come last in a cycle: the row is complete, or it doesn't count.
-    fn cycle(&mut self, time_ns: u64, message: &[u8]) {
+    /// Ends a cycle: its row is complete, or it doesn't count.
+    fn cycle(&mut self, time_ns: u64, raw: Option<&[u8]>) {
         if self.partial.len() == self.run.schema.width() {
             self.run.times_ns.push(time_ns);
             if !matches!(self.keep, Keep::Times) {
                 self.run.values.append(&mut self.partial);
             }
-            if matches!(self.keep, Keep::All) {
-                self.run.raw.push(first_bytes(message).unwrap_or_default().to_vec());
+            if let Some(raw) = raw.filter(|_| matches!(self.keep, Keep::All)) {
+                self.run.raw.push(first_bytes(raw).unwrap_or_default().to_vec());
             }
         }
         self.partial.clear();
