@@ -2,7 +2,7 @@
 
 use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC};
 use super::protobuf::{self, Field};
-use super::{RunError, RunEvent, RunSchema, Signal, Topic};
+use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -37,13 +37,15 @@ pub struct RecordedRun {
 
 /// What is kept of a recording.
 #[derive(Clone, Copy, Debug)]
-pub enum Keep {
+pub enum Keep<'a> {
     /// Everything.
     All,
     /// When each complete cycle was, and the events.
     Times,
     /// Signals for which this is so, by their topic and name; and nothing for replay.
     Signals(fn(&str, &str) -> bool),
+    /// Signals and rows of a selection; and nothing for replay.
+    Chosen(&'a Selection),
 }
 
 impl RecordedRun {
@@ -53,7 +55,7 @@ impl RecordedRun {
     }
 
     /// As [`RecordedRun::read`], piece by piece; `input` needs no buffer.
-    pub fn read_from(mut input: impl Read, keep: Keep) -> Result<Self, RunError> {
+    pub fn read_from(mut input: impl Read, keep: Keep<'_>) -> Result<Self, RunError> {
         let mut start = Vec::new();
         (&mut input).take(mcap::MAGIC.len() as u64).read_to_end(&mut start)?;
         if start != mcap::MAGIC {
@@ -128,9 +130,11 @@ fn words(error: &McapError) -> String {
 }
 
 /// A run on its way out of its file.
-struct Reading {
+struct Reading<'a> {
     run: RecordedRun,
-    keep: Keep,
+    keep: Keep<'a>,
+    /// Rows that are kept.
+    due: Due,
     /// Schemas by their numbers.
     schemas: BTreeMap<u16, Vec<u8>>,
     /// What each channel holds, by its number.
@@ -153,11 +157,17 @@ enum Content {
     Events,
 }
 
-impl Reading {
-    fn new(keep: Keep) -> Self {
+impl<'a> Reading<'a> {
+    fn new(keep: Keep<'a>) -> Self {
+        let selection = Selection::default();
+        let due = Due::new(match keep {
+            Keep::Chosen(selection) => selection,
+            Keep::All | Keep::Times | Keep::Signals(_) => &selection,
+        });
         Reading {
             run: RecordedRun::default(),
             keep,
+            due,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
             last: None,
@@ -254,6 +264,7 @@ impl Reading {
             let is_kept = match self.keep {
                 Keep::All | Keep::Times => true,
                 Keep::Signals(is_kept) => is_kept(&topic, &name),
+                Keep::Chosen(selection) => selection.holds(&topic, &name),
             };
             fields.push(is_kept.then_some(signals.len()));
             if is_kept {
@@ -261,7 +272,7 @@ impl Reading {
             }
         }
         let width = signals.len();
-        if width > 0 || !matches!(self.keep, Keep::Signals(_)) {
+        if width > 0 || matches!(self.keep, Keep::All | Keep::Times) {
             self.run.schema.topics.push(Topic { name: topic, signals });
         }
         Content::Signals { at, width, fields }
@@ -269,7 +280,7 @@ impl Reading {
 
     /// Ends a cycle: its row is complete, or it doesn't count.
     fn cycle(&mut self, time_ns: u64, raw: Option<&[u8]>) {
-        if self.partial.len() == self.run.schema.width() {
+        if self.partial.len() == self.run.schema.width() && self.due.take(time_ns) {
             self.run.times_ns.push(time_ns);
             if !matches!(self.keep, Keep::Times) {
                 self.run.values.append(&mut self.partial);
@@ -285,7 +296,8 @@ impl Reading {
         if !self.is_whole && self.run.truncated.is_none() {
             self.run.truncated = Some("the file lacks its end".to_owned());
         }
-        if self.run.schema.topics.is_empty() {
+        let is_choice = matches!(self.keep, Keep::Chosen(_)) && self.last.is_some();
+        if self.run.schema.topics.is_empty() && !is_choice {
             return Err(RunError::NotARun { missing: "a topic with signals" });
         }
         Ok(self.run)

@@ -17,9 +17,17 @@ pub struct Selection {
 impl Selection {
     /// Places of the chosen signals in a row, in the row's order.
     pub fn columns(&self, schema: &RunSchema) -> Vec<usize> {
-        let is_chosen = |name: &str| self.signals.iter().any(|pattern| fits(pattern, name));
         let names = schema.names().enumerate();
-        names.filter(|(_, name)| self.signals.is_empty() || is_chosen(name)).map(|(place, _)| place).collect()
+        names.filter(|(_, name)| self.holds_name(name)).map(|(place, _)| place).collect()
+    }
+
+    /// Whether a signal of a topic is chosen.
+    pub(super) fn holds(&self, topic: &str, signal: &str) -> bool {
+        self.holds_name(&full_name(topic, signal))
+    }
+
+    fn holds_name(&self, name: &str) -> bool {
+        self.signals.is_empty() || self.signals.iter().any(|pattern| fits(pattern, name))
     }
 
     /// In words, what is left of a run; `None` where nothing is left out.
@@ -63,10 +71,9 @@ impl Due {
 impl RunSchema {
     /// Names of all signals in a row's order, as `state.pose_x_m`.
     pub fn names(&self) -> impl Iterator<Item = String> + '_ {
-        self.topics.iter().flat_map(|topic| {
-            let name = topic.name.trim_matches('/').replace('/', ".");
-            topic.signals.iter().map(move |signal| format!("{name}.{}", signal.name))
-        })
+        self.topics
+            .iter()
+            .flat_map(|topic| topic.signals.iter().map(|signal| full_name(&topic.name, &signal.name)))
     }
 
     /// The signals at these places of a row, which rise.
@@ -83,6 +90,11 @@ impl RunSchema {
         }
         schema
     }
+}
+
+/// A signal's name as `state.pose_x_m`.
+fn full_name(topic: &str, signal: &str) -> String {
+    format!("{}.{signal}", topic.trim_matches('/').replace('/', "."))
 }
 
 /// Whether a name fits a pattern, in which `*` stands for any characters; `/` counts as `.`.
