@@ -8,11 +8,11 @@ mod reference;
 mod report;
 mod stick_thread;
 
-use crate::Outcome;
 use crate::progress::{bar, note};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{AnyClock, Manners, PacedClock, Port, Target};
+use crate::{Outcome, WrongUsage};
 use anyhow::Context;
 use omnibase_ethercat::RedundantLink;
 use omnibase_ethercat_sim::in_process;
@@ -27,21 +27,23 @@ use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Runs a robot along a reference: drives up, tracked to the end, drives down, and says how well it went.
 ///
-/// Without --interface the robot is simulated in the process, on virtual time.
-#[derive(Debug, clap::Args)]
+/// The robot's file says how, in its tables `run` and `recording`; options have the last word. Without an interface the robot
+/// is simulated in the process, on virtual time.
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase run robots/bmm.toml --path robots/square.dat                 the 2 m square, simulated
   omnibase run robots/bmm.toml --circle radius=0.5,period=10 --controller adaptive_torque --payload-kg 100
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
   omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
   omnibase run robots/bmm.toml --joystick                               driven by the stick at this computer
+  omnibase run robots/bmm.toml --simulated                              whatever interface the file names
   omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
 
 Ctrl-C ramps down, disables the drives and closes the files; a second one stops at once.
@@ -58,15 +60,21 @@ pub struct Arguments {
     /// Network interface with the drives (or `omnibase simulate`), in real time.
     #[arg(long, value_name = "NIC")]
     interface: Option<String>,
+    /// Simulate the robot, whatever interface its file names.
+    #[arg(long, conflicts_with_all = ["interface", "redundant"])]
+    simulated: bool,
     /// Second network interface, at the other end of a ring: one break of a cable loses no cycle.
-    #[arg(long, value_name = "NIC", requires = "interface")]
+    #[arg(long, value_name = "NIC")]
     redundant: Option<String>,
     #[command(flatten)]
     manners: Manners,
     #[command(flatten)]
     real_time: RealTime,
+    /// Ask for no real time, whatever the robot's file says.
+    #[arg(long, conflicts_with_all = ["realtime", "cpu"])]
+    no_realtime: bool,
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
-    #[arg(long, requires = "interface")]
+    #[arg(long)]
     ring: bool,
     /// Look at the ring until the frame is back instead of sleeping; uses up a CPU meanwhile.
     #[arg(long, requires = "ring")]
@@ -90,16 +98,13 @@ pub fn run(
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
     let robot = source.load_or_explain(registry)?;
+    let arguments = &arguments.deployed(&robot, &source.text.folder)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
         is_operated || robot.plan.reference.kind.as_deref() != registry.references.sort.default,
         "nothing to follow: give --path, --reference or a shape such as --circle, or a [reference] in {}; or \
          --dashboard or --joystick to drive by hand",
         arguments.robot.display()
-    );
-    anyhow::ensure!(
-        arguments.interface.is_some() || !arguments.real_time.is_wished(),
-        "--realtime and --cpu are for --interface: without it time is virtual"
     );
     let stop = stop_on_signals()?;
     let way = arguments.open(&robot)?;
@@ -191,6 +196,45 @@ impl Arguments {
         self.reference = ReferenceChoice::of(matches);
     }
 
+    /// With what the robot's file says where the command line says nothing; paths begin at the file's folder.
+    fn deployed(&self, robot: &LoadedRobot, folder: &Path) -> anyhow::Result<Arguments> {
+        let mut all = self.clone();
+        let table = &robot.plan.run;
+        if let Some(interface) =
+            table.interface.as_ref().filter(|_| !self.simulated && self.interface.is_none())
+        {
+            // Nobody who tries something in simulation moves a robot by it.
+            usage(
+                !self.changes.are_for_simulation(),
+                format_args!(
+                    "--payload-kg is of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
+                     real one is: give --simulated, or --interface {interface}",
+                    self.robot.display()
+                ),
+            )?;
+            note(format_args!(
+                "the real robot, at {interface} as [run] in {} says: wheels move; --simulated leaves it alone",
+                self.robot.display()
+            ));
+            all.interface = Some(interface.clone());
+            all.redundant = all.redundant.or_else(|| table.redundant.clone());
+        }
+        let is_real = all.interface.is_some();
+        if is_real && !self.no_realtime {
+            all.real_time.fill(table);
+        }
+        usage(
+            is_real || !(all.redundant.is_some() || all.ring),
+            "--redundant and --ring are for --interface, and the robot is simulated",
+        )?;
+        usage(
+            is_real || !all.real_time.is_wished(),
+            "--realtime and --cpu are for --interface: without it time is virtual",
+        )?;
+        all.operated.fill(table, folder)?;
+        Ok(all)
+    }
+
     fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Connection> {
         let Some(interface) = &self.interface else {
             let (segment, machine) = simulated::segment(&robot.plan)?;
@@ -262,6 +306,11 @@ impl Arguments {
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
     }
+}
+
+/// An error of the command line's own where it isn't right.
+fn usage(is_right: bool, words: impl std::fmt::Display) -> anyhow::Result<()> {
+    if is_right { Ok(()) } else { Err(WrongUsage(anyhow::anyhow!("{words}")).into()) }
 }
 
 /// Says that a run is over, in whatever way its scope is left: its bar must not go on.

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// What is recorded.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct RecordingChoice {
     /// Record into this MCAP file: every signal of every cycle, or what --signals and --every or the robot file's
     /// `recording` table choose.
