@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, doctor, exchange, joystick, kinematics, live, new, replay, report, run, scan, sdo, sii,
-    simulate,
+    check, decode, doctor, exchange, export, joystick, kinematics, live, new, replay, report, run, scan, sdo,
+    sii, simulate,
 };
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use omnibase_robot::Registry;
@@ -27,6 +27,7 @@ pub enum Command {
     Kinematics(kinematics::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
+    Export(export::Arguments),
     Get(live::Get),
     Set(live::Set),
     Call(live::Call),

@@ -5,6 +5,7 @@ pub mod check;
 pub mod decode;
 pub mod doctor;
 pub mod exchange;
+pub mod export;
 pub mod joystick;
 pub mod kinematics;
 pub mod live;
@@ -34,6 +35,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
+        Command::Export(arguments) => export::run(arguments, output),
         Command::Get(arguments) => live::get(arguments, output),
         Command::Set(arguments) => live::set(arguments, output),
         Command::Call(arguments) => live::call(arguments, output),

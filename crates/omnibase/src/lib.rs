@@ -19,6 +19,7 @@ mod cli;
 mod commands;
 mod decode;
 mod dictionary;
+mod every;
 mod hex;
 pub mod prelude;
 mod progress;

@@ -2,10 +2,11 @@
 
 use crate::progress::note;
 use omnibase_host::real_time::{self, Idle, Memory, Scheduling, Wishes};
+use omnibase_robot::config::RunTable;
 use std::time::Duration;
 
 /// Priority, memory and CPU of the thread that keeps the times.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct RealTime {
     /// Real-time scheduling, locked memory, shallow idle, as far as granted.
     #[arg(long)]
@@ -31,6 +32,14 @@ impl RealTime {
     /// Whether anything is asked for.
     pub fn is_wished(&self) -> bool {
         self.realtime || self.cpu.is_some()
+    }
+
+    /// Takes over what the robot's file says where the command line says nothing.
+    pub fn fill(&mut self, table: &RunTable) {
+        self.realtime |= table.realtime.unwrap_or_default();
+        if self.scheduler == Scheduler::Fifo && self.cpu.is_none() {
+            self.cpu = table.cpu.and_then(|cpu| usize::try_from(cpu).ok());
+        }
     }
 
     /// Asks for it, for a cycle of this length, and says what was granted; keeps it while the result lives.

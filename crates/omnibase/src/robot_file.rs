@@ -6,7 +6,7 @@ use omnibase_run::{LoadedRobot, RobotText};
 use std::path::{Path, PathBuf};
 
 /// What a command is told about a robot file's settings.
-#[derive(Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct Changes {
     /// Replace a setting of the robot file, as `controller.kind=open_loop`; may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_change)]
@@ -20,6 +20,11 @@ pub struct Changes {
 }
 
 impl Changes {
+    /// Whether something is changed that only a simulated robot has.
+    pub fn are_for_simulation(&self) -> bool {
+        self.payload_kg.is_some()
+    }
+
     /// As lines of TOML; what has an option of its own comes first, so that `--set` has the last word.
     fn lines(&self) -> Vec<String> {
         let controller = self.controller.iter().map(|name| format!("controller.kind = {name:?}"));

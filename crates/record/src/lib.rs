@@ -5,12 +5,14 @@
 //! - [`BackgroundRecorder`]: a sink for the cyclic thread: a lock-free ring, and a thread that writes the file.
 //! - [`Capture`]: the frames of a pcapng or pcap file, of any bytes, as far as they can be read.
 //! - [`create`]: the file of a recording; nothing but a regular one.
+//! - [`export`]: a run as a table for other programs.
 //! - [`report`]: a page of HTML that shows a run.
 //! - [`run`]: every signal of every cycle of a robot's run, as MCAP and as columns of text.
 #![forbid(unsafe_code)]
 
 mod background;
 mod capture;
+pub mod export;
 mod output;
 mod pcapng;
 mod recording_link;

@@ -50,7 +50,7 @@ use tracking::Tracking;
 const STYLE: &str = include_str!("report/style.css");
 
 /// The signals that a page shows: what must be kept of a recording, [`Keep::Signals`], to show it.
-pub const SHOWN: Keep = Keep::Signals(signals::is_shown);
+pub const SHOWN: Keep<'static> = Keep::Signals(signals::is_shown);
 
 /// The page of a run, as a whole HTML file.
 pub fn html(run: &RecordedRun) -> String {

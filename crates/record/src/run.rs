@@ -8,11 +8,16 @@ mod mcap_file;
 mod protobuf;
 mod recorded;
 mod recorder;
+mod selection;
+mod series;
+mod writers;
 
 pub use columns::{ColumnError, ColumnWriter};
 pub use mcap_file::{McapRun, RunError};
 pub use recorded::{Keep, RecordedRun};
 pub use recorder::{OnFull, RecorderError, RunDescriber, RunFiles, RunRecorded, RunRecorder, RunSink};
+pub use selection::{Due, SELECTION, Selection, fits};
+pub use series::{FILE_NUMBER, Rotation};
 
 /// One column: a number per cycle.
 #[derive(Clone, Debug, PartialEq, Eq)]

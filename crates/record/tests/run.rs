@@ -91,6 +91,7 @@ fn the_recorder_writes_both_files_and_counts() {
         mcap: Some(folder.join("run.mcap")),
         columns: Some(folder.join("run.txt")),
         description: BTreeMap::new(),
+        ..RunFiles::default()
     };
     let (recorder, mut sink) = RunRecorder::start(&files, &schema(), OnFull::Wait).unwrap();
     let rows = odd_rows();

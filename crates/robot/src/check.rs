@@ -6,6 +6,7 @@ mod guard;
 mod joystick;
 mod kind_keys;
 mod platform;
+mod run_tables;
 mod sdo_writes;
 mod subdevices;
 #[cfg(test)]
@@ -155,6 +156,8 @@ impl Check {
         let reference = self.reference(file.reference, registry, read_file);
         self.joystick(&file.joystick);
         self.simulation(&file.simulation);
+        self.run(&file.run);
+        let recording = self.recording(&file.recording, file.bus.cycle_us);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
             self.reachable(reference, limits, registry);
         }
@@ -176,6 +179,8 @@ impl Check {
             joystick: file.joystick,
             guard: guard?,
             simulation: file.simulation,
+            run: file.run,
+            recording,
         };
         self.stages(&plan, registry);
         Some(plan)

@@ -1,6 +1,7 @@
 //! A cycle as a row of a recording: its channels grouped in topics, and its exact words for replay.
 
-use omnibase_record::run::RunSchema;
+use omnibase_record::run::{RunSchema, Selection};
+use omnibase_robot::RobotPlan;
 use omnibase_robot::signals::{CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind};
 
 use crate::live::{Commander, StickState};
@@ -147,6 +148,24 @@ impl Rows {
         }
         (&self.row, &self.raw)
     }
+}
+
+/// Whether some signal of this robot, on hardware or simulated, fits a pattern; an error says what there is.
+pub fn known(pattern: &str, plan: &RobotPlan) -> Result<(), String> {
+    let rows = Rows::new(&plan.record_layout(), Known::Truth);
+    let selection = Selection { signals: vec![pattern.to_owned()], every_ns: None };
+    if !selection.columns(rows.schema()).is_empty() {
+        return Ok(());
+    }
+    let topic = pattern.trim_start_matches('/').split(['.', '/', '*']).next().unwrap_or_default();
+    let of_topic: Vec<_> =
+        rows.schema().names().filter(|name| name.split('.').next() == Some(topic)).collect();
+    Err(if of_topic.is_empty() {
+        let topics: Vec<_> = rows.schema().topics.iter().map(|topic| topic.name.trim_matches('/')).collect();
+        format!("no signal has this name; there are {}, as \"state.*\"", topics.join(", "))
+    } else {
+        format!("no signal has this name; of this topic there are {}", of_topic.join(", "))
+    })
 }
 
 /// The bits of a value.

@@ -1,6 +1,6 @@
 //! A recording computed again, cycle by cycle, and compared bit by bit.
 
-use omnibase_record::run::RecordedRun;
+use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
 use omnibase_robot::config::Source;
 use omnibase_robot::signals::{CycleRecord, NotARecord, Value};
 use omnibase_robot::stages::Reference;
@@ -48,6 +48,21 @@ pub enum ReplayError {
     Reference {
         /// Its number.
         number: u32,
+    },
+    /// It holds only some signals or cycles.
+    #[error("the recording holds only {words}: a run is computed again from every signal of every cycle")]
+    Chosen {
+        /// What it holds.
+        words: String,
+    },
+    /// It is a later file of a run in several.
+    #[error(
+        "the recording is file {number} of its run: a run is computed again from its first cycle on, which the first \
+         file holds"
+    )]
+    LaterFile {
+        /// Its number.
+        number: String,
     },
     /// Cycles are missing, so that what follows can't be computed.
     #[error("the recording lacks cycles before {index}: they found no room when it was made")]
@@ -100,6 +115,12 @@ pub struct Difference {
 
 /// Computes a recording again until the first difference.
 pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, ReplayError> {
+    if let Some(words) = run.description.get(SELECTION) {
+        return Err(ReplayError::Chosen { words: words.clone() });
+    }
+    if let Some(number) = run.description.get(FILE_NUMBER).filter(|number| *number != "1") {
+        return Err(ReplayError::LaterFile { number: number.clone() });
+    }
     let plan = from_description(&run.description, registry).map_err(ReplayError::Robot)?;
     let layout = plan.record_layout();
     let mut robot = Robot::build(&plan, registry)?;

@@ -4,9 +4,11 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use omnibase_robot::config::{ReferenceTable, RobotFile, Source};
+use omnibase_robot::config::{Locations, ProblemKind, ReferenceTable, RobotFile, Source};
 use omnibase_robot::{Problem, Registry, RobotPlan};
 use serde_json::Value;
+
+use crate::channels;
 
 /// Key of the robot's file, as it was in effect, in the description of a recording.
 pub const ROBOT_KEY: &str = "robot.toml";
@@ -56,11 +58,29 @@ impl RobotText {
             read.borrow_mut().insert(format!("{FILE_KEY}{name}"), text.clone());
             Ok(text)
         };
+        let locations = source.locations.clone();
         let plan = RobotPlan::check(source, registry, &read_file)?;
+        let problems = unknown_signals(&plan, &locations);
+        if !problems.is_empty() {
+            return Err(problems);
+        }
         let mut description = read.into_inner();
         description.insert(ROBOT_KEY.into(), effective);
         Ok(LoadedRobot { plan, description })
     }
+}
+
+/// Patterns of the table `recording` that no signal fits.
+fn unknown_signals(plan: &RobotPlan, locations: &Locations) -> Vec<Problem> {
+    let patterns = plan.recording.iter().flat_map(|recording| &recording.signals).enumerate();
+    let problem = |(index, pattern): (usize, &String)| {
+        let setting = format!("recording.signals[{index}]");
+        let why = channels::known(pattern, plan).err()?;
+        let place = locations.place(&setting);
+        let value = Some(format!("{pattern:?}"));
+        Some(Problem { value, place, ..Problem::new(ProblemKind::UnknownName, setting, why) })
+    };
+    patterns.filter_map(problem).collect()
 }
 
 /// The robot of a recording's description.

@@ -3,8 +3,8 @@
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_robot::config::{
-    AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, Limits, PdoPlan, SafetyPlan,
-    TorqueLimit, TorqueLimitTold,
+    AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, Limits, PdoPlan, RunTable,
+    SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
 };
 use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
@@ -126,6 +126,49 @@ fn torque_limit(drive: &DrivePlan) -> String {
     };
     let per_mille = drive.scale.torque_limit_per_mille(wheel_nm);
     format!("{wheel_nm} N·m, told as {per_mille} in {}, {when}", names.join(" and "))
+}
+
+/// What `omnibase run` brings up by this file alone.
+fn deployment(plan: &RobotPlan) -> Vec<(&'static str, String)> {
+    let RunTable { interface, redundant, realtime, cpu, dashboard, token_file, paths, joystick } = &plan.run;
+    let drives = match (interface, redundant) {
+        (None, _) => "simulated, on virtual time unless somebody leads it".to_owned(),
+        (Some(interface), None) => format!("THE REAL ONES, at {interface}"),
+        (Some(interface), Some(redundant)) => {
+            format!("THE REAL ONES, in a ring at {interface} and {redundant}")
+        }
+    };
+    let cpu = cpu.map_or(String::new(), |cpu| format!(", on CPU {cpu}"));
+    let real_time = if realtime.unwrap_or_default() { "asked for" } else { "not asked for" };
+    let switch = |switch: &Option<Switch>, plain: &str| match switch.as_ref().and_then(Switch::is_on) {
+        None => "no".to_owned(),
+        Some(own) => own.unwrap_or(plain).to_owned(),
+    };
+    let mut rows = vec![
+        ("drives", drives),
+        ("real_time", format!("{real_time}{cpu}")),
+        ("dashboard", switch(dashboard, "127.0.0.1:8400")),
+        ("joystick", switch(joystick, "the first one that fits")),
+    ];
+    rows.extend(token_file.iter().map(|file| ("token_file", file.clone())));
+    rows.extend(paths.iter().map(|folder| ("paths", folder.clone())));
+    let recording = plan.recording.as_ref().map_or("no".to_owned(), |recording| {
+        let signals = match &recording.signals[..] {
+            [] => "all signals".to_owned(),
+            patterns => patterns.join(", "),
+        };
+        let every = recording
+            .every_ns
+            .map_or("in every cycle".to_owned(), |ns| format!("every {} ms", ns as f64 / 1e6));
+        let limit = recording.limit_bytes.map_or(String::new(), |bytes| {
+            let kept =
+                recording.files.map_or("all kept".to_owned(), |files| format!("the last {files} kept"));
+            format!("; files of {} MB at most, {kept}", bytes / 1_000_000)
+        });
+        format!("{}: {signals}, {every}{limit}", recording.file)
+    });
+    rows.push(("recording", recording));
+    rows
 }
 
 /// Every limit with its name and unit.
@@ -315,6 +358,10 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         }
     }
     print_devices(plan, output)?;
+    writeln!(output, "\nrun")?;
+    for (name, value) in deployment(plan) {
+        writeln!(output, "  {name:<20} {value}")?;
+    }
     writeln!(output, "\nlimits")?;
     for (name, value, unit) in limits(&plan.limits) {
         writeln!(output, "  {name:<20} {value:>8} {unit}")?;
@@ -394,6 +441,15 @@ fn plan_json(plan: &RobotPlan) -> Value {
         "controllers": plan.controllers().collect::<Vec<_>>(),
         "wheels": wheels.collect::<Vec<_>>(),
         "devices": devices.collect::<Vec<_>>(),
+        "run": plan.run,
+        "recording": plan.recording.as_ref().map(|recording| json!({
+            "file": recording.file,
+            "signals": recording.signals,
+            "every_ms": recording.every_ns.unwrap_or(plan.bus.cycle_ns) as f64 / 1e6,
+            "format": recording.format,
+            "limit_bytes": recording.limit_bytes,
+            "files": recording.files,
+        })),
         "limits": limits,
         "safety": safety(plan).into_iter().map(|(name, value)| json!([name, value])).collect::<Vec<_>>(),
     })

@@ -4,7 +4,7 @@ use crate::Outcome;
 use crate::progress::{bar, note};
 use anyhow::Context;
 use omnibase_record::report;
-use omnibase_record::run::RecordedRun;
+use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -50,6 +50,12 @@ pub fn write(recording: &Path, page: &Path) -> anyhow::Result<RecordedRun> {
     let run = run.with_context(|| format!("`{name}`"))?;
     if let Some(reason) = &run.truncated {
         note(format_args!("warning: `{name}` ends early ({reason}); the page shows what is there"));
+    }
+    if let Some(words) = run.description.get(SELECTION) {
+        note(format_args!("`{name}` holds only {words}; the page shows what is there"));
+    }
+    if let Some(number) = run.description.get(FILE_NUMBER) {
+        note(format_args!("`{name}` is file {number} of its run; the page shows its part alone"));
     }
     std::fs::write(page, report::html(&run)).with_context(|| format!("writing `{}`", page.display()))?;
     Ok(run)

@@ -1,16 +1,18 @@
 //! `omnibase run`: the whole robot, from its file to the error at the end.
 
+mod calendar;
 mod operated;
 mod page;
+mod recording;
 mod reference;
 mod report;
 mod stick_thread;
 
-use crate::Outcome;
 use crate::progress::{bar, note};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{AnyClock, Manners, PacedClock, Port, Target};
+use crate::{Outcome, WrongUsage};
 use anyhow::Context;
 use omnibase_ethercat::RedundantLink;
 use omnibase_ethercat_sim::in_process;
@@ -25,21 +27,23 @@ use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Runs a robot along a reference: drives up, tracked to the end, drives down, and says how well it went.
 ///
-/// Without --interface the robot is simulated in the process, on virtual time.
-#[derive(Debug, clap::Args)]
+/// The robot's file says how, in its tables `run` and `recording`; options have the last word. Without an interface the robot
+/// is simulated in the process, on virtual time.
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase run robots/bmm.toml --path robots/square.dat                 the 2 m square, simulated
   omnibase run robots/bmm.toml --circle radius_m=0.5,duration_s=10 --controller adaptive_torque --payload-kg 100
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
   omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
   omnibase run robots/bmm.toml --joystick                               driven by the stick at this computer
+  omnibase run robots/bmm.toml --simulated                              whatever interface the file names
   omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
 
 Ctrl-C ramps down, disables the drives and closes the files; a second one stops at once.
@@ -56,25 +60,27 @@ pub struct Arguments {
     /// Network interface with the drives (or `omnibase simulate`), in real time.
     #[arg(long, value_name = "NIC")]
     interface: Option<String>,
+    /// Simulate the robot, whatever interface its file names.
+    #[arg(long, conflicts_with_all = ["interface", "redundant"])]
+    simulated: bool,
     /// Second network interface, at the other end of a ring: one break of a cable loses no cycle.
-    #[arg(long, value_name = "NIC", requires = "interface")]
+    #[arg(long, value_name = "NIC")]
     redundant: Option<String>,
     #[command(flatten)]
     manners: Manners,
     #[command(flatten)]
     real_time: RealTime,
+    /// Ask for no real time, whatever the robot's file says.
+    #[arg(long, conflicts_with_all = ["realtime", "cpu"])]
+    no_realtime: bool,
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
-    #[arg(long, requires = "interface")]
+    #[arg(long)]
     ring: bool,
     /// Look at the ring until the frame is back instead of sleeping; uses up a CPU meanwhile.
     #[arg(long, requires = "ring")]
     busy_poll: bool,
-    /// Record every signal of every cycle into this MCAP file.
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Record every signal of every cycle into this text file of columns, as Kst and numpy read it.
-    #[arg(long, value_name = "FILE")]
-    columns: Option<PathBuf>,
+    #[command(flatten)]
+    recording: recording::RecordingChoice,
     /// Show the run on this page of HTML.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -92,6 +98,7 @@ pub fn run(
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
     let robot = source.load_or_explain(registry)?;
+    let arguments = &arguments.deployed(&robot, &source.text.folder)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
         is_operated || robot.plan.reference.kind.as_deref() != registry.references.sort.default,
@@ -99,16 +106,13 @@ pub fn run(
          --dashboard or --joystick to drive by hand",
         arguments.robot.display()
     );
-    anyhow::ensure!(
-        arguments.interface.is_some() || !arguments.real_time.is_wished(),
-        "--realtime and --cpu are for --interface: without it time is virtual"
-    );
     let stop = stop_on_signals()?;
     let way = arguments.open(&robot)?;
     let stages = Robot::build(&robot.plan, registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
-    let mut page = arguments.page()?;
-    let (recorder, recording) = arguments.recorder(&robot, known, page.as_ref())?.unzip();
+    let files = arguments.recording.files(&robot, &source.text.folder)?;
+    let mut page = arguments.page(files.as_ref())?;
+    let (recorder, recording) = arguments.recorder(&robot, known, files, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
@@ -154,6 +158,9 @@ pub fn run(
     if let Some(recorder) = recorder {
         let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded));
         (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+        if recorded.removed > 0 {
+            note(format_args!("recording: {} cycles went with the oldest files", recorded.removed));
+        }
         lost = recorded.failure;
     }
     let told = arguments.tell(&summary, output);
@@ -187,6 +194,45 @@ impl Arguments {
     /// Takes over what the options of [`with_motions`] say.
     pub fn choose_motion(&mut self, matches: &clap::ArgMatches) {
         self.reference = ReferenceChoice::of(matches);
+    }
+
+    /// With what the robot's file says where the command line says nothing; paths begin at the file's folder.
+    fn deployed(&self, robot: &LoadedRobot, folder: &Path) -> anyhow::Result<Arguments> {
+        let mut all = self.clone();
+        let table = &robot.plan.run;
+        if let Some(interface) =
+            table.interface.as_ref().filter(|_| !self.simulated && self.interface.is_none())
+        {
+            // Nobody who tries something in simulation moves a robot by it.
+            usage(
+                !self.changes.are_for_simulation(),
+                format_args!(
+                    "--payload-kg is of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
+                     real one is: give --simulated, or --interface {interface}",
+                    self.robot.display()
+                ),
+            )?;
+            note(format_args!(
+                "the real robot, at {interface} as [run] in {} says: wheels move; --simulated leaves it alone",
+                self.robot.display()
+            ));
+            all.interface = Some(interface.clone());
+            all.redundant = all.redundant.or_else(|| table.redundant.clone());
+        }
+        let is_real = all.interface.is_some();
+        if is_real && !self.no_realtime {
+            all.real_time.fill(table);
+        }
+        usage(
+            is_real || !(all.redundant.is_some() || all.ring),
+            "--redundant and --ring are for --interface, and the robot is simulated",
+        )?;
+        usage(
+            is_real || !all.real_time.is_wished(),
+            "--realtime and --cpu are for --interface: without it time is virtual",
+        )?;
+        all.operated.fill(table, folder)?;
+        Ok(all)
     }
 
     fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Connection> {
@@ -226,30 +272,45 @@ impl Arguments {
         Ok(output.flush()?)
     }
 
-    fn page(&self) -> anyhow::Result<Option<Page>> {
-        self.report.as_deref().map(|path| Page::begin(path, self.record.as_deref())).transpose()
+    fn page(&self, files: Option<&RunFiles>) -> anyhow::Result<Option<Page>> {
+        let Some(path) = self.report.as_deref() else { return Ok(None) };
+        anyhow::ensure!(
+            files.is_none_or(|files| files.rotation.is_none()),
+            "--report shows a run in one file: give --no-recording, or show the files one by one by `omnibase report`"
+        );
+        Page::begin(path, files.and_then(|files| files.mcap.as_deref())).map(Some)
     }
 
     fn recorder(
         &self,
         robot: &LoadedRobot,
         known: Known,
+        files: Option<RunFiles>,
         page: Option<&Page>,
     ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
-        let mcap = self.record.clone().or_else(|| page.map(|page| page.recording().to_owned()));
-        if mcap.is_none() && self.columns.is_none() {
-            return Ok(None);
-        }
+        let Some(mut files) = files.or_else(|| page.map(|_| RunFiles::default())) else { return Ok(None) };
+        files.mcap = files.mcap.or_else(|| page.map(|page| page.recording().to_owned()));
         let rows = Rows::new(&robot.plan.record_layout(), known);
-        let mut description = omnibase_run::describe::description(robot);
-        description.extend(page::first_words());
-        let files = RunFiles { mcap, columns: self.columns.clone(), description };
+        files.description = omnibase_run::describe::description(robot);
+        files.description.extend(page::first_words());
+        anyhow::ensure!(
+            !files.selection.columns(rows.schema()).is_empty(),
+            "none of the chosen signals is there on hardware: expected others beside `truth`"
+        );
+        if let Some(words) = recording::words(&files, rows.schema()) {
+            note(words);
+        }
         let on_full =
             if self.interface.is_some() || self.operated.is_wanted() { OnFull::Drop } else { OnFull::Wait };
         let (recorder, sink) =
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
     }
+}
+
+/// An error of the command line's own where it isn't right.
+fn usage(is_right: bool, words: impl std::fmt::Display) -> anyhow::Result<()> {
+    if is_right { Ok(()) } else { Err(WrongUsage(anyhow::anyhow!("{words}")).into()) }
 }
 
 /// Says that a run is over, in whatever way its scope is left: its bar must not go on.

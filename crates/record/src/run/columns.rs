@@ -8,7 +8,14 @@ pub struct ColumnWriter<W: Write> {
     output: W,
     width: usize,
     line: String,
+    /// Bytes written.
+    length: u64,
 }
+
+/// The longest text of a value, as `-1.2345678901234567e-308`, and the space before it.
+const LONGEST_VALUE: u64 = 25;
+/// The longest text of a time.
+const LONGEST_TIME: u64 = 24;
 
 /// Why a row can't be written.
 #[derive(Debug, thiserror::Error)]
@@ -30,18 +37,19 @@ impl<W: Write> ColumnWriter<W> {
     /// Writes the header line: `time_s` and `topic.signal` for each signal, slashes as dots.
     pub fn create(mut output: W, schema: &RunSchema) -> io::Result<Self> {
         let mut line = String::from("time_s");
-        for topic in &schema.topics {
-            let topic_name = topic.name.trim_matches('/').replace('/', ".");
-            for signal in &topic.signals {
-                line.push(' ');
-                line.push_str(&topic_name);
-                line.push('.');
-                line.push_str(&signal.name);
-            }
+        for name in schema.names() {
+            line.push(' ');
+            line.push_str(&name);
         }
         line.push('\n');
         output.write_all(line.as_bytes())?;
-        Ok(ColumnWriter { output, width: schema.width(), line })
+        let length = line.len() as u64;
+        Ok(ColumnWriter { output, width: schema.width(), line, length })
+    }
+
+    /// Bytes of the file, at most, where a row is written before.
+    pub fn length_with_row(&self) -> u64 {
+        self.length + LONGEST_TIME + LONGEST_VALUE * self.width as u64
     }
 
     /// Writes one cycle; every value is read back to the same bits (NaN as `nan`).
@@ -57,6 +65,7 @@ impl<W: Write> ColumnWriter<W> {
             let _ = write!(self.line, " {value:e}");
         }
         self.line.push('\n');
+        self.length += self.line.len() as u64;
         Ok(self.output.write_all(self.line.as_bytes())?)
     }
 

@@ -1,10 +1,12 @@
 //! A run as an MCAP file: a protobuf topic for each group of signals, raw cycles for replay, events as text.
 
 use super::protobuf::{self, Kind};
-use super::{RunEvent, RunSchema};
+use super::{RunEvent, RunSchema, SELECTION};
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
-use std::io::{self, Seek, Write};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Topic of the raw cycles.
 pub(super) const RAW_TOPIC: &str = "/raw";
@@ -12,6 +14,15 @@ pub(super) const RAW_TOPIC: &str = "/raw";
 pub(super) const EVENT_TOPIC: &str = "/events";
 /// Name of the metadata record that describes the run.
 pub(super) const METADATA: &str = "omnibase";
+
+/// Bytes of records after which a chunk ends.
+const CHUNK_BYTES: u64 = 768 * 1024;
+/// Time of the run after which a chunk ends, ns: what is lost where the process is killed.
+const CHUNK_NS: u64 = 1_000_000_000;
+/// Bytes of records that are compressed to see whether others still have room.
+const WORTH_COMPRESSING: u64 = 64 * 1024;
+/// Bytes of a message's record beside its content, and of its place in the chunk's index.
+const MESSAGE_BYTES: u64 = 1 + 8 + 22 + 16;
 
 /// Why a run can't be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -53,13 +64,43 @@ fn starts_with(bytes: &[u8]) -> String {
 
 /// Writes a run to an MCAP file.
 pub struct McapRun<W: Write + Seek> {
-    writer: mcap::Writer<W>,
+    writer: mcap::Writer<Measured<W>>,
     topics: Vec<(u16, usize)>,
-    raw: u16,
+    /// `None` where only some signals are recorded: they replay nothing.
+    raw: Option<u16>,
     events: u16,
     width: usize,
     row: u32,
     message: Vec<u8>,
+    size: Size,
+}
+
+/// What a file takes, and will take at most when it is finished.
+struct Size {
+    /// Bytes of the file.
+    length: Arc<AtomicU64>,
+    /// Bytes of the records in the chunk that is open, and of its index.
+    open: u64,
+    /// Time of its first record, ns.
+    open_since_ns: u64,
+    /// Channels, chunks and metadata records so far.
+    channels: u64,
+    chunks: u64,
+    metadata: u64,
+    /// Bytes of all schemas and channels, which the end of the file repeats.
+    schemas: u64,
+}
+
+impl Size {
+    /// Bytes of the finished file, at most, where so many are written before.
+    fn at_most(&self, more: u64) -> u64 {
+        let chunk = self.open + more;
+        // The worst of LZ4, its frame, the chunk's header, and the heads of its index.
+        let chunk = chunk + chunk / 128 + 1024 + 32 * self.channels;
+        let of_chunks = (self.chunks + 1) * (128 + 10 * self.channels);
+        let end = self.schemas + of_chunks + 64 * (self.metadata + 1) + 16 * self.channels + 1024;
+        self.length.load(Ordering::Relaxed) + chunk + end
+    }
 }
 
 impl<W: Write + Seek> McapRun<W> {
@@ -69,12 +110,23 @@ impl<W: Write + Seek> McapRun<W> {
         schema: &RunSchema,
         description: &BTreeMap<String, String>,
     ) -> Result<Self, RunError> {
-        let options = mcap::WriteOptions::new().library("omnibase").compression(Some(mcap::Compression::Lz4));
+        let options = mcap::WriteOptions::new()
+            .library("omnibase")
+            .compression(Some(mcap::Compression::Lz4))
+            // Chunks end where a row does.
+            .chunk_size(None);
+        let length = Arc::new(AtomicU64::new(0));
+        let output = Measured { output, position: 0, length: length.clone() };
+        let mut size =
+            Size { length, open: 0, open_since_ns: 0, channels: 0, chunks: 0, metadata: 0, schemas: 0 };
         let mut writer = mcap::Writer::with_options(output, options)?;
         writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
+        size.metadata += 1;
         let mut channel = |topic: &str, fields: &[(&str, Kind)]| {
             let name = message_name(topic);
             let descriptor = protobuf::descriptor(&name, fields);
+            size.channels += 1;
+            size.schemas += (descriptor.len() + name.len() + topic.len() + 128) as u64;
             let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", &descriptor)?;
             writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())
         };
@@ -84,9 +136,13 @@ impl<W: Write + Seek> McapRun<W> {
                 topic.signals.iter().map(|signal| (signal.name.as_str(), Kind::Double)).collect();
             topics.push((channel(&topic.name, &fields)?, topic.signals.len()));
         }
-        let raw = channel(RAW_TOPIC, &[("data", Kind::Bytes)])?;
+        let is_whole = !description.contains_key(SELECTION);
+        let raw = is_whole.then(|| channel(RAW_TOPIC, &[("data", Kind::Bytes)])).transpose()?;
         let events = channel(EVENT_TOPIC, &[("text", Kind::Text)])?;
-        Ok(McapRun { writer, topics, raw, events, width: schema.width(), row: 0, message: Vec::new() })
+        let (width, message) = (schema.width(), Vec::new());
+        let mut run = McapRun { writer, topics, raw, events, width, row: 0, message, size };
+        run.end_chunk()?;
+        Ok(run)
     }
 
     /// Writes one cycle: its time, its values in the schema's order, and the bytes that replay it.
@@ -104,16 +160,33 @@ impl<W: Write + Seek> McapRun<W> {
             at += width;
             self.send(channel, time_ns)?;
         }
-        self.message.clear();
-        protobuf::push_bytes(&mut self.message, 1, raw);
-        self.send(self.raw, time_ns)?;
+        if let Some(channel) = self.raw {
+            self.message.clear();
+            protobuf::push_bytes(&mut self.message, 1, raw);
+            self.send(channel, time_ns)?;
+        }
         self.row = self.row.wrapping_add(1);
-        Ok(())
+        let is_long = time_ns.saturating_sub(self.size.open_since_ns) >= CHUNK_NS;
+        if self.size.open >= CHUNK_BYTES || is_long { self.end_chunk() } else { Ok(()) }
+    }
+
+    /// Bytes of the finished file, at most, where a row with so many raw bytes is written before.
+    pub fn length_with_row(&self, raw: usize) -> u64 {
+        // A field's number takes up to two bytes.
+        let row = 10 * self.width as u64 + (self.topics.len() as u64 + 1) * MESSAGE_BYTES;
+        self.size.at_most(row + raw as u64 + 16)
+    }
+
+    /// As [`McapRun::length_with_row`], where so many bytes of words are written before.
+    pub fn length_with_words(&self, bytes: usize) -> u64 {
+        self.size.at_most(bytes as u64 + MESSAGE_BYTES + 64)
     }
 
     /// Writes more about the run, known only now.
     pub fn describe(&mut self, key: &str, text: &str) -> Result<(), RunError> {
+        self.end_chunk()?;
         let metadata = BTreeMap::from([(key.to_owned(), text.to_owned())]);
+        self.size.metadata += 1;
         Ok(self.writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?)
     }
 
@@ -127,13 +200,60 @@ impl<W: Write + Seek> McapRun<W> {
     /// Writes index and end, and gives the output back; without it the file is still read to its last whole chunk.
     pub fn finish(mut self) -> Result<W, RunError> {
         self.writer.finish()?;
-        Ok(self.writer.into_inner())
+        Ok(self.writer.into_inner().output)
+    }
+
+    /// Ends the chunk where compressing it may save much; whether it did.
+    pub fn compress(&mut self) -> Result<bool, RunError> {
+        let is_worth_it = self.size.open >= WORTH_COMPRESSING;
+        if is_worth_it {
+            self.end_chunk()?;
+        }
+        Ok(is_worth_it)
+    }
+
+    fn end_chunk(&mut self) -> Result<(), RunError> {
+        self.writer.flush()?;
+        self.size.chunks += 1;
+        self.size.open = 0;
+        Ok(())
     }
 
     fn send(&mut self, channel_id: u16, time_ns: u64) -> Result<(), RunError> {
         let header =
             MessageHeader { channel_id, sequence: self.row, log_time: time_ns, publish_time: time_ns };
+        if self.size.open == 0 {
+            self.size.open_since_ns = time_ns;
+        }
+        self.size.open += self.message.len() as u64 + MESSAGE_BYTES;
         Ok(self.writer.write_to_known_channel(&header, &self.message)?)
+    }
+}
+
+/// An output that tells how long it has become.
+struct Measured<W> {
+    output: W,
+    position: u64,
+    length: Arc<AtomicU64>,
+}
+
+impl<W: Write> Write for Measured<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.output.write(bytes)?;
+        self.position += written as u64;
+        self.length.fetch_max(self.position, Ordering::Relaxed);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush()
+    }
+}
+
+impl<W: Seek> Seek for Measured<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.position = self.output.seek(to)?;
+        Ok(self.position)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC};
 use super::protobuf::{self, Field};
-use super::{RunError, RunEvent, RunSchema, Signal, Topic};
+use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -25,7 +25,7 @@ pub struct RecordedRun {
     pub times_ns: Vec<u64>,
     /// All rows, one behind the other, each [`RunSchema::width`] values.
     pub values: Vec<f64>,
-    /// The bytes that replay each row; nothing where only some signals were kept.
+    /// The bytes that replay each row; nothing where only some signals were recorded or kept.
     pub raw: Vec<Vec<u8>>,
     /// What happened.
     pub events: Vec<RunEvent>,
@@ -37,13 +37,15 @@ pub struct RecordedRun {
 
 /// What is kept of a recording.
 #[derive(Clone, Copy, Debug)]
-pub enum Keep {
+pub enum Keep<'a> {
     /// Everything.
     All,
     /// When each complete cycle was, and the events.
     Times,
     /// Signals for which this is so, by their topic and name; and nothing for replay.
     Signals(fn(&str, &str) -> bool),
+    /// Signals and rows of a selection; and nothing for replay.
+    Chosen(&'a Selection),
 }
 
 impl RecordedRun {
@@ -53,7 +55,7 @@ impl RecordedRun {
     }
 
     /// As [`RecordedRun::read`], piece by piece; `input` needs no buffer.
-    pub fn read_from(mut input: impl Read, keep: Keep) -> Result<Self, RunError> {
+    pub fn read_from(mut input: impl Read, keep: Keep<'_>) -> Result<Self, RunError> {
         let mut start = Vec::new();
         (&mut input).take(mcap::MAGIC.len() as u64).read_to_end(&mut start)?;
         if start != mcap::MAGIC {
@@ -128,13 +130,17 @@ fn words(error: &McapError) -> String {
 }
 
 /// A run on its way out of its file.
-struct Reading {
+struct Reading<'a> {
     run: RecordedRun,
-    keep: Keep,
+    keep: Keep<'a>,
+    /// Rows that are kept.
+    due: Due,
     /// Schemas by their numbers.
     schemas: BTreeMap<u16, Vec<u8>>,
     /// What each channel holds, by its number.
     channels: BTreeMap<u16, Content>,
+    /// The channel that comes last in a cycle.
+    last: Option<u16>,
     /// The row that isn't complete yet.
     partial: Vec<f64>,
     /// The file was closed in order.
@@ -151,13 +157,20 @@ enum Content {
     Events,
 }
 
-impl Reading {
-    fn new(keep: Keep) -> Self {
+impl<'a> Reading<'a> {
+    fn new(keep: Keep<'a>) -> Self {
+        let selection = Selection::default();
+        let due = Due::new(match keep {
+            Keep::Chosen(selection) => selection,
+            Keep::All | Keep::Times | Keep::Signals(_) => &selection,
+        });
         Reading {
             run: RecordedRun::default(),
             keep,
+            due,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
+            last: None,
             partial: Vec::new(),
             is_whole: false,
         }
@@ -202,6 +215,10 @@ impl Reading {
                     EVENT_TOPIC => Content::Events,
                     _ => self.signals(channel.topic, channel.schema_id),
                 };
+                match content {
+                    Content::Raw | Content::Signals { .. } => self.last = Some(channel.id),
+                    Content::Events => {}
+                }
                 self.channels.insert(channel.id, content);
             }
             Record::Message { header, data } => {
@@ -220,12 +237,16 @@ impl Reading {
                             }
                         }
                     }
-                    Content::Raw => self.cycle(header.log_time, &data),
+                    Content::Raw => {}
                     Content::Events => {
                         let text =
                             String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
                         self.run.events.push(RunEvent { time_ns: header.log_time, text });
                     }
+                }
+                if self.last == Some(header.channel_id) {
+                    let raw = matches!(content, Content::Raw).then_some(&*data);
+                    self.cycle(header.log_time, raw);
                 }
             }
             _ => {}
@@ -243,6 +264,7 @@ impl Reading {
             let is_kept = match self.keep {
                 Keep::All | Keep::Times => true,
                 Keep::Signals(is_kept) => is_kept(&topic, &name),
+                Keep::Chosen(selection) => selection.holds(&topic, &name),
             };
             fields.push(is_kept.then_some(signals.len()));
             if is_kept {
@@ -250,21 +272,21 @@ impl Reading {
             }
         }
         let width = signals.len();
-        if width > 0 || !matches!(self.keep, Keep::Signals(_)) {
+        if width > 0 || matches!(self.keep, Keep::All | Keep::Times) {
             self.run.schema.topics.push(Topic { name: topic, signals });
         }
         Content::Signals { at, width, fields }
     }
 
-    /// The raw bytes come last in a cycle: the row is complete, or it doesn't count.
-    fn cycle(&mut self, time_ns: u64, message: &[u8]) {
-        if self.partial.len() == self.run.schema.width() {
+    /// Ends a cycle: its row is complete, or it doesn't count.
+    fn cycle(&mut self, time_ns: u64, raw: Option<&[u8]>) {
+        if self.partial.len() == self.run.schema.width() && self.due.take(time_ns) {
             self.run.times_ns.push(time_ns);
             if !matches!(self.keep, Keep::Times) {
                 self.run.values.append(&mut self.partial);
             }
-            if matches!(self.keep, Keep::All) {
-                self.run.raw.push(first_bytes(message).unwrap_or_default().to_vec());
+            if let Some(raw) = raw.filter(|_| matches!(self.keep, Keep::All)) {
+                self.run.raw.push(first_bytes(raw).unwrap_or_default().to_vec());
             }
         }
         self.partial.clear();
@@ -274,7 +296,8 @@ impl Reading {
         if !self.is_whole && self.run.truncated.is_none() {
             self.run.truncated = Some("the file lacks its end".to_owned());
         }
-        if self.run.schema.topics.is_empty() {
+        let is_choice = matches!(self.keep, Keep::Chosen(_)) && self.last.is_some();
+        if self.run.schema.topics.is_empty() && !is_choice {
             return Err(RunError::NotARun { missing: "a topic with signals" });
         }
         Ok(self.run)

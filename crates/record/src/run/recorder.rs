@@ -1,14 +1,16 @@
 //! From the cyclic thread to the files: a ring without locks, and a thread that writes.
 
 use super::columns::complete_rows;
-use super::{ColumnError, ColumnWriter, Keep, McapRun, RecordedRun, RunError, RunEvent, RunSchema};
-use crate::output::{WholeFile, create};
+use super::writers::{KeptFiles, Writers};
+use super::{
+    ColumnError, Due, Keep, RecordedRun, Rotation, RunError, RunEvent, RunSchema, SELECTION, Selection,
+};
 use crate::ring::take;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, BufReader};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
@@ -40,6 +42,8 @@ pub struct RunRecorded {
     pub written: u64,
     /// Cycles that can't, and events that found the ring full, or no writer any more.
     pub dropped: u64,
+    /// Cycles of files that made room for later ones, as [`Rotation::files`] says.
+    pub removed: u64,
     /// Why the files end early, where they do; they can be read to their last complete record.
     pub failure: Option<RecorderError>,
 }
@@ -71,6 +75,18 @@ pub enum RecorderError {
         /// Why.
         source: ColumnError,
     },
+    /// A file may not become as long as its first cycle needs.
+    #[error(
+        "{path}: a file of {file_bytes} bytes has no room for a cycle with what describes the run: {needed} bytes"
+    )]
+    TooShort {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that it may have.
+        file_bytes: u64,
+        /// Bytes that it needs.
+        needed: u64,
+    },
     /// The thread that writes has died.
     #[error("the recorder's thread died: {0}")]
     Died(String),
@@ -81,12 +97,15 @@ pub struct RunSink {
     ring: Producer<u64>,
     count: Arc<Count>,
     on_full: OnFull,
+    due: Due,
+    /// Places of the recorded signals in a row; `None`: all, and the bytes that replay it.
+    columns: Option<Vec<usize>>,
 }
 
 /// What went in, and what came out.
 #[derive(Debug, Default)]
 struct Count {
-    /// Cycles that were handed over.
+    /// Cycles that were handed over and due.
     cycles: AtomicU64,
     /// Of them, those that were given to the files.
     written: AtomicU64,
@@ -97,8 +116,16 @@ struct Count {
 impl RunSink {
     /// Hands over one cycle: its time, its values in the schema's order, and the bytes that replay it.
     pub fn push_row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) {
-        let words = values.iter().map(|value| value.to_bits());
-        self.push(ROW, time_ns, words.len(), words, raw);
+        if !self.due.take(time_ns) {
+            return;
+        }
+        let Some(columns) = self.columns.take() else {
+            let words = values.iter().map(|value| value.to_bits());
+            return self.push(ROW, time_ns, words.len(), words, raw);
+        };
+        let words = columns.iter().map(|&column| values.get(column).map_or(0, |value| value.to_bits()));
+        self.push(ROW, time_ns, words.len(), words, &[]);
+        self.columns = Some(columns);
     }
 
     /// Hands over an event.
@@ -155,7 +182,7 @@ impl RunSink {
 pub struct RunRecorder {
     thread: JoinHandle<Result<Writers, RecorderError>>,
     count: Arc<Count>,
-    files: RunFiles,
+    kept: KeptFiles,
     describe: mpsc::Sender<(String, String)>,
 }
 
@@ -179,13 +206,10 @@ pub struct RunFiles {
     pub columns: Option<PathBuf>,
     /// Descriptions of the run for the MCAP file.
     pub description: BTreeMap<String, String>,
-}
-
-type Output = BufWriter<WholeFile>;
-
-struct Writers {
-    mcap: Option<(PathBuf, McapRun<Output>)>,
-    columns: Option<(PathBuf, ColumnWriter<Output>)>,
+    /// Which signals, and how often.
+    pub selection: Selection,
+    /// How long a file may become; `None`: there is one, as long as it becomes.
+    pub rotation: Option<Rotation>,
 }
 
 impl RunRecorder {
@@ -195,21 +219,18 @@ impl RunRecorder {
         schema: &RunSchema,
         on_full: OnFull,
     ) -> Result<(RunRecorder, RunSink), RecorderError> {
-        let create = |path: &Path| {
-            let file = create(path).map(|file| BufWriter::new(WholeFile::new(file)));
-            file.map_err(|source| RecorderError::File { path: path.to_owned(), source })
-        };
-        let mut writers = Writers { mcap: None, columns: None };
-        if let Some(path) = &files.mcap {
-            let mcap = McapRun::create(create(path)?, schema, &files.description)
-                .map_err(|source| RecorderError::Mcap { path: path.clone(), source })?;
-            writers.mcap = Some((path.clone(), mcap));
+        let mut files = files.clone();
+        let mut columns = None;
+        let mut recorded = schema.clone();
+        if let Some(words) = files.selection.words(schema) {
+            files.description.insert(SELECTION.to_owned(), words);
+            let chosen = files.selection.columns(schema);
+            recorded = schema.only(&chosen);
+            columns = Some(chosen);
         }
-        if let Some(path) = &files.columns {
-            let columns = ColumnWriter::create(create(path)?, schema)
-                .map_err(|source| RecorderError::File { path: path.clone(), source })?;
-            writers.columns = Some((path.clone(), columns));
-        }
+        let due = Due::new(&files.selection);
+        let kept = KeptFiles::default();
+        let writers = Writers::create(files, recorded, kept.clone())?;
         let (ring, consumer) = RingBuffer::new(RING);
         let (describe, described) = mpsc::channel();
         let count = Arc::new(Count::default());
@@ -218,8 +239,8 @@ impl RunRecorder {
             .name("recorder".to_owned())
             .spawn(move || drain(consumer, &described, writers, &counted.written))
             .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
-        let sink = RunSink { ring, count: count.clone(), on_full };
-        Ok((RunRecorder { thread, count, files: files.clone(), describe }, sink))
+        let sink = RunSink { ring, count: count.clone(), on_full, due, columns };
+        Ok((RunRecorder { thread, count, kept, describe }, sink))
     }
 
     /// A way to add to the description while the run goes on.
@@ -244,36 +265,39 @@ impl RunRecorder {
         let [cycles, written, events_dropped] =
             [&self.count.cycles, &self.count.written, &self.count.events_dropped]
                 .map(|count| count.load(Ordering::Relaxed));
-        let recorded = |written: u64, failure| RunRecorded {
-            written,
-            dropped: cycles.saturating_sub(written) + events_dropped,
-            failure,
+        let kept = self.kept;
+        let recorded = |readable: u64, failure| {
+            let removed = kept.look().removed;
+            let dropped = cycles.saturating_sub(readable + removed) + events_dropped;
+            RunRecorded { written: readable, dropped, removed, failure }
         };
+        let whole = || written - kept.look().removed;
         let finished = ended.and_then(|mut writers| {
-            for (key, text) in last_words(&recorded(written, None)) {
+            for (key, text) in last_words(&recorded(whole(), None)) {
                 writers.describe(&key, &text)?;
             }
             writers.finish()
         });
         match finished {
-            Ok(()) => recorded(written, None),
+            Ok(()) => recorded(whole(), None),
             // What was given to a file need not have reached it.
-            Err(failure) => recorded(readable(&self.files), Some(failure)),
+            Err(failure) => recorded(readable(&kept), Some(failure)),
         }
     }
 }
 
-/// Cycles that can be read from each of the files.
-fn readable(files: &RunFiles) -> u64 {
-    let mcap = files.mcap.as_ref().map(|path| {
+/// Cycles that can be read: those of closed files, and those that are found in each of the others.
+fn readable(kept: &KeptFiles) -> u64 {
+    let kept = kept.look();
+    let mcap = kept.mcap.as_ref().map(|path| {
         let run = File::open(path).map_err(RunError::from);
         run.and_then(|file| RecordedRun::read_from(file, Keep::Times))
             .map_or(0, |run| run.times_ns.len() as u64)
     });
-    let columns = files.columns.as_ref().map(|path| {
+    let columns = kept.columns.as_ref().map(|path| {
         File::open(path).and_then(|file| complete_rows(BufReader::new(file))).unwrap_or_default()
     });
-    mcap.into_iter().chain(columns).min().unwrap_or_default()
+    kept.closed.iter().sum::<u64>() + mcap.into_iter().chain(columns).min().unwrap_or_default()
 }
 
 /// What a panic said.
@@ -321,51 +345,11 @@ fn drain(
     }
 }
 
-impl Writers {
-    fn row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RecorderError> {
-        if let Some((path, mcap)) = &mut self.mcap {
-            mcap.write_row(time_ns, values, raw)
-                .map_err(|source| RecorderError::Mcap { path: path.clone(), source })?;
-        }
-        if let Some((path, columns)) = &mut self.columns {
-            columns
-                .write_row(time_ns, values)
-                .map_err(|source| RecorderError::Columns { path: path.clone(), source })?;
-        }
-        Ok(())
-    }
-
-    fn describe(&mut self, key: &str, text: &str) -> Result<(), RecorderError> {
-        let Some((path, mcap)) = &mut self.mcap else { return Ok(()) };
-        mcap.describe(key, text).map_err(|source| RecorderError::Mcap { path: path.clone(), source })
-    }
-
-    fn event(&mut self, event: &RunEvent) -> Result<(), RecorderError> {
-        let Some((path, mcap)) = &mut self.mcap else { return Ok(()) };
-        mcap.write_event(event).map_err(|source| RecorderError::Mcap { path: path.clone(), source })
-    }
-
-    fn finish(self) -> Result<(), RecorderError> {
-        if let Some((path, mcap)) = self.mcap {
-            let finished = mcap.finish().and_then(|output| Ok(ended(output)?));
-            finished.map_err(|source| RecorderError::Mcap { path, source })?;
-        }
-        if let Some((path, columns)) = self.columns {
-            columns.finish().and_then(ended).map_err(|source| RecorderError::File { path, source })?;
-        }
-        Ok(())
-    }
-}
-
-/// Writes what is still held back, and looks whether all of the file is there.
-fn ended(mut output: Output) -> io::Result<()> {
-    output.flush()?;
-    output.get_ref().check()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::McapRun;
     use super::*;
+    use crate::output::create;
     use std::fs::OpenOptions;
 
     fn schema() -> RunSchema {
@@ -412,7 +396,7 @@ mod tests {
             let files = files.clone();
             move || -> Result<Writers, RecorderError> {
                 let _ring = consumer;
-                let output = BufWriter::new(WholeFile::new(create(files.mcap.as_ref().unwrap()).unwrap()));
+                let output = create(files.mcap.as_ref().unwrap()).unwrap();
                 let mut mcap = McapRun::create(output, &schema(), &BTreeMap::new()).unwrap();
                 mcap.write_row(0, &[0.5; 4], &[7; 8]).unwrap();
                 counted.written.fetch_add(1, Ordering::Relaxed);
@@ -420,9 +404,11 @@ mod tests {
                 panic!("out of luck");
             }
         });
-        let mut sink = RunSink { ring, count: count.clone(), on_full: OnFull::Wait };
-        let written = RunFiles { columns: None, ..files.clone() };
-        let recorder = RunRecorder { thread, count: count.clone(), files: written, describe };
+        let due = Due::new(&Selection::default());
+        let mut sink = RunSink { ring, count: count.clone(), on_full: OnFull::Wait, due, columns: None };
+        let kept = KeptFiles::default();
+        kept.look().mcap = files.mcap.clone();
+        let recorder = RunRecorder { thread, count: count.clone(), kept, describe };
         sink.push_row(0, &[0.5; 4], &[7; 8]);
         sink.push_row(1, &[0.5; 4], &[7; 8]);
         assert!(!sink.is_broken());
@@ -478,5 +464,115 @@ mod tests {
             assert!(cut_at < 700_000 || mcap > 0, "{mcap}");
             remove(&files);
         }
+    }
+
+    /// The files of a folder, by name, with what they say.
+    fn all_files(files: &RunFiles) -> Vec<(String, Vec<u8>)> {
+        let folder = files.mcap.as_ref().unwrap().parent().unwrap();
+        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let named = entries.map(|path| {
+            (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(&path).unwrap())
+        });
+        let mut all: Vec<_> = named.collect();
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn files_of_a_series_keep_their_length_are_read_alone_and_lose_no_cycle() {
+        const MOST: u64 = 100_000;
+        for kept in [None, Some(3)] {
+            let mut files = files(&format!("series-{kept:?}"));
+            files.rotation = Some(Rotation { file_bytes: MOST, files: kept });
+            files.description.insert("robot".to_owned(), "made up".to_owned());
+            // What a run before left.
+            let left = files.mcap.as_ref().unwrap().with_file_name("run-00099.mcap");
+            std::fs::write(left, "of the run before").unwrap();
+            let (recorder, mut sink) = RunRecorder::start(&files, &schema(), OnFull::Wait).unwrap();
+            let describer = recorder.describer();
+            let rows = 20_000_u64;
+            for row in 0..rows {
+                let values = [1, 3, 5, 7].map(|odd| (row * odd).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64);
+                sink.push_row(row * 1_000_000, &values, &row.to_le_bytes());
+                if row % 100 == 0 {
+                    sink.push_event(row * 1_000_000, "a hundred more");
+                }
+                if row == rows / 2 {
+                    while recorder.count.written.load(Ordering::Relaxed) < row {
+                        std::thread::yield_now();
+                    }
+                    describer.describe("reference/1".to_owned(), "kind = \"circle\"".to_owned());
+                }
+            }
+            drop(sink);
+            let recorded = recorder.finish_with(|_| BTreeMap::from([("cycles".into(), "20000".into())]));
+            assert!(recorded.failure.is_none(), "{:?}", recorded.failure);
+            let all = all_files(&files);
+            let (mut times, mut lines, mut numbers) = (Vec::new(), 0, Vec::new());
+            for (name, bytes) in &all {
+                assert!(bytes.len() as u64 <= MOST, "{name}: {}", bytes.len());
+                if name.ends_with("txt") {
+                    let text = String::from_utf8(bytes.clone()).unwrap();
+                    assert!(text.starts_with("time_s wheels.a") && text.ends_with('\n'), "{name}");
+                    lines += text.matches('\n').count() as u64 - 1;
+                    continue;
+                }
+                let run = RecordedRun::read(bytes).unwrap();
+                assert_eq!(run.truncated, None, "{name}");
+                assert_eq!(
+                    (run.raw.len(), &*run.description["robot"]),
+                    (run.times_ns.len(), "made up"),
+                    "{name}"
+                );
+                numbers.push(run.description[crate::run::FILE_NUMBER].parse::<u64>().unwrap());
+                let is_late = run.times_ns.first().is_some_and(|time| *time > rows / 2 * 1_000_000);
+                assert!(!is_late || run.description.contains_key("reference/1"), "{name}");
+                times.extend(run.times_ns);
+            }
+            assert_eq!(recorded.dropped, 0);
+            assert_eq!((recorded.written, recorded.written + recorded.removed), (times.len() as u64, rows));
+            assert_eq!(lines, recorded.written);
+            // No gap, up to the last cycle.
+            let first = rows - recorded.written;
+            assert!(times.iter().copied().eq((first..rows).map(|row| row * 1_000_000)), "{kept:?}");
+            let of_kind = all.len() / 2;
+            assert_eq!(kept.is_none(), recorded.removed == 0);
+            assert!(kept.map_or(of_kind > 10, |kept| of_kind == kept as usize), "{of_kind} files");
+            assert!(numbers.windows(2).all(|pair| pair[1] == pair[0] + 1), "{numbers:?}");
+            remove(&files);
+        }
+    }
+
+    #[test]
+    fn a_file_that_has_no_room_for_a_cycle_is_refused_at_the_start() {
+        let mut files = files("short");
+        files.rotation = Some(Rotation { file_bytes: 3000, files: None });
+        let refused =
+            RunRecorder::start(&files, &schema(), OnFull::Wait).err().expect("too short").to_string();
+        assert!(refused.contains("a file of 3000 bytes has no room for a cycle"), "{refused}");
+        remove(&files);
+    }
+
+    #[test]
+    fn chosen_signals_are_read_back_without_the_bytes_that_replay() {
+        let mut files = files("chosen");
+        files.selection = Selection { signals: vec!["*.c".into(), "wheels.a".into()], every_ns: Some(10) };
+        let (recorder, mut sink) = RunRecorder::start(&files, &schema(), OnFull::Wait).unwrap();
+        for time in 0..35 {
+            sink.push_row(time, &[1.0, 2.0, 3.0, time as f64], &[7; 8]);
+        }
+        sink.push_event(12, "happened");
+        drop(sink);
+        let recorded = recorder.finish();
+        assert_eq!((recorded.written, recorded.dropped), (4, 0));
+        let run = RecordedRun::read(&std::fs::read(files.mcap.as_ref().unwrap()).unwrap()).unwrap();
+        assert_eq!(run.schema.names().collect::<Vec<_>>(), ["wheels.a", "wheels.c"]);
+        assert_eq!(run.times_ns, [0, 10, 20, 30]);
+        assert_eq!(run.values, [1.0, 3.0].repeat(4));
+        assert!(run.raw.is_empty() && run.events.len() == 1);
+        assert_eq!(run.description[SELECTION], "2 of 4 signals, every 0.00001 ms");
+        let text = std::fs::read_to_string(files.columns.as_ref().unwrap()).unwrap();
+        assert!(text.starts_with("time_s wheels.a wheels.c\n0.000000000 1e0 3e0\n"), "{text}");
+        remove(&files);
     }
 }

@@ -13,6 +13,7 @@ use super::drive_tables::DriveTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
+use super::run_tables::{RecordingTable, RunTable};
 
 /// The table `custom`: the keys that a registered kind declares as its own.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -73,6 +74,10 @@ pub struct RobotFile {
     pub obstacle: Vec<ObstacleTable>,
     /// The simulated body in place of the real one.
     pub simulation: SimulationTable,
+    /// How `omnibase run` brings the robot up.
+    pub run: RunTable,
+    /// What is recorded of each run.
+    pub recording: RecordingTable,
 }
 
 /// The bus and its cycle.

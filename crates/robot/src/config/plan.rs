@@ -16,6 +16,7 @@ use super::file::{
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
+use super::run_tables::{RecordingPlan, RunTable};
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
 use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
@@ -51,6 +52,10 @@ pub struct RobotPlan {
     pub guard: GuardPlan,
     /// The simulated body.
     pub simulation: SimulationTable,
+    /// How it is brought up.
+    pub run: RunTable,
+    /// What is recorded of its runs; `None`: nothing.
+    pub recording: Option<RecordingPlan>,
 }
 
 impl RobotPlan {

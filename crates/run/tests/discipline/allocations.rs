@@ -208,9 +208,9 @@ fn a_recorder_that_is_full() {
     let pipe = FullPipe::new("full");
     let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
     let files = RunFiles {
-        mcap: None,
         columns: Some(pipe.path.clone()),
         description: std::mem::take(&mut robot.description),
+        ..RunFiles::default()
     };
     let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Drop).unwrap();
     // The ring holds some 20 s, so the run has to be longer: people rest for a minute.

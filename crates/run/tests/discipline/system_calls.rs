@@ -85,7 +85,8 @@ fn run_for_strace() {
     hand.send(Client::Joystick, Ask::Robot(RequestKind::Track)).unwrap();
     let path = std::env::temp_dir().join(format!("omnibase-discipline-{}.mcap", std::process::id()));
     let rows = Rows::new(&robot.plan.record_layout(), Known::BeliefAlone);
-    let files = RunFiles { mcap: Some(path.clone()), columns: None, description: robot.description.clone() };
+    let files =
+        RunFiles { mcap: Some(path.clone()), description: robot.description.clone(), ..RunFiles::default() };
     let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Drop).unwrap();
     let (mut segment, _machine) = simulated::segment(&robot.plan).unwrap();
     let ran = std::thread::scope(|scope| {

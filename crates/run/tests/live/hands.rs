@@ -199,8 +199,8 @@ pub fn played_with(
     let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
     let files = RunFiles {
         mcap: Some(path.clone()),
-        columns: None,
         description: omnibase_run::describe::description(&robot),
+        ..RunFiles::default()
     };
     let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Wait).unwrap();
     live.describe_to(recorder.describer());

@@ -1,6 +1,7 @@
 //! A run that people and programs lead: its page, and where the command line finds it.
 
 use super::stick_thread::StickThread;
+use crate::WrongUsage;
 use crate::progress::note;
 use crate::running::RunningRobot;
 use crate::token;
@@ -8,20 +9,23 @@ use anyhow::Context;
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
+use omnibase_robot::config::{RunTable, Switch};
 use omnibase_robot::signals::StopCategory;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, Live, LiveEnd, live};
 use std::convert::Infallible;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Where the page is served unless something else is said.
+const DASHBOARD: &str = "127.0.0.1:8400";
 /// The longest silence of a page that is still there, ns.
 const SESSION_AGE_NS: u64 = 1_000_000_000;
 
 /// How people reach a running robot.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Serve the robot's page: watch, drive by hand, teach, start, pause, stop. Elsewhere than on loopback nobody gets
     /// in without the token.
@@ -30,12 +34,12 @@ pub struct Options {
         value_name = "ADDRESS",
         num_args = 0..=1,
         require_equals = true,
-        default_missing_value = "127.0.0.1:8400"
+        default_missing_value = DASHBOARD
     )]
     dashboard: Option<SocketAddr>,
     /// A file of mode 0600 with the secret of those who may command. Otherwise the environment variable OMNIBASE_TOKEN
     /// says it, or a new one is made for each run.
-    #[arg(long, value_name = "FILE", requires = "dashboard")]
+    #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// Refused: everybody would see it.
     #[arg(long, hide = true, value_parser = token::refused)]
@@ -46,8 +50,7 @@ pub struct Options {
         value_name = "ADDRESS",
         num_args = 0..=1,
         require_equals = true,
-        default_missing_value = "127.0.0.1:9870",
-        requires = "dashboard"
+        default_missing_value = "127.0.0.1:9870"
     )]
     plotjuggler: Option<SocketAddr>,
     /// Serve every value to the Foxglove app, on loopback.
@@ -58,18 +61,23 @@ pub struct Options {
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "127.0.0.1:8765",
-        requires = "dashboard",
         value_parser = on_loopback
     )]
     foxglove: Option<SocketAddr>,
-    /// Where taught paths are kept.
-    #[arg(long, value_name = "FOLDER", default_value = "paths", requires = "dashboard")]
-    paths: PathBuf,
+    /// Serve no page, whatever the robot's file says.
+    #[arg(long, conflicts_with_all = ["dashboard", "token_file", "plotjuggler", "paths"])]
+    no_dashboard: bool,
+    /// Where taught paths are kept; default: the folder `paths`, or what the robot's file says.
+    #[arg(long, value_name = "FOLDER")]
+    paths: Option<PathBuf>,
     /// Drive by the stick or pad at this computer, as the `joystick` table of its file says: the first one that fits, a
     /// device (/dev/input/event5), or a recording of `omnibase joystick --record`.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
     joystick: Option<Option<PathBuf>>,
+    /// Take no stick, whatever the robot's file says.
+    #[arg(long, conflicts_with = "joystick")]
+    no_joystick: bool,
 }
 
 /// What serves people while a robot runs.
@@ -79,6 +87,38 @@ pub struct Operated {
 }
 
 impl Options {
+    /// Takes over what the robot's file says where the command line says nothing; paths begin at the file's folder.
+    pub fn fill(&mut self, table: &RunTable, folder: &Path) -> anyhow::Result<()> {
+        if let Some(served) = table.dashboard.as_ref().and_then(Switch::is_on)
+            && self.dashboard.is_none()
+            && !self.no_dashboard
+        {
+            self.dashboard = Some(served.unwrap_or(DASHBOARD).parse().context("[run] dashboard")?);
+        }
+        if let Some(stick) = table.joystick.as_ref().and_then(Switch::is_on)
+            && self.joystick.is_none()
+            && !self.no_joystick
+        {
+            self.joystick = Some(stick.map(|device| folder.join(device)));
+        }
+        let of_page = [
+            ("--token-file", self.token_file.is_some()),
+            ("--plotjuggler", self.plotjuggler.is_some()),
+            ("--paths", self.paths.is_some()),
+            #[cfg(feature = "foxglove")]
+            ("--foxglove", self.foxglove.is_some()),
+        ];
+        for (option, _) in of_page.iter().filter(|(_, is_given)| *is_given && self.dashboard.is_none()) {
+            return Err(
+                WrongUsage(anyhow::anyhow!("{option} is for --dashboard, and no page is served")).into()
+            );
+        }
+        let in_folder = |path: &Option<String>| path.as_ref().map(|path| folder.join(path));
+        self.token_file = self.token_file.take().or_else(|| in_folder(&table.token_file));
+        self.paths = self.paths.take().or_else(|| in_folder(&table.paths));
+        Ok(())
+    }
+
     /// Whether people lead the robot.
     pub fn is_wanted(&self) -> bool {
         self.dashboard.is_some() || self.joystick.is_some()
@@ -111,7 +151,7 @@ impl Options {
                     #[cfg(feature = "foxglove")]
                     foxglove: self.foxglove,
                 };
-                let paths = self.paths.clone();
+                let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
                 let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
                 Some(self.serve(address, live, about)?)
             }

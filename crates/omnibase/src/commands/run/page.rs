@@ -1,5 +1,6 @@
 //! The page of HTML that shows a run, and the recording from which it is made.
 
+use super::calendar::Moment;
 use crate::commands::report;
 use anyhow::Context;
 use omnibase_measure::Summary;
@@ -8,7 +9,7 @@ use omnibase_run::RunError;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 /// The page that a run shall have.
 ///
@@ -113,24 +114,14 @@ pub fn last_words(
 
 /// An instant as `2026-11-21 07:30 UTC`.
 fn utc(instant: SystemTime) -> String {
-    let seconds = instant.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let (hour, minute) = (seconds / 3600 % 24, seconds / 60 % 60);
-    // Howard Hinnant, "chrono-Compatible Low-Level Date Algorithms", civil_from_days, for days from 1970 on.
-    let days = seconds / 86_400 + 719_468;
-    let day_of_era = days % 146_097;
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = year_of_era + 400 * (days / 146_097) + u64::from(month <= 2);
+    let Moment { year, month, day, hour, minute, .. } = Moment::of(instant);
     format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02} UTC")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+    use std::time::{Duration, UNIX_EPOCH};
 
     #[test]
     fn a_recording_goes_with_the_run_that_had_no_cycle_unless_somebody_asked_for_it() {

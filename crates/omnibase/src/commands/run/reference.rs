@@ -13,7 +13,7 @@ use std::path::Path;
 const GROUP: &str = "motion";
 
 /// The motion, in place of the robot file's own: an option and its value.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ReferenceChoice(Option<(String, String)>);
 
 /// The kinds that have an option of their own: those with keys, but for the path, whose points come from a file.

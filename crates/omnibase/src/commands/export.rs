@@ -1,0 +1,100 @@
+//! `omnibase export`: a recorded run as a table for other programs.
+
+use crate::Outcome;
+use crate::every::Every;
+use crate::progress::{bar, note};
+use anyhow::{Context, ensure};
+use omnibase_record::export::{self, TableFormat};
+use omnibase_record::run::{Keep, RecordedRun, Selection};
+use omnibase_run::robot_text::ROBOT_KEY;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a recorded run as a table: CSV, Parquet, or MATLAB's format.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase export run.mcap --output run.csv
+  omnibase export run.mcap --signals 'state.*' 'wheel_*.speed_rad_s' --every 10ms --output run.parquet
+  omnibase export run-00001.mcap run-00002.mcap --output run.mat     a run in several files
+
+Exit code 1 where a recording ends early; the table holds what is there.")]
+pub struct Arguments {
+    /// A recording, from `omnibase run --record`; or the files of one run, in their order.
+    #[arg(required = true)]
+    recording: Vec<PathBuf>,
+    /// Signals by their names, as state.pose_x_m, where * stands for any characters; default: all.
+    #[arg(long, value_name = "PATTERN", num_args = 1..)]
+    signals: Vec<String>,
+    /// Time from row to row, as 10ms or 10cycles; default: every recorded cycle.
+    #[arg(long, value_name = "TIME")]
+    every: Option<Every>,
+    /// The file to write; its ending says what it is: .csv, .parquet or .mat.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let path = &arguments.output;
+    let format = TableFormat::of(path).with_context(|| {
+        format!("--output {}: expected a name that ends in .csv, .parquet or .mat", path.display())
+    })?;
+    let (mut all, mut is_whole) = (RecordedRun::default(), true);
+    for (number, recording) in arguments.recording.iter().enumerate() {
+        ensure!(recording != path, "`{}` would be written over what it is made of", path.display());
+        let name = recording.display();
+        let next = read(recording, arguments)?;
+        if let Some(why) = &next.truncated {
+            note(format_args!("warning: `{name}` ends early ({why}); the table holds what is there"));
+            is_whole = false;
+        }
+        if number == 0 {
+            all = next;
+            continue;
+        }
+        ensure!(next.schema == all.schema, "`{name}` holds other signals than the recording before it");
+        ensure!(
+            next.times_ns.first().is_none_or(|first| all.times_ns.last().is_none_or(|last| last < first)),
+            "`{name}` begins before the end of the recording before it: expected the files of one run in their order"
+        );
+        all.times_ns.extend(next.times_ns);
+        all.values.extend(next.values);
+    }
+    let file = File::create(path).with_context(|| format!("writing `{}`", path.display()))?;
+    export::write(&all, format, BufWriter::new(file))
+        .with_context(|| format!("writing `{}`", path.display()))?;
+    writeln!(output, "{}: {} rows of {} signals", path.display(), all.times_ns.len(), all.schema.width())?;
+    Ok(if is_whole { Outcome::Done } else { Outcome::Failed })
+}
+
+/// What is wanted of a recording.
+fn read(recording: &Path, arguments: &Arguments) -> anyhow::Result<RecordedRun> {
+    let name = recording.display();
+    let open = || File::open(recording).with_context(|| format!("reading `{name}`"));
+    let mut selection = Selection { signals: arguments.signals.clone(), every_ns: None };
+    if let Some(every) = arguments.every {
+        let about = RecordedRun::read_from(open()?, Keep::Times).with_context(|| format!("`{name}`"))?;
+        let cycle_ns =
+            cycle_ns(&about).with_context(|| format!("`{name}` doesn't say how long a cycle is"))?;
+        selection.every_ns = Some(every.of_cycle(cycle_ns)?);
+    }
+    let file = open()?;
+    let bar = bar(file.metadata().map_or(0, |metadata| metadata.len()), "bytes");
+    let run = RecordedRun::read_from(bar.wrap_read(file), Keep::Chosen(&selection));
+    bar.finish_and_clear();
+    let run = run.with_context(|| format!("`{name}`"))?;
+    let names: Vec<String> = run.schema.names().collect();
+    for pattern in &selection.signals {
+        let is_there = names.iter().any(|name| omnibase_record::run::fits(pattern, name));
+        ensure!(is_there, "--signals {pattern}: `{name}` holds no signal of this name");
+    }
+    Ok(run)
+}
+
+/// The cycle of the recorded robot, ns.
+fn cycle_ns(run: &RecordedRun) -> Option<u64> {
+    let robot: toml::Table = run.description.get(ROBOT_KEY)?.parse().ok()?;
+    let cycle_us = robot.get("bus")?.get("cycle_us")?.as_integer()?;
+    u64::try_from(cycle_us).ok().map(|us| us * 1000).filter(|ns| *ns > 0)
+}
