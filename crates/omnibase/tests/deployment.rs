@@ -67,7 +67,7 @@ fn the_file_alone_brings_up_page_token_paths_and_recording_beside_it() {
     let runs: Vec<_> = std::fs::read_dir(folder.join("runs")).unwrap().collect();
     assert_eq!(runs.len(), 1);
     // Options have the last word: nobody leads it, so it follows the circle and ends.
-    let circle = ["--circle", "radius=0.2,period=5"];
+    let circle = ["--circle", "radius_m=0.2,duration_s=5"];
     let (code, text) =
         said(folder, &[&["run", robot, "--no-dashboard", "--no-recording"], &circle[..]].concat());
     assert!(code == Some(0) && !text.contains("dashboard: "), "{text}");
@@ -81,7 +81,7 @@ fn an_interface_in_the_file_is_said_aloud_and_left_alone_where_somebody_simulate
     let folder = folder.path();
     let robot = robot(folder, "[run]\ninterface = \"no-such-nic\"\nrealtime = true\ncpu = 0");
     let robot = robot.to_str().unwrap();
-    let run = ["run", robot, "--circle", "radius=0.2,period=5"];
+    let run = ["run", robot, "--circle", "radius_m=0.2,duration_s=5"];
     let (code, text) = said(folder, &run);
     assert!(code == Some(1) && text.contains("the real robot, at no-such-nic as [run]"), "{text}");
     assert!(text.contains("error: ") && text.contains("--simulated leaves it alone"), "{text}");

@@ -44,7 +44,7 @@ fn omnibase(arguments: &[&str]) -> Result<String, String> {
 /// A run in the folder, recorded as these arguments say.
 fn recorded(folder: &Path, arguments: &[&str]) -> String {
     let path = folder.join("run.mcap").to_str().unwrap().to_owned();
-    let run = ["run", "robots/bmm.toml", "--circle", "radius=0.2,period=5", "--record", &path];
+    let run = ["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5", "--record", &path];
     omnibase(&[&run[..], arguments].concat()).unwrap();
     path
 }

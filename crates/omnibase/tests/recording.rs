@@ -39,7 +39,7 @@ fn files(folder: &Path) -> Vec<(String, u64)> {
     files
 }
 
-const CIRCLE: [&str; 2] = ["--circle", "radius=0.2,period=5"];
+const CIRCLE: [&str; 2] = ["--circle", "radius_m=0.2,duration_s=5"];
 
 #[test]
 fn chosen_signals_every_10_ms_take_a_twentieth_at_most_and_say_that_they_replay_nothing() {
