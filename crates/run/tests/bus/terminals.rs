@@ -71,6 +71,8 @@ fn a_terminal_that_lost_its_power_stops_the_robot_and_finds_no_old_output_when_i
     bench.cycle(Some(omnibase_robot::RequestKind::SetOutput { index: 0, value: 500.0 }));
     bench.run(5);
     assert_eq!((level(), bench.robot.record().signals.believed), (500, 0b11));
+    // Its own watchdog takes the output away when nobody says anything, as those of the drives do.
+    assert_eq!(bench.peek(3, 0x0420, 2), plan.bus.drive_watchdog.steps.to_le_bytes());
     bench.inject(3, Fault::PowerCycle { off_for: Duration::from_millis(300) });
     let mut away = 0;
     for _ in 0..200 {
