@@ -92,3 +92,21 @@ fn a_terminal_that_lost_its_power_stops_the_robot_and_finds_no_old_output_when_i
     bench.cycle(Some(omnibase_robot::RequestKind::Acknowledge));
     bench.enable();
 }
+
+#[test]
+fn a_terminal_with_a_mailbox_is_sent_its_maps_and_parameters() {
+    let text = format!(
+        "{BUTTONS}parameters = [{{ object = \"8000.1\", type = \"u16\", value = 5 }}, \
+         {{ object = \"8010\", type = \"u8\", value = 1 }}]\n"
+    );
+    let mut bench = Bench::new(&plan(&text));
+    bench.enable();
+    assert_eq!(bench.robot.record().signals.inputs[..2], [0.0, 1.0]);
+    // Its process data stand behind the mailbox's SyncManagers: 2 bytes out, 1 in.
+    let length = |manager: u16| bench.peek(3, 0x0802 + 8 * manager, 2);
+    assert_eq!([length(2), length(3)], [[2, 0], [1, 0]]);
+    // Its maps are fixed: what differs is refused.
+    let other = text.replace("6000.1:1 6000.2:1", "6000.2:1 6000.1:1");
+    let error = refused(&plan(&other), &plan(&text));
+    assert!(error.contains("6000") || error.contains("1a00"), "{error}");
+}
