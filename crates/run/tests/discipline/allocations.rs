@@ -196,7 +196,10 @@ fn terminals_beside_the_drives_that_are_set_and_lost() {
     }));
     // The page is gone.
     let live = hand.clone();
-    deeds.push((4600, Deed::Do(Box::new(move || drop(live.send(Client::Page(0), Ask::Gone))))));
+    let goes = move || {
+        let _ = live.send(Client::Page(0), Ask::Gone);
+    };
+    deeds.push((4600, Deed::Do(Box::new(goes))));
     deeds.push((4700, Deed::Break(3, Fault::PowerOff)));
     deeds.sort_by_key(|(cycle, _)| *cycle);
     let robot = robot_of(include_str!("../../../../robots/bmm_io.toml"), &[]);
