@@ -125,7 +125,7 @@ fuzz_target!(|bytes: &[u8]| {
             exchange = match what & 3 {
                 1 => Exchange::Lost,
                 2 => Exchange::ShortCount { expected: 9, received: 6 },
-                3 if what & 8 != 0 => Exchange::Without { wheels: u16::from(what >> 4) },
+                3 if what & 8 != 0 => Exchange::Without { wheels: u16::from(what >> 4), devices: u16::from(what >> 6) },
                 3 => Exchange::Restarted { wheels: u16::from(what >> 4) },
                 _ => Exchange::Complete,
             };

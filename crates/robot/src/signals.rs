@@ -1,5 +1,6 @@
 //! What flows through the cycle: plain structs, all recorded in one [`CycleRecord`].
 
+mod columns;
 mod commands;
 mod exchange;
 mod guard;
@@ -12,6 +13,7 @@ mod record;
 mod record_tests;
 mod request;
 
+pub use columns::column_name;
 pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,
 };

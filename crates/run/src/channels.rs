@@ -2,7 +2,9 @@
 
 use omnibase_record::run::{RunSchema, Selection};
 use omnibase_robot::RobotPlan;
-use omnibase_robot::signals::{CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind};
+use omnibase_robot::signals::{
+    CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
+};
 
 use crate::live::{Commander, StickState};
 use omnibase_ethercat::paced::Times;
@@ -92,7 +94,7 @@ impl Rows {
                 topic,
                 members.iter().map(|&number| {
                     let channel = &channels[number];
-                    with_unit(&split(&channel.name).1, &channel.unit)
+                    column_name(&split(&channel.name).1, &channel.unit)
                 }),
             );
         }
@@ -190,40 +192,6 @@ pub fn record(layout: &RecordLayout, raw: &[u8]) -> Result<CycleRecord, NotAReco
         }
     });
     CycleRecord::from_values(layout, &values.collect::<Vec<_>>())
-}
-
-/// A name with its unit, in letters, digits and underscores.
-fn with_unit(name: &str, unit: &str) -> String {
-    let unit = match unit {
-        "" | "rad/s or N·m" => return name.to_owned(),
-        "m/s" => "m_s",
-        "m/s²" => "m_s2",
-        "rad/s" => "rad_s",
-        "rad/s²" => "rad_s2",
-        "N·m" => "nm",
-        "N" => "n",
-        "m²" => "m2",
-        "rad²" => "rad2",
-        "m·rad" => "m_rad",
-        "kg·m²" => "kg_m2",
-        "%" => "percent",
-        other => return format!("{name}_{}", plain(other)),
-    };
-    format!("{name}_{unit}")
-}
-
-/// A unit in small letters, digits and underscores.
-fn plain(unit: &str) -> String {
-    let letters = unit.chars().map(|letter| match letter {
-        '°' => "deg".to_owned(),
-        'µ' | 'μ' => "u".to_owned(),
-        'Ω' => "ohm".to_owned(),
-        '²' => "2".to_owned(),
-        '³' => "3".to_owned(),
-        letter if letter.is_ascii_alphanumeric() => letter.to_ascii_lowercase().to_string(),
-        _ => "_".to_owned(),
-    });
-    letters.collect()
 }
 
 #[cfg(test)]

@@ -317,6 +317,6 @@ fn the_drives_watchdog_is_read_back() {
     };
     assert_eq!(
         error.to_string(),
-        "drive `wheel_2` (SubDevice 1): its watchdog is 20100 us (registers 0x0400, 0x0420), expected 20000 us"
+        "`wheel_2` (SubDevice 1): its watchdog is 20100 us (registers 0x0400, 0x0420), expected 20000 us"
     );
 }

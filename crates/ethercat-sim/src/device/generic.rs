@@ -32,13 +32,22 @@ pub struct Generic {
 impl Generic {
     /// A device with exactly this image. Alias and serial number of `piece` count where they aren't 0.
     pub fn from_sii(bytes: &[u8], piece: &Piece) -> Result<Self, ImageTooShort> {
+        Generic::with_objects(bytes, piece, Vec::new())
+    }
+
+    /// The same with more objects behind its mailbox; those that it has anyway stay as they are.
+    pub fn with_objects(bytes: &[u8], piece: &Piece, more: Vec<Object>) -> Result<Self, ImageTooShort> {
         let (image, _) = Image::parse(bytes)?;
         let mut bytes = bytes.to_vec();
         if piece.alias != 0 || piece.serial != 0 {
             personalize(&image, piece, &mut bytes);
         }
         let process_data = process_sync_managers(&image);
-        let dictionary = Dictionary::new(objects(&image, piece, &process_data));
+        let mut objects = objects(&image, piece, &process_data);
+        let new = |object: &Object| !objects.iter().any(|known| known.index == object.index);
+        let more: Vec<Object> = more.into_iter().filter(new).collect();
+        objects.extend(more);
+        let dictionary = Dictionary::new(objects);
         let terminals = |direction| mapped_objects(&image, direction);
         let panel = IoPanel::new(&terminals(Direction::Inputs), &terminals(Direction::Outputs));
         let mailbox = (image.header.mailbox != MailboxArea::default()).then(|| {

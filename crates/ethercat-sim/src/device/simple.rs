@@ -1,18 +1,24 @@
 //! Simple devices with generated images: a coupler, and digital inputs and outputs bit by bit.
 
 use super::generic::Generic;
-use super::image::{ImagePlan, PDI_DIGITAL_IO, PDI_EMULATED, PORT_EBUS, PORT_MII, emit};
+use super::image::{
+    ImagePlan, Mailbox, PDI_DIGITAL_IO, PDI_EMULATED, PDI_WITH_FIRMWARE, PORT_EBUS, PORT_MII, emit,
+};
 use super::{Piece, drive::SERVO_VENDOR};
 use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::PdoMap;
+use crate::dictionary::{Access, DataType, Entry, Object};
 use crate::firmware::ProcessSyncManager;
 use omnibase_ethercat_wire::coe::ObjectAddress;
-use omnibase_ethercat_wire::sii::{Identity, ImageTooShort};
+use omnibase_ethercat_wire::sii::{self, Identity, ImageTooShort, MailboxArea};
 
 /// Product code of the coupler.
 pub const COUPLER_PRODUCT: u32 = 0x0000_1100;
 /// Product code of digital I/O; the numbers of inputs and outputs stand in the bytes below.
 pub const DIGITAL_IO_PRODUCT: u32 = 0x0D00_0000;
+/// Where a terminal's mailbox lies.
+const MAILBOX: MailboxArea =
+    MailboxArea { receive_offset: 0x1000, receive_size: 128, send_offset: 0x1400, send_size: 128 };
 /// Most bits of a direction.
 pub const DIGITAL_IO_LIMIT: u8 = 64;
 
@@ -69,10 +75,11 @@ pub fn digital_io(bits: DigitalIo, piece: &Piece) -> Result<Generic, ImageTooSho
     }
     let name = format!("Digital I/O {inputs}+{outputs}");
     let product = DIGITAL_IO_PRODUCT | u32::from(inputs) << 8 | u32::from(outputs);
-    from_pdos(&name, identity(product, piece), &process_data, &pdos, piece)
+    let sii = image(&name, identity(product, piece), &process_data, &pdos, piece, None);
+    Generic::from_sii(&sii, piece)
 }
 
-/// An input and output terminal without a mailbox: its PDOs are what they are.
+/// An input and output terminal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Terminal {
     /// Its name.
@@ -87,6 +94,8 @@ pub struct Terminal {
     pub outputs: Vec<PdoMap>,
     /// PDOs that the MainDevice reads.
     pub inputs: Vec<PdoMap>,
+    /// Parameters with their bytes, each 1, 2 or 4; a terminal that has any has a mailbox.
+    pub parameters: Vec<(ObjectAddress, usize)>,
 }
 
 /// Most bytes of a terminal's direction.
@@ -94,20 +103,20 @@ const TERMINAL_BYTES: u16 = 128;
 
 /// A terminal with these PDOs; one without any has no process data.
 pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooShort> {
-    let Terminal { name, vendor_id, product_code, revision, outputs, inputs } = terminal;
+    let Terminal { name, vendor_id, product_code, revision, outputs, inputs, parameters } = terminal;
+    let mailbox = (!parameters.is_empty()).then_some(Mailbox {
+        area: MAILBOX,
+        protocols: sii::PROTOCOL_COE,
+        coe_details: sii::COE_SDO | sii::COE_PDO_ASSIGN,
+    });
     let mut process_data = Vec::new();
     for (direction, pdos, start, control) in
-        [(Direction::Outputs, outputs, 0x1000, 0x64), (Direction::Inputs, inputs, 0x1800, 0x20)]
+        [(Direction::Outputs, outputs, 0x1800, 0x64), (Direction::Inputs, inputs, 0x1C00, 0x20)]
     {
         if !pdos.is_empty() {
-            let number = process_data.len() as u8;
-            process_data.push(ProcessSyncManager {
-                number,
-                direction,
-                start,
-                control,
-                max_bytes: TERMINAL_BYTES,
-            });
+            let number = if mailbox.is_some() { 2 } else { 0 } + process_data.len() as u8;
+            let max_bytes = TERMINAL_BYTES;
+            process_data.push(ProcessSyncManager { number, direction, start, control, max_bytes });
         }
     }
     let pdos: Vec<PdoMap> = outputs.iter().chain(inputs).cloned().collect();
@@ -117,18 +126,45 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
         revision: *revision,
         serial: piece.serial,
     };
-    from_pdos(name, identity, &process_data, &pdos, piece)
+    let sii = image(name, identity, &process_data, &pdos, piece, mailbox);
+    Generic::with_objects(&sii, piece, objects(parameters))
 }
 
-fn from_pdos(
+/// The objects of parameters, those of one index together.
+fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
+    let mut sorted = parameters.to_vec();
+    sorted.sort_by_key(|(at, _)| (at.index, at.subindex));
+    sorted.dedup_by_key(|(at, _)| *at);
+    let entry = |(at, bytes): &(ObjectAddress, usize)| {
+        let data_type = match bytes {
+            1 => DataType::UNSIGNED8,
+            2 => DataType::UNSIGNED16,
+            _ => DataType::UNSIGNED32,
+        };
+        Entry::bits(at.subindex, "Parameter", data_type, 8 * *bytes as u16).with_access(Access::READ_WRITE)
+    };
+    sorted
+        .chunk_by(|one, other| one.0.index == other.0.index)
+        .map(|group| match group {
+            [one] if one.0.subindex == 0 => Object::variable(one.0.index, entry(one)),
+            _ => {
+                let entries = group.iter().map(entry).collect();
+                Object::record(group[0].0.index, "Parameters", DataType::RECORD, entries)
+            }
+        })
+        .collect()
+}
+
+fn image(
     name: &str,
     identity: Identity,
     process_data: &[ProcessSyncManager],
     pdos: &[PdoMap],
     piece: &Piece,
-) -> Result<Generic, ImageTooShort> {
-    let sii = emit(&ImagePlan {
-        pdi_control: PDI_DIGITAL_IO,
+    mailbox: Option<Mailbox>,
+) -> Vec<u8> {
+    emit(&ImagePlan {
+        pdi_control: if mailbox.is_some() { PDI_WITH_FIRMWARE } else { PDI_DIGITAL_IO },
         identity,
         alias: piece.alias,
         group: "Digital I/O",
@@ -136,13 +172,12 @@ fn from_pdos(
         name,
         ports: PORT_EBUS | PORT_EBUS << 4,
         flags: 0,
-        mailbox: None,
+        mailbox,
         process_data,
         pdos,
         dictionary: None,
         dc_modes: &[],
-    });
-    Generic::from_sii(&sii, piece)
+    })
 }
 
 fn identity(product_code: u32, piece: &Piece) -> Identity {

@@ -1,6 +1,7 @@
 //! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
 
 mod browser;
+mod inputs;
 mod line;
 mod old;
 mod robot;

@@ -21,9 +21,14 @@ pub struct Robot {
 impl Robot {
     /// Starts it.
     pub fn start(more: &[&str]) -> Robot {
+        Robot::start_file(ROBOT, more)
+    }
+
+    /// Starts the robot of a file.
+    pub fn start_file(file: &str, more: &[&str]) -> Robot {
         let folder = tempfile::tempdir().unwrap();
         let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
-            .args(["run", ROBOT, "--dashboard=127.0.0.1:0", "--json", "--paths"])
+            .args(["run", file, "--dashboard=127.0.0.1:0", "--json", "--paths"])
             .arg(folder.path())
             .args(more)
             .env("XDG_RUNTIME_DIR", folder.path())

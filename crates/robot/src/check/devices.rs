@@ -6,7 +6,7 @@ use super::{Check, is_plain_name};
 use crate::config::find_object as find;
 use crate::config::*;
 use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
-use crate::signals::{CycleRecord, MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS};
+use crate::signals::{CycleRecord, MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, column_name};
 
 /// A part of a signal's name: both parts fit into a channel's name.
 const LONGEST_NAME: usize = 24;
@@ -292,18 +292,20 @@ impl Device<'_> {
 
     /// Recordings have a column for each, and one for the age.
     fn one_name_each(&mut self, input: &[InputPlan], output: &[OutputPlan]) {
-        let inputs = input.iter().map(|one| ("input", one.name.as_str()));
-        let outputs = output.iter().map(|one| ("output", one.name.as_str()));
-        let mut seen = vec!["age"];
-        for (n, (key, name)) in inputs.chain(outputs).enumerate() {
-            if seen.contains(&name) {
+        let inputs = input.iter().map(|one| ("input", &one.name, &one.unit));
+        let outputs = output.iter().map(|one| ("output", &one.name, &one.unit));
+        let mut seen = vec!["age".to_owned(), column_name("age", "s")];
+        for (n, (key, name, unit)) in inputs.chain(outputs).enumerate() {
+            let column = column_name(name, unit);
+            if seen.contains(name) || seen.contains(&column) {
                 let place = if key == "input" { n } else { n - input.len() };
                 let setting = self.setting(&format!("{key}[{place}].name"));
-                let reason = "another signal of this SubDevice, or its age, is called so";
+                let reason =
+                    "another signal of this SubDevice, or its age, is called so, or so with its unit";
                 self.check.report(ProblemKind::Duplicate, &setting, reason).value =
                     Some(format!("\"{name}\""));
             }
-            seen.push(name);
+            seen.extend([name.clone(), column]);
         }
     }
 }

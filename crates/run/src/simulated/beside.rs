@@ -21,6 +21,11 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         revision: device.identity.revision.unwrap_or(1),
         outputs: maps(&device.outputs, "Outputs"),
         inputs: maps(&device.inputs, "Inputs"),
+        parameters: device
+            .parameters
+            .iter()
+            .map(|one| (ObjectAddress::new(one.index, one.subindex), one.data.len()))
+            .collect(),
     };
     let piece = Piece {
         alias: match device.place {

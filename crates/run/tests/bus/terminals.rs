@@ -71,6 +71,8 @@ fn a_terminal_that_lost_its_power_stops_the_robot_and_finds_no_old_output_when_i
     bench.cycle(Some(omnibase_robot::RequestKind::SetOutput { index: 0, value: 500.0 }));
     bench.run(5);
     assert_eq!((level(), bench.robot.record().signals.believed), (500, 0b11));
+    // Its own watchdog takes the output away when nobody says anything, as those of the drives do.
+    assert_eq!(bench.peek(3, 0x0420, 2), plan.bus.drive_watchdog.steps.to_le_bytes());
     bench.inject(3, Fault::PowerCycle { off_for: Duration::from_millis(300) });
     let mut away = 0;
     for _ in 0..200 {
@@ -89,4 +91,22 @@ fn a_terminal_that_lost_its_power_stops_the_robot_and_finds_no_old_output_when_i
     assert_eq!((level(), bench.robot.record().signals.believed), (0, 0b11));
     bench.cycle(Some(omnibase_robot::RequestKind::Acknowledge));
     bench.enable();
+}
+
+#[test]
+fn a_terminal_with_a_mailbox_is_sent_its_maps_and_parameters() {
+    let text = format!(
+        "{BUTTONS}parameters = [{{ object = \"8000.1\", type = \"u16\", value = 5 }}, \
+         {{ object = \"8010\", type = \"u8\", value = 1 }}]\n"
+    );
+    let mut bench = Bench::new(&plan(&text));
+    bench.enable();
+    assert_eq!(bench.robot.record().signals.inputs[..2], [0.0, 1.0]);
+    // Its process data stand behind the mailbox's SyncManagers: 2 bytes out, 1 in.
+    let length = |manager: u16| bench.peek(3, 0x0802 + 8 * manager, 2);
+    assert_eq!([length(2), length(3)], [[2, 0], [1, 0]]);
+    // Its maps are fixed: what differs is refused.
+    let other = text.replace("6000.1:1 6000.2:1", "6000.2:1 6000.1:1");
+    let error = refused(&plan(&other), &plan(&text));
+    assert!(error.contains("6000") || error.contains("1a00"), "{error}");
 }

@@ -16,7 +16,7 @@ use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, StickWish, live};
 
-use super::watched::{Deed, Extras, Observed, robot, robot_with, watched};
+use super::watched::{Deed, Extras, Observed, robot, robot_of, robot_with, watched};
 
 /// Cycles of the run (from 1) in which something was allocated, and how often.
 fn guilty(seen: &Observed) -> Vec<(usize, u64)> {
@@ -178,6 +178,33 @@ fn a_robot_between_a_fence_and_an_obstacle_that_is_dragged() {
     let is_told = |text: &str| ran.summary.events.iter().any(|event| event.text == text);
     assert!(is_told("an obstacle holds the motion back"), "{:?}", ran.summary.events);
     allocates_nothing("fence and obstacle", &seen, 4900);
+}
+
+#[test]
+fn terminals_beside_the_drives_that_are_set_and_lost() {
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let mut deeds = hands(&hand);
+    deeds.extend((300_u32..4900).step_by(41).map(|cycle| {
+        let (live, value) = (hand.clone(), f64::from(cycle % 2));
+        let ask = move || Ask::Robot(RequestKind::SetOutput { index: 0, value });
+        (
+            u64::from(cycle),
+            Deed::Do(Box::new(move || {
+                let _ = live.send(Client::Page(0), ask());
+            })),
+        )
+    }));
+    // The page is gone.
+    let live = hand.clone();
+    let goes = move || {
+        let _ = live.send(Client::Page(0), Ask::Gone);
+    };
+    deeds.push((4600, Deed::Do(Box::new(goes))));
+    deeds.push((4700, Deed::Break(3, Fault::PowerOff)));
+    deeds.sort_by_key(|(cycle, _)| *cycle);
+    let robot = robot_of(include_str!("../../../../robots/bmm_io.toml"), &[]);
+    let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
+    allocates_nothing("terminals", &seen, 4900);
 }
 
 /// A pipe that nobody empties, so that its writer waits for ever.

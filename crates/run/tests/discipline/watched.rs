@@ -165,6 +165,11 @@ pub fn robot() -> LoadedRobot {
 
 /// The same with some of its file's settings changed.
 pub fn robot_with(changes: &[&str]) -> LoadedRobot {
+    robot_of(BMM, changes)
+}
+
+/// Another robot along the same circle.
+pub fn robot_of(file: &str, changes: &[&str]) -> LoadedRobot {
     let circle = ReferenceTable {
         kind: Some("circle".to_owned()),
         radius_m: Some(0.2),
@@ -172,7 +177,7 @@ pub fn robot_with(changes: &[&str]) -> LoadedRobot {
         ..ReferenceTable::default()
     };
     let text = RobotText {
-        text: BMM.into(),
+        text: file.into(),
         changes: changes.iter().map(|change| (*change).to_owned()).collect(),
         reference: Some(circle.into()),
         ..RobotText::default()

@@ -86,6 +86,13 @@ fn every_mistake_is_refused_with_its_value_and_what_was_expected() {
         ("kind = \"ignore\"", "kind = \"ignore\"\ninput = [{ name = \"x\" }]", "device[0].input"),
         ("name = \"stop\"", "name = \"age\"", "device[1].input[1].name"),
         ("name = \"stop\"", "name = \"released\"", "device[1].input[1].name"),
+        ("name = \"stop\"", "name = \"age_s\"", "device[1].input[1].name"),
+        (
+            "input = [\n  { name = \"voltage\",",
+            "input = [\n { name = \"x_m\", unit = \"s\", object = \"3101.1\", type = \"u8\" },\n\
+             { name = \"x\", unit = \"m/s\", object = \"3101.1\", type = \"u8\" },\n{ name = \"voltage\",",
+            "device[3].input[1].name",
+        ),
         ("position = 4", "position = 1", "device[1].position"),
     ] {
         told(from, to, setting);

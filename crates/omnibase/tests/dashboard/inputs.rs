@@ -1,0 +1,37 @@
+//! Inputs and outputs beside the drives, as people and programs see and set them.
+
+use serde_json::json;
+
+use crate::robot::Robot;
+
+const WITH_TERMINALS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm_io.toml");
+
+#[test]
+fn outputs_are_set_and_inputs_seen_by_command_and_call() {
+    let robot = Robot::start_file(WITH_TERMINALS, &[]);
+    let (code, text, _) = robot.command(&["get", "supply/voltage_v", "buttons/"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("supply/voltage_v") && text.contains("buttons/released"), "{text}");
+    assert!((robot.value("supply/voltage_v") - 24.0).abs() < 1e-2, "{}", robot.value("supply/voltage_v"));
+    assert_eq!((robot.value("lamps/green"), robot.value("lamps/red")), (0.0, 1.0));
+    let (code, text, said) = robot.command(&["call", "set_output", "name=lamps.green", "value=1"]);
+    assert_eq!(code, Some(0), "{text}{said}");
+    robot.wait("the lamp burns", |robot| robot.value("lamps/green") == 1.0);
+    for (call, told) in [
+        (
+            json!({ "do": "set_output", "name": "lamps.gren", "value": 1 }),
+            "lamps.green, lamps.red, lamps.horn",
+        ),
+        (json!({ "do": "set_output", "name": "lamps.green", "value": 2 }), "expected 0 to 1, found 2"),
+        (json!({ "do": "set_output", "name": "buttons.stop", "value": 0 }), "found `buttons.stop`"),
+    ] {
+        let (_, said) = robot.call(&call);
+        assert!(said["text"].as_str().unwrap_or_default().contains(told), "{said}");
+        assert_eq!(said["done"], false);
+    }
+    assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    assert_eq!(robot.value("lamps/green"), 1.0);
+    robot.call(&json!({ "do": "stop", "category": "category_1" }));
+    robot.wait("the lamp is off", |robot| robot.value("lamps/green") == 0.0);
+}
