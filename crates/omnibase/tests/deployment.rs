@@ -105,10 +105,7 @@ fn what_is_wrong_in_the_table_is_said_with_its_place() {
     for (table, expected) in [
         ("interfaces = \"eth0\"", "run.interfaces: no setting has this name; did you mean `interface`?"),
         ("interface = \"\"", "run.interface = \"\": there is nothing of this name"),
-        (
-            "redundant = \"eth1\"",
-            "run.redundant: it is for drives at an interface, and none is given",
-        ),
+        ("redundant = \"eth1\"", "run.redundant: it is for drives at an interface, and none is given"),
         ("interface = \"eth1\"\nredundant = \"eth1\"", "run.redundant = \"eth1\": a ring has two ends"),
         ("cpu = 3", "run.cpu: it is for drives at an interface"),
         (

@@ -5,6 +5,7 @@
 
 mod ends;
 mod manners;
+mod owner;
 mod recovery;
 mod redundancy;
 mod refusals;
