@@ -108,7 +108,8 @@ impl Options {
             #[cfg(feature = "foxglove")]
             ("--foxglove", self.foxglove.is_some()),
         ];
-        for (option, _) in of_page.iter().filter(|(_, is_given)| *is_given && self.dashboard.is_none()) {
+        let of_nobody = of_page.iter().find(|(_, is_given)| *is_given && self.dashboard.is_none());
+        if let Some((option, _)) = of_nobody {
             return Err(
                 WrongUsage(anyhow::anyhow!("{option} is for --dashboard, and no page is served")).into()
             );
