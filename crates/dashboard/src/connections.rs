@@ -9,7 +9,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 
 /// Connections on which nobody has shown the token.
@@ -220,13 +219,13 @@ impl Drop for Asking {
 }
 
 /// A connection that ends when its place is taken, and gives it back at its own end.
-pub(crate) struct Connection {
-    stream: TcpStream,
+pub(crate) struct Connection<S> {
+    stream: S,
     place: Slot,
 }
 
-impl Connection {
-    pub(crate) fn new(stream: TcpStream, place: Slot) -> Self {
+impl<S> Connection<S> {
+    pub(crate) fn new(stream: S, place: Slot) -> Self {
         Connection { stream, place }
     }
 
@@ -242,7 +241,7 @@ impl Connection {
     }
 }
 
-impl AsyncRead for Connection {
+impl<S: AsyncRead + Unpin> AsyncRead for Connection<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -253,7 +252,7 @@ impl AsyncRead for Connection {
     }
 }
 
-impl AsyncWrite for Connection {
+impl<S: AsyncWrite + Unpin> AsyncWrite for Connection<S> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         self.poll_place(cx)?;
         Pin::new(&mut self.stream).poll_write(cx, bytes)

@@ -39,6 +39,8 @@ const NOW_KEPT: Duration = Duration::from_millis(10);
 #[derive(Clone)]
 pub(crate) struct Peer {
     pub(crate) address: SocketAddr,
+    /// It came by the socket that nobody but the robot's user can open.
+    pub(crate) is_owner: bool,
     pub(crate) seat: Seat,
 }
 

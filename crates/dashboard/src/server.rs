@@ -4,8 +4,11 @@
 //! no lock that is held while something is computed, no place in a list. What computes does so [beside](crate::work).
 
 use std::any::Any;
-use std::net::SocketAddr;
+use std::fs::Permissions;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::os::unix::fs::PermissionsExt;
 use std::panic::AssertUnwindSafe;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -17,7 +20,8 @@ use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use omnibase_run::live::Live;
-use tokio::net::TcpListener;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use tokio::sync::oneshot;
 
 use crate::access::Access;
@@ -48,6 +52,14 @@ pub enum DashboardError {
     Address {
         /// The address.
         address: SocketAddr,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// Its socket can't be made.
+    #[error("the robot's socket {path}: {error}")]
+    Socket {
+        /// The socket.
+        path: PathBuf,
         /// Why.
         error: std::io::Error,
     },
@@ -87,6 +99,29 @@ impl Dashboard {
         rustix::net::listen(&listener, BACKLOG).map_err(|error| failed(error.into()))?;
         listener.set_nonblocking(true).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
+        Dashboard::serve(Door::Network(listener), address, access, live, about)
+    }
+
+    /// Serves the same API, without a page's address and without a token, to whoever can open this socket: its folder must
+    /// be of mode 0700.
+    pub fn start_for_owner(path: &Path, live: Live, about: RobotInfo) -> Result<Dashboard, DashboardError> {
+        let failed = |error| DashboardError::Socket { path: path.to_owned(), error };
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        // Its token is shown to nobody.
+        let access = Access::new(address).map_err(failed)?;
+        let listener = std::os::unix::net::UnixListener::bind(path).map_err(failed)?;
+        std::fs::set_permissions(path, Permissions::from_mode(0o600)).map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        Dashboard::serve(Door::Owner(listener), address, access, live, about)
+    }
+
+    fn serve(
+        door: Door,
+        address: SocketAddr,
+        access: Access,
+        live: Live,
+        about: RobotInfo,
+    ) -> Result<Dashboard, DashboardError> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             // However many are ready: who comes is looked at in between.
@@ -102,7 +137,7 @@ impl Dashboard {
             watched(&live.clone(), || {
                 let work = Work::new(beside.handle().clone());
                 let shared = Shared::new(access, CallHandler::new(live, about), shared, work);
-                runtime.block_on(serve(listener, shared, ended))
+                runtime.block_on(serve(door, shared, ended))
             });
             // What is being computed for nobody any more holds nothing up.
             beside.shutdown_background();
@@ -151,8 +186,12 @@ impl Drop for Dashboard {
     }
 }
 
-async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::Receiver<()>) -> Ended {
-    let Ok(listener) = TcpListener::from_std(listener) else { return Ended::ByItself };
+async fn serve(door: Door, shared: Shared, ended: oneshot::Receiver<()>) -> Ended {
+    let listener = match door {
+        Door::Network(listener) => TcpListener::from_std(listener).map(Listener::Network),
+        Door::Owner(listener) => UnixListener::from_std(listener).map(Listener::Owner),
+    };
+    let Ok(listener) = listener else { return Ended::ByItself };
     let ticking = shared.work.spawn(tick(shared.clone()));
     let streams = shared.desk.about.streams;
     if streams != Streams::default() {
@@ -171,35 +210,83 @@ async fn serve(listener: std::net::TcpListener, shared: Shared, ended: oneshot::
     }
 }
 
-async fn accept(listener: TcpListener, counters: Arc<Counters>, routes: Router) {
+/// By what people come.
+enum Door {
+    /// An address and a port.
+    Network(std::net::TcpListener),
+    /// A socket that nobody but the robot's user can open.
+    Owner(std::os::unix::net::UnixListener),
+}
+
+/// As [`Door`], while it is served.
+enum Listener {
+    Network(TcpListener),
+    Owner(UnixListener),
+}
+
+/// Who came.
+enum Comer {
+    Stranger(TcpStream, SocketAddr),
+    Owner(UnixStream),
+}
+
+impl Listener {
+    async fn accept(&self) -> std::io::Result<Comer> {
+        match self {
+            Listener::Network(listener) => {
+                listener.accept().await.map(|(stream, address)| Comer::Stranger(stream, address))
+            }
+            Listener::Owner(listener) => listener.accept().await.map(|(stream, _)| Comer::Owner(stream)),
+        }
+    }
+}
+
+async fn accept(listener: Listener, counters: Arc<Counters>, routes: Router) {
     let places = Places::default();
-    let mut http = hyper::server::conn::http1::Builder::new();
-    http.timer(TokioTimer::new()).header_read_timeout(HEADER).max_buf_size(LONGEST_HEADER);
     loop {
-        let Ok((stream, address)) = listener.accept().await else {
+        let Ok(comer) = listener.accept().await else {
             // Out of descriptors, say: a moment later there may be some.
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
+        };
+        let (address, is_owner) = match &comer {
+            Comer::Stranger(_, address) => (*address, false),
+            Comer::Owner(_) => (SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), true),
         };
         let (place, is_crowded) = places.take(address.ip());
         if is_crowded {
             Counters::count(&counters.crowded);
         }
-        let _ = stream.set_nodelay(true);
-        let peer = Peer { address, seat: place.seat() };
-        let routes = TowerToHyperService::new(routes.clone());
-        let service = service_fn(move |mut request: Request<Incoming>| {
-            request.extensions_mut().insert(peer.clone());
-            routes.call(request)
-        });
-        let connection = http.serve_connection(TokioIo::new(Connection::new(stream, place)), service);
-        tokio::spawn(async move {
-            // Whatever it ends by, it is its own end.
-            let _ = connection.with_upgrades().await;
-        });
+        let peer = Peer { address, is_owner, seat: place.seat() };
+        match comer {
+            Comer::Stranger(stream, _) => {
+                let _ = stream.set_nodelay(true);
+                talk(Connection::new(stream, place), peer, routes.clone());
+            }
+            Comer::Owner(stream) => talk(Connection::new(stream, place), peer, routes.clone()),
+        }
         // What it asks is heard before so many others come that its place is taken from it.
         tokio::task::yield_now().await;
     }
+}
+
+/// Answers what is asked on a connection, as long as it lasts.
+fn talk<S>(connection: Connection<S>, peer: Peer, routes: Router)
+where
+    Connection<S>: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+{
+    let mut http = hyper::server::conn::http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(HEADER).max_buf_size(LONGEST_HEADER);
+    let routes = TowerToHyperService::new(routes);
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer.clone());
+        routes.call(request)
+    });
+    let connection = http.serve_connection(TokioIo::new(connection), service);
+    tokio::spawn(async move {
+        // Whatever it ends by, it is its own end.
+        let _ = connection.with_upgrades().await;
+    });
 }
 
 #[cfg(test)]

@@ -6,10 +6,12 @@
 use crate::token;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -21,41 +23,90 @@ const CONNECT: Duration = Duration::from_millis(500);
 pub struct Found {
     /// The robot's name.
     pub robot: String,
-    /// Where its dashboard listens.
-    pub address: SocketAddr,
-    /// The secret of those who may command it.
+    /// Where it listens.
+    #[serde(flatten)]
+    pub place: Place,
+    /// The secret of those who may command it; nothing where its socket is the proof.
     pub token: String,
+}
+
+/// Where a robot listens.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// The address of its page.
+    Address(SocketAddr),
+    /// A socket in the folder of this user alone.
+    Socket(PathBuf),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Address(address) => address.fmt(f),
+            Place::Socket(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl Place {
+    /// Whether somebody takes connections there.
+    fn answers(&self) -> bool {
+        match self {
+            Place::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
+            Place::Socket(path) => UnixStream::connect(path).is_ok(),
+        }
+    }
+}
+
+/// Where this process' socket belongs, in a folder that nobody else can enter; what a dead one left there is removed.
+pub fn socket() -> anyhow::Result<PathBuf> {
+    let path = made()?.join(format!("{}.socket", std::process::id()));
+    let _ = fs::remove_file(&path);
+    Ok(path)
+}
+
+/// The folder where robots are announced, made where it isn't there.
+fn made() -> anyhow::Result<PathBuf> {
+    let place = place();
+    fs::DirBuilder::new().recursive(true).mode(0o700).create(&place)?;
+    own(place)?.context("the folder is gone")
 }
 
 /// Says that a robot runs, as long as it lives; only the same user can read it.
 pub struct RunningRobot {
     path: PathBuf,
+    place: Place,
     /// Locked.
     _file: fs::File,
 }
 
 impl RunningRobot {
     /// Says it.
-    pub fn announce(robot: &str, address: SocketAddr, token: &str) -> anyhow::Result<Self> {
-        let place = place();
-        fs::DirBuilder::new().recursive(true).mode(0o700).create(&place)?;
-        let folder = own(place)?.context("the folder is gone")?;
-        let path = folder.join(format!("{}.json", address.port()));
+    pub fn announce(robot: &str, place: Place, token: &str) -> anyhow::Result<Self> {
+        let folder = made()?;
+        let path = folder.join(match &place {
+            Place::Address(address) => format!("{}.json", address.port()),
+            Place::Socket(_) => format!("process-{}.json", std::process::id()),
+        });
         // Nobody sees it before it is locked.
         let unseen = folder.join(format!("{}.new", std::process::id()));
         let _ = fs::remove_file(&unseen);
         let mut file = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&unseen)?;
         file.lock()?;
-        let found = Found { robot: robot.to_owned(), address, token: token.to_owned() };
+        let found = Found { robot: robot.to_owned(), place: place.clone(), token: token.to_owned() };
         file.write_all(serde_json::to_string(&found)?.as_bytes())?;
         fs::rename(&unseen, &path)?;
-        Ok(RunningRobot { path, _file: file })
+        Ok(RunningRobot { path, place, _file: file })
     }
 }
 
 impl Drop for RunningRobot {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
+        if let Place::Socket(socket) = &self.place {
+            let _ = fs::remove_file(socket);
+        }
     }
 }
 
@@ -82,6 +133,7 @@ fn lives(path: &Path) -> bool {
     }
     let is_same = |there: fs::Metadata| file.metadata().is_ok_and(|here| here.ino() == there.ino());
     if fs::metadata(path).is_ok_and(is_same) {
+        // A socket that a process left may belong to a later one of the same number: that one removes it.
         let _ = fs::remove_file(path);
     }
     false
@@ -143,23 +195,27 @@ pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::
     let found = match address {
         Some(address) => known
             .into_iter()
-            .find(|found| found.address.port() == address.port() && address.ip().is_loopback())
-            .map(|found| Found { address, ..found })
-            .unwrap_or(Found { robot: String::new(), address, token: String::new() }),
+            .find(|found| match found.place {
+                Place::Address(known) => known.port() == address.port() && address.ip().is_loopback(),
+                Place::Socket(_) => false,
+            })
+            .map(|found| Found { place: Place::Address(address), ..found })
+            .unwrap_or(Found { robot: String::new(), place: Place::Address(address), token: String::new() }),
         None => {
             anyhow::ensure!(
                 !known.is_empty(),
                 "no robot runs on this machine under this user: start one by `omnibase run <robot.toml> \
-                 --dashboard`, or say where by --at ADDRESS and --token-file FILE"
+                 --dashboard` or at an interface, or say where by --at ADDRESS and --token-file FILE; a simulated run that \
+                 nobody leads is over before it could answer"
             );
-            let places: Vec<_> = known.iter().map(|found| found.address.to_string()).collect();
-            let answers = |found: &Found| TcpStream::connect_timeout(&found.address, CONNECT).is_ok();
-            let found = known.into_iter().find(answers);
+            let places: Vec<_> = known.iter().map(|found| found.place.to_string()).collect();
+            let found = known.into_iter().find(|found| found.place.answers());
             found.with_context(|| format!("no robot answers at {}", places.join(", nor at ")))?
         }
     };
     // What is said comes first; the environment is for robots that didn't say their token here.
-    if token_file.is_none() && !found.token.is_empty() {
+    let is_own = matches!(found.place, Place::Socket(_));
+    if is_own || (token_file.is_none() && !found.token.is_empty()) {
         return Ok(found);
     }
     let token = token::given(token_file)?.unwrap_or_default();

@@ -144,6 +144,8 @@ struct Cycle<'a> {
     cycles: u64,
     realtime_factor: f64,
     stop_seen: bool,
+    /// Somebody stopped a run that follows its plan.
+    stopped_by_people: bool,
     recording_lost: bool,
     /// What the drives said is wrong with them, where they were asked.
     error_codes: Vec<Option<ErrorCode>>,
@@ -153,7 +155,8 @@ impl<'a> Cycle<'a> {
     fn new(setup: Setup<'a>) -> Self {
         let Setup { plan, robot, machine, recording, mut live, stop, progress } = setup;
         if let Some(live) = &mut live {
-            live.comes_back(plan.safety.comeback);
+            // A plan comes back by itself.
+            live.comes_back(plan.safety.comeback.filter(|_| !live.is_beside_plan()));
         }
         let total = robot.reference_duration_s().map_or(0.0, |s| s * 1e9 / plan.bus.cycle_ns as f64);
         progress.total.store(total as u64, Ordering::Relaxed);
@@ -181,6 +184,7 @@ impl<'a> Cycle<'a> {
             cycles: 0,
             realtime_factor: 0.0,
             stop_seen: false,
+            stopped_by_people: false,
             recording_lost: false,
             error_codes: Vec::new(),
             plan,
@@ -228,7 +232,7 @@ impl<'a> Cycle<'a> {
         let say = self.live.as_ref().map(LiveEnd::say).unwrap_or_default();
         self.bus = session.figures();
         let now_ns = self.time.now_ns;
-        let moves_again_in_s = match &self.live {
+        let moves_again_in_s = match self.leader() {
             Some(live) => live.moves_again_in_s(now_ns),
             None => self.conductor.moves_again_in_s(now_ns),
         };
@@ -260,23 +264,54 @@ impl<'a> Cycle<'a> {
     /// What is asked of the robot in this cycle: by people, or by the run's own plan; the end is the plan's in any case.
     fn request(&mut self, wish: Wish) -> Option<Request> {
         let phase = self.robot.phase();
-        let Some(live) = self.live.as_mut().filter(|_| wish == Wish::GoOn) else {
+        if self.leader().is_none() || wish == Wish::Stop {
+            // Whoever stops a plan ends it: nobody could go on with it.
+            let wish = if self.stopped_by_people { Wish::Stop } else { wish };
             let kind = self.conductor.next(&self.last, phase, wish);
             if let Some(note) = self.conductor.take_note() {
                 self.happened(self.time.now_ns, note.into());
             }
-            return kind.map(Request::lasting);
-        };
+            let by_plan = kind.map(Request::lasting);
+            return if by_plan.is_none() { self.beside_plan(phase) } else { self.look_on(phase, by_plan) };
+        }
+        let live = self.live.as_mut()?;
         let Turn { request, offer } = live.turn(self.time.now_ns, &self.last, phase);
         if let Some((number, reference)) = offer
             && let Some((_, replaced)) = self.robot.offer_reference(number, reference)
         {
             live.give_back(replaced);
         }
+        self.take_notes();
+        request
+    }
+
+    /// People and programs, where they lead the robot in place of the plan.
+    fn leader(&self) -> Option<&LiveEnd> {
+        self.live.as_ref().filter(|live| !live.is_beside_plan())
+    }
+
+    /// What people ask for in a cycle in which the plan asks for nothing.
+    fn beside_plan(&mut self, phase: Phase) -> Option<Request> {
+        let live = self.live.as_mut().filter(|live| live.is_beside_plan())?;
+        let Turn { request, .. } = live.turn(self.time.now_ns, &self.last, phase);
+        let is_stop = matches!(request, Some(Request { kind: RequestKind::Stop(_), .. }));
+        self.stopped_by_people |= is_stop;
+        self.take_notes();
+        request
+    }
+
+    /// What the plan asks for; people see that it does.
+    fn look_on(&mut self, phase: Phase, by_plan: Option<Request>) -> Option<Request> {
+        if let Some(live) = self.live.as_mut().filter(|live| live.is_beside_plan()) {
+            live.look_on(&self.last, phase);
+        }
+        by_plan
+    }
+
+    fn take_notes(&mut self) {
         while let Some(Note { text, client }) = self.live.as_mut().and_then(LiveEnd::take_note) {
             self.happened_by(self.time.now_ns, text.into(), client);
         }
-        request
     }
 
     /// Nobody enables drives in which something is being written that wants them disabled: the request is too old.

@@ -1,9 +1,10 @@
-//! `omnibase get`, `set`, `call` and `top`: a running robot from the command line, by its dashboard's API.
+//! `omnibase get`, `set`, `call` and `top`: a running robot from the command line, by its API.
 
+mod owner;
 mod top;
 
 use crate::Outcome;
-use crate::running::{self, Found};
+use crate::running::{self, Found, Place};
 use crate::token;
 use anyhow::Context;
 use serde_json::{Map, Value, json};
@@ -19,7 +20,8 @@ const LONGEST: Duration = Duration::from_secs(5);
 /// Which running robot is meant.
 #[derive(Debug, clap::Args)]
 pub struct Which {
-    /// Where its dashboard listens; default: the robot that was started last on this machine.
+    /// Where its dashboard listens; default: the robot that was started last on this machine by this user, with or without
+    /// a dashboard.
     #[arg(long, value_name = "ADDRESS")]
     at: Option<SocketAddr>,
     /// A file of mode 0600 with its token, which the environment variable OMNIBASE_TOKEN may hold too; neither is needed
@@ -130,12 +132,28 @@ impl Line {
     }
 
     fn read(&self, what: &str) -> anyhow::Result<Value> {
-        let url = format!("http://{}/api/{what}", self.robot.address);
-        let request = self.agent.get(&url).header("Authorization", format!("Bearer {}", self.robot.token));
-        let mut answer = request.call().with_context(|| self.nobody())?;
-        let text = answer.body_mut().read_to_string()?;
-        anyhow::ensure!(answer.status().is_success(), "{text}");
+        let (is_success, text) = self.exchange(what, None)?;
+        anyhow::ensure!(is_success, "{text}");
         Ok(serde_json::from_str(&text)?)
+    }
+
+    /// Asks for something of the API, with or without a body: whether it succeeded, and what was answered.
+    fn exchange(&self, what: &str, body: Option<&str>) -> anyhow::Result<(bool, String)> {
+        let address = match &self.robot.place {
+            Place::Socket(path) => {
+                return owner::exchange(path, what, body, LONGEST).with_context(|| self.nobody());
+            }
+            Place::Address(address) => address,
+        };
+        let url = format!("http://{address}/api/{what}");
+        let token = format!("Bearer {}", self.robot.token);
+        let answer = match body {
+            None => self.agent.get(&url).header("Authorization", token).call(),
+            Some(body) => self.agent.post(&url).header("Authorization", token).send(body),
+        };
+        let mut answer = answer.with_context(|| self.nobody())?;
+        let text = answer.body_mut().read_to_string()?;
+        Ok((answer.status().is_success(), text))
     }
 
     fn call(&self, call: &Value) -> anyhow::Result<(bool, String)> {
@@ -146,7 +164,7 @@ impl Line {
     /// The robot that runs at `address`, or that was started last.
     pub fn to(address: Option<SocketAddr>) -> anyhow::Result<Self> {
         Line::new(&Which { at: address, token_file: None, token: None }).context(
-            "a robot answers for its segment where it runs with --dashboard; without it nobody reaches it",
+            "a robot answers for its segment where it runs at an interface, or with --dashboard or --joystick",
         )
     }
 
@@ -165,15 +183,12 @@ impl Line {
         if let Some(call) = call.as_object_mut().filter(|_| !is_stop) {
             call.insert("stamp".to_owned(), self.read("now")?["stamp"].take());
         }
-        let url = format!("http://{}/api/call", self.robot.address);
-        let request = self.agent.post(&url).header("Authorization", format!("Bearer {}", self.robot.token));
-        let mut answer = request.send(call.to_string()).with_context(|| self.nobody())?;
-        let text = answer.body_mut().read_to_string()?;
+        let (_, text) = self.exchange("call", Some(&call.to_string()))?;
         Ok(serde_json::from_str(&text).unwrap_or_else(|_| json!({ "done": false, "text": text })))
     }
 
     fn nobody(&self) -> String {
-        format!("no robot answers at {}", self.robot.address)
+        format!("no robot answers at {}", self.robot.place)
     }
 }
 

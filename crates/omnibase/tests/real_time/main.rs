@@ -6,6 +6,7 @@
 mod ends;
 mod manners;
 mod own_crate;
+mod owner;
 mod recovery;
 mod redundancy;
 mod refusals;

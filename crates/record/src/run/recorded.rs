@@ -139,10 +139,14 @@ struct Reading<'a> {
     schemas: BTreeMap<u16, Vec<u8>>,
     /// What each channel holds, by its number.
     channels: BTreeMap<u16, Content>,
-    /// The channel that comes last in a cycle.
-    last: Option<u16>,
-    /// The row that isn't complete yet.
+    /// There are bytes that replay: a cycle without them isn't complete.
+    has_raw: bool,
+    /// There are signals, whether they are kept or not.
+    has_signals: bool,
+    /// When the row is that isn't complete yet, its values, and the bytes that replay it.
+    row_ns: Option<u64>,
     partial: Vec<f64>,
+    raw: Option<Vec<u8>>,
     /// The file was closed in order.
     is_whole: bool,
 }
@@ -170,8 +174,11 @@ impl<'a> Reading<'a> {
             due,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
-            last: None,
+            has_raw: false,
+            has_signals: false,
+            row_ns: None,
             partial: Vec::new(),
+            raw: None,
             is_whole: false,
         }
     }
@@ -215,16 +222,22 @@ impl<'a> Reading<'a> {
                     EVENT_TOPIC => Content::Events,
                     _ => self.signals(channel.topic, channel.schema_id),
                 };
-                match content {
-                    Content::Raw | Content::Signals { .. } => self.last = Some(channel.id),
-                    Content::Events => {}
-                }
+                self.has_raw |= matches!(content, Content::Raw);
+                self.has_signals |= matches!(content, Content::Signals { .. });
                 self.channels.insert(channel.id, content);
             }
             Record::Message { header, data } => {
                 let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
-                let content = self.channels.get(&header.channel_id).ok_or(unknown)?;
-                match content {
+                let is_event = match self.channels.get(&header.channel_id).ok_or(unknown)? {
+                    Content::Events => true,
+                    Content::Signals { .. } | Content::Raw => false,
+                };
+                // All messages of a row have its time.
+                if !is_event && self.row_ns != Some(header.log_time) {
+                    self.end_row();
+                    self.row_ns = Some(header.log_time);
+                }
+                match &self.channels[&header.channel_id] {
                     Content::Signals { at, width, fields } => {
                         self.partial.resize((at + width).max(self.partial.len()), f64::NAN);
                         // proto3 leaves zeros out where others write it.
@@ -237,16 +250,16 @@ impl<'a> Reading<'a> {
                             }
                         }
                     }
-                    Content::Raw => {}
+                    Content::Raw => {
+                        let is_kept = matches!(self.keep, Keep::All);
+                        let bytes = first_bytes(&data).filter(|_| is_kept).unwrap_or_default();
+                        self.raw = Some(bytes.to_vec());
+                    }
                     Content::Events => {
                         let text =
                             String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
                         self.run.events.push(RunEvent { time_ns: header.log_time, text });
                     }
-                }
-                if self.last == Some(header.channel_id) {
-                    let raw = matches!(content, Content::Raw).then_some(&*data);
-                    self.cycle(header.log_time, raw);
                 }
             }
             _ => {}
@@ -278,25 +291,31 @@ impl<'a> Reading<'a> {
         Content::Signals { at, width, fields }
     }
 
-    /// Ends a cycle: its row is complete, or it doesn't count.
-    fn cycle(&mut self, time_ns: u64, raw: Option<&[u8]>) {
-        if self.partial.len() == self.run.schema.width() && self.due.take(time_ns) {
+    /// Ends a row: it is complete, or it doesn't count.
+    fn end_row(&mut self) {
+        let raw = self.raw.take();
+        let is_complete = self.partial.len() == self.run.schema.width() && (raw.is_some() || !self.has_raw);
+        if let Some(time_ns) = self.row_ns.take()
+            && is_complete
+            && self.due.take(time_ns)
+        {
             self.run.times_ns.push(time_ns);
             if !matches!(self.keep, Keep::Times) {
                 self.run.values.append(&mut self.partial);
             }
-            if let Some(raw) = raw.filter(|_| matches!(self.keep, Keep::All)) {
-                self.run.raw.push(first_bytes(raw).unwrap_or_default().to_vec());
+            if matches!(self.keep, Keep::All) {
+                self.run.raw.extend(raw);
             }
         }
         self.partial.clear();
     }
 
     fn finish(mut self) -> Result<RecordedRun, RunError> {
+        self.end_row();
         if !self.is_whole && self.run.truncated.is_none() {
             self.run.truncated = Some("the file lacks its end".to_owned());
         }
-        let is_choice = matches!(self.keep, Keep::Chosen(_)) && self.last.is_some();
+        let is_choice = matches!(self.keep, Keep::Chosen(_)) && self.has_signals;
         if self.run.schema.topics.is_empty() && !is_choice {
             return Err(RunError::NotARun { missing: "a topic with signals" });
         }

@@ -446,13 +446,33 @@ impl LiveEnd {
             self.operator.hear(now_ns, command);
         }
         let turn = self.operator.turn(now_ns, last, phase);
+        self.send_answers();
+        turn
+    }
+
+    /// In place of [`LiveEnd::turn`] in a cycle in which the plan asks for something itself: commands wait for the next one.
+    pub fn look_on(&mut self, last: &omnibase_robot::CycleRecord, phase: Phase) {
+        self.operator.look_on(last, phase);
+        self.send_answers();
+    }
+
+    fn send_answers(&mut self) {
         for (ticket, answer) in self.operator.answers() {
             let _ = self.back.push(Back::Answer(ticket, answer));
         }
         for reference in self.operator.discarded() {
             give_back(&mut self.back, &mut self.unsent, reference);
         }
-        turn
+    }
+
+    /// From now on the run follows its plan, and nobody leads it: people may stop it, and change settings and obstacles.
+    pub fn stand_beside_plan(&mut self) {
+        self.operator.stand_beside_plan();
+    }
+
+    /// Whether the run follows its plan.
+    pub fn is_beside_plan(&self) -> bool {
+        self.operator.is_beside_plan()
     }
 
     /// What comes by itself from now on after a loss that ended a motion.

@@ -141,6 +141,8 @@ pub enum Refusal {
     Busy,
     /// Velocities come from pads.
     NotAStick,
+    /// The run follows its plan, and nobody leads it.
+    Planned,
     /// A stop came first, or whoever asked is gone.
     Stopped,
     /// There is no stick that could be enabled.
@@ -201,6 +203,9 @@ impl Answer {
             Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
             Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
+            Answer::Refused(Refusal::Planned) => {
+                "refused: this run follows its plan to the end; it can be stopped, and its settings and obstacles changed"
+            }
             Answer::Refused(Refusal::NotAStick) => "refused: a velocity comes from a stick",
             Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
             Answer::Refused(Refusal::NoStick) => "refused: the stick isn't there, so it can't be enabled",

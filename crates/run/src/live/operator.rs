@@ -73,6 +73,8 @@ const MOST_NOTES: usize = 16;
 pub struct Operator {
     ages: Ages,
     emergency_category: StopCategory,
+    /// The run follows its plan: people may stop it, and change settings and obstacles.
+    is_beside_plan: bool,
     sticks: [Stick; STICKS],
     /// When each page was heard last; `None` where there is no such session.
     sessions: [Option<u64>; MAX_SESSIONS],
@@ -101,6 +103,7 @@ impl Operator {
         Operator {
             ages,
             emergency_category,
+            is_beside_plan: false,
             sticks: [Stick::default(); STICKS],
             sessions: [None; MAX_SESSIONS],
             commander: Commander::Nobody,
@@ -117,6 +120,21 @@ impl Operator {
             discarded: Vec::with_capacity(MOST_WAITING),
             cycle: 0,
         }
+    }
+
+    /// From now on the run follows its plan, and nobody leads it.
+    pub fn stand_beside_plan(&mut self) {
+        self.is_beside_plan = true;
+    }
+
+    /// Whether the run follows its plan.
+    pub fn is_beside_plan(&self) -> bool {
+        self.is_beside_plan
+    }
+
+    /// Sees a cycle in which the plan asks for something itself.
+    pub fn look_on(&mut self, last: &CycleRecord, phase: Phase) {
+        self.settle(last, phase);
     }
 
     /// What comes by itself from now on after a loss that ended a motion.
@@ -199,6 +217,9 @@ impl Operator {
                 return self.answer(ticket, Answer::Refused(refusal));
             }
         };
+        if self.is_beside_plan && is_of_a_leader(&ask) {
+            return self.answer(ticket, Answer::Refused(Refusal::Planned));
+        }
         match ask {
             Ask::Alive => {}
             Ask::Begun => self.begun(now_ns, client),
@@ -454,6 +475,17 @@ impl Operator {
 /// What must not begin while the robot shall stand: motion, and what moves beside it.
 fn begins(kind: &RequestKind) -> bool {
     begins_motion(kind) || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
+}
+
+/// What only those ask who lead a robot.
+fn is_of_a_leader(ask: &Ask) -> bool {
+    match ask {
+        Ask::Robot(RequestKind::Stop(_)) => false,
+        Ask::Robot(kind) => leads(kind),
+        Ask::Stick(_) | Ask::EnableStick(_) | Ask::Load { .. } => true,
+        Ask::Alive | Ask::Begun | Ask::Gone | Ask::PagesLost => false,
+        Ask::EmergencyStop | Ask::ReleaseEmergencyStop => false,
+    }
 }
 
 /// What decides about motion: who asks for that leads the robot.

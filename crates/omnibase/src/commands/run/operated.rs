@@ -3,7 +3,7 @@
 use super::stick_thread::StickThread;
 use crate::WrongUsage;
 use crate::progress::note;
-use crate::running::RunningRobot;
+use crate::running::{self, Place, RunningRobot};
 use crate::token;
 use anyhow::Context;
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
@@ -108,7 +108,8 @@ impl Options {
             #[cfg(feature = "foxglove")]
             ("--foxglove", self.foxglove.is_some()),
         ];
-        for (option, _) in of_page.iter().filter(|(_, is_given)| *is_given && self.dashboard.is_none()) {
+        let of_nobody = of_page.iter().find(|(_, is_given)| *is_given && self.dashboard.is_none());
+        if let Some((option, _)) = of_nobody {
             return Err(
                 WrongUsage(anyhow::anyhow!("{option} is for --dashboard, and no page is served")).into()
             );
@@ -124,7 +125,7 @@ impl Options {
         self.dashboard.is_some() || self.joystick.is_some()
     }
 
-    /// Starts what is wanted.
+    /// Starts what is wanted. On virtual time a run that nobody leads is over before it could answer anybody.
     pub fn start(
         &self,
         robot: &LoadedRobot,
@@ -132,11 +133,11 @@ impl Options {
         known: Known,
         describer: Option<RunDescriber>,
     ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {
-        if !self.is_wanted() {
+        if !self.is_wanted() && known == Known::Truth {
             return Ok(None);
         }
         let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
-        let (live, end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
+        let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
         if let Some(describer) = describer {
             live.describe_to(describer);
         }
@@ -144,19 +145,29 @@ impl Options {
             Some(path) => Some(StickThread::start(path.as_deref(), &robot.plan, live.clone())?),
             None => None,
         };
-        let page = match self.dashboard {
-            Some(address) => {
-                let streams = Streams {
-                    plotjuggler: self.plotjuggler,
-                    #[cfg(feature = "foxglove")]
-                    foxglove: self.foxglove,
-                };
-                let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
-                let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
-                Some(self.serve(address, live, about)?)
-            }
-            None => None,
+        let streams = Streams {
+            plotjuggler: self.plotjuggler,
+            #[cfg(feature = "foxglove")]
+            foxglove: self.foxglove,
         };
+        let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
+        let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
+        let page = match self.dashboard {
+            Some(address) => Some(self.serve(address, live, about)?),
+            None => match serve_owner(live, about) {
+                Ok(page) => Some(page),
+                Err(error) => {
+                    note(format_args!("warning: `omnibase get` won't reach this robot: {error:#}"));
+                    None
+                }
+            },
+        };
+        if !self.is_wanted() {
+            if page.is_none() {
+                return Ok(None);
+            }
+            end.stand_beside_plan();
+        }
         Ok(Some((Operated { _page: page, _stick: stick }, end)))
     }
 
@@ -175,13 +186,22 @@ impl Options {
                 dashboard.address.ip()
             ));
         }
-        match RunningRobot::announce(&name, dashboard.address, &access.token) {
+        match RunningRobot::announce(&name, Place::Address(dashboard.address), &access.token) {
             // Where nobody serves any more nobody is called, and shown the token.
             Ok(running) => dashboard.keep(running),
             Err(error) => note(format_args!("warning: `omnibase get` won't find this robot: {error}")),
         }
         Ok(dashboard)
     }
+}
+
+/// Serves the commands of the robot's own user, by a socket.
+fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
+    let socket = running::socket()?;
+    let name = about.robot.plan.name.clone();
+    let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
+    dashboard.keep(RunningRobot::announce(&name, Place::Socket(socket), "")?);
+    Ok(dashboard)
 }
 
 /// Whoever connects may read: that is for this machine alone.
