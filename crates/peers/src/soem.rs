@@ -35,7 +35,27 @@ fn run(command: &mut Command) -> Result<Output, String> {
 
 /// Lets SOEM drive the `count` drives behind `interface`; the script's JSON report, or what failed.
 pub fn drive(python: &Path, interface: &str, count: usize) -> Result<String, String> {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/soem.py");
-    let output = run(Command::new(python).arg(script).arg(interface).arg(count.to_string()))?;
+    report(python, "soem.py", &[interface, &count.to_string()])
+}
+
+/// Lets SOEM bring `count` SubDevices behind `interface` to OP, among them terminals with inputs and outputs, and drives,
+/// by their positions; the script's JSON report, or what failed.
+pub fn bring_up_terminals(
+    python: &Path,
+    interface: &str,
+    count: usize,
+    [inputs, outputs]: [usize; 2],
+    drives: &[usize],
+) -> Result<String, String> {
+    let positions = [count, inputs, outputs].into_iter().chain(drives.iter().copied());
+    let positions: Vec<String> = positions.map(|position| position.to_string()).collect();
+    let arguments: Vec<&str> =
+        std::iter::once(interface).chain(positions.iter().map(String::as_str)).collect();
+    report(python, "soem_terminals.py", &arguments)
+}
+
+fn report(python: &Path, script: &str, arguments: &[&str]) -> Result<String, String> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python").join(script);
+    let output = run(Command::new(python).arg(script).args(arguments))?;
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }

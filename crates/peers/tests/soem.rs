@@ -2,6 +2,8 @@
 
 use omnibase_host::Namespace;
 use omnibase_peers::{behind_a_cable, drives, soem};
+use omnibase_robot::{Registry, RobotPlan};
+use omnibase_run::simulated;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -54,4 +56,20 @@ fn three_sgdv() {
 #[test]
 fn twenty_sgdv() {
     reaches_op_with("sgdv", 20);
+}
+
+#[test]
+fn the_shipped_robot_with_terminals() {
+    let Some(namespace) = Namespace::for_test("SOEM over a virtual cable") else { return };
+    let Some(python) = python() else { return };
+    let text = include_str!("../../../robots/bmm_io.toml");
+    let plan = RobotPlan::from_toml(text, &Registry::with_built_in(), &|name| Err(name.to_owned())).unwrap();
+    let (segment, _machine) = simulated::segment(&plan).unwrap();
+    let report = behind_a_cable(&namespace, segment, || {
+        soem::bring_up_terminals(python, Namespace::NEAR, 7, [1, 2], &[4, 5, 6])
+    })
+    .unwrap();
+    // All seven in OP, the contact that is closed read, and every working counter as SOEM expects it.
+    assert!(report.contains("\"states\": [8, 8, 8, 8, 8, 8, 8]"), "{report}");
+    assert!(report.contains("\"input\": \"01\"") && report.contains("\"full_cycles\": 100"), "{report}");
 }

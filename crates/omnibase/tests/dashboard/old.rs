@@ -1,10 +1,11 @@
 //! What is old on the page is grey, and begins nothing.
 
-use crate::browser::Browser;
+use crate::browser::{Browser, LONGEST};
 use crate::line::{Line, LineMode};
 use crate::robot::{Robot, TOKEN};
 use crate::{Stick, browser, cycles_pass, drive, mend, opened, press};
 use serde_json::json;
+use std::time::{Duration, Instant};
 
 const HOLDS: &str = "document.getElementById('phase').textContent === 'holding'";
 const OLD: &str = "document.body.classList.contains('old')";
@@ -149,16 +150,25 @@ fn what_is_pressed_says_how_old_what_the_page_saw_is() {
     // What comes looks new, but is what the robot said long ago: as on a line that is slow.
     page.change("delete seen.stamp; seen.delay_ms = null");
     cycles_pass(&robot, 2000, |_| ());
-    page.click("[data-do=enable]");
-    page.wait("document.getElementById('said').textContent.includes('s ago, and counts for')");
+    let tells_age = "document.getElementById('said').textContent.includes('s ago, and counts for')";
+    press(&mut page, "[data-do=enable]", tells_age);
     assert_eq!(robot.read("now")["phase"], "disabled");
     page.change("");
     page.wait(FRESH);
     // What it saw when it was pressed counts, not what came until a page that was busy sends it.
     page.wait("window.changed > 100");
     page.value("void (document.getElementById('said').textContent = '')");
-    page.value("document.querySelector('[data-do=enable]').onclick({ timeStamp: performance.now() - 3000 })");
-    page.wait("document.getElementById('said').textContent.includes('s ago, and counts for')");
+    // Again where a busy machine let the page hear nothing for a while: then it says that.
+    let old_press =
+        "document.querySelector('[data-do=enable]').onclick({ timeStamp: performance.now() - 3000 })";
+    let begin = Instant::now();
+    while begin.elapsed() < LONGEST {
+        page.value(old_press);
+        if page.is_true_within(tells_age, Duration::from_secs(1)) {
+            break;
+        }
+    }
+    page.wait(tells_age);
     assert_eq!(robot.read("now")["phase"], "disabled");
     press(&mut page, "[data-do=enable]", HOLDS);
     robot.end();

@@ -30,7 +30,7 @@ fn a_planned_run_is_seen_changed_and_stopped_by_its_own_user_and_led_by_nobody()
         for stop in [&["call", "stop", "category=category_1"][..], &["call", "emergency_stop"]] {
             let mut simulator = Program::simulate(&[&robot]);
             let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-            command.args(["run", &robot, "--circle", "radius=0.5,period=60", "--json", "--interface"]);
+            command.args(["run", &robot, "--circle", "radius_m=0.5,duration_s=60", "--json", "--interface"]);
             command.arg(Namespace::NEAR).args(PATIENT).env("XDG_RUNTIME_DIR", runtime);
             let run = Program::start(command);
             simulator.wait_for("the robot moves");
@@ -77,8 +77,9 @@ fn a_planned_run_ends_by_itself_as_ever() {
     namespace.run(|| {
         let robot = repository("robots/bmm.toml");
         let simulator = Program::simulate(&[&robot]);
-        let run =
-            Program::run(&[&[robot.as_str(), "--circle", "radius=0.2,period=5"][..], &PATIENT].concat());
+        let run = Program::run(
+            &[&[robot.as_str(), "--circle", "radius_m=0.2,duration_s=5"][..], &PATIENT].concat(),
+        );
         let run = run.end();
         simulator.signal("INT");
         simulator.end();
