@@ -47,7 +47,10 @@ pub fn description() -> Value {
     });
     schemas.insert("Now".to_owned(), now);
     let trace = json!({ "type": "array", "description": "(time s, believed pose, true pose)" });
-    let get = |summary: &str, what: Value| json!({ "get": { "summary": summary, "responses": answers("application/json", what) } });
+    let get = |summary: &str, what: Value| {
+        let json = json!({ "application/json": { "schema": what } });
+        json!({ "get": { "summary": summary, "responses": answers(&json) } })
+    };
     json!({
         "openapi": "3.1.0",
         "info": {
@@ -65,9 +68,9 @@ pub fn description() -> Value {
             "/api/trace": get("Where it was", trace),
             "/api/call": { "post": {
                 "summary": "Asks for something; STOP needs no token on this machine, everything else does",
-                "security": [{ "token": [] }],
+                "security": [{}, { "token": [] }],
                 "requestBody": { "required": true, "content": { "application/json": { "schema": call } } },
-                "responses": answers("application/json", result.clone()),
+                "responses": call_answers(&result),
             } },
             "/api/live": { "get": {
                 "summary": "A WebSocket: calls in, their answers and thirty times a second what the robot does out",
@@ -86,20 +89,32 @@ fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
     generator.subschema_for::<T>().to_value()
 }
 
-/// What may come back: what was asked for, or why not.
-fn answers(kind: &str, what: Value) -> Value {
-    let words = |why: &str| json!({ "description": why, "content": { "text/plain": { "schema": { "type": "string" } } } });
-    let result = json!({ "application/json": { "schema": { "$ref": "#/components/schemas/CallResult" } } });
-    let refused = |why: &str| json!({ "description": why, "content": result });
+/// What comes back to who reads: what was asked for, or why not.
+fn answers(content: &Value) -> Value {
+    let result = json!({ "schema": { "$ref": "#/components/schemas/CallResult" } });
+    let words = json!({ "schema": { "type": "string" } });
     json!({
-        "200": { "description": "Done", "content": { kind: { "schema": what } } },
-        "400": refused("It can't be read"),
-        "403": words("Not with this token, or not from there"),
-        "408": refused("The body didn't come in time"),
-        "409": refused("Refused, and why"),
-        "429": words("Asked too often; Retry-After says when again"),
-        "503": refused("Too much is computed already"),
+        "200": { "description": "Done", "content": content },
+        "403": { "description": "Not with this token, or not from there", "content": { "text/plain": words } },
+        "429": {
+            "description": "Asked too often, or with too many wrong tokens",
+            "content": { "application/json": result, "text/plain": words },
+        },
+        "503": { "description": "Too much is computed already", "content": { "application/json": result } },
     })
+}
+
+/// What comes back to who calls.
+fn call_answers(result: &Value) -> Value {
+    let json = json!({ "application/json": { "schema": result } });
+    let either =
+        json!({ "application/json": { "schema": result }, "text/plain": { "schema": { "type": "string" } } });
+    let mut all = answers(&json);
+    all["400"] = json!({ "description": "It can't be read", "content": either });
+    all["408"] = json!({ "description": "The body didn't come in time", "content": json });
+    all["409"] = json!({ "description": "Refused, and why", "content": json });
+    all["413"] = json!({ "description": "The body is too long", "content": { "text/plain": { "schema": { "type": "string" } } } });
+    all
 }
 
 /// The description for people: a page of HTML.

@@ -111,6 +111,8 @@ pub struct SubDeviceConfig {
     pub sdos: Vec<SdoWrite>,
     /// PDO map; empty keeps what the device has.
     pub pdos: Vec<SyncManagerPdos>,
+    /// Its process data share no byte with those of others, also where its FMMUs map bits.
+    pub own_bytes: bool,
     /// Synchronisation by clocks.
     pub dc: DcConfig,
     /// Written to 0x1C32 and 0x1C33 where given.

@@ -72,16 +72,21 @@ impl std::error::Error for WrongUsage {}
 /// Drives the robot of a file along its `[reference]` once, from bring-up to the drives' end: on its simulated robot and on
 /// virtual time, with the kinds that `register` adds to the built-in ones.
 ///
-/// An error lists every problem of the file; how the run itself ended is in [`Ran`].
+/// An error lists every problem of the file, or says that its motion has no end; how the run itself ended is in [`Ran`].
 pub fn simulate(robot: &Path, register: impl FnOnce(&mut Registry)) -> anyhow::Result<Ran> {
     let mut registry = Registry::with_built_in();
     register(&mut registry);
     let robot = RobotSource::read(robot, &Changes::default())?.load_or_explain(&registry)?;
     let (segment, machine) = simulated::segment(&robot.plan)?;
     let (link, clock) = in_process(segment);
+    let stages = Robot::build(&robot.plan, &registry)?;
+    anyhow::ensure!(
+        stages.reference_duration_s().is_some(),
+        "the [reference] has no end, and nobody stops it"
+    );
     let setup = Setup {
         plan: &robot.plan,
-        robot: Robot::build(&robot.plan, &registry)?,
+        robot: stages,
         machine: Some(machine),
         recording: None,
         live: None,

@@ -22,7 +22,11 @@ pub struct Changes {
 impl Changes {
     /// Whether something is changed that only a simulated robot has.
     pub fn are_for_simulation(&self) -> bool {
-        self.payload_kg.is_some()
+        let is_simulations = |line: &String| {
+            let key = line.split('=').next().unwrap_or_default().trim();
+            key == "simulation" || key.starts_with("simulation.")
+        };
+        self.lines().iter().any(is_simulations)
     }
 
     /// As lines of TOML; what has an option of its own comes first, so that `--set` has the last word.

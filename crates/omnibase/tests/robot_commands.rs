@@ -420,7 +420,7 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
         (
             vec!["run", robot, "--holonomic", "radius_m=0.5,frame=platform,turns=endless"],
             1,
-            "can't be in the platform's axes",
+            "a motion in the platform's axes has an end",
         ),
         (vec!["run", "--circle", "radius_m=0.5"], 2, "<ROBOT>"),
         (vec!["run", "no-such.toml", "--circle", "radius_m=0.5"], 1, "no-such.toml"),
@@ -521,4 +521,28 @@ fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
     assert!(summary["max_error_m"]["believed"].as_f64().unwrap() < 0.005, "{}", summary["max_error_m"]);
     let replayed = omnibase(&["replay", &recording]);
     assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
+}
+
+#[test]
+fn small_terminals_share_no_byte() {
+    let folder = Folder::new("small-terminals");
+    let terminal = |position: usize, name: &str, on: u8| {
+        format!(
+            "\n[[device]]\nname = \"{name}\"\nposition = {position}\nkind = \"io\"\n\
+             inputs = [{{ pdo = \"0x1A00\", map = \"6000.1:1 6000.2:1 6000.3:1 6000.4:1\" }}]\n\
+             input = [{{ name = \"on\", object = \"6000.1\", simulated = {on} }}]\n"
+        )
+    };
+    for (first, second, code) in [(1, 0, 1), (0, 1, 0)] {
+        let text = bmm() + &terminal(3, "first", first) + &terminal(4, "second", second);
+        let robot = folder.file("robot.toml", &text);
+        let circle = ["--circle", "radius_m=0.2,duration_s=5", "--set", "safety.enable_input=second.on"];
+        let run = omnibase(&[&["run", &robot], &circle[..]].concat());
+        assert_eq!(
+            run.status.code(),
+            Some(code),
+            "{first} {second}: {}",
+            String::from_utf8_lossy(&run.stderr)
+        );
+    }
 }

@@ -20,7 +20,7 @@ use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
     Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
     PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
-    SafetyReason, Setpoint, WheelCommand,
+    SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
@@ -537,7 +537,12 @@ impl Robot {
             self.record.measurements.drives[wheel].progress = progress;
         }
         let is_let_go = self.lifecycle.phase() == Phase::Disabled && self.record.phase != Phase::Disabled;
-        let lets_go = self.lifecycle.lets_go() || is_let_go;
+        // Also where no drive was enabled.
+        let is_stopped = self.record.request.is_some_and(|request| match request.kind {
+            RequestKind::Stop(category) => category != StopCategory::RampAndHold,
+            _ => false,
+        });
+        let lets_go = self.lifecycle.lets_go() || is_let_go || is_stopped;
         self.beside.write(&self.record.time, lets_go, image, &mut self.record.signals);
     }
 }

@@ -184,7 +184,7 @@ fn in_frame(trajectory: impl Trajectory + Send + 'static, table: &ReferenceTable
     if table.frame != Some(PathFrame::Platform) {
         return Ok(Box::new(trajectory));
     }
-    let reason = "a motion without an end can't be in the platform's axes: expected a number of turns";
+    let reason = "a motion in the platform's axes has an end, within 2000 s";
     let turned = InPlatformAxes::new(trajectory).ok_or_else(|| Problem::refused("frame", reason))?;
     Ok(Box::new(turned))
 }

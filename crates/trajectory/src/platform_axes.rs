@@ -4,9 +4,10 @@ use omnibase_platform::{Pose2, Twist2};
 
 use crate::trajectory::{Setpoint, Trajectory};
 
-/// The width of a step of the integration, in s, unless that takes more than [`MOST_STEPS`].
+/// The greatest width of a step of the integration, in s.
 const STEP_S: f64 = 0.02;
-const MOST_STEPS: f64 = 1e5;
+/// The longest motion, in s: beyond it the steps would take too much memory.
+pub const LONGEST_TURNED_S: f64 = 2000.0;
 /// Nodes and weights of Gauss and Legendre's rule of three points on [0, 1].
 const GAUSS: [(f64, f64); 3] =
     [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -21,13 +22,14 @@ pub struct InPlatformAxes<T> {
 }
 
 impl<T: Trajectory> InPlatformAxes<T> {
-    /// The motion; `None` for one without an end.
+    /// The motion; `None` for one without an end, or longer than [`LONGEST_TURNED_S`].
     pub fn new(trajectory: T) -> Option<Self> {
         let duration_s = trajectory.duration_s();
-        if !duration_s.is_finite() {
+        // Not greater, nor NaN.
+        if !(duration_s <= LONGEST_TURNED_S) {
             return None;
         }
-        let steps = (duration_s / STEP_S).ceil().clamp(1.0, MOST_STEPS);
+        let steps = (duration_s / STEP_S).ceil().max(1.0);
         let first = trajectory.sample(0.0).odom_from_base;
         let mut motion =
             InPlatformAxes { trajectory, step_s: duration_s / steps, places: vec![[first.x_m, first.y_m]] };

@@ -68,7 +68,8 @@ impl Member {
 
 impl From<&SubDevice> for Member {
     fn from(subdevice: &SubDevice) -> Self {
-        let packing = if subdevice.esc.maps_bits() { Packing::Bits } else { Packing::Bytes };
+        let shares = subdevice.esc.maps_bits() && !subdevice.config.own_bytes;
+        let packing = if shares { Packing::Bits } else { Packing::Bytes };
         let areas = [Direction::Outputs, Direction::Inputs].into_iter().flat_map(|direction| {
             subdevice.process_data(direction).map(move |sync_manager| Area {
                 sync_manager: sync_manager.index,

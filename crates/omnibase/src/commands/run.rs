@@ -207,7 +207,7 @@ impl Arguments {
             usage(
                 !self.changes.are_for_simulation(),
                 format_args!(
-                    "--payload-kg is of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
+                    "--payload-kg and `simulation` are of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
                      real one is: give --simulated, or --interface {interface}",
                     self.robot.display()
                 ),
@@ -218,6 +218,10 @@ impl Arguments {
             ));
             all.interface = Some(interface.clone());
             all.redundant = all.redundant.or_else(|| table.redundant.clone());
+        }
+        if self.simulated && table.interface.is_some() {
+            // A try writes over nothing that the real robot recorded.
+            all.recording.leave_file();
         }
         let is_real = all.interface.is_some();
         if is_real && !self.no_realtime {

@@ -37,10 +37,14 @@ pub(super) fn remove_all(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The number of a file of the series of `path`.
+/// The number of a file of the series of `path`. One with more digits, as a date, is somebody else's.
 fn number(path: &Path, file: &Path) -> Option<u32> {
     let digits = file.file_stem()?.to_str()?.rsplit_once('-')?.1;
-    let number = digits.parse().ok().filter(|_| digits.bytes().all(|byte| byte.is_ascii_digit()))?;
+    let number = Some(digits)
+        .filter(|digits| digits.len() == DIGITS)?
+        .parse()
+        .ok()
+        .filter(|_| digits.bytes().all(|byte| byte.is_ascii_digit()))?;
     (numbered(path, number).file_name() == file.file_name()).then_some(number)
 }
 
@@ -52,7 +56,7 @@ mod tests {
     fn only_files_of_the_series_go() {
         let folder = std::env::temp_dir().join(format!("omnibase-series-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let of_series = ["run-00001.mcap", "run-00042.mcap", "run-100000.mcap"];
+        let of_series = ["run-00001.mcap", "run-00042.mcap"];
         let others = [
             "run.mcap",
             "run-1.mcap",
@@ -60,6 +64,7 @@ mod tests {
             "run-a0001.mcap",
             "my-run-00001.mcap",
             "run-+0001.mcap",
+            "run-20261122.mcap",
         ];
         for name in of_series.iter().chain(&others) {
             std::fs::write(folder.join(name), "").unwrap();

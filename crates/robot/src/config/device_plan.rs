@@ -162,6 +162,8 @@ impl DevicePlan {
             }
         };
         bus_config::SubDeviceConfig {
+            // What is read and written by bytes, and zeroed while its owner is away.
+            own_bytes: true,
             name: Some(self.name.clone()),
             place: Some(matched(self.place)),
             identity: expected_identity(&self.identity),

@@ -366,6 +366,8 @@ impl DrivePlan {
     pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
         let sync0 = bus.synchronisation == Synchronisation::Sync0;
         bus_config::SubDeviceConfig {
+            // What is read and written by bytes, and zeroed while its owner is away.
+            own_bytes: true,
             name: Some(self.name.clone()),
             place: Some(matched(self.place)),
             identity: expected_identity(&self.identity),

@@ -128,6 +128,16 @@ fn outputs_go_where_the_file_says_in_every_stop_that_takes_torque() {
     }
 }
 
+#[test]
+fn a_stop_of_a_robot_that_stands_without_torque_lets_outputs_go_too() {
+    let mut bench = bench(IO);
+    bench.run(3);
+    assert_eq!(bench.step(set(0, 1.0)).answer, RequestAnswer::Taken);
+    assert_eq!(bench.run(1).signals.outputs[..2], [1.0, 1.0]);
+    bench.step(Some(RequestKind::Stop(StopCategory::RemoveTorque)));
+    assert_eq!(bench.run(3).signals.outputs[..2], [0.0, 1.0]);
+}
+
 /// An estimator and a controller that look at an input, and a controller that tells an output.
 struct Looking(Arc<Mutex<Vec<Option<f64>>>>);
 

@@ -218,6 +218,9 @@ impl Operator {
             }
         };
         if self.is_beside_plan && is_of_a_leader(&ask) {
+            if let Ask::Load { reference, .. } = ask {
+                self.discard(reference);
+            }
             return self.answer(ticket, Answer::Refused(Refusal::Planned));
         }
         match ask {
@@ -274,6 +277,8 @@ impl Operator {
             return self.send(client, ticket, RequestKind::Stop(category), u64::MAX);
         }
         if let Some(kind) = self.authors.next_reset() {
+            // A way back is looked after meanwhile.
+            self.comeback.iter_mut().for_each(|(_, conductor)| conductor.watch(last, phase));
             return self.send(Client::Command, 0, kind, u64::MAX);
         }
         if let Some(client) = self.driver(phase) {
@@ -452,9 +457,13 @@ impl Operator {
 
     fn refuse(&mut self, waiting: Waiting, refusal: Refusal) {
         self.answer(waiting.ticket, Answer::Refused(refusal));
-        if let Some((_, reference)) = waiting.reference
-            && self.discarded.len() < MOST_WAITING
-        {
+        if let Some((_, reference)) = waiting.reference {
+            self.discard(reference);
+        }
+    }
+
+    fn discard(&mut self, reference: Box<dyn Reference>) {
+        if self.discarded.len() < MOST_WAITING {
             self.discarded.push(reference);
         }
     }
@@ -481,6 +490,8 @@ fn begins(kind: &RequestKind) -> bool {
 fn is_of_a_leader(ask: &Ask) -> bool {
     match ask {
         Ask::Robot(RequestKind::Stop(_)) => false,
+        // What moves beside it is the plan's, too.
+        Ask::Robot(RequestKind::SetOutput { .. }) => true,
         Ask::Robot(kind) => leads(kind),
         Ask::Stick(_) | Ask::EnableStick(_) | Ask::Load { .. } => true,
         Ask::Alive | Ask::Begun | Ask::Gone | Ask::PagesLost => false,

@@ -38,6 +38,11 @@ pub struct RecordingChoice {
 }
 
 impl RecordingChoice {
+    /// Leaves the robot's file's own recording alone.
+    pub fn leave_file(&mut self) {
+        self.no_recording |= self.record.is_none() && self.columns.is_none();
+    }
+
     /// The files to write, without descriptions; `None`: none. Those of the robot's file are in `folder`.
     pub fn files(&self, robot: &LoadedRobot, folder: &Path) -> anyhow::Result<Option<RunFiles>> {
         let table = robot.plan.recording.as_ref().filter(|_| !self.no_recording);
