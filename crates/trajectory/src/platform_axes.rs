@@ -25,8 +25,7 @@ impl<T: Trajectory> InPlatformAxes<T> {
     /// The motion; `None` for one without an end, or longer than [`LONGEST_TURNED_S`].
     pub fn new(trajectory: T) -> Option<Self> {
         let duration_s = trajectory.duration_s();
-        // Not greater, nor NaN.
-        if !(duration_s <= LONGEST_TURNED_S) {
+        if duration_s.is_nan() || duration_s > LONGEST_TURNED_S {
             return None;
         }
         let steps = (duration_s / STEP_S).ceil().max(1.0);
