@@ -97,6 +97,8 @@ impl Beside {
             let age_ns = part.heard_ns.map(|heard_ns| time.now_ns.saturating_sub(heard_ns));
             signals.ages_s[device] = age_ns.map_or(f64::INFINITY, |age_ns| age_ns as f64 * 1e-9);
             if age_ns.is_none_or(|age_ns| age_ns > self.most_age_ns) {
+                // What was set before a loss doesn't come back with the SubDevice.
+                self.asked[part.outputs.clone()].fill(None);
                 continue;
             }
             for (input, value) in part.inputs.clone().zip(values) {

@@ -138,6 +138,19 @@ fn a_stop_of_a_robot_that_stands_without_torque_lets_outputs_go_too() {
     assert_eq!(bench.run(3).signals.outputs[..2], [0.0, 1.0]);
 }
 
+#[test]
+fn what_was_set_before_a_loss_does_not_come_back_with_its_terminal() {
+    const LAMPS: u16 = 1 << 2;
+    let mut bench = bench(IO);
+    bench.run(3);
+    assert_eq!(bench.step(set(0, 1.0)).answer, RequestAnswer::Taken);
+    assert_eq!(bench.run(3).signals.outputs[..2], [1.0, 1.0]);
+    bench.exchange = Exchange::Without { wheels: 0, devices: LAMPS };
+    bench.run(20);
+    bench.exchange = Exchange::Complete;
+    assert_eq!(bench.run(3).signals.outputs[..2], [0.0, 1.0]);
+}
+
 /// An estimator and a controller that look at an input, and a controller that tells an output.
 struct Looking(Arc<Mutex<Vec<Option<f64>>>>);
 
