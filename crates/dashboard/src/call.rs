@@ -101,6 +101,16 @@ pub enum Call {
         /// Its value, in its unit.
         value: f64,
     },
+    /// Say what a program outside knows, as a `[[source]]` of the robot's file: all its values at one instant.
+    SendInputs {
+        /// The source's name.
+        source: String,
+        /// Its values by name, in their units; null, or left out, for what isn't known now.
+        values: BTreeMap<String, Option<f64>>,
+        /// When that was so, ms of the robot's clock: the last stamp, plus the time since then by the program's own clock;
+        /// default: the stamp. What is older than the source's `max_age_ms`, or than what was heard before, is refused.
+        instant_ms: Option<f64>,
+    },
     /// Take another reference.
     Load {
         /// The reference, with the keys of its table in a robot's file.
@@ -225,6 +235,7 @@ impl Call {
             | Call::SetObstacle { .. }
             | Call::RemoveObstacle { .. }
             | Call::SetOutput { .. }
+            | Call::SendInputs { .. }
             | Call::Scan
             | Call::SdoRead { .. }
             | Call::SdoType { .. }
@@ -246,6 +257,7 @@ impl Call {
                 | Call::Stick { .. }
                 | Call::ReleaseStick
                 | Call::LoseStick
+                | Call::SendInputs { .. }
                 | Call::Alive
         )
     }

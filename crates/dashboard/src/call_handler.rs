@@ -7,9 +7,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
+use omnibase_robot::signals::Heard;
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{RequestKind, RobotPlan};
-use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, StickWish, TRACE_KEPT_S};
+use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, Stamp, StickWish, TRACE_KEPT_S};
 use omnibase_run::teach::{Sampling, lines, taught};
 use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
@@ -18,6 +19,7 @@ use crate::bus::{BusCall, NewValue};
 use crate::call::{Call, CallResult, TeachBy, category};
 use crate::planned::{Drawn, Planned};
 use crate::robot_info::RobotInfo;
+use crate::status::NS_OF_MS;
 
 /// How far a taught path may be from where the robot was, m, where nobody says.
 const TOLERANCE_M: f64 = 0.001;
@@ -115,6 +117,10 @@ impl CallHandler {
             }
             Call::RemoveObstacle { index } => robot(RequestKind::RemoveObstacle { index }),
             Call::SetOutput { name, value } => robot(self.output(&name, value)?),
+            Call::SendInputs { source, values, instant_ms } => {
+                self.send_inputs(asker.stamp, &source, &values, instant_ms)?;
+                return Ok(Reply::Nothing);
+            }
             Call::Set { values } => return self.set(asker, &values),
             Call::Stick { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
@@ -188,8 +194,7 @@ impl CallHandler {
         let found = outputs.iter().position(|output| output.name == name);
         let Some(index) = found else {
             let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
-            let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            return Err(format!("output: the robot's are {names}, found `{name}`"));
+            return Err(format!("output: the robot's are {}, found `{name}`", listed(&names)));
         };
         let coding = plan.devices.iter().flat_map(|device| &device.output).nth(index);
         if let Some(coding) = coding.and_then(|output| output.coding).filter(|coding| !coding.holds(value)) {
@@ -197,6 +202,41 @@ impl CallHandler {
             return Err(format!("{name}: expected {least} to {greatest}, found {value}"));
         }
         Ok(RequestKind::SetOutput { index: index as u32, value })
+    }
+
+    /// What a program outside knows, as far as its instant lets it be believed.
+    pub(crate) fn send_inputs(
+        &self,
+        stamp: Stamp,
+        name: &str,
+        values: &BTreeMap<String, Option<f64>>,
+        instant_ms: Option<f64>,
+    ) -> Result<(), String> {
+        let sources = &self.about.robot.plan.sources;
+        let found = sources.iter().position(|source| source.name == name);
+        let Some(place) = found else {
+            let names: Vec<&str> = sources.iter().map(|source| source.name.as_str()).collect();
+            return Err(format!("source: the robot's are {}, found `{name}`", listed(&names)));
+        };
+        let instant_ns = match (instant_ms, stamp) {
+            (Some(ms), _) if ms.is_finite() && ms >= 0.0 => (ms * NS_OF_MS as f64) as u64,
+            (Some(ms), _) => return Err(format!("instant_ms: expected ms of the robot's clock, found {ms}")),
+            (None, Stamp::Told(told_ns)) => told_ns,
+            (None, Stamp::Here | Stamp::Missing) => {
+                return Err("expected `instant_ms`, or `stamp`: nobody knows how old it is".to_owned());
+            }
+        };
+        let mut heard = Heard { instant_ns, ..Heard::NOTHING };
+        for (value_name, value) in values {
+            let inputs = &sources[place].input;
+            let found = inputs.iter().position(|input| input.name == *value_name);
+            let Some(slot) = found.and_then(|input| heard.values.get_mut(input)) else {
+                let names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
+                return Err(format!("{name}: its values are {}, found `{value_name}`", listed(&names)));
+            };
+            *slot = value.unwrap_or(f64::NAN);
+        }
+        self.live.send_inputs(place, &heard).map_err(|why| format!("{name}: {why}"))
     }
 
     /// All of the values, or none: each is checked before the first is sent, and the robot takes them in one cycle.
@@ -359,6 +399,11 @@ impl CallHandler {
         let begin = snapshot.reference_start.map(|start| start.odom_from_body);
         Some(drawn.laid(snapshot.reference, begin.unwrap_or(snapshot.record.state.odom_from_body)))
     }
+}
+
+/// Names in a row.
+fn listed(names: &[&str]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 /// Who asks from elsewhere names no files of this computer.

@@ -15,6 +15,7 @@ mod bus;
 pub mod call;
 mod call_handler;
 mod connections;
+mod inputs;
 pub mod openapi;
 mod page;
 mod planned;

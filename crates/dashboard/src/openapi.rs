@@ -5,6 +5,7 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 use crate::call::{Call, CallResult};
+use crate::inputs::{InputsNews, SentInputs};
 use crate::planned::Planned;
 use crate::routes::Robot;
 use crate::status::{EventSeen, StatusMessage};
@@ -21,7 +22,9 @@ pub fn description() -> Value {
         || SchemaSettings::draft2020_12().with(|settings| settings.definitions_path = SCHEMAS.into());
     let (mut read, mut written) = (settings().into_generator(), settings().for_serialize().into_generator());
     let call = schema::<Call>(&mut read);
+    let sent = schema::<SentInputs>(&mut read);
     let seen = schema::<StatusMessage>(&mut written);
+    let news = schema::<InputsNews>(&mut written);
     let result = schema::<CallResult>(&mut written);
     let [robot, planned, event] = [
         schema::<Robot<'static>>(&mut written),
@@ -76,6 +79,12 @@ pub fn description() -> Value {
                 "summary": "A WebSocket: calls in, their answers and thirty times a second what the robot does out",
                 "responses": { "101": { "description": "It is one now" } },
                 "x-client-messages": call, "x-server-messages": { "anyOf": [seen, result] },
+            } },
+            "/api/inputs": { "get": {
+                "summary": "A WebSocket for programs that may command: what they know in, the robot's clock and what became of it fifty times a second out",
+                "security": [{ "token": [] }],
+                "responses": { "101": { "description": "It is one now" } },
+                "x-client-messages": sent, "x-server-messages": news,
             } },
         },
         "components": {

@@ -19,6 +19,7 @@ use serde_json::{Map, Value, json};
 use crate::access::{COOKIE, Denied, Right};
 use crate::call::{Call, CallResult, Message};
 use crate::connections::Seat;
+use crate::inputs;
 use crate::openapi;
 use crate::page;
 use crate::shared::{SaidNow, Shared, Underway, stamp_of};
@@ -28,6 +29,8 @@ use crate::work::{Busy, For};
 
 /// The longest body of a request, such as a path.
 const LONGEST_BODY: usize = 256 * 1024;
+/// The longest message of a program that sends inputs, bytes.
+const LONGEST_INPUTS: usize = 16 * 1024;
 /// The longest body that is read at once; a longer one is read where it holds nobody up.
 pub(crate) const READ_AT_ONCE: usize = 4 * 1024;
 /// The longest time that a body may take.
@@ -56,6 +59,7 @@ pub(crate) fn all(shared: Shared) -> Router {
         .route("/api/events", get(events))
         .route("/api/call", post(call))
         .route("/api/live", get(socket))
+        .route("/api/inputs", get(programs))
         .route("/", get(file))
         .route("/{name}", get(file))
         .layer(DefaultBodyLimit::max(LONGEST_BODY))
@@ -172,7 +176,7 @@ async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, hea
     }
     let about = &shared.desk.about;
     let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut about.rows());
-    seen.server = shared.counters.all();
+    shared.count(&mut seen);
     let named = about.columns().into_iter().zip(&seen.values).map(|(name, value)| (name, json!(value)));
     let named: Map<String, Value> = named.collect();
     let mut all = serde_json::to_value(&seen).unwrap_or_default();
@@ -292,4 +296,23 @@ async fn socket(
         .max_frame_size(LONGEST_BODY)
         .max_write_buffer_size(4 * 1024 * 1024)
         .on_upgrade(move |socket| socket::talk(socket, shared, right))
+}
+
+/// For programs that may command: what they say may move the robot.
+async fn programs(
+    State(shared): State<Shared>,
+    Extension(peer): Extension<Peer>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    match begun(&shared, &peer, &headers, None).await {
+        Ok((Right::Command, _)) => {}
+        Ok((Right::Read, _)) => return shared.refuse(Denied::Token),
+        Err(refusal) => return refusal,
+    }
+    peer.seat.look();
+    upgrade
+        .max_message_size(LONGEST_INPUTS)
+        .max_frame_size(LONGEST_INPUTS)
+        .on_upgrade(move |socket| inputs::listen(socket, shared))
 }

@@ -14,7 +14,7 @@ use crate::call::{Call, CallResult};
 use crate::call_handler::{CallHandler, Reply};
 use crate::connections::{Asking, Network};
 use crate::routes::Peer;
-use crate::status::{Counters, NS_OF_MS};
+use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage};
 use crate::strangers::{Strangers, TooMuch};
 use crate::work::{For, Work};
 
@@ -151,6 +151,12 @@ impl Shared {
     /// The robot's clock as it was last seen, ms.
     pub(crate) fn stamp(&self) -> u64 {
         self.live.clock_ns() / NS_OF_MS
+    }
+
+    /// Puts into a message what was counted outside the cycle.
+    pub(crate) fn count(&self, seen: &mut StatusMessage) {
+        seen.sources = self.live.source_counts().into_iter().map(SourceSeen::from).collect();
+        seen.server = self.counters.all();
     }
 
     /// The messages from now on.

@@ -9,7 +9,7 @@ use omnibase_robot::signals::{
 };
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
-use omnibase_run::live::{Commander, LiveEvent, Snapshot, StickState};
+use omnibase_run::live::{Commander, LiveEvent, Snapshot, SourceCounts, StickState};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -76,8 +76,27 @@ pub struct StatusMessage {
     pub values: Vec<f32>,
     /// What happened since the message before.
     pub events: Vec<EventSeen>,
+    /// What became of what other programs sent, in the order of the robot's file.
+    pub sources: Vec<SourceSeen>,
     /// What the server counted.
     pub server: [u64; 5],
+}
+
+/// What became of all that a program sent.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SourceSeen {
+    /// Taken.
+    pub heard: u64,
+    /// Too old when it came.
+    pub late: u64,
+    /// Overtaken by what was sent later, or ahead of the robot's clock.
+    pub out_of_order: u64,
+}
+
+impl From<SourceCounts> for SourceSeen {
+    fn from(SourceCounts { heard, late, out_of_order }: SourceCounts) -> Self {
+        SourceSeen { heard, late, out_of_order }
+    }
 }
 
 /// One drive.
@@ -214,6 +233,7 @@ impl StatusMessage {
             },
             values: values.iter().map(|value| *value as f32).collect(),
             events: Vec::new(),
+            sources: Vec::new(),
             server: [0; 5],
         }
     }

@@ -10,6 +10,8 @@ use crate::connections::Network;
 /// Requests a second that a network may make, and how many at once.
 const RATE_1_S: f64 = 200.0;
 const BURST: f64 = 400.0;
+/// By so much more those say who measure, some thousand times a second.
+const INPUTS_FACTOR: f64 = 25.0;
 /// Requests of a network that may be under way at the same time.
 const MOST_ASKING: usize = 32;
 /// Wrong tokens, each another one, after which a network waits; from there on it waits twice as long each time.
@@ -24,6 +26,7 @@ const MOST_KNOWN: usize = 1024;
 /// How much may still come: so many at once, and so many a second.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Allowance {
+    factor: f64,
     left: f64,
     since: Duration,
 }
@@ -31,7 +34,12 @@ pub(crate) struct Allowance {
 impl Allowance {
     /// All of it.
     pub(crate) fn new(now: Duration) -> Self {
-        Allowance { left: BURST, since: now }
+        Allowance { factor: 1.0, left: BURST, since: now }
+    }
+
+    /// All of it, for a program that sends inputs.
+    pub(crate) fn of_inputs(now: Duration) -> Self {
+        Allowance { factor: INPUTS_FACTOR, left: INPUTS_FACTOR * BURST, since: now }
     }
 
     /// Whether one more may come.
@@ -46,7 +54,7 @@ impl Allowance {
 
     fn refill(&mut self, now: Duration) {
         let passed_s = now.saturating_sub(self.since).as_secs_f64();
-        self.left = (self.left + RATE_1_S * passed_s).min(BURST);
+        self.left = (self.left + self.factor * RATE_1_S * passed_s).min(self.factor * BURST);
         self.since = self.since.max(now);
     }
 }

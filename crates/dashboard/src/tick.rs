@@ -26,7 +26,7 @@ pub(crate) async fn tick(shared: Shared) {
         let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut rows);
         seen.teaching_since_s = shared.desk.teaching_since_s();
         seen.events = events.into_iter().map(EventSeen::from).collect();
-        seen.server = shared.counters.all();
+        shared.count(&mut seen);
         if let Ok(text) = serde_json::to_string(&seen) {
             shared.sender.send_replace(Arc::from(text));
         }

@@ -31,6 +31,7 @@ pub enum Command {
     Get(live::Get),
     Set(live::Set),
     Call(live::Call),
+    Send(live::Send),
     Top(live::Top),
     Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),

@@ -8,6 +8,8 @@ mod kind_keys;
 mod platform;
 mod run_tables;
 mod sdo_writes;
+mod signal_names;
+mod sources;
 mod subdevices;
 #[cfg(test)]
 mod tests;
@@ -64,12 +66,6 @@ impl RobotPlan {
         let made = table.as_ref().and_then(|table| check.reachable(table, &self.limits, registry));
         check.end(table.zip(made))
     }
-}
-
-/// Whether a name has small letters, digits and underscores alone.
-fn is_plain_name(name: &str) -> bool {
-    let is_plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
-    !name.is_empty() && name.bytes().all(is_plain)
 }
 
 /// Collects problems while a file is resolved.
@@ -147,8 +143,12 @@ impl Check {
         let devices = devices::resolve(self, &file.device, &file.drive, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let signals = devices.as_deref().map(signal_layout).unwrap_or_default();
-        let is_known = devices.is_some();
+        let sources = sources::resolve(self, &file.source, &file.device);
+        let beside = devices.zip(sources);
+        let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
+        let is_known = signals.is_some();
+        let signals = signals.unwrap_or_default();
+        devices::room(self, &signals);
         let safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
         let controller = self.controller(file.controller, registry);
@@ -164,12 +164,14 @@ impl Check {
         let (limits, mut drives) = (limits?, drives?);
         self.motors_reach_limits(&drives, &limits);
         torque_limit::resolve(self, &mut drives, &limits);
+        let (devices, sources) = beside?;
         let plan = RobotPlan {
             name: name?,
             bus: bus?,
             sdo_write_while_enabled,
             drives,
-            devices: devices?,
+            devices,
+            sources,
             kinematics: kinematics?,
             limits,
             estimator: estimator?,

@@ -17,6 +17,7 @@ mod ready_maps;
 mod run_tables;
 mod sdo_writes;
 mod source;
+mod source_tables;
 mod torque_limit;
 mod units;
 
@@ -35,5 +36,6 @@ pub use run_tables::*;
 pub use sdo_writes::SdoWriteRule;
 pub(crate) use sdo_writes::owner;
 pub use source::{Locations, Source, nearest};
+pub use source_tables::*;
 pub(crate) use torque_limit::TORQUE_LIMIT_OBJECTS;
 pub use torque_limit::{TorqueLimit, TorqueLimitTold};

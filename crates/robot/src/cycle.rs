@@ -18,7 +18,7 @@ use crate::registry::{Registry, StageError};
 use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, LimitedBy, MAX_PROCESS_BYTES, Phase,
+    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_PROCESS_BYTES, Phase,
     PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
@@ -133,6 +133,12 @@ impl Robot {
         self.record.reference_rate = self.motion.rate();
         self.record.reference_begun = u64::from(self.motion.is_interrupted());
         &self.record
+    }
+
+    /// What another program sent, by its place among the plan's sources; it counts in the next cycle, where it is newer
+    /// than what was heard before.
+    pub fn hear(&mut self, source: usize, heard: &Heard) {
+        self.beside.hear(source, heard);
     }
 
     /// Computes a recorded cycle again, from what came in then; `buffer` takes the outputs.

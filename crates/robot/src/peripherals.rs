@@ -2,6 +2,7 @@
 
 mod beside;
 mod io;
+mod sources;
 
 use crate::registry::{Kind, PeripheralDefaults, Registry, optional};
 use crate::stages::Peripheral;

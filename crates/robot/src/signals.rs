@@ -12,6 +12,7 @@ mod record;
 #[cfg(test)]
 mod record_tests;
 mod request;
+mod sources;
 
 pub use columns::column_name;
 pub use commands::{
@@ -32,6 +33,9 @@ pub use record::{
     Channel, CycleRecord, NotARecord, ProcessBytes, RecordLayout, TOPICS_BESIDE, Value, ValueKind,
 };
 pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
+pub use sources::{
+    Carries, Heard, MAX_SOURCE_VALUES, MAX_SOURCES, PoseMeasurement, SourceName, VelocityMeasurement,
+};
 
 /// Bytes of process data that one drive can send or receive in a cycle.
 pub const MAX_PROCESS_BYTES: usize = 64;

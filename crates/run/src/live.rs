@@ -7,6 +7,7 @@
 //! - [`joystick`]: from the stick at the robot's computer to what is asked.
 //! - [`sdo`]: objects and states of the SubDevices, for those who may wait.
 //! - [`snapshot`]: the latest of everything.
+//! - [`sources`]: what other programs send.
 //! - [`stamp`]: how old what is asked may be.
 
 pub mod acyclic;
@@ -16,6 +17,7 @@ pub mod joystick;
 pub mod operator;
 pub mod sdo;
 pub mod snapshot;
+pub mod sources;
 pub mod stamp;
 mod trace;
 
@@ -26,5 +28,6 @@ pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use sdo::{EntryType, SdoError, SdoPlace, SubDeviceSeen};
 pub use snapshot::Snapshot;
+pub use sources::{NotHeard, SourceCounts};
 pub use stamp::Stamp;
 pub use trace::{TRACE_KEPT_S, TraceGap, TracePoint};

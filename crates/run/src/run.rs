@@ -223,6 +223,9 @@ impl<'a> Cycle<'a> {
             self.happened(self.time.now_ns, "a stop was asked for".into());
         }
         let request = self.request(wish).map(|request| self.unless_written(request));
+        if let Some(live) = &mut self.live {
+            live.hear(&mut self.robot);
+        }
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;

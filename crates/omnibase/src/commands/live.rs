@@ -1,7 +1,10 @@
 //! `omnibase get`, `set`, `call` and `top`: a running robot from the command line, by its API.
 
 mod owner;
+mod send;
 mod top;
+
+pub use send::{Send, send};
 
 use crate::Outcome;
 use crate::running::{self, Found, Place};
@@ -76,6 +79,7 @@ pub struct Set {
   load_saved name=round
   set_obstacle index=0 centre_m=[1.5,0.2] radius_m=0.3 velocity_m_s=[0,-0.1]
   remove_obstacle index=0
+  send_inputs source=gate values={\"open\":1} what a program knows, as a `[[source]]`; `omnibase send` does so many times a second
   set_output name=lamps.green value=1      an output of a `[[device]]`, until the robot stops
   scan                                     what hangs at its bus, and in which state
   sdo_read subdevice=0 object=6041:00      by SDO, beside its cycle

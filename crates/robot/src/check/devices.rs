@@ -1,15 +1,12 @@
 //! The SubDevices that drive no wheel: their places, maps and signals.
 
+use super::Check;
 use super::kind_keys::Given;
 use super::subdevices::{self, Claims, parameter};
-use super::{Check, is_plain_name};
 use crate::config::find_object as find;
 use crate::config::*;
 use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
-use crate::signals::{CycleRecord, MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, column_name};
-
-/// A part of a signal's name: both parts fit into a channel's name.
-const LONGEST_NAME: usize = 24;
+use crate::signals::{MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, SignalLayout, column_name};
 
 pub(super) fn resolve(
     check: &mut Check,
@@ -43,13 +40,11 @@ pub(super) fn resolve(
         .map(|(index, own)| Device { check, table: format!("device[{index}]"), own }.resolve(registry))
         .collect();
     let plans: Vec<DevicePlan> = resolved.into_iter().collect::<Option<_>>()?;
-    room(check, &plans);
     Some(plans)
 }
 
-/// A cycle's record has room for so much.
-fn room(check: &mut Check, plans: &[DevicePlan]) {
-    let layout = signal_layout(plans);
+/// A cycle's record has room for so much of SubDevices and programs.
+pub(super) fn room(check: &mut Check, layout: &SignalLayout) {
     for (what, found, most) in [
         ("inputs", layout.inputs.len(), MAX_SIGNALS),
         ("outputs", layout.outputs.len(), MAX_SIGNALS),
@@ -59,7 +54,7 @@ fn room(check: &mut Check, plans: &[DevicePlan]) {
         if found > most {
             let problem = check.report(ProblemKind::OutOfRange, "device", "too much for one cycle's record");
             problem.value = Some(format!("{found} {what}"));
-            problem.limit = Some(format!("at most {most} of all SubDevices together"));
+            problem.limit = Some(format!("at most {most} of all SubDevices and programs together"));
         }
     }
 }
@@ -77,7 +72,7 @@ impl Device<'_> {
 
     fn resolve(mut self, registry: &Registry) -> Option<DevicePlan> {
         let (own, table) = (self.own, self.table.clone());
-        let name = self.name();
+        let name = self.check.topic_name(own.name.as_deref(), &self.setting("name"));
         let place = subdevices::place(self.check, &table, own.position, own.alias, "a SubDevice");
         let kinds = &registry.peripherals;
         let setting = self.setting("kind");
@@ -112,32 +107,6 @@ impl Device<'_> {
             parameters,
             custom: own.custom.clone(),
         })
-    }
-
-    /// Recordings have a topic of its name.
-    fn name(&mut self) -> Option<String> {
-        let setting = self.setting("name");
-        let name = self.plain_name(self.own.name.as_deref(), &setting)?;
-        if CycleRecord::topics().contains(&name) {
-            let problem =
-                self.check.report(ProblemKind::Duplicate, &setting, "recordings call something else so");
-            problem.value = Some(format!("\"{name}\""));
-            problem.limit = Some("another name".into());
-            return None;
-        }
-        Some(name)
-    }
-
-    fn plain_name(&mut self, name: Option<&str>, setting: &str) -> Option<String> {
-        let name = self.check.need(name, setting, "its signals are called by it")?;
-        if is_plain_name(name) && name.len() <= LONGEST_NAME {
-            return Some(name.to_owned());
-        }
-        let problem =
-            self.check.report(ProblemKind::OutOfRange, setting, "not a name that recordings can have");
-        problem.value = Some(format!("\"{name}\""));
-        problem.limit = Some(format!("1 to {LONGEST_NAME} small letters, digits and underscores"));
-        None
     }
 
     fn identity(&mut self, defaults: &PeripheralDefaults) -> Identity {
@@ -221,7 +190,7 @@ impl Device<'_> {
             setting("scale"),
         );
         let of_offset = setting("offset");
-        let name = self.plain_name(written.name.as_deref(), &of_name);
+        let name = self.check.signal_name(written.name.as_deref(), &of_name);
         let object =
             self.check.need(written.object.as_ref(), &of_object, "it says where the signal stands")?;
         let (index, subindex) = match parse_object(object) {
@@ -280,13 +249,7 @@ impl Device<'_> {
                 return None;
             }
         }
-        let unit = written.unit.clone().unwrap_or_default();
-        if unit.chars().count() > LONGEST_UNIT || unit.chars().any(char::is_control) {
-            let problem = self.check.report(ProblemKind::OutOfRange, &of_unit, "not a unit");
-            problem.value = Some(format!("\"{unit}\""));
-            problem.limit = Some(format!("at most {LONGEST_UNIT} characters, such as \"V\" or \"°C\""));
-            return None;
-        }
+        let unit = self.check.unit(written.unit.as_deref(), &of_unit)?;
         Some((name?, unit, Coding { bit, bits, kind, scale, offset }))
     }
 
@@ -309,9 +272,6 @@ impl Device<'_> {
         }
     }
 }
-
-/// The longest unit, characters.
-const LONGEST_UNIT: usize = 16;
 
 /// A signal as written, whichever way it goes.
 struct Written<'a> {

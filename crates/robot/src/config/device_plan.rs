@@ -7,6 +7,7 @@ use super::file::Parameters;
 use super::mapping::PdoPlan;
 use super::plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
 use super::plan::{bytes, expected_identity, matched};
+use super::source_tables::SourcePlan;
 use crate::signals::{SignalLayout, SignalName};
 
 /// One SubDevice that drives no wheel.
@@ -174,8 +175,8 @@ impl DevicePlan {
     }
 }
 
-/// The names of all signals of such SubDevices, as `buttons.3`, in the order of their tables.
-pub(crate) fn signal_layout(devices: &[DevicePlan]) -> SignalLayout {
+/// The names of all signals of such SubDevices and programs, as `buttons.3`, in the order of their tables.
+pub(crate) fn signal_layout(devices: &[DevicePlan], sources: &[SourcePlan]) -> SignalLayout {
     let full = |device: &DevicePlan, name: &str, unit: &str| SignalName {
         name: format!("{}.{name}", device.name),
         unit: unit.to_owned(),
@@ -184,13 +185,16 @@ pub(crate) fn signal_layout(devices: &[DevicePlan]) -> SignalLayout {
         devices.iter().flat_map(|one| one.input.iter().map(|input| full(one, &input.name, &input.unit)));
     let outputs =
         devices.iter().flat_map(|one| one.output.iter().map(|output| full(one, &output.name, &output.unit)));
-    SignalLayout {
+    let mut layout = SignalLayout {
         devices: devices.iter().map(|device| device.name.clone()).collect(),
+        sources: Vec::new(),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
         input_bytes: devices.iter().map(DevicePlan::input_bytes).sum(),
         output_bytes: devices.iter().map(DevicePlan::output_bytes).sum(),
-    }
+    };
+    sources.iter().for_each(|source| source.add_to(&mut layout));
+    layout
 }
 
 #[cfg(test)]

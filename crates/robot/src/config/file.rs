@@ -14,6 +14,7 @@ use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
 use super::run_tables::{RecordingTable, RunTable};
+use super::source_tables::SourceTable;
 
 /// The table `custom`: the keys that a registered kind declares as its own.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -52,6 +53,8 @@ pub struct RobotFile {
     pub drive: Vec<DriveTable>,
     /// The SubDevices that drive no wheel.
     pub device: Vec<DeviceTable>,
+    /// Other programs that send inputs while the robot runs.
+    pub source: Vec<SourceTable>,
     /// Wheels and where they stand.
     pub platform: PlatformTable,
     /// Limits of the platform and its wheels; without all of them the drives aren't enabled.

@@ -17,6 +17,7 @@ use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use super::run_tables::{RecordingPlan, RunTable};
+use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
 use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
@@ -34,6 +35,8 @@ pub struct RobotPlan {
     pub drives: Vec<DrivePlan>,
     /// The SubDevices that drive no wheel.
     pub devices: Vec<DevicePlan>,
+    /// Other programs that send inputs.
+    pub sources: Vec<SourcePlan>,
     /// Wheels and where they stand.
     pub kinematics: Kinematics,
     /// Limits.
@@ -66,7 +69,7 @@ impl RobotPlan {
 
     /// The signals that come and go beside the drives.
     pub fn signals(&self) -> SignalLayout {
-        signal_layout(&self.devices)
+        signal_layout(&self.devices, &self.sources)
     }
 
     /// What a cycle's record of this robot holds.

@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
+use super::sources::Sources;
 use crate::config::RobotPlan;
 use crate::image::ProcessImage;
 use crate::registry::{Made, Registry};
 use crate::signals::{
-    CycleTime, Exchange, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, SignalLayout, Signals, Told,
+    CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, SignalLayout, Signals, Told,
 };
 use crate::stages::Peripheral;
 
@@ -14,6 +15,7 @@ use crate::stages::Peripheral;
 pub(crate) struct Beside {
     layout: SignalLayout,
     all: Vec<Part>,
+    sources: Sources,
     /// Values of the outputs until somebody sets them.
     on_stop: [f64; MAX_SIGNALS],
     /// What was asked of the outputs.
@@ -35,7 +37,7 @@ struct Part {
 }
 
 /// The next so many places.
-fn next(at: &mut usize, length: usize) -> Range<usize> {
+pub(super) fn next(at: &mut usize, length: usize) -> Range<usize> {
     let begin = std::mem::replace(at, *at + length);
     begin..*at
 }
@@ -59,9 +61,10 @@ impl Beside {
         Ok(Beside {
             layout: plan.signals(),
             all,
+            sources: Sources::new(plan),
             on_stop,
             asked: [None; MAX_SIGNALS],
-            told: Told::default(),
+            told: Told::NOTHING,
             most_age_ns: u64::from(plan.safety.lost_exchanges_tolerated).saturating_mul(plan.bus.cycle_ns),
         })
     }
@@ -69,7 +72,7 @@ impl Beside {
     /// Before the first cycle nothing was heard.
     pub(crate) fn begin(&self) -> Signals {
         let mut signals = Signals { shape: self.layout.shape(), outputs: self.on_stop, ..Signals::NONE };
-        signals.ages_s[..self.all.len()].fill(f64::INFINITY);
+        signals.ages_s[..self.layout.devices.len() + self.layout.sources.len()].fill(f64::INFINITY);
         signals
     }
 
@@ -81,7 +84,7 @@ impl Beside {
         image: &dyn ProcessImage,
         signals: &mut Signals,
     ) {
-        self.told = Told::default();
+        self.told = Told::NOTHING;
         signals.believed = 0;
         signals.input_bytes.fill(0);
         for (device, part) in self.all.iter_mut().enumerate() {
@@ -105,6 +108,12 @@ impl Beside {
                 signals.believed |= u64::from(value.is_finite()) << input;
             }
         }
+        self.sources.read(time, signals);
+    }
+
+    /// Something came from another program; it counts in the next cycle.
+    pub(crate) fn hear(&mut self, source: usize, heard: &Heard) {
+        self.sources.hear(source, heard);
     }
 
     /// What stages see.
@@ -151,7 +160,7 @@ impl Beside {
     ) {
         if lets_go {
             self.asked = [None; MAX_SIGNALS];
-            self.told = Told::default();
+            self.told = Told::NOTHING;
         }
         for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {
             *value = match self.told.is_told >> output & 1 {
@@ -169,12 +178,13 @@ impl Beside {
         }
     }
 
-    /// Puts a recorded cycle's inputs back into process data.
-    pub(crate) fn replay(&self, signals: &Signals, inputs: &mut [Vec<u8>]) {
+    /// Puts a recorded cycle's inputs back into process data, and what programs sent back on its way.
+    pub(crate) fn replay(&mut self, signals: &Signals, inputs: &mut [Vec<u8>]) {
         for (part, bytes) in self.all.iter().zip(inputs) {
             let recorded = &signals.input_bytes[part.input_bytes.clone()];
             let length = bytes.len().min(recorded.len());
             bytes[..length].copy_from_slice(&recorded[..length]);
         }
+        self.sources.replay(signals);
     }
 }

@@ -1,9 +1,11 @@
-//! Named values beside the drives: what other SubDevices say, and what they are told.
+//! Named values beside the drives: what other SubDevices and programs say, and what SubDevices are told.
+
+use super::sources::{MAX_SOURCES, SourceName};
 
 /// SubDevices that drive no wheel.
 pub const MAX_DEVICES: usize = 16;
 /// Named values of one direction.
-pub const MAX_SIGNALS: usize = 32;
+pub const MAX_SIGNALS: usize = 64;
 /// Bytes of process data of all these SubDevices together in one direction.
 pub const MAX_DEVICE_BYTES: usize = 128;
 
@@ -21,7 +23,9 @@ pub struct SignalName {
 pub struct SignalLayout {
     /// Names of the SubDevices.
     pub devices: Vec<String>,
-    /// What comes in, at most [`MAX_SIGNALS`].
+    /// Other programs that send inputs, at most [`MAX_SOURCES`].
+    pub sources: Vec<SourceName>,
+    /// What comes in, at most [`MAX_SIGNALS`]: the SubDevices' first, then the programs'.
     pub inputs: Vec<SignalName>,
     /// What goes out, at most [`MAX_SIGNALS`].
     pub outputs: Vec<SignalName>,
@@ -46,6 +50,7 @@ impl SignalLayout {
     pub fn shape(&self) -> SignalShape {
         SignalShape {
             devices: self.devices.len(),
+            sources: self.sources.len(),
             inputs: self.inputs.len(),
             outputs: self.outputs.len(),
             input_bytes: self.input_bytes,
@@ -59,6 +64,8 @@ impl SignalLayout {
 pub struct SignalShape {
     /// SubDevices.
     pub devices: usize,
+    /// Other programs.
+    pub sources: usize,
     /// Inputs.
     pub inputs: usize,
     /// Outputs.
@@ -76,8 +83,12 @@ pub struct Signals {
     pub shape: SignalShape,
     /// Process data from the SubDevices, one behind the other, raw; 0 of those that took no part in the exchange.
     pub input_bytes: [u8; MAX_DEVICE_BYTES],
-    /// Age of each SubDevice's inputs, s; infinite until it was heard.
-    pub ages_s: [f64; MAX_DEVICES],
+    /// Age of each SubDevice's inputs, then of each program's, s; infinite until it was heard.
+    pub ages_s: [f64; MAX_DEVICES + MAX_SOURCES],
+    /// Which programs were heard in this cycle: bit n for source n.
+    pub heard: u64,
+    /// The instant of what each program sent last, on the robot's clock, ns.
+    pub instants_ns: [u64; MAX_SOURCES],
     /// Inputs, in their units: the last that were heard.
     pub inputs: [f64; MAX_SIGNALS],
     /// Which inputs are to be believed: bit n for input n. Not those that are old, or no number.
@@ -91,9 +102,11 @@ pub struct Signals {
 impl Signals {
     /// No signals.
     pub const NONE: Signals = Signals {
-        shape: SignalShape { devices: 0, inputs: 0, outputs: 0, input_bytes: 0, output_bytes: 0 },
+        shape: SignalShape { devices: 0, sources: 0, inputs: 0, outputs: 0, input_bytes: 0, output_bytes: 0 },
         input_bytes: [0; MAX_DEVICE_BYTES],
-        ages_s: [0.0; MAX_DEVICES],
+        ages_s: [0.0; MAX_DEVICES + MAX_SOURCES],
+        heard: 0,
+        instants_ns: [0; MAX_SOURCES],
         inputs: [0.0; MAX_SIGNALS],
         believed: 0,
         outputs: [0.0; MAX_SIGNALS],
@@ -114,42 +127,71 @@ impl Default for Signals {
 }
 
 static NONE: Signals = Signals::NONE;
+static NO_LAYOUT: SignalLayout = SignalLayout {
+    devices: Vec::new(),
+    sources: Vec::new(),
+    inputs: Vec::new(),
+    outputs: Vec::new(),
+    input_bytes: 0,
+    output_bytes: 0,
+};
 
 /// What comes in beside the drives, by name.
 #[derive(Clone, Copy, Debug)]
 pub struct Inputs<'a> {
-    names: &'a [SignalName],
+    layout: &'a SignalLayout,
     signals: &'a Signals,
 }
 
 impl<'a> Inputs<'a> {
     /// The inputs of a cycle.
     pub fn new(layout: &'a SignalLayout, signals: &'a Signals) -> Self {
-        Inputs { names: &layout.inputs, signals }
+        Inputs { layout, signals }
     }
 
     /// An input by its full name, as `buttons.3`, in its unit; `None` where it is old, no number, or isn't there.
     pub fn value(&self, name: &str) -> Option<f64> {
-        self.signals.believed(self.names.iter().position(|signal| signal.name == name)?)
+        self.believed(self.layout.input(name)?)
     }
 
     /// Their names, in order.
     pub fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.names.iter().map(|signal| signal.name.as_str())
+        self.layout.inputs.iter().map(|signal| signal.name.as_str())
+    }
+
+    /// How old what a SubDevice or a program said is, s: infinite until it was heard; `None` where it isn't there.
+    pub fn age_s(&self, name: &str) -> Option<f64> {
+        let device = self.layout.devices.iter().position(|device| device == name);
+        device.map(|device| self.signals.ages_s[device]).or_else(|| Some(self.source(name)?.1))
+    }
+
+    /// An input by its place; `None` where it isn't to be believed.
+    pub(super) fn believed(&self, input: usize) -> Option<f64> {
+        self.signals.believed(input)
+    }
+
+    /// A program by its name, and the age of what it sent last, s.
+    pub(super) fn source(&self, name: &str) -> Option<(&'a SourceName, f64)> {
+        let place = self.layout.sources.iter().position(|source| source.name == name)?;
+        Some((&self.layout.sources[place], self.signals.ages_s[self.layout.devices.len() + place]))
     }
 }
 
 impl Default for Inputs<'_> {
     fn default() -> Self {
-        Inputs { names: &[], signals: &NONE }
+        Inputs { layout: &NO_LAYOUT, signals: &NONE }
     }
 }
 
 /// What stages tell other SubDevices in one cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Told {
     pub(crate) values: [f64; MAX_SIGNALS],
     pub(crate) is_told: u64,
+}
+
+impl Told {
+    pub(crate) const NOTHING: Told = Told { values: [0.0; MAX_SIGNALS], is_told: 0 };
 }
 
 /// What goes out beside the drives, by name; it counts for the cycle in which it is set.

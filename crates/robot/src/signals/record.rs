@@ -7,7 +7,7 @@ use super::{
     Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, LimitedBy,
     MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
     ReferenceStatus, Request, RequestAnswer, SafetyAction, SafetyReason, Setpoint, SignalLayout, SignalName,
-    SignalShape, Signals,
+    SignalShape, Signals, SourceName,
 };
 
 const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
@@ -175,7 +175,11 @@ impl CycleRecord {
 
     /// The first part of every channel's name that isn't a signal's.
     pub fn topics() -> Vec<String> {
-        let some = SignalLayout { devices: vec![String::new()], ..SignalLayout::default() };
+        let some = SignalLayout {
+            devices: vec![String::new()],
+            sources: vec![SourceName::default()],
+            ..SignalLayout::default()
+        };
         let channels = CycleRecord::channels(&RecordLayout { wheels: MAX_WHEELS, signals: some });
         let topic = |channel: &Channel| channel.name.split('.').next().unwrap_or_default().to_owned();
         let mut topics: Vec<String> = channels.iter().map(topic).filter(|topic| !topic.is_empty()).collect();
@@ -441,8 +445,8 @@ impl Visit<'_> {
 
     /// Nothing for a robot without them.
     fn signals(&mut self, names: &SignalLayout, signals: &mut Signals) {
-        let SignalShape { devices, inputs, outputs, input_bytes, output_bytes } = signals.shape;
-        if devices == 0 {
+        let SignalShape { devices, sources, inputs, outputs, input_bytes, output_bytes } = signals.shape;
+        if devices + sources == 0 {
             return;
         }
         self.prefix = Name::new("device.");
@@ -457,10 +461,19 @@ impl Visit<'_> {
                 self.word(number, bytes);
             }
         }
-        self.prefix = Name::default();
-        for (n, age_s) in signals.ages_s.iter_mut().take(devices).enumerate() {
-            self.prefix = Name::new(names.devices.get(n).map_or("", String::as_str));
+        if sources > 0 {
+            self.prefix = Name::new("source.");
+            self.u64("heard", "", &mut signals.heard);
+        }
+        let named = names.devices.iter().chain(names.sources.iter().map(|source| &source.name));
+        let mut named = named.map(String::as_str).chain(std::iter::repeat(""));
+        for age_s in signals.ages_s.iter_mut().take(devices + sources) {
+            self.prefix = Name::new(named.next().unwrap_or_default());
             self.f64(".age", "s", age_s);
+        }
+        for (n, instant_ns) in signals.instants_ns.iter_mut().take(sources).enumerate() {
+            self.prefix = Name::new(names.sources.get(n).map_or("", |source| source.name.as_str()));
+            self.u64(".instant", "ns", instant_ns);
         }
         self.prefix = Name::default();
         for (names, values, count) in

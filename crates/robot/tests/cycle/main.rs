@@ -10,6 +10,7 @@ mod promises;
 mod reasons;
 mod safety;
 mod settings;
+mod sources;
 mod stops;
 mod support;
 mod torque;

@@ -6,10 +6,10 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use omnibase_cia402::ErrorCode;
 use omnibase_record::run::RunDescriber;
-use omnibase_robot::RequestKind;
-use omnibase_robot::config::{ComebackPlan, ReferenceTable};
-use omnibase_robot::signals::{Batch, Phase};
+use omnibase_robot::config::{ComebackPlan, ReferenceTable, SourcePlan};
+use omnibase_robot::signals::{Batch, Heard, Phase, StopCategory};
 use omnibase_robot::stages::Reference;
+use omnibase_robot::{RequestKind, Robot};
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, triple_buffer};
 
@@ -17,6 +17,7 @@ use super::acyclic::{AcyclicEnd, AcyclicLine, acyclic};
 use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS, Refusal};
 use super::operator::{Ages, Note, Operator, Turn};
 use super::snapshot::Snapshot;
+use super::sources::{NotHeard, SourceCounts, SourceEnds, SourceLines, source_lines};
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 use super::trace::{Trace, TraceGap, TracePoint};
 use crate::channels::Authority;
@@ -60,13 +61,14 @@ enum Back {
     Reference(Box<dyn Reference>),
 }
 
-/// The ends of one robot's live operation.
-pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Live, LiveEnd) {
+/// The ends of the live operation of one robot, to which these programs send inputs.
+pub fn live(ages: Ages, emergency: StopCategory, sources: &[SourcePlan]) -> (Live, LiveEnd) {
     let (commands, inbox) = RingBuffer::new(COMMANDS);
     let (back, from_cycle) = RingBuffer::new(BACK);
     let (input, output) = triple_buffer(&Snapshot::default());
     let clock_ns = Arc::new(AtomicU64::new(0));
     let (acyclic_line, acyclic_end) = acyclic();
+    let (source_lines, source_ends) = source_lines(sources);
     let shared = Shared {
         commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS] }),
         clock_ns: clock_ns.clone(),
@@ -98,8 +100,9 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
         last_trace_ns: None,
         unsent: None,
         acyclic: acyclic_end,
+        sources: source_ends,
     };
-    (Live { shared: Arc::new(shared), acyclic: acyclic_line }, end)
+    (Live { shared: Arc::new(shared), acyclic: acyclic_line, sources: source_lines }, end)
 }
 
 /// Everybody else's end; clones talk to the same robot. Methods may wait for each other, never for the cycle.
@@ -107,6 +110,7 @@ pub fn live(ages: Ages, emergency: omnibase_robot::signals::StopCategory) -> (Li
 pub struct Live {
     shared: Arc<Shared>,
     acyclic: AcyclicLine,
+    sources: SourceLines,
 }
 
 /// Whom a command comes from, and when it was asked.
@@ -345,6 +349,16 @@ impl Live {
         stamp.within(self.clock_ns(), BEGINNING_AGE_NS).map(drop)
     }
 
+    /// Sends what another program says, by its place among the plan's sources: the latest counts in the next cycle.
+    pub fn send_inputs(&self, source: usize, heard: &Heard) -> Result<(), NotHeard> {
+        self.sources.send(source, heard, self.clock_ns())
+    }
+
+    /// What became of all that each program sent.
+    pub fn source_counts(&self) -> Vec<SourceCounts> {
+        self.sources.counts()
+    }
+
     /// SDOs and registers of the robot's SubDevices.
     pub fn acyclic(&self) -> &AcyclicLine {
         &self.acyclic
@@ -430,12 +444,18 @@ pub struct LiveEnd {
     /// A reference for which there was no room on the way back; kept, for dropping it would free memory.
     unsent: Option<Box<dyn Reference>>,
     acyclic: AcyclicEnd,
+    sources: SourceEnds,
 }
 
 impl LiveEnd {
     /// What is asked of SubDevices beside the cycle.
     pub(crate) fn acyclic(&mut self) -> &mut AcyclicEnd {
         &mut self.acyclic
+    }
+
+    /// Gives the robot what other programs sent since the last cycle.
+    pub(crate) fn hear(&mut self, robot: &mut Robot) {
+        self.sources.hear(robot);
     }
 
     /// What to ask in the coming cycle, at its time, from the last snapshot's record and phase.

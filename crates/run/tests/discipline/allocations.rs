@@ -11,7 +11,7 @@ use omnibase_platform::Twist2;
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::{Batch, Frame, StopCategory};
+use omnibase_robot::signals::{Batch, Frame, Heard, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, StickWish, live};
@@ -154,7 +154,7 @@ const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
 
 #[test]
 fn requests_of_an_operator() {
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
     let extras = Extras { deeds: hands(&hand), live: Some(end), ..Extras::default() };
     let (ran, seen) = watched(&robot(), extras);
     assert!(ran.summary.events.len() > 4, "{:?}", ran.summary.events);
@@ -163,7 +163,7 @@ fn requests_of_an_operator() {
 
 #[test]
 fn a_robot_between_a_fence_and_an_obstacle_that_is_dragged() {
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
     let drag = |cycle: u64| {
         let (live, y_m) = (hand.clone(), 1e-4 * (cycle - 600) as f64);
         let obstacle = Obstacle { centre_m: [0.75, y_m], radius_m: 0.1, velocity_m_s: [-0.05, 0.0] };
@@ -180,9 +180,15 @@ fn a_robot_between_a_fence_and_an_obstacle_that_is_dragged() {
     allocates_nothing("fence and obstacle", &seen, 4900);
 }
 
+const SOURCES: &str = "
+[[source]]
+name = \"mocap\"
+carries = \"pose\"
+";
+
 #[test]
 fn terminals_beside_the_drives_that_are_set_and_lost() {
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
     let mut deeds = hands(&hand);
     deeds.extend((300_u32..4900).step_by(41).map(|cycle| {
         let (live, value) = (hand.clone(), f64::from(cycle % 2));
@@ -205,6 +211,28 @@ fn terminals_beside_the_drives_that_are_set_and_lost() {
     let robot = robot_of(include_str!("../../../../robots/bmm_io.toml"), &[]);
     let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
     allocates_nothing("terminals", &seen, 4900);
+}
+
+#[test]
+fn programs_that_send_a_thousand_times_a_second() {
+    let robot = robot_of(&[include_str!("../../../../robots/bmm.toml"), SOURCES].concat(), &[]);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);
+    let mut deeds = hands(&hand);
+    deeds.extend((300..4700_u64).map(|cycle| {
+        let live = hand.clone();
+        let send = move || {
+            // Two, of which the second one is overtaken.
+            for age_ns in [0, 1_000_000] {
+                let instant_ns = live.clock_ns() - age_ns;
+                let _ = live.send_inputs(0, &Heard { instant_ns, ..Heard::NOTHING });
+            }
+        };
+        (cycle, Deed::Do(Box::new(send)))
+    }));
+    deeds.sort_by_key(|(cycle, _)| *cycle);
+    let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
+    allocates_nothing("programs", &seen, 4900);
+    assert!(hand.source_counts()[0].heard > 4000, "{:?}", hand.source_counts());
 }
 
 /// A pipe that nobody empties, so that its writer waits for ever.
@@ -241,7 +269,7 @@ fn a_recorder_that_is_full() {
     };
     let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Drop).unwrap();
     // The ring holds some 20 s, so the run has to be longer: people rest for a minute.
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
     let enable = hand.clone();
     let deeds = vec![
         (

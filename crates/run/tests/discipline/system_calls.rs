@@ -80,7 +80,8 @@ fn run_for_strace() {
     robot.plan.bus.receive_timeout_ns = robot.plan.bus.cycle_ns * 9 / 10;
     let progress = Progress::default();
     let (stop, served) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (hand, end) = live(Ages { pad_ns: u64::MAX, session_ns: u64::MAX }, StopCategory::RampThenRemove);
+    let (hand, end) =
+        live(Ages { pad_ns: u64::MAX, session_ns: u64::MAX }, StopCategory::RampThenRemove, &[]);
     hand.send(Client::Joystick, Ask::Robot(RequestKind::Enable)).unwrap();
     hand.send(Client::Joystick, Ask::Robot(RequestKind::Track)).unwrap();
     let path = std::env::temp_dir().join(format!("omnibase-discipline-{}.mcap", std::process::id()));

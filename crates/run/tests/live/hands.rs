@@ -188,7 +188,7 @@ pub fn played_with(
     let Simulated { segment, machine, panels } = simulated::robot(&robot.plan).unwrap();
     let mut hands = Hands { panels, ..Hands::default() };
     prepare(&mut hands);
-    let (live, end) = live(AGES, StopCategory::RampThenRemove);
+    let (live, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);
     let (link, clock) = in_process(segment);
     let link = Cable { link, is_pulled: hands.is_pulled.clone() };
     let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));

@@ -6,6 +6,7 @@ mod hands;
 mod inputs;
 mod limits;
 mod own_reference;
+mod sources;
 mod stamps;
 mod stick;
 mod teaching;

@@ -137,7 +137,7 @@ impl Options {
             return Ok(None);
         }
         let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
-        let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove);
+        let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove, &robot.plan.sources);
         if let Some(describer) = describer {
             live.describe_to(describer);
         }

@@ -6,11 +6,17 @@ use omnibase_robot::signals::MAX_SIGNALS;
 use crate::live::command::Client;
 
 /// The authors of the outputs.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Authors {
     by: [Option<Client>; MAX_SIGNALS],
     /// Outputs whose authors are gone, and that are to be reset: bit n for output n.
     left: u64,
+}
+
+impl Default for Authors {
+    fn default() -> Self {
+        Authors { by: [None; MAX_SIGNALS], left: 0 }
+    }
 }
 
 impl Authors {

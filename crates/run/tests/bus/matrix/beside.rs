@@ -81,7 +81,7 @@ fn came(state: State, dead: Dead) -> Came {
         let (started, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Drop).unwrap();
         (recorder, recording) = (Some(started), Some((rows, sink)));
     }
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove);
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
     let page = hand.begin_session().unwrap();
     let (mut hand, mut last, mut speed_rad_s) = (Some(hand), 0, 0.0);
     let tell = || {
