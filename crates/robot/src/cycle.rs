@@ -135,8 +135,8 @@ impl Robot {
         &self.record
     }
 
-    /// What another program sent, by its place among the plan's sources; it counts in the next cycle, where it is newer
-    /// than what was heard before.
+    /// What another program sent, by its place among the plan's sources; it counts in the next cycle, where it is no
+    /// older than what was heard before.
     pub fn hear(&mut self, source: usize, heard: &Heard) {
         self.beside.hear(source, heard);
     }

@@ -46,15 +46,15 @@ impl Sources {
         }
     }
 
-    /// What came is taken where it is newer than what was there; what wasn't heard grows old.
+    /// What came is taken where it is no older than what was there; what wasn't heard grows old.
     pub(super) fn read(&mut self, time: &CycleTime, signals: &mut Signals) {
         signals.heard = 0;
         for (place, sender) in self.all.iter_mut().enumerate() {
             let values = &mut signals.inputs[sender.inputs.clone()];
-            let is_newer = |heard: &Heard| sender.heard_ns.is_none_or(|last_ns| heard.instant_ns > last_ns);
+            let is_older = |heard: &Heard| sender.heard_ns.is_some_and(|last_ns| heard.instant_ns < last_ns);
             // Of the future nobody can tell anything.
             let is_known = |heard: &Heard| heard.instant_ns <= time.now_ns;
-            if let Some(heard) = sender.waiting.take().filter(is_newer).filter(is_known) {
+            if let Some(heard) = sender.waiting.take().filter(|heard| !is_older(heard)).filter(is_known) {
                 for (value, sent) in values.iter_mut().zip(&heard.values) {
                     *value = *sent;
                 }

@@ -8,6 +8,10 @@ use omnibase_robot::config::SourcePlan;
 use omnibase_robot::signals::{Heard, MAX_SOURCES};
 use triple_buffer::{Input, Output, triple_buffer};
 
+/// Between two cycles the robot's clock stands, and a cycle may be late: instants may be ahead of it by so much, ns, and
+/// count as the clock's then.
+const AHEAD_NS: u64 = 10_000_000;
+
 /// Why something that a program sent goes no further.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotHeard {
@@ -66,6 +70,7 @@ pub struct SourceCounts {
 /// One program's way in.
 struct Way {
     to_cycle: Input<Heard>,
+    /// The instant of the latest as it was sent.
     latest_ns: Option<u64>,
     max_age_ns: u64,
     counts: SourceCounts,
@@ -81,15 +86,14 @@ impl SourceLines {
         let way = self.0.get(source).ok_or(NotHeard::Unknown)?;
         let mut way = way.lock().unwrap_or_else(PoisonError::into_inner);
         let instant_ns = heard.instant_ns;
-        let refused = match (clock_ns.checked_sub(instant_ns), way.latest_ns) {
-            (None, _) => Some(NotHeard::Future { ahead_ns: instant_ns - clock_ns }),
-            (Some(age_ns), _) if age_ns > way.max_age_ns => {
-                Some(NotHeard::TooOld { age_ns, most_ns: way.max_age_ns })
-            }
-            (_, Some(latest_ns)) if instant_ns <= latest_ns => {
-                Some(NotHeard::Overtaken { by_ns: latest_ns - instant_ns })
-            }
-            _ => None,
+        let ahead_ns = instant_ns.saturating_sub(clock_ns);
+        let age_ns = clock_ns.saturating_sub(instant_ns);
+        let by_ns = way.latest_ns.and_then(|latest_ns| latest_ns.checked_sub(instant_ns));
+        let refused = match by_ns {
+            _ if ahead_ns > AHEAD_NS => Some(NotHeard::Future { ahead_ns }),
+            _ if age_ns > way.max_age_ns => Some(NotHeard::TooOld { age_ns, most_ns: way.max_age_ns }),
+            Some(by_ns) => Some(NotHeard::Overtaken { by_ns }),
+            None => None,
         };
         match refused {
             Some(NotHeard::TooOld { .. }) => way.counts.late += 1,
@@ -97,7 +101,7 @@ impl SourceLines {
             None => {
                 way.counts.heard += 1;
                 way.latest_ns = Some(instant_ns);
-                way.to_cycle.write(*heard);
+                way.to_cycle.write(Heard { instant_ns: instant_ns.min(clock_ns), ..*heard });
             }
         }
         refused.map_or(Ok(()), Err)

@@ -91,10 +91,16 @@ fn what_is_late_overtaken_or_of_the_future_is_counted_and_never_seen() {
                     1 => assert!(matches!(sent(21 * MS, -1.0), Err(NotHeard::TooOld { .. }))),
                     2 => assert!(matches!(sent(15 * MS, -1.0), Err(NotHeard::Overtaken { .. }))),
                     3 => {
-                        let ahead = Heard { instant_ns: live.clock_ns() + MS, ..Heard::NOTHING };
+                        let ahead = Heard { instant_ns: live.clock_ns() + 11 * MS, ..Heard::NOTHING };
                         assert!(matches!(live.send_inputs(0, &ahead), Err(NotHeard::Future { .. })));
                     }
                     4 => sent(0, f64::NAN).unwrap(),
+                    // Between two cycles the robot's clock stands.
+                    5 => {
+                        let instant_ns = live.clock_ns() + MS / 2;
+                        live.send_inputs(0, &Heard { instant_ns, ..Heard::NOTHING }).unwrap();
+                        assert!(seen.record.signals.instants_ns[0] <= live.clock_ns());
+                    }
                     _ => sent(0, f64::from(ms)).unwrap(),
                 }
                 assert_eq!(live.send_inputs(1, &Heard::NOTHING), Err(NotHeard::Unknown));
