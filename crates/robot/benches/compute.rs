@@ -5,6 +5,7 @@
 use divan::{AllocProfiler, Bencher, black_box};
 use omnibase_robot::config::FencePlan;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
+use omnibase_robot::signals::{Heard, MAX_SOURCE_VALUES};
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
@@ -84,6 +85,22 @@ fn three_wheels(bencher: Bencher<'_, '_>, controller: &str) {
 fn four_wheels(bencher: Bencher<'_, '_>) {
     let mut running = Running::new(&plan(MECANUM, "closed_loop_speed"));
     bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
+}
+
+/// So many named values of another program, all of them new in each cycle.
+#[divan::bench(args = [0, 32])]
+fn inputs_of_a_program(bencher: Bencher<'_, '_>, count: usize) {
+    let mut text = String::from(BMM);
+    if count > 0 {
+        text += "\n[[source]]\nname = \"program\"\n";
+        text.extend((0..count).map(|number| format!("[[source.input]]\nname = \"value_{number}\"\n")));
+    }
+    let mut running = Running::new(&plan(&text, "closed_loop_speed"));
+    bencher.bench_local(|| {
+        let instant_ns = running.index * running.period_ns;
+        running.robot.hear(0, &Heard { instant_ns, values: [0.5; MAX_SOURCE_VALUES] });
+        black_box(running.cycle(None).allowed.commands.values[0])
+    });
 }
 
 /// A fence, and as many obstacles as there may be: far enough, or all of them nearer than they should be.

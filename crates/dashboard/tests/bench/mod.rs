@@ -40,7 +40,7 @@ impl Bench {
         let text = include_str!("../../../../robots/bmm.toml").into();
         let text = RobotText { text, changes, ..RobotText::default() };
         let robot = text.load(&registry).unwrap();
-        let (live, end) = live(AGES, StopCategory::RampThenRemove, &[]);
+        let (live, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);
         let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
         let paths = folder.path().to_owned();
         let about = RobotInfo {
