@@ -126,12 +126,14 @@ pub enum Call {
         /// Its name.
         name: String,
     },
-    /// Remember from now on where the robot is driven.
+    /// Remember from now on where the robot is driven, or single poses.
     Teach {
-        /// A point every so often.
+        /// A point every so often, or where `teach_point` says.
         #[serde(default)]
         by: TeachBy,
     },
+    /// Remember the pose where the robot stands now, after `teach by="points"`.
+    TeachPoint,
     /// Make a path of where it was driven, keep it under a name, and take it for reference.
     TeachEnd {
         /// The name: letters, digits, `-` and `_`.
@@ -241,6 +243,7 @@ impl Call {
             | Call::SdoType { .. }
             | Call::SdoWrite { .. }
             | Call::Teach { .. }
+            | Call::TeachPoint
             | Call::SetPose { .. }
             | Call::Alive => false,
         }
@@ -278,6 +281,8 @@ pub enum WishFrame {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TeachBy {
+    /// Where `teach_point`, the page's button or the stick's says; the path goes straight from pose to pose.
+    Points,
     /// Every so many seconds.
     PeriodS(f64),
     /// After every change of the pose by so many m, or rad.

@@ -11,7 +11,7 @@ use omnibase_robot::signals::Heard;
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{RequestKind, RobotPlan};
 use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, Stamp, StickWish, TRACE_KEPT_S};
-use omnibase_run::teach::{Sampling, lines, taught};
+use omnibase_run::teach::{Sampling, joined, lines, taught};
 use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
 
@@ -158,6 +158,10 @@ impl CallHandler {
                 return Ok(self.bus(BusCall::Write(place(subdevice, &object)?, value)));
             }
             Call::Teach { by } => return self.teach(by),
+            Call::TeachPoint => {
+                let count = self.live.remember_point().map_err(|why| why.to_string())?;
+                return Ok(Reply::CallResult(CallResult::done(format!("remembered point {count}"))));
+            }
             Call::TeachEnd { name, tolerance_m } => return self.teach_end(asker, &name, tolerance_m),
         };
         self.send(asker, ask, "done")
@@ -280,7 +284,14 @@ impl CallHandler {
     }
 
     fn teach(&self, by: TeachBy) -> Result<Reply, String> {
+        self.live.end_points();
         let sampling = match by {
+            TeachBy::Points => {
+                *lock(&self.teaching) = None;
+                self.live.begin_points();
+                let text = "remembering single points: `teach_point`, or the stick's button";
+                return Ok(Reply::CallResult(CallResult::done(text)));
+            }
             TeachBy::PeriodS(period_s) => Sampling::Period { period_s },
             TeachBy::Change { distance_m, angle_rad } => Sampling::Change { distance_m, angle_rad },
         };
@@ -293,6 +304,17 @@ impl CallHandler {
     }
 
     fn teach_end(&self, asker: Asker, name: &str, tolerance_m: Option<f64>) -> Result<Reply, String> {
+        if let Some(poses) = self.live.points() {
+            self.check_name(name)?;
+            let limits = &self.about.robot.plan.limits;
+            let taught = joined(&poses, limits).map_err(|error| error.to_string())?;
+            self.save(name, &taught.reference).map_err(|error| format!("saving: {error}"))?;
+            self.live.end_points();
+            let file = self.about.paths.join(format!("{name}.toml"));
+            let text = format!("taught {} points; saved as {}", poses.len(), file.display());
+            let checked = self.about.check(taught.reference.into(), &no_files)?;
+            return self.load(asker, checked, &text);
+        }
         let (since_s, sampling) =
             lock(&self.teaching).ok_or("expected `teach` before it: nothing was remembered")?;
         self.check_name(name)?;

@@ -176,7 +176,7 @@ async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, hea
     }
     let about = &shared.desk.about;
     let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut about.rows());
-    shared.count(&mut seen);
+    shared.complete(&mut seen);
     let named = about.columns().into_iter().zip(&seen.values).map(|(name, value)| (name, json!(value)));
     let named: Map<String, Value> = named.collect();
     let mut all = serde_json::to_value(&seen).unwrap_or_default();

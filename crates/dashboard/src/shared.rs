@@ -153,9 +153,11 @@ impl Shared {
         self.live.clock_ns() / NS_OF_MS
     }
 
-    /// Puts into a message what was counted outside the cycle.
-    pub(crate) fn count(&self, seen: &mut StatusMessage) {
+    /// Puts into a message what is known outside the cycle.
+    pub(crate) fn complete(&self, seen: &mut StatusMessage) {
         seen.sources = self.live.source_counts().into_iter().map(SourceSeen::from).collect();
+        seen.teaching_since_s = self.desk.teaching_since_s();
+        seen.taught_points = self.live.points().map(|points| points.len());
         seen.server = self.counters.all();
     }
 

@@ -57,6 +57,8 @@ pub struct StatusMessage {
     pub moves_again_in_s: Option<f64>,
     /// Where the robot is teaching since, s.
     pub teaching_since_s: Option<f64>,
+    /// How many single points were remembered; nothing where nobody teaches points.
+    pub taught_points: Option<usize>,
     /// Cycles done, frames lost, cycles left out.
     pub counts: [u64; 3],
     /// Cycle times so far.
@@ -220,6 +222,7 @@ impl StatusMessage {
             pose_known: record.state.pose_known,
             moves_again_in_s: beside.moves_again_in_s,
             teaching_since_s: None,
+            taught_points: None,
             counts: [snapshot.cycles, snapshot.lost_frames, snapshot.overruns],
             timing: snapshot.timing,
             controller: record.controller,

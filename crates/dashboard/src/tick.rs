@@ -24,9 +24,8 @@ pub(crate) async fn tick(shared: Shared) {
             continue;
         }
         let mut seen = StatusMessage::new(&shared.live.snapshot(), &mut rows);
-        seen.teaching_since_s = shared.desk.teaching_since_s();
         seen.events = events.into_iter().map(EventSeen::from).collect();
-        shared.count(&mut seen);
+        shared.complete(&mut seen);
         if let Ok(text) = serde_json::to_string(&seen) {
             shared.sender.send_replace(Arc::from(text));
         }

@@ -65,6 +65,8 @@ pub struct Map {
     pub toggle_frame: Option<ButtonCode>,
     /// The fixed frame becomes the platform's present one.
     pub reset_frame: Option<ButtonCode>,
+    /// Remember the pose where the robot stands.
+    pub teach_point: Option<ButtonCode>,
     /// The frame at the start.
     pub frame: StickFrame,
 }
@@ -184,6 +186,7 @@ impl Map {
             fixed_frame: buttons.fixed_frame,
             toggle_frame: buttons.toggle_frame,
             reset_frame: buttons.reset_frame,
+            teach_point: buttons.teach_point,
             frame: match merged.frame {
                 Some(StickFrameName::Fixed) => StickFrame::Fixed,
                 Some(StickFrameName::Platform) | None => StickFrame::Platform,

@@ -54,6 +54,8 @@ pub struct Requests {
     pub reset_frame: bool,
     /// A person enables the stick, and what it drives.
     pub enable: bool,
+    /// Remember the pose where the robot stands.
+    pub teach_point: bool,
 }
 
 /// What a person at a stick wishes.
@@ -288,6 +290,7 @@ impl Stick {
             };
         }
         self.requests.reset_frame |= went_down(map.reset_frame);
+        self.requests.teach_point |= went_down(map.teach_point);
         let (stop, enable) = (went_down(map.stop), went_down(Some(map.enable)));
         if enable {
             self.requests.enable = true;
@@ -313,5 +316,6 @@ impl Stick {
         // What was asked before the loss must not happen after it; a stop may.
         self.requests.enable = false;
         self.requests.reset_frame = false;
+        self.requests.teach_point = false;
     }
 }

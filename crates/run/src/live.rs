@@ -5,6 +5,7 @@
 //! - [`acyclic`]: SDOs of SubDevices beside the cycle.
 //! - [`carriers`]: a queue in, a queue and the latest snapshot out; nothing of it waits in the cycle.
 //! - [`joystick`]: from the stick at the robot's computer to what is asked.
+//! - [`points`]: poses that a person remembers one by one.
 //! - [`sdo`]: objects and states of the SubDevices, for those who may wait.
 //! - [`snapshot`]: the latest of everything.
 //! - [`sources`]: what other programs send.
@@ -15,6 +16,7 @@ pub mod carriers;
 pub mod command;
 pub mod joystick;
 pub mod operator;
+pub mod points;
 pub mod sdo;
 pub mod snapshot;
 pub mod sources;
@@ -26,6 +28,7 @@ pub use carriers::{Asker, Live, LiveEnd, LiveEvent, live};
 pub use command::{Answer, Ask, Client, Commander, Refusal, StickState, StickWish};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
+pub use points::NotRemembered;
 pub use sdo::{EntryType, SdoError, SdoPlace, SubDeviceSeen};
 pub use snapshot::Snapshot;
 pub use sources::{NotHeard, SourceCounts};

@@ -4,6 +4,7 @@ use omnibase_platform::Pose2;
 use omnibase_robot::config::motion_limits;
 use omnibase_robot::config::{InterpolationName, Limits, PathFrame, ReferenceTable};
 use omnibase_trajectory::limits::Retiming;
+use omnibase_trajectory::path_points::nearest_turn_rad;
 use omnibase_trajectory::{
     Interpolation, PathPoint, PathPoints, PathPointsError, PointTrajectory, Trajectory, limits,
 };
@@ -70,7 +71,7 @@ pub enum TeachError {
 /// A path that was taught.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taught {
-    /// The reference: points in odom, joined by a C2 spline.
+    /// The reference: points in odom, joined by a C2 spline, or by straight ways.
     pub reference: ReferenceTable,
     /// Points of the trace that were remembered, before thinning.
     pub remembered: usize,
@@ -96,18 +97,37 @@ pub fn taught(
     let smooth = smoothed(&remembered, 0.5 * tolerance_m);
     let (points, deviation_m) = thinned(&smooth, &remembered, tolerance_m)?;
     let points = limits::retimed(&points, Interpolation::Spline, &motion_limits(limits), Retiming::SlowDown);
+    let reference = reference(&points, InterpolationName::Spline);
+    Ok(Taught { reference, remembered: remembered.len(), deviation_m })
+}
+
+/// Makes a path of single poses: straight from one to the next, at rest at each, as fast as the limits allow.
+pub fn joined(poses: &[Pose2], limits: &Limits) -> Result<Taught, TeachError> {
+    let mut heading_rad = poses.first().map_or(0.0, |pose| pose.heading_rad);
+    let point = |(number, pose): (usize, &Pose2)| {
+        // The shorter turn, though it was turned further by hand.
+        heading_rad = nearest_turn_rad(pose.heading_rad, heading_rad);
+        PathPoint { time_s: number as f64, odom_from_base: Pose2 { heading_rad, ..*pose } }
+    };
+    let points = PathPoints::new(poses.iter().enumerate().map(point).collect())?;
+    let points = limits::retimed(&points, Interpolation::Quintic, &motion_limits(limits), Retiming::Fastest);
+    let reference = reference(&points, InterpolationName::Quintic);
+    Ok(Taught { reference, remembered: poses.len(), deviation_m: 0.0 })
+}
+
+/// A path's reference.
+fn reference(points: &PathPoints, interpolation: InterpolationName) -> ReferenceTable {
     let row = |point: &PathPoint| {
         let Pose2 { x_m, y_m, heading_rad } = point.odom_from_base;
         [point.time_s, x_m, y_m, heading_rad]
     };
-    let reference = ReferenceTable {
+    ReferenceTable {
         kind: Some("path".to_owned()),
         frame: Some(PathFrame::Odom),
-        interpolation: Some(InterpolationName::Spline),
+        interpolation: Some(interpolation),
         points: Some(points.as_slice().iter().map(row).collect()),
         ..ReferenceTable::default()
-    };
-    Ok(Taught { reference, remembered: remembered.len(), deviation_m })
+    }
 }
 
 /// The part of a trace between its first and its last motion.

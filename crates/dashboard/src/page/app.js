@@ -72,15 +72,17 @@ by("fit").onclick = () => (view.fit(), view.setFollow(false));
 by("clear").onclick = () => ((view.trail = []), view.draw());
 by("add-plot").onclick = () => plots?.add([]);
 by("teach").onclick = async () => {
-  if (last?.teaching_since_s == null) {
+  if (last?.teaching_since_s == null && last?.taught_points == null) {
     const chosen = by("teach-by").value;
-    const sampling = chosen === "change" ? { change: { distance_m: 0.02, angle_rad: 0.035 } } : { period_s: Number(chosen) };
+    const sampling = chosen === "points" ? "points"
+      : chosen === "change" ? { change: { distance_m: 0.02, angle_rad: 0.035 } } : { period_s: Number(chosen) };
     await ask({ do: "teach", by: sampling });
   } else {
     await ask({ do: "teach_end", name: by("path-name").value, tolerance_m: Number(by("tolerance").value) });
     savedPaths();
   }
 };
+by("teach-point").onclick = () => ask({ do: "teach_point" });
 by("load").onclick = () => by("saved").value && ask({ do: "load_saved", name: by("saved").value });
 by("file").onchange = async () => {
   const [file] = by("file").files;
@@ -223,8 +225,10 @@ function draw() {
   for (const button of document.querySelectorAll(".buttons [data-do]")) {
     button.classList.toggle("go", button.dataset.do === next);
   }
-  by("teach").textContent = seen.teaching_since_s === null
-    ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
+  const taught = seen.taught_points;
+  by("teach").textContent = taught !== null ? `End and save (${taught} point${taught === 1 ? "" : "s"})`
+    : seen.teaching_since_s === null ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
+  by("teach-point").hidden = taught === null;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   obstacles.show(seen.obstacles);
   view.goal = seen.goal;

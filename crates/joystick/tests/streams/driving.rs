@@ -16,6 +16,7 @@ fn at(port: &mut omnibase_joystick::Port<Plugs>, from_ms: u64, to_ms: u64) -> St
         asked.stop |= last.requests.stop;
         asked.enable |= last.requests.enable;
         asked.reset_frame |= last.requests.reset_frame;
+        asked.teach_point |= last.requests.teach_point;
     }
     StickCommand { requests: asked, ..last }
 }
@@ -159,6 +160,11 @@ fn frames_are_chosen_by_buttons_and_the_fixed_one_is_reset_once() {
     assert_eq!(at(&mut port, 200, 290).frame, StickFrame::Platform);
     assert_eq!(at(&mut port, 300, 390).frame, StickFrame::Fixed);
     assert_eq!(at(&mut port, 400, 490).frame, StickFrame::Platform);
+    // A point is remembered once a press.
+    let stream = tap(Stream::default(), 0x125).report();
+    let mut port = self::port(&JoystickTable::default(), &t_flight(), &stream);
+    assert!(at(&mut port, 0, 90).requests.teach_point);
+    assert!(!port.turn(91 * MS).0.requests.teach_point);
     // The file may begin with the fixed one.
     let table = JoystickTable { frame: Some(StickFrameName::Fixed), ..JoystickTable::default() };
     assert_eq!(Map::of(&table, &t_flight()).expect("a map").frame, StickFrame::Fixed);

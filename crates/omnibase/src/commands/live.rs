@@ -76,6 +76,7 @@ pub struct Set {
   set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known
   controller name=adaptive_torque
   teach, teach_end name=round              remember where it is driven; save it as a path
+  teach by=points, teach_point             remember single poses; then teach_end
   load_saved name=round
   set_obstacle index=0 centre_m=[1.5,0.2] radius_m=0.3 velocity_m_s=[0,-0.1]
   remove_obstacle index=0

@@ -129,11 +129,13 @@ pub struct StickButtonsTable {
     pub toggle_frame: Option<ButtonCode>,
     /// The fixed frame becomes the platform's present one.
     pub reset_frame: Option<ButtonCode>,
+    /// Remember the pose where the robot stands, while somebody teaches single points.
+    pub teach_point: Option<ButtonCode>,
 }
 
 impl StickButtonsTable {
     /// The buttons with the names of their keys.
-    pub fn named(&self) -> [(&'static str, Option<ButtonCode>); 7] {
+    pub fn named(&self) -> [(&'static str, Option<ButtonCode>); 8] {
         [
             ("dead_man", self.dead_man),
             ("stop", self.stop),
@@ -142,6 +144,7 @@ impl StickButtonsTable {
             ("fixed_frame", self.fixed_frame),
             ("toggle_frame", self.toggle_frame),
             ("reset_frame", self.reset_frame),
+            ("teach_point", self.teach_point),
         ]
     }
 }

@@ -24,7 +24,9 @@ const BTN_SOUTH: ButtonCode = ButtonCode(0x130);
 const BTN_EAST: ButtonCode = ButtonCode(0x131);
 const BTN_NORTH: ButtonCode = ButtonCode(0x133);
 const BTN_WEST: ButtonCode = ButtonCode(0x134);
+const BTN_PINKIE: ButtonCode = ButtonCode(0x125);
 const BTN_TL: ButtonCode = ButtonCode(0x136);
+const BTN_TR: ButtonCode = ButtonCode(0x137);
 const BTN_START: ButtonCode = ButtonCode(0x13B);
 
 impl ReadyMapName {
@@ -61,6 +63,7 @@ impl ReadyMapName {
                     fixed_frame: Some(BTN_TOP),
                     toggle_frame: None,
                     reset_frame: Some(BTN_TOP2),
+                    teach_point: Some(BTN_PINKIE),
                 },
                 ..Default::default()
             },
@@ -131,6 +134,7 @@ impl JoystickTable {
                 fixed_frame: buttons.fixed_frame.or(ready.buttons.fixed_frame),
                 toggle_frame: buttons.toggle_frame.or(ready.buttons.toggle_frame),
                 reset_frame: buttons.reset_frame.or(ready.buttons.reset_frame),
+                teach_point: buttons.teach_point.or(ready.buttons.teach_point),
             },
             ..self.clone()
         }
@@ -153,6 +157,7 @@ fn pad(upper: ButtonCode, left: ButtonCode) -> JoystickTable {
             fixed_frame: Some(upper),
             toggle_frame: None,
             reset_frame: Some(left),
+            teach_point: Some(BTN_TR),
         },
         ..Default::default()
     }

@@ -140,7 +140,7 @@ fn stages_see_poses_and_velocities_whole_or_not_at_all() {
     let mut bench = Bench::with_registry(plan_with(&text, &registry), &registry);
     bench.run(10);
     let pose = [1.0, 2.0, 0.3, 4e-4, 0.0, 0.0, 4e-4, 0.0, 1e-4];
-    let mut last = |bench: &mut Bench, pose: &[f64], velocity: &[f64]| {
+    let last = |bench: &mut Bench, pose: &[f64], velocity: &[f64]| {
         hear(bench, MOCAP, 3 * MS, pose);
         hear(bench, FLOW, MS, velocity);
         bench.step(None);

@@ -16,6 +16,7 @@ use triple_buffer::{Input, Output, triple_buffer};
 use super::acyclic::{AcyclicEnd, AcyclicLine, acyclic};
 use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS, Refusal};
 use super::operator::{Ages, Note, Operator, Turn};
+use super::points::PointList;
 use super::snapshot::Snapshot;
 use super::sources::{NotHeard, SourceCounts, SourceEnds, SourceLines, source_lines};
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
@@ -102,7 +103,15 @@ pub fn live(ages: Ages, emergency: StopCategory, sources: &[SourcePlan]) -> (Liv
         acyclic: acyclic_end,
         sources: source_ends,
     };
-    (Live { shared: Arc::new(shared), acyclic: acyclic_line, sources: source_lines }, end)
+    (
+        Live {
+            shared: Arc::new(shared),
+            acyclic: acyclic_line,
+            sources: source_lines,
+            points: PointList::default(),
+        },
+        end,
+    )
 }
 
 /// Everybody else's end; clones talk to the same robot. Methods may wait for each other, never for the cycle.
@@ -111,6 +120,7 @@ pub struct Live {
     shared: Arc<Shared>,
     acyclic: AcyclicLine,
     sources: SourceLines,
+    pub(super) points: PointList,
 }
 
 /// Whom a command comes from, and when it was asked.

@@ -1,13 +1,15 @@
 //! Driven by hand, taught, repeated: in virtual time, frames and all.
 
+use std::sync::{Arc, Mutex};
+
 use crate::hands::{BMM, Hands, Played, played, played_by};
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase};
 use omnibase_run::RobotText;
-use omnibase_run::live::{Ask, Client, StickWish, TracePoint};
-use omnibase_run::teach::{Sampling, taught};
+use omnibase_run::live::{Ask, Client, NotRemembered, StickWish, TracePoint};
+use omnibase_run::teach::{Sampling, joined, taught};
 
 /// Somebody drives: ahead, in a bow with a turn, sideways.
 fn driven() -> Played {
@@ -77,4 +79,50 @@ fn a_path_driven_by_hand_repeats_within_two_millimetres_and_its_repeats_are_the_
         let third = repeated(&again.reference);
         assert!(rms_m(&third.live.trace_since(0.0), &trace) < 0.002, "{sampling:?}");
     }
+}
+
+#[test]
+fn single_points_become_a_path_that_stands_at_each_of_them() {
+    let taught = Arc::new(Mutex::new(Vec::new()));
+    let kept = taught.clone();
+    let driven = played(9.0, move |hands: &mut Hands| {
+        hands.at(0.2, |live, _| assert_eq!(live.remember_point(), Err(NotRemembered::NotBegun)));
+        hands.at(0.3, |live, _| live.begin_points());
+        hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
+        let held = |vx, vy, w| StickWish::Held { twist: Twist2::new(vx, vy, w), frame: Frame::Body };
+        hands.at(0.9, |live, _| assert_eq!(live.remember_point(), Ok(1)));
+        hands.pad(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0));
+        hands.pad(2.5, 3.5, Client::Joystick, StickWish::Released);
+        hands.at(3.5, |live, _| assert_eq!(live.remember_point(), Ok(2)));
+        hands.at(3.6, |live, _| assert_eq!(live.remember_point(), Err(NotRemembered::SamePlace)));
+        hands.pad(3.7, 6.0, Client::Joystick, held(0.0, 0.3, 0.5));
+        hands.pad(6.0, 8.0, Client::Joystick, StickWish::Released);
+        hands.at(8.0, move |live, _| {
+            assert_eq!(live.remember_point(), Ok(3));
+            *kept.lock().unwrap() = live.points().unwrap();
+            live.end_points();
+            assert_eq!(live.points(), None);
+        });
+    });
+    let poses = taught.lock().unwrap().clone();
+    let limits = crate::hands::plan().limits;
+    let path = joined(&poses, &limits).unwrap();
+    let points = path.reference.points.clone().unwrap();
+    assert_eq!((points.len(), path.remembered), (3, 3));
+    // As fast as the limits allow, from rest to rest: a quintic's greatest speed is 15/8 of its mean.
+    let way_m = (poses[1].x_m - poses[0].x_m).hypot(poses[1].y_m - poses[0].y_m);
+    assert!(points[1][0] < 15.0 / 8.0 * way_m / (0.5 * limits.speed_m_s), "{points:?}");
+    let repeat = repeated(&path.reference);
+    let trace = repeat.live.trace_since(0.0);
+    for pose in &poses {
+        let away_m = |point: &TracePoint| {
+            let [x_m, y_m, heading_rad] = point.believed;
+            (x_m - pose.x_m).hypot(y_m - pose.y_m) + 0.5 * (heading_rad - pose.heading_rad).abs()
+        };
+        let stands = trace.windows(4).filter(|four| four.iter().all(|point| away_m(point) < 0.002)).count();
+        assert!(stands > 0, "{pose:?}");
+    }
+    assert!(driven.replayed.difference.is_none());
+    // One pose is no path.
+    assert!(joined(&poses[..1], &limits).is_err());
 }

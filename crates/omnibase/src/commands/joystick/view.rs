@@ -76,7 +76,7 @@ fn direction(sign: f64) -> &'static str {
 }
 
 /// All tasks of buttons, with what they are for.
-fn buttons(map: &Map) -> [(&'static str, Option<ButtonCode>, &'static str); 7] {
+fn buttons(map: &Map) -> [(&'static str, Option<ButtonCode>, &'static str); 8] {
     [
         ("dead_man", map.dead_man, "held while driving"),
         ("stop", map.stop, "stop, and give the command back"),
@@ -85,6 +85,7 @@ fn buttons(map: &Map) -> [(&'static str, Option<ButtonCode>, &'static str); 7] {
         ("fixed_frame", map.fixed_frame, "drive in the fixed frame"),
         ("toggle_frame", map.toggle_frame, "change the frame"),
         ("reset_frame", map.reset_frame, "the fixed frame becomes the platform's present one"),
+        ("teach_point", map.teach_point, "remember where the robot stands, while points are taught"),
     ]
 }
 

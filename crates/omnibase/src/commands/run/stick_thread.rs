@@ -52,6 +52,12 @@ impl StickThread {
                 if !changes.is_empty() {
                     tickets.extend(live.set(Client::Joystick, &changes));
                 }
+                if command.requests.teach_point {
+                    match live.remember_point() {
+                        Ok(count) => note(format_args!("joystick: remembered point {count}")),
+                        Err(why) => note(format_args!("joystick: {why}")),
+                    }
+                }
                 for ask in driver.asks(&command, &seen) {
                     let is_asked_once = !matches!(ask, Ask::Stick(_));
                     let ticket = live.send(Client::Joystick, ask);
