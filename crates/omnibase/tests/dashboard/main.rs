@@ -243,6 +243,22 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     assert!(
         robot.folder.path().join("path-1.toml").is_file() && robot.folder.path().join("path-1.dat").is_file()
     );
+    // Single points: here, and back where it began.
+    page.value("void (document.getElementById('teach-by').value = 'points')");
+    page.click("#teach");
+    page.wait("!document.getElementById('teach-point').hidden");
+    page.click("#teach-point");
+    page.wait("document.getElementById('teach').textContent === 'End and save (1 point)'");
+    page.picture("phone-points");
+    page.click("[data-do=go_to_start]");
+    robot.wait("it is back", |robot| {
+        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
+    });
+    page.click("#teach-point");
+    page.wait("document.getElementById('teach').textContent === 'End and save (2 points)'");
+    page.click("#teach");
+    page.wait("document.getElementById('said').textContent.startsWith('taught 2 points')");
+    page.wait("document.getElementById('teach-point').hidden");
     robot.end();
 }
 
