@@ -1,8 +1,7 @@
 //! From encoder counts to the platform's pose, twist and covariance.
 //!
-//! Every step is integrated as an exact arc; in holonomic segments ([`regime`]) the pose is computed in
-//! closed form from the wheel angles since the segment began, so that rounding and the quantisation of each
-//! sample do not add up. Both are computed, and the closed form holds only while they agree.
+//! Every step is an exact arc, which is right in every motion; how the platform moves ([`regime`]) is told beside it and
+//! changes nothing.
 
 mod covariance;
 mod encoder;
@@ -11,7 +10,7 @@ pub mod regime;
 use nalgebra::Matrix3;
 
 use crate::kinematics::Kinematics;
-use crate::se2::{BodyStep, Pose2, Twist2};
+use crate::se2::{Pose2, Twist2};
 use crate::wheel::PerWheel;
 use covariance::RadiusErrors;
 pub use covariance::{CovarianceSettings, PoseGrowth};
@@ -62,7 +61,7 @@ pub struct OdometryState {
     pub wheel_angles_rad: PerWheel,
     /// The surface speed that no twist explains, in m/s; see [`crate::MeasuredTwist`].
     pub slip_residual_m_s: f64,
-    /// How the pose was computed.
+    /// How the platform moves.
     pub regime: Regime,
     /// The covariance of (x, y, heading) in odom, in m², m·rad and rad².
     pub covariance: [[f64; 3]; 3],
@@ -115,22 +114,10 @@ pub struct Odometry {
     settings: OdometrySettings,
     encoders: Encoders,
     recogniser: Recogniser,
-    segment: Segment,
     /// What is added at each step; what stays is in `radius_errors`.
     covariance: Matrix3<f64>,
     radius_errors: RadiusErrors,
     state: OdometryState,
-}
-
-/// The present holonomic segment.
-#[derive(Clone, Copy, Debug)]
-struct Segment {
-    /// The pose at which it began, its heading with whole turns.
-    start: Pose2,
-    /// The wheel angles since then, in rad.
-    angles_rad: PerWheel,
-    /// The pose by integration since then.
-    integrated: Pose2,
 }
 
 impl Odometry {
@@ -143,7 +130,6 @@ impl Odometry {
         Ok(Odometry {
             encoders: Encoders::new(settings.rad_per_count),
             recogniser: Recogniser::new(settings.regimes),
-            segment: Segment { start, angles_rad: zero, integrated: start },
             covariance,
             radius_errors: RadiusErrors::new(&kinematics),
             state: OdometryState {
@@ -185,8 +171,6 @@ impl Odometry {
 
     /// Puts the platform elsewhere (a person reset the fixed frame, a camera saw it); uncertainty starts anew.
     pub fn set_pose(&mut self, odom_from_base: Pose2) {
-        let zero = self.state.wheel_speeds_rad_s.map(|_| 0.0);
-        self.segment = Segment { start: odom_from_base, angles_rad: zero, integrated: odom_from_base };
         self.covariance = self.settings.covariance.initial();
         self.radius_errors.reset();
         self.tell_covariance();
@@ -233,7 +217,7 @@ impl Odometry {
     /// Takes one sample of raw encoder counts, `period_s` after the one before.
     ///
     /// The first sample after start or [`Odometry::resync`] is the origin. `reference_in_base` is the twist that
-    /// the platform was told; without it no holonomic segment is recognised. A refused sample changes nothing:
+    /// the platform was told; without it no regime is recognised. A refused sample changes nothing:
     /// its increment comes with the next one.
     pub fn update(
         &mut self,
@@ -272,10 +256,9 @@ impl Odometry {
         state.twist_in_base = twist_in_base;
         state.slip_residual_m_s = residual_m / period_s;
 
-        let recognised = self.recogniser.step(reference_in_base, twist_in_base);
-        self.state.regime = recognised.regime;
+        self.state.regime = self.recogniser.step(reference_in_base, twist_in_base);
         let before = Pose2 { heading_rad: self.state.turned_rad, ..self.state.odom_from_base };
-        let pose = self.pose_after(before, step, increments_rad, recognised.continues);
+        let pose = before.moved_by(step);
 
         self.covariance =
             self.settings.covariance.grown(&self.covariance, (before, pose), (step, residual_m));
@@ -285,36 +268,6 @@ impl Odometry {
         self.state.odom_from_base = pose.wrapped();
         self.state.twist_in_odom = twist_in_base.rotated(pose.heading_rad);
         Ok(&self.state)
-    }
-
-    fn pose_after(
-        &mut self,
-        before: Pose2,
-        step: BodyStep,
-        increments_rad: &PerWheel,
-        continues: bool,
-    ) -> Pose2 {
-        if !continues {
-            let zero = increments_rad.map(|_| 0.0);
-            self.segment = Segment { start: before, angles_rad: zero, integrated: before };
-        }
-        let segment = &mut self.segment;
-        segment.integrated = segment.integrated.moved_by(step);
-        for (angle, increment) in segment.angles_rad.iter_mut().zip(increments_rad.iter()) {
-            *angle += increment;
-        }
-        if self.state.regime == Regime::Integrated {
-            return segment.integrated;
-        }
-        let (whole, _) = self.kinematics.body_step(&segment.angles_rad);
-        let closed = segment.start.moved_by(whole);
-        if closed.distance_m(segment.integrated) <= self.settings.regimes.agreement_m {
-            return closed;
-        }
-        // The motion is less regular than it looked: integration has the pose, and the segment ends.
-        self.recogniser.give_up();
-        self.state.regime = Regime::Integrated;
-        segment.integrated
     }
 
     fn count_matches(&self, setting: &'static str, found: usize) -> Result<(), OdometryError> {
@@ -344,7 +297,6 @@ fn check(kinematics: &Kinematics, settings: &OdometrySettings) -> Result<(), Odo
         ("still_rad_s", regimes.still_rad_s),
         ("direction_rad", regimes.direction_rad),
         ("curvature_per_m", regimes.curvature_per_m),
-        ("agreement_m", regimes.agreement_m),
     ];
     // A covariance that does not grow, or starts at zero, would claim certainty that no wheel has.
     for (setting, found) in scales.chain(tolerances).chain(settings.covariance.named()) {

@@ -1,27 +1,23 @@
-//! Holonomic segments: motions in which wheel angles alone give the pose.
+//! How the platform moves, recognised from what it was told and what was measured (thesis, 8.3.2): a signal for people
+//! and reports.
 //!
-//! While the body's twist keeps its direction in se(2), or while it does not turn, the pose is a function of
-//! the wheel angles since the segment began. Three such motions are recognised (thesis, 8.3.2): translation,
-//! rotation, and rotation at the tangent rate of the path. For the last the thesis asks that heading and path
-//! turn equally fast, which is a fixed direction of travel in base; that the angles determine the *position*
-//! too needs a constant curvature in addition (a straight metre and then a bend ends elsewhere than the bend and
-//! then the metre, with the same wheel angles), so a change of curvature begins a new segment.
+//! Rotation at the tangent rate of the path is a fixed direction of travel in base, with a constant curvature.
 
 use crate::se2::{Twist2, wrap_angle_rad};
 
-/// How the platform moves, and so how its pose is computed.
+/// How the platform moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Regime {
     /// Neither reference nor wheels move.
     Standstill,
-    /// Moving without turning: closed form.
+    /// Moving without turning.
     Translation,
-    /// Turning on the spot: closed form.
+    /// Turning on the spot.
     Rotation,
-    /// Turning as the path turns, with constant curvature: closed form.
+    /// Turning as the path turns, with constant curvature.
     Tangent,
-    /// Any other motion, or one without a reference to confirm it: integrated step by step.
-    Integrated,
+    /// Any other motion, or one without a reference to confirm it.
+    Other,
 }
 
 impl Regime {
@@ -32,7 +28,7 @@ impl Regime {
             Regime::Translation => "translation",
             Regime::Rotation => "rotation",
             Regime::Tangent => "tangent",
-            Regime::Integrated => "integrated",
+            Regime::Other => "other",
         }
     }
 }
@@ -48,22 +44,12 @@ pub struct RegimeTolerances {
     pub direction_rad: f64,
     /// By how much the curvature may change within a tangent segment, in 1/m.
     pub curvature_per_m: f64,
-    /// By how much closed form and integration may disagree before the closed form is given up, in m.
-    ///
-    /// This bounds what the other tolerances can cost.
-    pub agreement_m: f64,
 }
 
 impl Default for RegimeTolerances {
     /// Above the noise of 20-bit encoders at 1 kHz behind a 50 rad/s filter.
     fn default() -> Self {
-        RegimeTolerances {
-            still_m_s: 1e-3,
-            still_rad_s: 2e-3,
-            direction_rad: 0.02,
-            curvature_per_m: 0.02,
-            agreement_m: 1e-5,
-        }
+        RegimeTolerances { still_m_s: 1e-3, still_rad_s: 2e-3, direction_rad: 0.02, curvature_per_m: 0.02 }
     }
 }
 
@@ -88,44 +74,28 @@ impl Bend {
     }
 }
 
-/// What the recogniser says of one step.
-pub(super) struct Recognised {
-    pub(super) regime: Regime,
-    /// Whether this step continues the segment of the step before.
-    pub(super) continues: bool,
-}
-
-/// Recognises segments from reference and measured twist, both in base.
+/// Recognises regimes from reference and measured twist, both in base.
 #[derive(Clone, Debug)]
 pub(super) struct Recogniser {
-    pub(super) tolerances: RegimeTolerances,
-    regime: Regime,
+    tolerances: RegimeTolerances,
     /// The bends of reference and measurement at the beginning of a tangent segment.
     bends: Option<(Bend, Bend)>,
 }
 
 impl Recogniser {
     pub(super) fn new(tolerances: RegimeTolerances) -> Recogniser {
-        Recogniser { tolerances, regime: Regime::Standstill, bends: None }
+        Recogniser { tolerances, bends: None }
     }
 
-    pub(super) fn step(&mut self, reference_in_base: Option<Twist2>, measured_in_base: Twist2) -> Recognised {
-        let before = self.regime;
+    pub(super) fn step(&mut self, reference_in_base: Option<Twist2>, measured_in_base: Twist2) -> Regime {
         let regime = match reference_in_base {
             Some(reference) => self.recognise(reference, measured_in_base),
-            None => Regime::Integrated,
+            None => Regime::Other,
         };
-        if regime != Regime::Tangent && regime != Regime::Integrated {
+        if regime != Regime::Tangent && regime != Regime::Other {
             self.bends = None;
         }
-        self.regime = regime;
-        Recognised { regime, continues: regime == before }
-    }
-
-    /// The closed form was found wrong: the present segment ends.
-    pub(super) fn give_up(&mut self) {
-        self.regime = Regime::Integrated;
-        self.bends = None;
+        regime
     }
 
     fn recognise(&mut self, reference: Twist2, measured: Twist2) -> Regime {
@@ -146,10 +116,10 @@ impl Recogniser {
                 } else {
                     // Two steps make a segment: this one is where it may begin.
                     self.bends = Some(now);
-                    Regime::Integrated
+                    Regime::Other
                 }
             }
-            _ => Regime::Integrated,
+            _ => Regime::Other,
         }
     }
 }

@@ -275,7 +275,7 @@ impl CycleRecord {
         v.prefix = Name::default();
         let mut regime = regime_code(self.state.regime);
         v.u64("state.regime", "", &mut regime);
-        self.state.regime = regime_from_code(regime).unwrap_or(Regime::Integrated);
+        self.state.regime = regime_from_code(regime).unwrap_or(Regime::Other);
         v.f64("state.slip_residual", "m/s", &mut self.state.slip_residual_m_s);
         let mut pose_known = u64::from(self.state.pose_known);
         v.u64("state.pose_known", "", &mut pose_known);
@@ -510,7 +510,7 @@ const OUTPUTS: [&str; PROCESS_WORDS] =
     ["output_0", "output_1", "output_2", "output_3", "output_4", "output_5", "output_6", "output_7"];
 
 const REGIMES: [Regime; 5] =
-    [Regime::Standstill, Regime::Translation, Regime::Rotation, Regime::Tangent, Regime::Integrated];
+    [Regime::Standstill, Regime::Translation, Regime::Rotation, Regime::Tangent, Regime::Other];
 
 fn regime_code(regime: Regime) -> u64 {
     match regime {
@@ -518,7 +518,7 @@ fn regime_code(regime: Regime) -> u64 {
         Regime::Translation => 1,
         Regime::Rotation => 2,
         Regime::Tangent => 3,
-        Regime::Integrated => 4,
+        Regime::Other => 4,
     }
 }
 
