@@ -11,7 +11,7 @@ use omnibase_ethercat_sim::device::drive::DriveKind;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     Body, BodyParameters, DriveStation, Machine, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, WheelDrive, WheelParameters,
+    RobotSimDescription, Tread, WheelDrive, WheelParameters,
 };
 
 /// Counts allocations: none below `body` and `machine`.
@@ -73,7 +73,20 @@ fn body(bencher: divan::Bencher, wheels: usize) {
 /// With motors, asked by every drive once a millisecond.
 #[divan::bench(args = [3, 4])]
 fn machine(bencher: divan::Bencher, wheels: usize) {
-    let mut machine = Machine::new(&parameters(wheels)).expect("a sound machine");
+    drive(bencher, &parameters(wheels));
+}
+
+/// The same on elastic treads.
+#[divan::bench(args = [3, 4])]
+fn machine_on_elastic_treads(bencher: divan::Bencher, wheels: usize) {
+    let mut parameters = parameters(wheels);
+    parameters.wheels.iter_mut().for_each(|drive| drive.wheel.contact.tread = Some(Tread::default()));
+    drive(bencher, &parameters);
+}
+
+fn drive(bencher: divan::Bencher, parameters: &MachineParameters) {
+    let wheels = parameters.wheels.len();
+    let mut machine = Machine::new(parameters).expect("a sound machine");
     let mut time_ms = 0;
     bencher.counter(ItemsCount::new(ROUND_MS)).bench_local(move || {
         for _ in 0..ROUND_MS {

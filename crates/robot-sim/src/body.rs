@@ -5,6 +5,7 @@ mod check;
 use crate::contact::{self, Mass, Regime, STICTION_M_S, STICTION_RAD_S};
 use crate::load::{Carried, LoadShare};
 use crate::pose::{Pose, Twist, Wrench};
+use crate::tread::{Bent, Bristle};
 use crate::wheel::{Grip, WheelParameters, WheelState};
 use check::{check_body, check_payload, check_support, check_wheel};
 
@@ -58,13 +59,14 @@ struct Mounted {
     grip: [f64; 2],
     roller: f64,
     creep: f64,
+    bristle: Option<Bristle>,
 }
 
 /// The body on its wheels: torques in, motion out.
 ///
 /// State and solution are the truth of the simulation. A step is semi-implicit Euler in the velocities (frictions at the
 /// end of the step, see [`contact`]) with the mean velocity of the step along an exact arc for the pose: exact
-/// for constant torques, first order in the step otherwise.
+/// for constant torques, first order in the step otherwise. Elastic treads follow the trapezoidal rule.
 #[derive(Clone, Debug)]
 pub struct Body {
     parameters: BodyParameters,
@@ -75,6 +77,8 @@ pub struct Body {
     share: LoadShare,
     rows: Vec<contact::Wheel>,
     wheels: Vec<WheelState>,
+    /// Elastic treads at the start of the step, along and across.
+    bent: Vec<[Bent; 2]>,
     /// Velocity of the centre of mass in the body's axes, and yaw rate.
     velocity: [f64; 3],
     acceleration: [f64; 2],
@@ -95,15 +99,17 @@ impl Body {
         let share =
             LoadShare::new(&positions, total.carried).ok_or(BodyError::NoSupport { wheels: wheels.len() })?;
         check_support(&share, &total)?;
+        let rows: Vec<contact::Wheel> = wheels.iter().map(row_of).collect();
         let mut body = Self {
             parameters,
             payload,
             total,
             positions,
-            mounted: wheels.iter().map(Mounted::of).collect(),
+            mounted: wheels.iter().zip(&rows).map(|(wheel, row)| Mounted::of(wheel, row)).collect(),
             share,
-            rows: wheels.iter().map(row_of).collect(),
+            rows,
             wheels: vec![WheelState::default(); wheels.len()],
+            bent: vec![Default::default(); wheels.len()],
             velocity: [0.0; 3],
             acceleration: [0.0; 2],
             pose: Pose::default(),
@@ -221,6 +227,16 @@ impl Body {
         0.5 * (body + wheels)
     }
 
+    /// Energy in the springs of elastic treads.
+    pub fn elastic_energy_j(&self) -> f64 {
+        let wheels = self.mounted.iter().zip(&self.wheels);
+        let energies = wheels.filter_map(|(mounted, wheel)| {
+            let [along_m, across_m] = wheel.deflection_m;
+            Some(0.5 * mounted.bristle?.stiffness_n_m * (along_m * along_m + across_m * across_m))
+        });
+        energies.sum()
+    }
+
     /// Lets the loads become those of rest.
     pub(crate) fn settle(&mut self) {
         self.acceleration = [0.0; 2];
@@ -242,6 +258,19 @@ impl Body {
             prepare(row, mounted, load, &before);
             row.stiffness = mounted.inertia * rate + mounted.viscous;
             row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
+            if let Some(bristle) = &mounted.bristle {
+                let creep_m_s_n =
+                    if load > 0.0 { mounted.creep * travel_m_s(row, &before) / load } else { 0.0 };
+                let slips_m_s = [row.slip_along(&start, row.speed), row.slip_across(&start, row.speed)];
+                let bent = &mut self.bent[i];
+                for (axis, bent) in bent.iter_mut().enumerate() {
+                    bent.deflection_m = self.wheels[i].deflection_m[axis];
+                    bent.slip_m_s = slips_m_s[axis];
+                }
+                bent[0].creep_m_s_n = creep_m_s_n;
+                bristle.set(&mut row.grip, &bent[0], step_s);
+                bristle.set(&mut row.roller, &bent[1], step_s);
+            }
         }
         self.velocity = contact::solve(&mass, &mut self.rows, start);
         let follow = step_s / (LOAD_TRANSFER_S + step_s);
@@ -267,12 +296,20 @@ impl Body {
     }
 
     fn move_wheels(&mut self, step_s: f64) {
-        for (row, wheel) in self.rows.iter().zip(&mut self.wheels) {
+        let rests = self.velocity == [0.0; 3] && self.rows.iter().all(|row| row.speed == 0.0);
+        for (i, (row, wheel)) in self.rows.iter().zip(&mut self.wheels).enumerate() {
             wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
             wheel.speed_rad_s = row.speed;
             [wheel.force_along_n, wheel.force_across_n] = row.forces();
             wheel.slip_m_s = row.trial.along;
             wheel.roller_m_s = row.trial.across;
+            if let Some(bristle) = self.mounted[i].bristle.filter(|_| !rests) {
+                let contacts = [(&row.grip, row.trial.along), (&row.roller, row.trial.across)];
+                for (axis, (friction, end_m_s)) in contacts.into_iter().enumerate() {
+                    wheel.deflection_m[axis] =
+                        bristle.deflection_after_m(friction, &self.bent[i][axis], end_m_s, step_s);
+                }
+            }
             wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };
         }
     }
@@ -316,11 +353,16 @@ fn sin_cos(angle: f64) -> (f64, f64) {
     )
 }
 
+/// Speed at which a wheel's hub travels.
+fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
+    let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
+    (hub_a * hub_a + hub_t * hub_t).sqrt()
+}
+
 /// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
 fn prepare(row: &mut contact::Wheel, mounted: &Mounted, load_n: f64, velocity: &[f64; 3]) {
     let along = mounted.grip[usize::from(row.grip.regime != Regime::Stick)];
-    let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
-    let travel = (hub_a * hub_a + hub_t * hub_t).sqrt();
+    let travel = travel_m_s(row, velocity);
     row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
     row.roller.set(mounted.roller * load_n, STICTION_M_S);
     row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
@@ -345,7 +387,7 @@ impl Total {
 }
 
 impl Mounted {
-    fn of(wheel: &WheelParameters) -> Self {
+    fn of(wheel: &WheelParameters, row: &contact::Wheel) -> Self {
         let contact = &wheel.contact;
         let roller = contact.roller_resistance;
         // The circle of friction: what the roller takes across is missing along.
@@ -358,6 +400,7 @@ impl Mounted {
             grip: [along(contact.static_friction), along(contact.sliding_friction)],
             roller,
             creep: contact.creep,
+            bristle: contact.tread.map(|tread| Bristle::new(&tread, wheel.inertia_kg_m2, row.arm_along)),
         }
     }
 }
@@ -374,6 +417,7 @@ fn row_of(wheel: &WheelParameters) -> contact::Wheel {
     contact::Wheel {
         along: [along[0], along[1], 0.0],
         arm_along: wheel.radius_m * (along[0] * rolling[0] + along[1] * rolling[1]),
+        is_elastic: wheel.contact.tread.is_some(),
         across: [across[0], across[1], 0.0],
         arm_across: wheel.radius_m * (across[0] * rolling[0] + across[1] * rolling[1]),
         ..contact::Wheel::default()

@@ -1,5 +1,7 @@
 //! Friction between a wheel's tread and the floor.
 
+use crate::tread::Tread;
+
 /// Standard gravity (ISO 80000-3).
 pub const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -33,8 +35,10 @@ pub struct Contact {
     pub rolling_resistance: f64,
     /// Force against the rollers' turning, over normal load; at most `sliding_friction`.
     pub roller_resistance: f64,
-    /// Slip ratio over ratio of force to load, for forces well below sliding; 0 is a rigid tread.
+    /// Slip ratio over ratio of force to load, for forces well below sliding; 0 is a tread that doesn't creep.
     pub creep: f64,
+    /// How the tread gives way; `None` is a rigid one.
+    pub tread: Option<Tread>,
 }
 
 impl Default for Contact {
@@ -45,6 +49,7 @@ impl Default for Contact {
             rolling_resistance: 0.009,
             roller_resistance: 0.030,
             creep: 0.025,
+            tread: None,
         }
     }
 }
@@ -58,6 +63,7 @@ impl Contact {
             rolling_resistance: 0.0,
             roller_resistance: 0.0,
             creep: 0.0,
+            tread: None,
         }
     }
 }

@@ -108,6 +108,10 @@ pub(super) fn check_wheel(index: usize, wheel: &WheelParameters) -> Result<(), B
         ("contact creep", contact.creep),
     ];
     check(&part, Must::NotBeNegative, &not_negative)?;
+    if let Some(tread) = &contact.tread {
+        check(&part, Must::BePositive, &[("tread stiffness_n_m", tread.stiffness_n_m)])?;
+        check(&part, Must::NotBeNegative, &[("tread damping_ratio", tread.damping_ratio)])?;
+    }
     let [x, y] = wheel.position_m;
     check(&part, Must::BeFinite, &[("position_m x", x), ("position_m y", y)])?;
     let ordered = |parameter, value, limit: f64, must| {
