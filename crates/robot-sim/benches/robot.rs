@@ -10,8 +10,8 @@ use main_device::MainDevice;
 use omnibase_ethercat_sim::device::drive::DriveKind;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    Body, BodyParameters, DriveStation, Machine, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, Tread, WheelDrive, WheelParameters,
+    Body, BodyParameters, DriveStation, Floor, Machine, MachineParameters, MotorParameters, Payload,
+    RobotSim, RobotSimDescription, Tread, WheelDrive, WheelParameters,
 };
 
 /// Counts allocations: none below `body` and `machine`.
@@ -41,6 +41,7 @@ fn parameters(count: usize) -> MachineParameters {
             center_of_mass_height_m: 0.4,
         },
         payload: Payload::default(),
+        floor: Floor::default(),
         wheels: (0..count).map(wheel).collect(),
         step_ns: DEFAULT_STEP_NS,
     }

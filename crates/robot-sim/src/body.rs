@@ -3,11 +3,12 @@
 mod check;
 
 use crate::contact::{self, Mass, Regime, STICTION_M_S, STICTION_RAD_S};
+use crate::floor::{Floor, GRAVITY_M_S2, Holds, Surface};
 use crate::load::{Carried, LoadShare};
 use crate::pose::{Pose, Twist, Wrench};
 use crate::tread::{Bent, Bristle};
 use crate::wheel::{Grip, WheelParameters, WheelState};
-use check::{check_body, check_payload, check_support, check_wheel};
+use check::{check_body, check_floor, check_payload, check_slope, check_support, check_surface, check_wheel};
 
 pub use check::BodyError;
 
@@ -55,9 +56,10 @@ struct Mounted {
     viscous: f64,
     coulomb: f64,
     rolling: f64,
-    /// Friction along the force direction while sticking and while sliding.
-    grip: [f64; 2],
+    /// Of the rollers on a floor that holds them.
     roller: f64,
+    /// On such a floor.
+    holds: Holds,
     creep: f64,
     bristle: Option<Bristle>,
 }
@@ -84,6 +86,12 @@ pub struct Body {
     acceleration: [f64; 2],
     pose: Pose,
     push: Wrench,
+    floor: Floor,
+    /// Friction of the whole floor in place of contacts' and patches'.
+    everywhere: Option<Surface>,
+    /// Acceleration of free fall along the floor, in the fixed frame, and the share of weight that presses on it.
+    fall_m_s2: [f64; 2],
+    upright: f64,
 }
 
 impl Body {
@@ -114,6 +122,10 @@ impl Body {
             acceleration: [0.0; 2],
             pose: Pose::default(),
             push: Wrench::default(),
+            floor: Floor::default(),
+            everywhere: None,
+            fall_m_s2: [0.0; 2],
+            upright: 1.0,
         };
         body.place_rows();
         for (i, wheel) in body.wheels.iter_mut().enumerate() {
@@ -133,12 +145,40 @@ impl Body {
             return Err(BodyError::NoSupport { wheels: self.positions.len() });
         }
         check_support(&share, &total)?;
+        check_slope(&share, &self.floor.slope)?;
         let twist = self.twist_in_body();
         self.payload = payload;
         self.total = total;
         self.share = share;
         self.place_rows();
         self.set_twist(twist);
+        Ok(())
+    }
+
+    /// Puts another floor under it. Refused, and nothing changed, where the machine would fall over.
+    pub fn set_floor(&mut self, floor: Floor) -> Result<(), BodyError> {
+        check_floor(&floor)?;
+        check_slope(&self.share, &floor.slope)?;
+        let (sin, cos) = floor.slope.angle_rad.sin_cos();
+        let (y, x) = floor.slope.downhill_rad.sin_cos();
+        self.fall_m_s2 = [GRAVITY_M_S2 * sin * x, GRAVITY_M_S2 * sin * y];
+        self.upright = cos;
+        self.floor = floor;
+        self.settle();
+        Ok(())
+    }
+
+    /// The floor under it.
+    pub fn floor(&self) -> &Floor {
+        &self.floor
+    }
+
+    /// Makes the whole floor alike, patches included, until the next call; `None` leaves it as it was built.
+    pub fn set_surface(&mut self, surface: Option<Surface>) -> Result<(), BodyError> {
+        if let Some(surface) = &surface {
+            check_surface(&|| "floor".to_owned(), surface)?;
+        }
+        self.everywhere = surface;
         Ok(())
     }
 
@@ -242,6 +282,21 @@ impl Body {
         self.acceleration = [0.0; 2];
     }
 
+    /// What holds a wheel where it stands.
+    fn holds(&self, index: usize, (sin, cos): (f64, f64)) -> Holds {
+        let mounted = &self.mounted[index];
+        let surface = self.everywhere.as_ref().or_else(|| {
+            if self.floor.patches.is_empty() {
+                return None;
+            }
+            let [x, y] = self.positions[index];
+            let point_m = [self.pose.x_m + cos * x - sin * y, self.pose.y_m + sin * x + cos * y];
+            let under = self.floor.patches.iter().find(|patch| patch.place.holds(point_m));
+            under.map(|patch| &patch.surface)
+        });
+        surface.map_or(mounted.holds, |surface| surface.holds(mounted.roller))
+    }
+
     /// Advances by `step_s` (50 to 250 us give good results) with one motor torque per wheel, in the wheels' order;
     /// a wheel without a torque turns freely.
     pub fn step(&mut self, torques_n_m: &[f64], step_s: f64) {
@@ -252,10 +307,16 @@ impl Body {
         let start = [before[0] * cos + before[1] * sin, before[1] * cos - before[0] * sin, before[2]];
         let (heading_sin, heading_cos) = self.pose.heading_rad.sin_cos();
         let mass = self.mass(start, (heading_sin, heading_cos), rate);
-        for (i, (row, mounted)) in self.rows.iter_mut().zip(&self.mounted).enumerate() {
-            let load = self.share.load_n(i, self.acceleration);
+        let [fall_x, fall_y] = self.fall_m_s2;
+        // On a slope a body that stands is held against free fall, which shifts loads as acceleration does.
+        let fall = [fall_x * heading_cos + fall_y * heading_sin, fall_y * heading_cos - fall_x * heading_sin];
+        let held = [self.acceleration[0] - fall[0], self.acceleration[1] - fall[1]];
+        for i in 0..self.rows.len() {
+            let holds = self.holds(i, (heading_sin, heading_cos));
+            let (row, mounted) = (&mut self.rows[i], &self.mounted[i]);
+            let load = self.share.load_n(i, held, self.upright);
             self.wheels[i].normal_load_n = load;
-            prepare(row, mounted, load, &before);
+            prepare(row, mounted, &holds, load, &before);
             row.stiffness = mounted.inertia * rate + mounted.viscous;
             row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
             if let Some(bristle) = &mounted.bristle {
@@ -284,7 +345,12 @@ impl Body {
     fn mass(&self, start: [f64; 3], (sin, cos): (f64, f64), rate: f64) -> Mass {
         let m = self.total.carried.mass_kg * rate;
         let j = self.total.yaw_inertia_kg_m2 * rate;
-        let push = self.push;
+        let weight = self.total.carried.mass_kg;
+        let push = Wrench {
+            fx_n: self.push.fx_n + weight * self.fall_m_s2[0],
+            fy_n: self.push.fy_n + weight * self.fall_m_s2[1],
+            ..self.push
+        };
         Mass {
             stiffness: [m, m, j],
             drive: [
@@ -360,11 +426,11 @@ fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
 }
 
 /// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
-fn prepare(row: &mut contact::Wheel, mounted: &Mounted, load_n: f64, velocity: &[f64; 3]) {
-    let along = mounted.grip[usize::from(row.grip.regime != Regime::Stick)];
+fn prepare(row: &mut contact::Wheel, mounted: &Mounted, holds: &Holds, load_n: f64, velocity: &[f64; 3]) {
+    let along = holds.along[usize::from(row.grip.regime != Regime::Stick)];
     let travel = travel_m_s(row, velocity);
     row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
-    row.roller.set(mounted.roller * load_n, STICTION_M_S);
+    row.roller.set(holds.roller * load_n, STICTION_M_S);
     row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
 }
 
@@ -390,15 +456,15 @@ impl Mounted {
     fn of(wheel: &WheelParameters, row: &contact::Wheel) -> Self {
         let contact = &wheel.contact;
         let roller = contact.roller_resistance;
-        // The circle of friction: what the roller takes across is missing along.
-        let along = |friction: f64| (friction * friction - roller * roller).max(0.0).sqrt();
+        let surface =
+            Surface { static_friction: contact.static_friction, sliding_friction: contact.sliding_friction };
         Self {
             inertia: wheel.inertia_kg_m2,
             viscous: wheel.bearing_viscous_n_m_s,
             coulomb: wheel.bearing_coulomb_n_m,
             rolling: contact.rolling_resistance * wheel.radius_m,
-            grip: [along(contact.static_friction), along(contact.sliding_friction)],
             roller,
+            holds: surface.holds(roller),
             creep: contact.creep,
             bristle: contact.tread.map(|tread| Bristle::new(&tread, wheel.inertia_kg_m2, row.arm_along)),
         }

@@ -30,9 +30,9 @@ pub mod tread;
 pub mod wheel;
 
 pub use body::{Body, BodyError, BodyParameters, Payload};
-pub use floor::Contact;
+pub use floor::{Contact, Floor, Patch, Place, Slope, Surface};
 pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
-pub use motor::{Motor, MotorParameters};
+pub use motor::{Motor, MotorParameters, Waves};
 pub use pose::{Pose, Twist, Wrench};
 pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, SharedMachine};
 pub use tread::Tread;

@@ -12,7 +12,7 @@ mod beside;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
+    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Payload, RobotSim,
     RobotSimDescription, SharedMachine, Tread, WheelDrive, WheelParameters,
 };
 
@@ -86,6 +86,7 @@ pub fn description(plan: &RobotPlan) -> RobotSimDescription {
                 position_m: table.payload_position_m.unwrap_or_default(),
                 height_m: table.payload_height_m.unwrap_or(PAYLOAD_HEIGHT_M),
             },
+            floor: Floor::default(),
             wheels: drives.map(|(wheel, drive)| wheel_drive(table, wheel, drive)).collect(),
             step_ns: table.step_us.map_or(DEFAULT_STEP_NS, |step_us| step_us.saturating_mul(1000)),
         },
