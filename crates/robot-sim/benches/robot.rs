@@ -10,8 +10,8 @@ use main_device::MainDevice;
 use omnibase_ethercat_sim::device::drive::DriveKind;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    Body, BodyParameters, DriveStation, Machine, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, WheelDrive, WheelParameters,
+    Body, BodyParameters, DriveStation, Floor, Machine, MachineParameters, MotorParameters, Payload,
+    RobotSim, RobotSimDescription, Tread, WheelDrive, WheelParameters,
 };
 
 /// Counts allocations: none below `body` and `machine`.
@@ -41,6 +41,7 @@ fn parameters(count: usize) -> MachineParameters {
             center_of_mass_height_m: 0.4,
         },
         payload: Payload::default(),
+        floor: Floor::default(),
         wheels: (0..count).map(wheel).collect(),
         step_ns: DEFAULT_STEP_NS,
     }
@@ -73,7 +74,20 @@ fn body(bencher: divan::Bencher, wheels: usize) {
 /// With motors, asked by every drive once a millisecond.
 #[divan::bench(args = [3, 4])]
 fn machine(bencher: divan::Bencher, wheels: usize) {
-    let mut machine = Machine::new(&parameters(wheels)).expect("a sound machine");
+    drive(bencher, &parameters(wheels));
+}
+
+/// The same on elastic treads.
+#[divan::bench(args = [3, 4])]
+fn machine_on_elastic_treads(bencher: divan::Bencher, wheels: usize) {
+    let mut parameters = parameters(wheels);
+    parameters.wheels.iter_mut().for_each(|drive| drive.wheel.contact.tread = Some(Tread::default()));
+    drive(bencher, &parameters);
+}
+
+fn drive(bencher: divan::Bencher, parameters: &MachineParameters) {
+    let wheels = parameters.wheels.len();
+    let mut machine = Machine::new(parameters).expect("a sound machine");
     let mut time_ms = 0;
     bencher.counter(ItemsCount::new(ROUND_MS)).bench_local(move || {
         for _ in 0..ROUND_MS {

@@ -3,10 +3,12 @@
 mod check;
 
 use crate::contact::{self, Mass, Regime, STICTION_M_S, STICTION_RAD_S};
+use crate::floor::{Floor, GRAVITY_M_S2, Holds, Surface};
 use crate::load::{Carried, LoadShare};
 use crate::pose::{Pose, Twist, Wrench};
+use crate::tread::{Bent, Bristle};
 use crate::wheel::{Grip, WheelParameters, WheelState};
-use check::{check_body, check_payload, check_support, check_wheel};
+use check::{check_body, check_floor, check_payload, check_slope, check_support, check_surface, check_wheel};
 
 pub use check::BodyError;
 
@@ -54,17 +56,19 @@ struct Mounted {
     viscous: f64,
     coulomb: f64,
     rolling: f64,
-    /// Friction along the force direction while sticking and while sliding.
-    grip: [f64; 2],
+    /// Of the rollers on a floor that holds them.
     roller: f64,
+    /// On such a floor.
+    holds: Holds,
     creep: f64,
+    bristle: Option<Bristle>,
 }
 
 /// The body on its wheels: torques in, motion out.
 ///
 /// State and solution are the truth of the simulation. A step is semi-implicit Euler in the velocities (frictions at the
 /// end of the step, see [`contact`]) with the mean velocity of the step along an exact arc for the pose: exact
-/// for constant torques, first order in the step otherwise.
+/// for constant torques, first order in the step otherwise. Elastic treads follow the trapezoidal rule.
 #[derive(Clone, Debug)]
 pub struct Body {
     parameters: BodyParameters,
@@ -75,11 +79,19 @@ pub struct Body {
     share: LoadShare,
     rows: Vec<contact::Wheel>,
     wheels: Vec<WheelState>,
+    /// Elastic treads at the start of the step, along and across.
+    bent: Vec<[Bent; 2]>,
     /// Velocity of the centre of mass in the body's axes, and yaw rate.
     velocity: [f64; 3],
     acceleration: [f64; 2],
     pose: Pose,
     push: Wrench,
+    floor: Floor,
+    /// Friction of the whole floor in place of contacts' and patches'.
+    everywhere: Option<Surface>,
+    /// Acceleration of free fall along the floor, in the fixed frame, and the share of weight that presses on it.
+    fall_m_s2: [f64; 2],
+    upright: f64,
 }
 
 impl Body {
@@ -95,19 +107,25 @@ impl Body {
         let share =
             LoadShare::new(&positions, total.carried).ok_or(BodyError::NoSupport { wheels: wheels.len() })?;
         check_support(&share, &total)?;
+        let rows: Vec<contact::Wheel> = wheels.iter().map(row_of).collect();
         let mut body = Self {
             parameters,
             payload,
             total,
             positions,
-            mounted: wheels.iter().map(Mounted::of).collect(),
+            mounted: wheels.iter().zip(&rows).map(|(wheel, row)| Mounted::of(wheel, row)).collect(),
             share,
-            rows: wheels.iter().map(row_of).collect(),
+            rows,
             wheels: vec![WheelState::default(); wheels.len()],
+            bent: vec![Default::default(); wheels.len()],
             velocity: [0.0; 3],
             acceleration: [0.0; 2],
             pose: Pose::default(),
             push: Wrench::default(),
+            floor: Floor::default(),
+            everywhere: None,
+            fall_m_s2: [0.0; 2],
+            upright: 1.0,
         };
         body.place_rows();
         for (i, wheel) in body.wheels.iter_mut().enumerate() {
@@ -127,12 +145,40 @@ impl Body {
             return Err(BodyError::NoSupport { wheels: self.positions.len() });
         }
         check_support(&share, &total)?;
+        check_slope(&share, &self.floor.slope)?;
         let twist = self.twist_in_body();
         self.payload = payload;
         self.total = total;
         self.share = share;
         self.place_rows();
         self.set_twist(twist);
+        Ok(())
+    }
+
+    /// Puts another floor under it. Refused, and nothing changed, where the machine would fall over.
+    pub fn set_floor(&mut self, floor: Floor) -> Result<(), BodyError> {
+        check_floor(&floor)?;
+        check_slope(&self.share, &floor.slope)?;
+        let (sin, cos) = floor.slope.angle_rad.sin_cos();
+        let (y, x) = floor.slope.downhill_rad.sin_cos();
+        self.fall_m_s2 = [GRAVITY_M_S2 * sin * x, GRAVITY_M_S2 * sin * y];
+        self.upright = cos;
+        self.floor = floor;
+        self.settle();
+        Ok(())
+    }
+
+    /// The floor under it.
+    pub fn floor(&self) -> &Floor {
+        &self.floor
+    }
+
+    /// Makes the whole floor alike, patches included, until the next call; `None` leaves it as it was built.
+    pub fn set_surface(&mut self, surface: Option<Surface>) -> Result<(), BodyError> {
+        if let Some(surface) = &surface {
+            check_surface(&|| "floor".to_owned(), surface)?;
+        }
+        self.everywhere = surface;
         Ok(())
     }
 
@@ -221,9 +267,34 @@ impl Body {
         0.5 * (body + wheels)
     }
 
+    /// Energy in the springs of elastic treads.
+    pub fn elastic_energy_j(&self) -> f64 {
+        let wheels = self.mounted.iter().zip(&self.wheels);
+        let energies = wheels.filter_map(|(mounted, wheel)| {
+            let [along_m, across_m] = wheel.deflection_m;
+            Some(0.5 * mounted.bristle?.stiffness_n_m * (along_m * along_m + across_m * across_m))
+        });
+        energies.sum()
+    }
+
     /// Lets the loads become those of rest.
     pub(crate) fn settle(&mut self) {
         self.acceleration = [0.0; 2];
+    }
+
+    /// What holds a wheel where it stands.
+    fn holds(&self, index: usize, (sin, cos): (f64, f64)) -> Holds {
+        let mounted = &self.mounted[index];
+        let surface = self.everywhere.as_ref().or_else(|| {
+            if self.floor.patches.is_empty() {
+                return None;
+            }
+            let [x, y] = self.positions[index];
+            let point_m = [self.pose.x_m + cos * x - sin * y, self.pose.y_m + sin * x + cos * y];
+            let under = self.floor.patches.iter().find(|patch| patch.place.holds(point_m));
+            under.map(|patch| &patch.surface)
+        });
+        surface.map_or(mounted.holds, |surface| surface.holds(mounted.roller))
     }
 
     /// Advances by `step_s` (50 to 250 us give good results) with one motor torque per wheel, in the wheels' order;
@@ -236,12 +307,31 @@ impl Body {
         let start = [before[0] * cos + before[1] * sin, before[1] * cos - before[0] * sin, before[2]];
         let (heading_sin, heading_cos) = self.pose.heading_rad.sin_cos();
         let mass = self.mass(start, (heading_sin, heading_cos), rate);
-        for (i, (row, mounted)) in self.rows.iter_mut().zip(&self.mounted).enumerate() {
-            let load = self.share.load_n(i, self.acceleration);
+        let [fall_x, fall_y] = self.fall_m_s2;
+        // On a slope a body that stands is held against free fall, which shifts loads as acceleration does.
+        let fall = [fall_x * heading_cos + fall_y * heading_sin, fall_y * heading_cos - fall_x * heading_sin];
+        let held = [self.acceleration[0] - fall[0], self.acceleration[1] - fall[1]];
+        for i in 0..self.rows.len() {
+            let holds = self.holds(i, (heading_sin, heading_cos));
+            let (row, mounted) = (&mut self.rows[i], &self.mounted[i]);
+            let load = self.share.load_n(i, held, self.upright);
             self.wheels[i].normal_load_n = load;
-            prepare(row, mounted, load, &before);
+            prepare(row, mounted, &holds, load, &before);
             row.stiffness = mounted.inertia * rate + mounted.viscous;
             row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
+            if let Some(bristle) = &mounted.bristle {
+                let creep_m_s_n =
+                    if load > 0.0 { mounted.creep * travel_m_s(row, &before) / load } else { 0.0 };
+                let slips_m_s = [row.slip_along(&start, row.speed), row.slip_across(&start, row.speed)];
+                let bent = &mut self.bent[i];
+                for (axis, bent) in bent.iter_mut().enumerate() {
+                    bent.deflection_m = self.wheels[i].deflection_m[axis];
+                    bent.slip_m_s = slips_m_s[axis];
+                }
+                bent[0].creep_m_s_n = creep_m_s_n;
+                bristle.set(&mut row.grip, &bent[0], step_s);
+                bristle.set(&mut row.roller, &bent[1], step_s);
+            }
         }
         self.velocity = contact::solve(&mass, &mut self.rows, start);
         let follow = step_s / (LOAD_TRANSFER_S + step_s);
@@ -255,7 +345,12 @@ impl Body {
     fn mass(&self, start: [f64; 3], (sin, cos): (f64, f64), rate: f64) -> Mass {
         let m = self.total.carried.mass_kg * rate;
         let j = self.total.yaw_inertia_kg_m2 * rate;
-        let push = self.push;
+        let weight = self.total.carried.mass_kg;
+        let push = Wrench {
+            fx_n: self.push.fx_n + weight * self.fall_m_s2[0],
+            fy_n: self.push.fy_n + weight * self.fall_m_s2[1],
+            ..self.push
+        };
         Mass {
             stiffness: [m, m, j],
             drive: [
@@ -267,12 +362,20 @@ impl Body {
     }
 
     fn move_wheels(&mut self, step_s: f64) {
-        for (row, wheel) in self.rows.iter().zip(&mut self.wheels) {
+        let rests = self.velocity == [0.0; 3] && self.rows.iter().all(|row| row.speed == 0.0);
+        for (i, (row, wheel)) in self.rows.iter().zip(&mut self.wheels).enumerate() {
             wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
             wheel.speed_rad_s = row.speed;
             [wheel.force_along_n, wheel.force_across_n] = row.forces();
             wheel.slip_m_s = row.trial.along;
             wheel.roller_m_s = row.trial.across;
+            if let Some(bristle) = self.mounted[i].bristle.filter(|_| !rests) {
+                let contacts = [(&row.grip, row.trial.along), (&row.roller, row.trial.across)];
+                for (axis, (friction, end_m_s)) in contacts.into_iter().enumerate() {
+                    wheel.deflection_m[axis] =
+                        bristle.deflection_after_m(friction, &self.bent[i][axis], end_m_s, step_s);
+                }
+            }
             wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };
         }
     }
@@ -316,13 +419,18 @@ fn sin_cos(angle: f64) -> (f64, f64) {
     )
 }
 
-/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
-fn prepare(row: &mut contact::Wheel, mounted: &Mounted, load_n: f64, velocity: &[f64; 3]) {
-    let along = mounted.grip[usize::from(row.grip.regime != Regime::Stick)];
+/// Speed at which a wheel's hub travels.
+fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
     let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
-    let travel = (hub_a * hub_a + hub_t * hub_t).sqrt();
+    (hub_a * hub_a + hub_t * hub_t).sqrt()
+}
+
+/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
+fn prepare(row: &mut contact::Wheel, mounted: &Mounted, holds: &Holds, load_n: f64, velocity: &[f64; 3]) {
+    let along = holds.along[usize::from(row.grip.regime != Regime::Stick)];
+    let travel = travel_m_s(row, velocity);
     row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
-    row.roller.set(mounted.roller * load_n, STICTION_M_S);
+    row.roller.set(holds.roller * load_n, STICTION_M_S);
     row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
 }
 
@@ -345,19 +453,20 @@ impl Total {
 }
 
 impl Mounted {
-    fn of(wheel: &WheelParameters) -> Self {
+    fn of(wheel: &WheelParameters, row: &contact::Wheel) -> Self {
         let contact = &wheel.contact;
         let roller = contact.roller_resistance;
-        // The circle of friction: what the roller takes across is missing along.
-        let along = |friction: f64| (friction * friction - roller * roller).max(0.0).sqrt();
+        let surface =
+            Surface { static_friction: contact.static_friction, sliding_friction: contact.sliding_friction };
         Self {
             inertia: wheel.inertia_kg_m2,
             viscous: wheel.bearing_viscous_n_m_s,
             coulomb: wheel.bearing_coulomb_n_m,
             rolling: contact.rolling_resistance * wheel.radius_m,
-            grip: [along(contact.static_friction), along(contact.sliding_friction)],
             roller,
+            holds: surface.holds(roller),
             creep: contact.creep,
+            bristle: contact.tread.map(|tread| Bristle::new(&tread, wheel.inertia_kg_m2, row.arm_along)),
         }
     }
 }
@@ -374,6 +483,7 @@ fn row_of(wheel: &WheelParameters) -> contact::Wheel {
     contact::Wheel {
         along: [along[0], along[1], 0.0],
         arm_along: wheel.radius_m * (along[0] * rolling[0] + along[1] * rolling[1]),
+        is_elastic: wheel.contact.tread.is_some(),
         across: [across[0], across[1], 0.0],
         arm_across: wheel.radius_m * (across[0] * rolling[0] + across[1] * rolling[1]),
         ..contact::Wheel::default()

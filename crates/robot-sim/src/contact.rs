@@ -3,7 +3,8 @@
 //! With the normal loads known, the velocities at the end of a step minimise a convex function: the kinetic distance
 //! to where the torques alone would bring the machine, plus the work of all dry frictions (J. J. Moreau's time-stepping
 //! in velocities). Each friction is a force that opposes a slip speed `s`, `−clamp(k·s, ±limit)`: a very steep line (or
-//! the creep of the tread) while it sticks, constant while it slides. Every wheel's speed couples only with the body's
+//! the creep of the tread, or an elastic tread's line, see [`tread`](crate::tread)) while it sticks, constant while it
+//! slides. Every wheel's speed couples only with the body's
 //! three velocities, so each Newton step is one 3×3 system; started from the last step's sticking and sliding contacts
 //! it mostly is the only one. Where plain Newton steps wander, an exact line search makes them converge.
 
@@ -12,6 +13,9 @@
 pub(crate) const STICTION_M_S: f64 = 1e-9;
 /// The same for the friction about an axle.
 pub(crate) const STICTION_RAD_S: f64 = 1e-8;
+/// Change of speed in one step below which a machine that sticks on elastic contacts is put to rest: where it swings, at
+/// 50 to 1000 rad/s, it is then slower than stiction.
+const CALM_M_S: f64 = 1e-11;
 
 /// Relative tolerance of the border between sticking and sliding: rounding of a slip speed at 1 m/s is 1e-16 m/s.
 const BORDER: f64 = 1e-5;
@@ -26,34 +30,52 @@ pub(crate) enum Regime {
     Backward,
 }
 
-/// One dry friction: the force `−clamp(slope·s, ±limit)` against the slip speed `s`.
+/// One dry friction: the force `−clamp(constant + slope·s, ±limit)` against the slip speed `s`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Friction {
     limit: f64,
-    /// Slip speed at which the limit is reached.
+    /// Slip speed at which there is no force.
+    centre: f64,
+    /// How far from there the limit is reached.
     width: f64,
     slope: f64,
+    constant: f64,
     pub(crate) regime: Regime,
 }
 
 impl Friction {
     pub(crate) fn set(&mut self, limit: f64, width: f64) {
         self.limit = limit;
+        self.centre = 0.0;
         self.width = width;
         self.slope = limit / width;
+        self.constant = 0.0;
+    }
+
+    /// Up to the limit that was set, the resistance of an elastic contact: `constant + slope·s`.
+    pub(crate) fn set_line(&mut self, constant: f64, slope: f64) {
+        self.centre = -constant / slope;
+        self.width = self.limit / slope;
+        self.slope = slope;
+        self.constant = constant;
+    }
+
+    /// Whether there is no friction at all.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.limit == 0.0
     }
 
     /// Resistance (the force's negative) as the line `constant + slope·s` of the present regime.
     fn line(&self) -> (f64, f64) {
         match self.regime {
-            Regime::Stick => (0.0, self.slope),
+            Regime::Stick => (self.constant, self.slope),
             Regime::Forward => (self.limit, 0.0),
             Regime::Backward => (-self.limit, 0.0),
         }
     }
 
-    fn resistance(&self, slip: f64) -> f64 {
-        (self.slope * slip).clamp(-self.limit, self.limit)
+    pub(crate) fn resistance(&self, slip: f64) -> f64 {
+        (self.slope * (slip - self.centre)).clamp(-self.limit, self.limit)
     }
 
     /// The regime at a slip speed; the borders belong to both sides, so that rounding can't make it flicker.
@@ -62,9 +84,10 @@ impl Friction {
             Regime::Stick => 1.0 + BORDER,
             Regime::Forward | Regime::Backward => 1.0 - BORDER,
         };
-        if slip.abs() <= self.width * relative {
+        let beside = slip - self.centre;
+        if beside.abs() <= self.width * relative {
             Regime::Stick
-        } else if slip > 0.0 {
+        } else if beside > 0.0 {
             Regime::Forward
         } else {
             Regime::Backward
@@ -98,6 +121,8 @@ pub(crate) struct Wheel {
     pub(crate) stiffness: f64,
     /// Spin inertia over step times speed before, plus motor torque.
     pub(crate) drive: f64,
+    /// Its contact gives way while it sticks.
+    pub(crate) is_elastic: bool,
     pub(crate) grip: Friction,
     pub(crate) roller: Friction,
     pub(crate) axle: Friction,
@@ -171,7 +196,10 @@ impl Wheel {
 /// Solves the step; leaves each wheel's speed in `speed` and returns the body's velocities.
 pub(crate) fn solve(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
     let v = balance(mass, wheels, start);
-    if wheels.iter().all(Wheel::at_rest) {
+    // What sticks on an elastic contact may still swing: then it also has to be slow, and to stay so.
+    let is_calm =
+        || v.iter().zip(&start).all(|(v, start)| v.abs() < STICTION_M_S && (v - start).abs() < CALM_M_S);
+    if wheels.iter().all(Wheel::at_rest) && (is_calm() || !wheels.iter().any(|wheel| wheel.is_elastic)) {
         wheels.iter_mut().for_each(|wheel| wheel.speed = 0.0);
         return [0.0; 3];
     }

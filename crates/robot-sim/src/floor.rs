@@ -1,4 +1,6 @@
-//! Friction between a wheel's tread and the floor.
+//! The floor: its friction with a wheel's tread, places where that is another one, and its slope.
+
+use crate::tread::Tread;
 
 /// Standard gravity (ISO 80000-3).
 pub const GRAVITY_M_S2: f64 = 9.806_65;
@@ -33,8 +35,10 @@ pub struct Contact {
     pub rolling_resistance: f64,
     /// Force against the rollers' turning, over normal load; at most `sliding_friction`.
     pub roller_resistance: f64,
-    /// Slip ratio over ratio of force to load, for forces well below sliding; 0 is a rigid tread.
+    /// Slip ratio over ratio of force to load, for forces well below sliding; 0 is a tread that doesn't creep.
     pub creep: f64,
+    /// How the tread gives way; `None` is a rigid one.
+    pub tread: Option<Tread>,
 }
 
 impl Default for Contact {
@@ -45,6 +49,7 @@ impl Default for Contact {
             rolling_resistance: 0.009,
             roller_resistance: 0.030,
             creep: 0.025,
+            tread: None,
         }
     }
 }
@@ -58,6 +63,97 @@ impl Contact {
             rolling_resistance: 0.0,
             roller_resistance: 0.0,
             creep: 0.0,
+            tread: None,
         }
+    }
+}
+
+/// A floor as the robot finds it; level and alike everywhere by default.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Floor {
+    /// How it slopes.
+    pub slope: Slope,
+    /// Places with a friction of their own; the first one that holds a contact counts.
+    pub patches: Vec<Patch>,
+}
+
+/// How a floor slopes, the same everywhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Slope {
+    /// Angle against the horizontal.
+    pub angle_rad: f64,
+    /// Which way it goes down, from x in the fixed frame.
+    pub downhill_rad: f64,
+}
+
+/// A place on the floor with a friction of its own: oil, a wet spot, or (without friction) a gap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Where it is.
+    pub place: Place,
+    /// What it is like.
+    pub surface: Surface,
+}
+
+/// A part of the floor, in the fixed frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// Along the axes.
+    Rectangle {
+        /// Least x and y.
+        from_m: [f64; 2],
+        /// Greatest x and y.
+        to_m: [f64; 2],
+    },
+    /// A disc.
+    Disc {
+        /// Its middle.
+        centre_m: [f64; 2],
+        /// Its radius.
+        radius_m: f64,
+    },
+}
+
+/// Friction in place of a contact's own; rollers resist with no more than that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// As [`Contact::static_friction`].
+    pub static_friction: f64,
+    /// As [`Contact::sliding_friction`].
+    pub sliding_friction: f64,
+}
+
+impl Place {
+    /// Whether a point lies in it, its edge included.
+    pub fn holds(&self, point_m: [f64; 2]) -> bool {
+        let [x, y] = point_m;
+        match self {
+            Place::Rectangle { from_m, to_m } => {
+                (from_m[0]..=to_m[0]).contains(&x) && (from_m[1]..=to_m[1]).contains(&y)
+            }
+            Place::Disc { centre_m, radius_m } => {
+                let (dx, dy) = (x - centre_m[0], y - centre_m[1]);
+                dx * dx + dy * dy <= radius_m * radius_m
+            }
+        }
+    }
+}
+
+/// Greatest forces of a contact over its load.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Holds {
+    /// Along the force direction, while sticking and while sliding.
+    pub(crate) along: [f64; 2],
+    /// Against the rollers.
+    pub(crate) roller: f64,
+}
+
+impl Surface {
+    /// What holds on this surface a contact whose rollers resist with `roller`. What they take across is missing along: the
+    /// circle of friction.
+    pub(crate) fn holds(&self, roller: f64) -> Holds {
+        let roller = roller.min(self.sliding_friction);
+        let along = |friction: f64| (friction * friction - roller * roller).max(0.0).sqrt();
+        Holds { along: [along(self.static_friction), along(self.sliding_friction)], roller }
     }
 }

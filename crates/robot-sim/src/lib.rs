@@ -4,6 +4,7 @@
 //! crate knows `platform`, an estimator or a controller. In the order in which a reader needs them:
 //!
 //! - [`floor`]: friction between tread and floor, with the sources of the default figures
+//! - [`tread`]: how a tread gives way before it slides
 //! - [`wheel`]: a wheel's geometry and inertia, and what the simulation tells about it
 //! - [`body`]: the rigid body with its payload, advanced step by step; [`load`] shares the weight among the wheels
 //!   and [`contact`] solves one step with stick and slip
@@ -25,12 +26,14 @@ pub mod machine;
 pub mod motor;
 pub mod pose;
 pub mod robot;
+pub mod tread;
 pub mod wheel;
 
 pub use body::{Body, BodyError, BodyParameters, Payload};
-pub use floor::Contact;
+pub use floor::{Contact, Floor, Patch, Place, Slope, Surface};
 pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
-pub use motor::{Motor, MotorParameters};
+pub use motor::{Motor, MotorParameters, Waves};
 pub use pose::{Pose, Twist, Wrench};
 pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, SharedMachine};
+pub use tread::Tread;
 pub use wheel::{Grip, WheelParameters, WheelState};

@@ -1,6 +1,7 @@
 //! Body and motors together, moved on to any instant.
 
 use crate::body::{Body, BodyError, BodyParameters, Payload};
+use crate::floor::{Floor, Surface};
 use crate::motor::{Motor, MotorParameters};
 use crate::pose::{Pose, Twist};
 use crate::wheel::WheelParameters;
@@ -21,6 +22,8 @@ pub struct MachineParameters {
     pub body: BodyParameters,
     /// What it carries from the start.
     pub payload: Payload,
+    /// What it stands on.
+    pub floor: Floor,
     /// Wheels with their motors, in the order of the drives.
     pub wheels: Vec<WheelDrive>,
     /// Step of the integration; 50 to 250 us give good results.
@@ -117,6 +120,7 @@ impl Machine {
         }
         let mut body = Body::new(parameters.body, &wheels)?;
         body.set_payload(parameters.payload)?;
+        body.set_floor(parameters.floor.clone())?;
         Ok(Self {
             body,
             motors,
@@ -153,7 +157,8 @@ impl Machine {
         let mut settled = true;
         for (i, (motor, wheel)) in self.motors.iter_mut().zip(self.body.wheels()).enumerate() {
             let gear = motor.parameters().gear_ratio;
-            self.torques_n_m[i] = gear * motor.step(gear * wheel.speed_rad_s);
+            motor.step(gear * wheel.speed_rad_s);
+            self.torques_n_m[i] = gear * motor.shaft_torque_n_m(gear * wheel.angle_rad);
             self.greatest_n_m[i] = self.greatest_n_m[i].max(self.torques_n_m[i].abs());
             settled &= motor.settled();
         }
@@ -230,6 +235,23 @@ impl Machine {
     /// Changes the payload at the present instant; see [`Body::set_payload`].
     pub fn set_payload(&mut self, payload: Payload) -> Result<(), BodyError> {
         self.body.set_payload(payload)
+    }
+
+    /// Puts another floor under the body; see [`Body::set_floor`].
+    pub fn set_floor(&mut self, floor: Floor) -> Result<(), BodyError> {
+        self.body.set_floor(floor)
+    }
+
+    /// Makes the whole floor alike; see [`Body::set_surface`].
+    pub fn set_surface(&mut self, surface: Option<Surface>) -> Result<(), BodyError> {
+        self.body.set_surface(surface)
+    }
+
+    /// What the shaft of motor `index` gives over what its current promises, from now on; an index without a motor is ignored.
+    pub fn set_torque_ratio(&mut self, index: usize, ratio: f64) {
+        if let Some(motor) = self.motors.get_mut(index) {
+            motor.set_torque_ratio(ratio);
+        }
     }
 
     /// Pushes the body from outside; see [`Body::set_push`].

@@ -26,6 +26,26 @@ pub struct MotorParameters {
     pub current_loop_s: f64,
     /// Turns of the motor per turn of the wheel; negative if they turn against each other.
     pub gear_ratio: f64,
+    /// What its shaft gives over what its current promises: below 1 for a motor that is weaker than its data sheet says.
+    pub torque_ratio: f64,
+    /// Torque that comes and goes with the shaft's angle.
+    pub waves: Waves,
+}
+
+/// Torque of a motor that its drive neither asks for nor sees; none by default.
+///
+/// Of brushless servo motors cogging is 0.5 to 5 % of the rated torque, by slots and poles (the least common multiple of
+/// both is its order), and ripple 1 to 5 % of the present torque, six times in an electrical turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Waves {
+    /// Amplitude of the torque towards the magnets' rest positions.
+    pub cogging_n_m: f64,
+    /// How often that comes in a turn.
+    pub cogging_per_turn: f64,
+    /// Amplitude of what is added to the torque, over the torque.
+    pub ripple: f64,
+    /// How often that comes in a turn.
+    pub ripple_per_turn: f64,
 }
 
 impl Default for MotorParameters {
@@ -46,6 +66,8 @@ impl Default for MotorParameters {
             rated_temperature_rise_k: 65.0,
             current_loop_s: 160e-6,
             gear_ratio: 1.0,
+            torque_ratio: 1.0,
+            waves: Waves::default(),
         }
     }
 }
@@ -64,8 +86,16 @@ impl MotorParameters {
         if let Some((name, value)) = positive.into_iter().find(|(_, v)| !v.is_finite() || *v <= 0.0) {
             return Some((name, value, "positive"));
         }
-        let not_negative =
-            [("rotor_inertia_kg_m2", self.rotor_inertia_kg_m2), ("current_loop_s", self.current_loop_s)];
+        let Waves { cogging_n_m, cogging_per_turn, ripple, ripple_per_turn } = self.waves;
+        let not_negative = [
+            ("rotor_inertia_kg_m2", self.rotor_inertia_kg_m2),
+            ("current_loop_s", self.current_loop_s),
+            ("torque_ratio", self.torque_ratio),
+            ("cogging_n_m", cogging_n_m),
+            ("cogging_per_turn", cogging_per_turn),
+            ("ripple", ripple),
+            ("ripple_per_turn", ripple_per_turn),
+        ];
         if let Some((name, value)) = not_negative.into_iter().find(|(_, v)| !v.is_finite() || *v < 0.0) {
             return Some((name, value, "zero or positive"));
         }
@@ -136,9 +166,25 @@ impl Motor {
         self.wanted_n_m
     }
 
-    /// The torque at the shaft now.
+    /// The torque that its current promises now, as its drive sees it.
     pub fn torque_n_m(&self) -> f64 {
         self.torque_n_m
+    }
+
+    /// The torque at the shaft now, at this angle.
+    pub fn shaft_torque_n_m(&self, angle_rad: f64) -> f64 {
+        let given_n_m = self.parameters.torque_ratio * self.torque_n_m;
+        let waves = &self.parameters.waves;
+        if *waves == Waves::default() {
+            return given_n_m;
+        }
+        let ripple = 1.0 + waves.ripple * (waves.ripple_per_turn * angle_rad).sin();
+        given_n_m * ripple - waves.cogging_n_m * (waves.cogging_per_turn * angle_rad).sin()
+    }
+
+    /// Makes it weaker, or as strong again; see [`MotorParameters::torque_ratio`].
+    pub fn set_torque_ratio(&mut self, ratio: f64) {
+        self.parameters.torque_ratio = ratio;
     }
 
     /// The largest torque that the winding's temperature allows.
@@ -163,7 +209,7 @@ impl Motor {
         &self.parameters
     }
 
-    /// Moves on by one step at this speed of the shaft; the torque during it.
+    /// Moves on by one step at this speed of the shaft; the torque that its current promises during it.
     pub fn step(&mut self, speed_rad_s: f64) -> f64 {
         let p = &self.parameters;
         let limit = self.thermal_limit_n_m();

@@ -80,10 +80,13 @@ pub struct WheelState {
     pub force_along_n: f64,
     /// Force of the floor on the wheel across it (90 deg counter-clockwise from the force direction): roller friction.
     pub force_across_n: f64,
-    /// Slip speed over the floor along the force direction; zero while it rolls.
+    /// Slip speed over the floor along the force direction; zero while it rolls, but for creep and an elastic tread's
+    /// giving way.
     pub slip_m_s: f64,
     /// Speed at which the roller rolls over the floor, across the force direction.
     pub roller_m_s: f64,
+    /// How far the tread gave way, along the force direction and across it.
+    pub deflection_m: [f64; 2],
     /// Whether it holds.
     pub grip: Grip,
 }

@@ -7,7 +7,7 @@ use omnibase_ethercat_sim::device::drive::DriveKind;
 use omnibase_ethercat_wire::HostTime;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
+    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Payload, RobotSim,
     RobotSimDescription, RobotSimError, SharedMachine, WheelDrive, WheelParameters,
 };
 use std::f64::consts::TAU;
@@ -32,6 +32,7 @@ fn description(contact: Contact) -> RobotSimDescription {
             center_of_mass_height_m: 0.4,
         },
         payload: Payload::default(),
+        floor: Floor::default(),
         wheels: vec![
             wheel([-p, 0.0], [0.0, 1.0]),
             wheel([0.5 * p, -HALF_SQRT3 * p], [-HALF_SQRT3, -0.5]),

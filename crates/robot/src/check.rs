@@ -429,6 +429,10 @@ impl Check {
             problem.value = Some(sliding.to_string());
             problem.limit = Some(format!("at most static_friction = {sticking}"));
         }
+        if table.tread_damping_ratio.is_some() && table.tread_stiffness_n_m.is_none() {
+            let reason = "must be given: tread_damping_ratio is an elastic tread's";
+            self.report(ProblemKind::Missing, "simulation.tread_stiffness_n_m", reason);
+        }
         if let (Some(rated), Some(greatest)) =
             (table.motor_rated_speed_rad_s, table.motor_greatest_speed_rad_s)
             && greatest <= rated

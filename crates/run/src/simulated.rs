@@ -12,8 +12,8 @@ mod beside;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    BodyParameters, Contact, DriveStation, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, SharedMachine, WheelDrive, WheelParameters,
+    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Payload, RobotSim,
+    RobotSimDescription, SharedMachine, Tread, WheelDrive, WheelParameters,
 };
 
 /// Mass of a platform whose file gives none, kg: that of the BMM without batteries (thesis, chapter 1).
@@ -86,6 +86,7 @@ pub fn description(plan: &RobotPlan) -> RobotSimDescription {
                 position_m: table.payload_position_m.unwrap_or_default(),
                 height_m: table.payload_height_m.unwrap_or(PAYLOAD_HEIGHT_M),
             },
+            floor: Floor::default(),
             wheels: drives.map(|(wheel, drive)| wheel_drive(table, wheel, drive)).collect(),
             step_ns: table.step_us.map_or(DEFAULT_STEP_NS, |step_us| step_us.saturating_mul(1000)),
         },
@@ -113,6 +114,10 @@ fn wheel_drive(table: &SimulationTable, wheel: &Wheel, drive: &DrivePlan) -> Whe
         rolling_resistance: table.rolling_resistance.unwrap_or(standard.rolling_resistance),
         roller_resistance: table.roller_resistance.unwrap_or(standard.roller_resistance),
         creep: table.creep.unwrap_or(standard.creep),
+        tread: table.tread_stiffness_n_m.map(|stiffness_n_m| Tread {
+            stiffness_n_m,
+            damping_ratio: table.tread_damping_ratio.unwrap_or(Tread::default().damping_ratio),
+        }),
     };
     if let Some(inertia_kg_m2) = table.wheel_inertia_kg_m2 {
         parameters.inertia_kg_m2 = inertia_kg_m2;

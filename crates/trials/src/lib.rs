@@ -4,6 +4,7 @@
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
+//! - [`grip`]: treads that give way and slippery floors.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -12,6 +13,7 @@
 
 pub mod approaches;
 pub mod framed;
+pub mod grip;
 pub mod robots;
 mod run;
 mod servo_box;

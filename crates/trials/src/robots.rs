@@ -18,14 +18,20 @@ pub const PAYLOAD_INERTIA_KG_M2: f64 = 4.3;
 
 /// A robot with a payload of 100 kg, a control law, and first estimates that are wrong by a factor.
 pub fn loaded(robot: &str, law: &str, factor: f64, reference: &str) -> String {
+    with_payload(robot, law, factor, PAYLOAD_KG) + reference
+}
+
+/// The same with another payload and without a reference; it ends within the table `simulation`.
+pub fn with_payload(robot: &str, law: &str, factor: f64, payload_kg: f64) -> String {
     let body = simulated::description(&crate::plan_of(robot)).machine.body;
-    let mass_kg = factor * (body.mass_kg + PAYLOAD_KG);
-    let inertia_kg_m2 = factor * (body.yaw_inertia_kg_m2 + PAYLOAD_INERTIA_KG_M2);
+    let payload_inertia_kg_m2 = PAYLOAD_INERTIA_KG_M2 * payload_kg / PAYLOAD_KG;
+    let mass_kg = factor * (body.mass_kg + payload_kg);
+    let inertia_kg_m2 = factor * (body.yaw_inertia_kg_m2 + payload_inertia_kg_m2);
     let begin = robot.find("[controller]").unwrap_or(robot.len());
     let end = robot.find("[simulation]").unwrap_or(robot.len());
     format!(
         "{}[controller]\nkind = \"{law}\"\nmass_kg = {mass_kg:?}\ninertia_kg_m2 = {inertia_kg_m2:?}\n\n{}\
-         payload_kg = {PAYLOAD_KG:?}\npayload_inertia_kg_m2 = {PAYLOAD_INERTIA_KG_M2:?}\n{reference}",
+         payload_kg = {payload_kg:?}\npayload_inertia_kg_m2 = {payload_inertia_kg_m2:?}\n",
         &robot[..begin],
         &robot[end..],
     )

@@ -1,6 +1,7 @@
 //! What a machine must be to be simulated.
 
 use super::{BodyParameters, Payload, Total};
+use crate::floor::{Floor, GRAVITY_M_S2, Slope, Surface};
 use crate::load::LoadShare;
 use crate::wheel::WheelParameters;
 
@@ -38,6 +39,14 @@ pub enum BodyError {
         x_m: f64,
         /// Centre of mass in `base_link`.
         y_m: f64,
+    },
+    /// The slope is so steep that the robot falls over.
+    #[error("wheel {wheel} would lift on a slope of {angle_rad} rad: the centre of mass is too high")]
+    FallsOver {
+        /// The wheel that would lift, counted from 1.
+        wheel: usize,
+        /// The slope.
+        angle_rad: f64,
     },
 }
 
@@ -108,6 +117,10 @@ pub(super) fn check_wheel(index: usize, wheel: &WheelParameters) -> Result<(), B
         ("contact creep", contact.creep),
     ];
     check(&part, Must::NotBeNegative, &not_negative)?;
+    if let Some(tread) = &contact.tread {
+        check(&part, Must::BePositive, &[("tread stiffness_n_m", tread.stiffness_n_m)])?;
+        check(&part, Must::NotBeNegative, &[("tread damping_ratio", tread.damping_ratio)])?;
+    }
     let [x, y] = wheel.position_m;
     check(&part, Must::BeFinite, &[("position_m x", x), ("position_m y", y)])?;
     let ordered = |parameter, value, limit: f64, must| {
@@ -129,6 +142,48 @@ pub(super) fn check_wheel(index: usize, wheel: &WheelParameters) -> Result<(), B
         contact.sliding_friction,
         "at most sliding_friction",
     )
+}
+
+pub(super) fn check_floor(floor: &Floor) -> Result<(), BodyError> {
+    let Slope { angle_rad, downhill_rad } = floor.slope;
+    let part = || "floor".to_owned();
+    check(&part, Must::BeFinite, &[("slope downhill_rad", downhill_rad)])?;
+    if !(0.0..1.5).contains(&angle_rad) {
+        let must = "zero or positive, and below 1.5";
+        return Err(BodyError::Parameter {
+            part: part(),
+            parameter: "slope angle_rad",
+            value: angle_rad,
+            must,
+        });
+    }
+    for (i, patch) in floor.patches.iter().enumerate() {
+        check_surface(&|| format!("patch {}", i + 1), &patch.surface)?;
+    }
+    Ok(())
+}
+
+pub(super) fn check_surface(part: &dyn Fn() -> String, surface: &Surface) -> Result<(), BodyError> {
+    let Surface { static_friction, sliding_friction } = *surface;
+    let figures = [("static_friction", static_friction), ("sliding_friction", sliding_friction)];
+    check(part, Must::NotBeNegative, &figures)?;
+    if sliding_friction <= static_friction {
+        return Ok(());
+    }
+    let (parameter, must) = ("sliding_friction", "at most static_friction");
+    Err(BodyError::Parameter { part: part(), parameter, value: sliding_friction, must })
+}
+
+/// Whether all wheels stay on a slope, whichever way the body stands on it.
+pub(super) fn check_slope(share: &LoadShare, slope: &Slope) -> Result<(), BodyError> {
+    let (sin, cos) = slope.angle_rad.sin_cos();
+    for (i, load_n) in share.static_n.iter().enumerate() {
+        let shift_n = GRAVITY_M_S2 * sin * share.per_ax_n[i].hypot(share.per_ay_n[i]);
+        if load_n * cos <= shift_n {
+            return Err(BodyError::FallsOver { wheel: i + 1, angle_rad: slope.angle_rad });
+        }
+    }
+    Ok(())
 }
 
 pub(super) fn check_support(share: &LoadShare, total: &Total) -> Result<(), BodyError> {

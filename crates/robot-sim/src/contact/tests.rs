@@ -70,6 +70,13 @@ fn random_problem(random: &mut Random, count: usize) -> (Mass, Vec<Wheel>, [f64;
             wheel.grip.set(0.5 * load, STICTION_M_S + 0.01 * random.unit().powi(8));
             wheel.roller.set(0.03 * load, STICTION_M_S);
             wheel.axle.set(0.05 + 0.001 * load, STICTION_RAD_S);
+            if random.unit() < 0.5 && load > 1.0 {
+                wheel.is_elastic = true;
+                for friction in [&mut wheel.grip, &mut wheel.roller] {
+                    let bent_n = random.around_zero(friction.limit);
+                    friction.set_line(bent_n, 10.0_f64.powf(1.0 + 3.0 * random.unit()));
+                }
+            }
             for friction in [&mut wheel.grip, &mut wheel.roller, &mut wheel.axle] {
                 friction.regime =
                     [Regime::Stick, Regime::Forward, Regime::Backward][(random.unit() * 3.0) as usize];

@@ -1,4 +1,5 @@
 use super::*;
+use crate::floor::Floor;
 use crate::pose::Wrench;
 
 const HALF_SQRT3: f64 = 0.866_025_403_784_438_6;
@@ -17,6 +18,7 @@ fn parameters() -> MachineParameters {
             center_of_mass_height_m: 0.4,
         },
         payload: Payload::default(),
+        floor: Floor::default(),
         wheels: vec![
             wheel([-p, 0.0], [0.0, 1.0]),
             wheel([0.5 * p, -HALF_SQRT3 * p], [-HALF_SQRT3, -0.5]),

@@ -2,6 +2,7 @@
 
 mod devices;
 mod kinds;
+mod simulation;
 
 use super::*;
 use crate::registry::{Kind, Registry};

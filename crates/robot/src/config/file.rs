@@ -557,6 +557,13 @@ pub struct SimulationTable {
     /// Slip ratio over the ratio of force to load, well below sliding.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub creep: Option<f64>,
+    /// Stiffness of a tread along the floor, at each wheel, 1e5 to 4e6 N/m; default: rigid.
+    #[schemars(range(min = 1000.0, max = 1e9))]
+    pub tread_stiffness_n_m: Option<f64>,
+    /// Damping of such a tread over that which is critical for a wheel's (and rotor's) moment of inertia on it, 0.1 to 1;
+    /// default: 0.1.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub tread_damping_ratio: Option<f64>,
     /// Greatest torque of a motor, N·m; default: the drive's peak torque.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub motor_torque_limit_nm: Option<f64>,
