@@ -1,5 +1,6 @@
 //! The robot's file against itself: everything that can be found without hardware.
 
+mod axis;
 mod devices;
 mod drives;
 mod guard;
@@ -144,7 +145,7 @@ impl Check {
         let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
         let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
-        let devices = devices::resolve(self, &file.device, &file.drive, registry);
+        let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
         let signals = devices.as_deref().map(signal_layout).unwrap_or_default();

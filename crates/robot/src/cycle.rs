@@ -23,7 +23,7 @@ use crate::signals::{
     SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
 use crate::stages::{
-    Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
+    Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
 use crate::stick_shape::StickShape;
 use pose::Counted;
@@ -194,6 +194,11 @@ impl Robot {
         self.devices.iter().enumerate().filter_map(|(wheel, device)| Some((wheel, device.problem()?)))
     }
 
+    /// What is wrong with each SubDevice without a wheel, in words; not for the cycle, for it allocates.
+    pub fn device_problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
+        self.beside.problems()
+    }
+
     /// Devices: from process data to measurements.
     fn read(&mut self, exchange: Exchange, image: &dyn ProcessImage) {
         if let Exchange::Restarted { wheels } = exchange {
@@ -272,6 +277,7 @@ impl Robot {
             }
             RequestKind::SetOutput { .. } if self.lifecycle.lets_go() => return RequestAnswer::WrongPhase,
             RequestKind::SetOutput { index, value } => return taken_if(self.beside.ask(index, value)),
+            RequestKind::Axis { device, ask } => return self.beside.move_by(&time, device, &ask),
             RequestKind::ResetOutput { index } => return taken_if(self.beside.reset(index)),
             RequestKind::Enable => {
                 match input_forbids(&self.safety_plan, &self.record.signals).map(|(reason, _)| reason) {
@@ -288,6 +294,7 @@ impl Robot {
             Change::Begin => self.begin(),
             Change::Acknowledge => {
                 self.devices.iter_mut().for_each(|device| device.acknowledge());
+                self.beside.acknowledge();
                 self.safety.reset();
                 self.begin();
             }
@@ -475,6 +482,7 @@ impl Robot {
             phase: self.lifecycle.phase(),
             measurements: &record.measurements,
             signals: &record.signals,
+            failed_device: self.beside.standing(record.exchange).1,
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
@@ -499,6 +507,7 @@ impl Robot {
             allowed: &record.allowed,
             setpoint_rests: self.limiter.is_at_rest()
                 && !(self.lifecycle.is_blind() && record.commands.is_moving()),
+            beside: self.beside.standing(record.exchange).0,
             is_finished: self.motion.course() != Course::Velocity
                 && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
             finished_by: if self.motion.is_paused_at_fence() {
@@ -543,7 +552,11 @@ impl Robot {
             _ => false,
         });
         let lets_go = self.lifecycle.lets_go() || is_let_go || is_stopped;
-        self.beside.write(&self.record.time, lets_go, image, &mut self.record.signals);
+        let leave = Leave {
+            wanted: self.lifecycle.wanted(),
+            may_move: matches!(self.lifecycle.phase(), Phase::Holding | Phase::Tracking),
+        };
+        self.beside.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
     }
 }
 

@@ -103,6 +103,14 @@ impl SafetyChain {
         failed.map(|wheel| (SafetyAction::QuickStop, SafetyReason::Drive, wheel as u64))
     }
 
+    /// The axis itself brakes by its drive; the wheels are well, and ramp down.
+    fn axes(&self, view: &SafetyView<'_>) -> Objection {
+        let counts = view.phase != Phase::QuickStopping;
+        let failed = view.failed_device.filter(|_| counts)?;
+        let stop = SafetyAction::Stop(StopCategory::RampThenRemove);
+        Some((stop, SafetyReason::Axis, (MAX_WHEELS + failed) as u64))
+    }
+
     fn wheel_speed(&self, view: &SafetyView<'_>) -> Objection {
         let limit = WHEEL_SPEED_MARGIN * view.wheel_limits.speed_rad_s;
         let drives = view.measurements.present();
@@ -208,11 +216,12 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 11] = [
+        let checks: [(bool, Check); 12] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
             (is_powered, Self::drives),
+            (is_powered, Self::axes),
             (is_powered, Self::wheel_speed),
             (torque_counts, Self::wheel_torque),
             (is_tracking, Self::reference_speed),

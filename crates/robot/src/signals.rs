@@ -1,5 +1,6 @@
 //! What flows through the cycle: plain structs, all recorded in one [`CycleRecord`].
 
+mod axis;
 mod columns;
 mod commands;
 mod exchange;
@@ -13,6 +14,7 @@ mod record;
 mod record_tests;
 mod request;
 
+pub use axis::{AxisAsk, AxisState};
 pub use columns::column_name;
 pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,

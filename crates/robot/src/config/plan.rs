@@ -137,6 +137,28 @@ pub struct BusPlan {
     pub drive_watchdog: DriveWatchdog,
 }
 
+impl BusPlan {
+    /// How a drive's clock beats.
+    pub(super) fn dc(&self) -> bus_config::DcConfig {
+        match self.synchronisation {
+            Synchronisation::Sync0 => bus_config::DcConfig::Sync0 {
+                cycle_ns: u32::try_from(self.cycle_ns).unwrap_or(u32::MAX),
+                shift_ns: self.sync0_shift_ns,
+            },
+            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus_config::DcConfig::Off,
+        }
+    }
+
+    /// By what a drive is synchronised.
+    pub(super) fn sync_mode(&self) -> bus_config::SyncMode {
+        match self.synchronisation {
+            Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
+            Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
+            Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
+        }
+    }
+}
+
 /// The drives' process-data watchdog: when they stop by themselves because the program says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveWatchdog {
@@ -364,7 +386,6 @@ impl DrivePlan {
 
     /// What the bus is asked for this drive.
     pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
-        let sync0 = bus.synchronisation == Synchronisation::Sync0;
         bus_config::SubDeviceConfig {
             // What is read and written by bytes, and zeroed while its owner is away.
             own_bytes: true,
@@ -376,17 +397,8 @@ impl DrivePlan {
                 sync_manager(2, Direction::Outputs, &self.outputs),
                 sync_manager(3, Direction::Inputs, &self.inputs),
             ],
-            dc: if sync0 {
-                let cycle_ns = u32::try_from(bus.cycle_ns).unwrap_or(u32::MAX);
-                bus_config::DcConfig::Sync0 { cycle_ns, shift_ns: bus.sync0_shift_ns }
-            } else {
-                bus_config::DcConfig::Off
-            },
-            sync_mode: Some(match bus.synchronisation {
-                Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
-                Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
-                Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
-            }),
+            dc: bus.dc(),
+            sync_mode: Some(bus.sync_mode()),
             watchdogs: bus_config::WatchdogConfig {
                 divider: Some(DriveWatchdog::DIVIDER),
                 process_data: Some(bus.drive_watchdog.steps),

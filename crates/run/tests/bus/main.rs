@@ -1,5 +1,6 @@
 //! A running robot whose bus suffers: devices lose power, cables are pulled, frames are damaged; in virtual time.
 
+mod axes;
 mod bench;
 mod clocks;
 mod disturbances;
