@@ -22,6 +22,7 @@ use crate::signals::{
     PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
+use crate::speed_loop::SpeedLoops;
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
@@ -38,6 +39,7 @@ pub struct Robot {
     controllers: Vec<Box<dyn Controller>>,
     active: usize,
     blind_ramp: BlindRamp,
+    speed_loops: SpeedLoops,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
     counted: Counted,
@@ -86,6 +88,7 @@ impl Robot {
             controllers,
             active: 0,
             blind_ramp: BlindRamp::new(plan),
+            speed_loops: SpeedLoops::new(plan),
             safety,
             lifecycle: Lifecycle::new(plan.safety),
             counted: Counted::default(),
@@ -531,8 +534,14 @@ impl Robot {
         let allowed = &self.record.allowed.commands;
         for (wheel, device) in self.devices.iter_mut().enumerate() {
             let command = match allowed.quantity {
-                Quantity::Nothing => idle,
-                Quantity::Speed | Quantity::Torque => allowed.wheel(wheel),
+                Quantity::Nothing => self.speed_loops.idle(wheel, idle),
+                Quantity::Speed | Quantity::Torque => {
+                    let is_heard = self.record.exchange.has_inputs_of(wheel);
+                    let measured = is_heard.then(|| &self.record.measurements.drives[wheel]);
+                    let limits = self.settings.wheel_limits();
+                    let commanded = (wheel, allowed.wheel(wheel));
+                    self.speed_loops.close(&self.record.time, commanded, measured, &limits)
+                }
             };
             let command = DriveCommand {
                 wanted: self.lifecycle.wanted(),

@@ -8,7 +8,7 @@ use omnibase_platform::Kinematics;
 
 use super::device_plan::{DevicePlan, signal_layout};
 use super::drive_tables::EncoderName;
-use super::drive_tables::{SpeedUnit, TurnDirection};
+use super::drive_tables::{DriveMode, SpeedUnit, TurnDirection};
 use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable,
     Synchronisation,
@@ -19,7 +19,7 @@ use super::mapping::PdoPlan;
 use super::run_tables::{RecordingPlan, RunTable};
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
-use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
+use crate::signals::{Quantity, RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -201,6 +201,10 @@ pub struct DrivePlan {
     pub inputs: Vec<PdoPlan>,
     /// Between the drive's units and the wheel's.
     pub scale: DriveScale,
+    /// What it is commanded by; `None`: what the control law commands.
+    pub mode: Option<DriveMode>,
+    /// The loop by which the cycle makes torques out of speeds.
+    pub speed_loop: Option<SpeedLoopPlan>,
     /// How it is held to the torque limit of its wheel.
     pub torque_limit: TorqueLimit,
     /// What its encoder knows after a loss of supply.
@@ -246,6 +250,28 @@ pub struct DriveScale {
     pub rated_torque_nm: f64,
     /// The motor's peak torque, N·m.
     pub peak_torque_nm: f64,
+}
+
+/// A loop in the cycle that makes a wheel's torque out of its speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedLoopPlan {
+    /// Torque per speed error, N·m·s/rad.
+    pub gain_nm_s_rad: f64,
+    /// Time in which the integral gives as much again, s.
+    pub integral_s: f64,
+}
+
+impl DrivePlan {
+    /// What it is commanded by under a law that commands so; `None` where nothing can be made of that.
+    pub fn takes(&self, commanded: Quantity) -> Option<Quantity> {
+        match (commanded, self.mode) {
+            (Quantity::Nothing, _) => Some(Quantity::Nothing),
+            (_, None) => Some(commanded),
+            (_, Some(DriveMode::Torque)) => Some(Quantity::Torque),
+            (Quantity::Speed, Some(DriveMode::Speed)) => Some(Quantity::Speed),
+            (Quantity::Torque, Some(DriveMode::Speed)) => None,
+        }
+    }
 }
 
 /// One SDO to write.

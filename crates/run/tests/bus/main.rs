@@ -6,6 +6,7 @@ mod clocks;
 mod disturbances;
 mod lost;
 mod matrix;
+mod modes;
 mod pose;
 mod recovery;
 mod resume;
