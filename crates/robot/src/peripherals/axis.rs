@@ -131,6 +131,8 @@ pub struct Axis {
     is_on: bool,
     /// It follows the task's commands: it isn't on its way to the task's mode.
     is_running: bool,
+    /// The drive was told to halt in a mode of its own, and hasn't left it yet: without that it would go on.
+    is_halted: bool,
     is_homed: bool,
     has_no_home: bool,
     leave: Leave,
@@ -158,6 +160,7 @@ impl Axis {
             next: None,
             is_on: false,
             is_running: false,
+            is_halted: false,
             is_homed: plan.encoder == EncoderName::Absolute,
             has_no_home: false,
             leave: Leave::default(),
@@ -397,7 +400,8 @@ impl Peripheral for Axis {
             (self.task, self.next) = (Task::Rest, None);
         }
         let halts = matches!(self.task, Task::Halt { .. });
-        let control = if halts { output.control.with(ControlWord::HALT) } else { output.control };
+        self.is_halted = halts || self.is_halted && self.is_on && !self.is_running;
+        let control = if self.is_halted { output.control.with(ControlWord::HALT) } else { output.control };
         self.fields.control.write(bytes, control.0.into());
         self.fields.mode.write(bytes, output.mode.code().into());
         self.fields.target_position.write(bytes, output.targets.position_counts);
