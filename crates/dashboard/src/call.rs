@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::StopName;
+use omnibase_robot::config::{AxisMode, StopName};
 use omnibase_robot::signals::{Frame, StopCategory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -111,6 +111,25 @@ pub enum Call {
         /// default: the stamp. What is older than the source's `max_age_ms`, or than what was heard before, is refused.
         instant_ms: Option<f64>,
     },
+    /// Have an axis find its home.
+    HomeAxis {
+        /// Its name in the robot's file.
+        name: String,
+    },
+    /// Move an axis; it stops where the robot does, or the page that moved it is gone.
+    MoveAxis {
+        /// Its name in the robot's file.
+        name: String,
+        /// The position, in its unit.
+        position: f64,
+        /// Who plans the way; default: `csp`, the cycle.
+        mode: Option<AxisMode>,
+    },
+    /// Have an axis come to rest.
+    StopAxis {
+        /// Its name in the robot's file.
+        name: String,
+    },
     /// Take another reference.
     Load {
         /// The reference, with the keys of its table in a robot's file.
@@ -207,7 +226,7 @@ impl TryFrom<WrittenMessage> for Message {
 impl Call {
     /// Whether it ends a motion, and begins none.
     pub(crate) fn stops(&self) -> bool {
-        matches!(self, Call::Stop { .. } | Call::EmergencyStop)
+        matches!(self, Call::Stop { .. } | Call::EmergencyStop | Call::StopAxis { .. })
     }
 
     /// Whether carrying it out takes more than a moment: it computes, or reads files.
@@ -238,6 +257,9 @@ impl Call {
             | Call::RemoveObstacle { .. }
             | Call::SetOutput { .. }
             | Call::SendInputs { .. }
+            | Call::HomeAxis { .. }
+            | Call::MoveAxis { .. }
+            | Call::StopAxis { .. }
             | Call::Scan
             | Call::SdoRead { .. }
             | Call::SdoType { .. }
@@ -255,6 +277,7 @@ impl Call {
             self,
             Call::Stop { .. }
                 | Call::EmergencyStop
+                | Call::StopAxis { .. }
                 | Call::Release
                 | Call::Pause
                 | Call::Stick { .. }

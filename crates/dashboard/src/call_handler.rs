@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{Limits, ReferenceTable, Source};
+use omnibase_robot::config::{AxisMode, Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::Heard;
+use omnibase_robot::signals::{AxisAsk, Heard};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{RequestKind, RobotPlan};
 use omnibase_run::live::{Answer, Ask, Asker, Client, Live, SdoPlace, Stamp, StickWish, TRACE_KEPT_S};
@@ -121,6 +121,12 @@ impl CallHandler {
                 self.send_inputs(asker.stamp, &source, &values, instant_ms)?;
                 return Ok(Reply::Nothing);
             }
+            Call::HomeAxis { name } => robot(self.axis(&name, AxisAsk::Home)?),
+            Call::MoveAxis { name, position, mode } => {
+                let mode = mode.unwrap_or(AxisMode::Csp);
+                robot(self.axis(&name, AxisAsk::Move { position, mode })?)
+            }
+            Call::StopAxis { name } => robot(self.axis(&name, AxisAsk::Stop)?),
             Call::Set { values } => return self.set(asker, &values),
             Call::Stick { x, y, turn, frame } => {
                 let limits = &self.about.robot.plan.limits;
@@ -241,6 +247,36 @@ impl CallHandler {
             *slot = value.unwrap_or(f64::NAN);
         }
         self.live.send_inputs(place, &heard).map_err(|why| format!("{name}: {why}"))
+    }
+
+    /// What asks an axis, where it is there and can do it.
+    fn axis(&self, name: &str, ask: AxisAsk) -> Result<RequestKind, String> {
+        let devices = &self.about.robot.plan.devices;
+        let axes = || devices.iter().enumerate().filter_map(|(n, one)| Some((n, one, one.axis.as_ref()?)));
+        let Some((device, _, axis)) = axes().find(|(_, one, _)| one.name == name) else {
+            let names: Vec<&str> = axes().map(|(_, one, _)| one.name.as_str()).collect();
+            return Err(format!("axis: the robot's are {}, found `{name}`", listed(&names)));
+        };
+        match ask {
+            AxisAsk::Home if axis.homing.is_none() => {
+                return Err(format!("{name}: expected `axis.homing` in the robot's file, it has none"));
+            }
+            AxisAsk::Move { position, mode } => {
+                let ([least, greatest], unit) = (axis.limits.position, axis.unit.name());
+                if !(least..=greatest).contains(&position) {
+                    return Err(format!("{name}: expected {least} to {greatest} {unit}, found {position}"));
+                }
+                if !axis.modes.contains(&mode) {
+                    let modes: Vec<_> = axis.modes.iter().map(|mode| mode.mode().abbreviation()).collect();
+                    let (modes, found) = (modes.join(", "), mode.mode().abbreviation());
+                    return Err(format!(
+                        "{name}: expected a mode of its `axis.modes` ({modes}), found {found}"
+                    ));
+                }
+            }
+            AxisAsk::Home | AxisAsk::Stop => {}
+        }
+        Ok(RequestKind::Axis { device: device as u32, ask })
     }
 
     /// All of the values, or none: each is checked before the first is sent, and the robot takes them in one cycle.

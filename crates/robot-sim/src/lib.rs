@@ -10,6 +10,7 @@
 //!   and [`contact`] solves one step with stick and slip
 //! - [`motor`]: torque limit, heating, voltage and current loop of a motor
 //! - [`machine`]: body and motors, moved on to any instant in steps on a fixed grid, and the truth at the last one
+//! - [`slide`]: an axis beside the wheels, with limit switches and ends
 //! - [`robot`]: simulated drives on the motors: a segment that any MainDevice can run, and the truth behind it
 //!
 //! The planar model leaves out the roll and pitch motion (only its load transfer is there), the spin inertia of the
@@ -26,6 +27,7 @@ pub mod machine;
 pub mod motor;
 pub mod pose;
 pub mod robot;
+pub mod slide;
 pub mod tread;
 pub mod wheel;
 
@@ -35,5 +37,6 @@ pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
 pub use motor::{Motor, MotorParameters, Waves};
 pub use pose::{Pose, Twist, Wrench};
 pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, SharedMachine};
+pub use slide::{SharedSlide, SlideParameters};
 pub use tread::Tread;
 pub use wheel::{Grip, WheelParameters, WheelState};

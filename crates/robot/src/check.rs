@@ -1,5 +1,6 @@
 //! The robot's file against itself: everything that can be found without hardware.
 
+mod axis;
 mod devices;
 mod drives;
 mod guard;
@@ -140,7 +141,7 @@ impl Check {
         let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
         let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
         let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
-        let devices = devices::resolve(self, &file.device, &file.drive, registry);
+        let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
         let sources = sources::resolve(self, &file.source, &file.device);
@@ -465,18 +466,34 @@ impl Check {
         }
     }
 
-    /// What a controller tells the wheels must have a place in the drives' process data.
+    /// What a controller tells the wheels must be what their drives take, or become it, and have a place in their process
+    /// data.
     fn target_is_mapped(&mut self, drives: &[DrivePlan], controller: &str, quantity: Quantity) {
-        let (object, bits, what) = match quantity {
-            Quantity::Nothing => return,
-            Quantity::Speed => (0x60FF, 32, "the target speed"),
-            Quantity::Torque => (0x6071, 16, "the target torque"),
-        };
         for (index, drive) in drives.iter().enumerate() {
+            let setting = |key: &str| format!("drive[{index}].{key}");
+            let (object, bits, what) = match drive.takes(quantity) {
+                Some(Quantity::Nothing) => continue,
+                Some(Quantity::Speed) => (0x60FF, 32, "the target speed"),
+                Some(Quantity::Torque) => (0x6071, 16, "the target torque"),
+                None => {
+                    let reason = format!("{controller} commands torques, and no speed follows from a torque");
+                    let problem = self.report(ProblemKind::Contradiction, &setting("mode"), reason);
+                    problem.value = Some("\"speed\"".into());
+                    problem.limit = Some("\"torque\", or a controller that commands speeds".into());
+                    continue;
+                }
+            };
+            if drive.takes(quantity) != Some(quantity) && drive.speed_loop.is_none() {
+                let reason = format!(
+                    "{controller} commands speeds, and the cycle makes the torques of {} of them by this loop",
+                    drive.name
+                );
+                self.add(Problem::missing(setting("speed_loop_gain_nm_s_rad"), reason));
+            }
             if !drives::is_mapped(&drive.outputs, object, bits) {
                 let reason =
                     format!("{controller} needs {what} in the map of {}, whole and at a byte", drive.name);
-                let problem = self.report(ProblemKind::Missing, &format!("drive[{index}].outputs"), reason);
+                let problem = self.report(ProblemKind::Missing, &setting("outputs"), reason);
                 problem.limit = Some(format!("{object:04X}:{bits}"));
             }
         }

@@ -4,6 +4,8 @@
 //! 2. [`RobotPlan::check`] resolves it without any hardware and gives all [`Problem`]s at once ([`check`](crate::check)).
 //! 3. [`Robot::build`](crate::Robot::build) makes the stages of the cycle from the plan.
 
+mod axis_plan;
+mod axis_tables;
 mod device_plan;
 mod device_tables;
 mod drive_tables;
@@ -21,6 +23,8 @@ mod source_tables;
 mod torque_limit;
 mod units;
 
+pub use axis_plan::{AxisLimits, AxisPlan, AxisScale, HomingPlan};
+pub use axis_tables::*;
 pub(crate) use device_plan::signal_layout;
 pub use device_plan::{Coding, DevicePlan, InputPlan, OutputPlan};
 pub use device_tables::*;

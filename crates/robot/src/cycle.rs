@@ -22,8 +22,9 @@ use crate::signals::{
     PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
+use crate::speed_loop::SpeedLoops;
 use crate::stages::{
-    Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference, Safety, SafetyView,
+    Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
 use crate::stick_shape::StickShape;
 use pose::Counted;
@@ -38,6 +39,7 @@ pub struct Robot {
     controllers: Vec<Box<dyn Controller>>,
     active: usize,
     blind_ramp: BlindRamp,
+    speed_loops: SpeedLoops,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
     counted: Counted,
@@ -86,6 +88,7 @@ impl Robot {
             controllers,
             active: 0,
             blind_ramp: BlindRamp::new(plan),
+            speed_loops: SpeedLoops::new(plan),
             safety,
             lifecycle: Lifecycle::new(plan.safety),
             counted: Counted::default(),
@@ -200,6 +203,11 @@ impl Robot {
         self.devices.iter().enumerate().filter_map(|(wheel, device)| Some((wheel, device.problem()?)))
     }
 
+    /// What is wrong with each SubDevice without a wheel, in words; not for the cycle, for it allocates.
+    pub fn device_problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
+        self.beside.problems()
+    }
+
     /// Devices: from process data to measurements.
     fn read(&mut self, exchange: Exchange, image: &dyn ProcessImage) {
         if let Exchange::Restarted { wheels } = exchange {
@@ -278,6 +286,7 @@ impl Robot {
             }
             RequestKind::SetOutput { .. } if self.lifecycle.lets_go() => return RequestAnswer::WrongPhase,
             RequestKind::SetOutput { index, value } => return taken_if(self.beside.ask(index, value)),
+            RequestKind::Axis { device, ask } => return self.beside.move_by(&time, device, &ask),
             RequestKind::ResetOutput { index } => return taken_if(self.beside.reset(index)),
             RequestKind::Enable => {
                 match input_forbids(&self.safety_plan, &self.record.signals).map(|(reason, _)| reason) {
@@ -294,6 +303,7 @@ impl Robot {
             Change::Begin => self.begin(),
             Change::Acknowledge => {
                 self.devices.iter_mut().for_each(|device| device.acknowledge());
+                self.beside.acknowledge();
                 self.safety.reset();
                 self.begin();
             }
@@ -481,6 +491,7 @@ impl Robot {
             phase: self.lifecycle.phase(),
             measurements: &record.measurements,
             signals: &record.signals,
+            failed_device: self.beside.standing(record.exchange).1,
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
@@ -505,6 +516,7 @@ impl Robot {
             allowed: &record.allowed,
             setpoint_rests: self.limiter.is_at_rest()
                 && !(self.lifecycle.is_blind() && record.commands.is_moving()),
+            beside: self.beside.standing(record.exchange).0,
             is_finished: self.motion.course() != Course::Velocity
                 && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
             finished_by: if self.motion.is_paused_at_fence() {
@@ -528,8 +540,14 @@ impl Robot {
         let allowed = &self.record.allowed.commands;
         for (wheel, device) in self.devices.iter_mut().enumerate() {
             let command = match allowed.quantity {
-                Quantity::Nothing => idle,
-                Quantity::Speed | Quantity::Torque => allowed.wheel(wheel),
+                Quantity::Nothing => self.speed_loops.idle(wheel, idle),
+                Quantity::Speed | Quantity::Torque => {
+                    let is_heard = self.record.exchange.has_inputs_of(wheel);
+                    let measured = is_heard.then(|| &self.record.measurements.drives[wheel]);
+                    let limits = self.settings.wheel_limits();
+                    let commanded = (wheel, allowed.wheel(wheel));
+                    self.speed_loops.close(&self.record.time, commanded, measured, &limits)
+                }
             };
             let command = DriveCommand {
                 wanted: self.lifecycle.wanted(),
@@ -549,7 +567,11 @@ impl Robot {
             _ => false,
         });
         let lets_go = self.lifecycle.lets_go() || is_let_go || is_stopped;
-        self.beside.write(&self.record.time, lets_go, image, &mut self.record.signals);
+        let leave = Leave {
+            wanted: self.lifecycle.wanted(),
+            may_move: matches!(self.lifecycle.phase(), Phase::Holding | Phase::Tracking),
+        };
+        self.beside.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Devices: between a drive's process data and its wheel's units.
 
 mod cia402;
+mod field;
 mod sgdv;
 
 use omnibase_cia402::ErrorCode;
@@ -11,6 +12,7 @@ use crate::registry::{DeviceDefaults, Kind, Registry};
 
 pub use cia402::Cia402Device;
 pub(crate) use cia402::mode_of;
+pub(crate) use field::{Field, nearest};
 
 /// Registers the built-in devices; keys of the drives' tables are read for each of them.
 pub fn register(registry: &mut Registry) {
@@ -28,7 +30,7 @@ pub fn is_of_the_bus(error: ErrorCode) -> bool {
 }
 
 /// A PDO of objects `(index, subindex, bits)`.
-fn pdo(index: u16, entries: &[(u16, u8, u8)]) -> PdoPlan {
+pub(crate) fn pdo(index: u16, entries: &[(u16, u8, u8)]) -> PdoPlan {
     let entry = |&(index, subindex, bits): &(u16, u8, u8)| MapEntry { index, subindex, bits };
     PdoPlan { index, entries: entries.iter().map(entry).collect() }
 }

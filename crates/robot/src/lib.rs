@@ -33,6 +33,7 @@ pub mod registry;
 pub mod safety;
 mod settings;
 pub mod signals;
+mod speed_loop;
 pub mod stages;
 pub mod stick_shape;
 mod unread;

@@ -7,6 +7,7 @@ use crate::signals::{
     Allowed, CycleTime, DriveMeasurement, DriveProgress, Exchange, Measurements, Phase, RequestAnswer,
     RequestKind, SafetyAction, SafetyReason, StopCategory,
 };
+use crate::stages::Standing;
 
 /// After a ramp without inputs drives that nobody hears get so long to stand, ns: ten times what they lag behind.
 const UNHEARD_NS: u64 = 500_000_000;
@@ -45,6 +46,8 @@ pub(crate) struct Outcome<'a> {
     pub(crate) allowed: &'a Allowed,
     /// The setpoint is at rest, and so is what the wheels are told where that isn't the same.
     pub(crate) setpoint_rests: bool,
+    /// What moves beside the wheels.
+    pub(crate) beside: Standing,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
     /// What brought it there before its end.
@@ -144,10 +147,14 @@ impl Lifecycle {
         let now_ns = outcome.time.now_ns;
         let waited_ns = now_ns.saturating_sub(self.since_ns);
         let drives = outcome.measurements.present();
-        let stands = stand(drives, outcome.exchange);
-        let has_stopped = outcome.setpoint_rests && self.has_stopped(now_ns, stands);
+        let stands = stand(drives, outcome.exchange) && outcome.beside.stands;
+        let rests = outcome.setpoint_rests && (outcome.beside.rests || outcome.beside.failed);
+        let has_stopped = rests && self.has_stopped(now_ns, stands);
         match self.phase {
-            Phase::Enabling if drives.iter().all(|drive| drive.progress == DriveProgress::Running) => {
+            Phase::Enabling
+                if outcome.beside.is_ready
+                    && drives.iter().all(|drive| drive.progress == DriveProgress::Running) =>
+            {
                 self.enter(outcome.time, Phase::Holding);
             }
             Phase::Enabling if waited_ns > self.plan.enabling_timeout_ns => {

@@ -1,12 +1,14 @@
 //! Peripherals: SubDevices that drive no wheel, between their process data and their signals.
 
+mod axis;
 mod beside;
 mod io;
 mod sources;
 
-use crate::registry::{Kind, PeripheralDefaults, Registry, optional};
+use crate::registry::{Kind, PeripheralDefaults, Registry, needed, optional};
 use crate::stages::Peripheral;
 
+pub use axis::Axis;
 pub(crate) use beside::Beside;
 pub use io::Io;
 
@@ -30,4 +32,10 @@ pub fn register(registry: &mut Registry) {
         keys: ["inputs", "outputs", "input", "output", "parameters"].map(optional).into(),
     };
     registry.peripherals.add(io, PeripheralDefaults::default(), Io::new);
+    let axis = Kind {
+        name: "axis",
+        meaning: "A drive of the profile CiA 402 that turns no wheel: a lift, a joint, a turret",
+        keys: [needed("axis")].into_iter().chain(["inputs", "outputs", "parameters"].map(optional)).collect(),
+    };
+    registry.peripherals.add(axis, axis::defaults(), Axis::new);
 }

@@ -2,7 +2,7 @@
 
 mod torque_watch;
 
-use crate::config::{Limits, RobotPlan, SafetyPlan, WheelLimits};
+use crate::config::{DriveMode, Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
     Allowed, Commands, DriveProgress, Exchange, LimitedBy, MAX_WHEELS, Phase, Quantity, SafetyAction,
     SafetyReason, Signals, Stage, StopCategory,
@@ -21,6 +21,8 @@ pub struct SafetyChain {
     limits: Limits,
     plan: SafetyPlan,
     wheels: usize,
+    /// Some drive takes torques, whatever the control law commands.
+    has_torque_drives: bool,
     lost_in_a_row: u32,
     torques: TorqueWatch,
     /// The platform gave way to an obstacle, and isn't back where the plan is.
@@ -42,6 +44,7 @@ impl SafetyChain {
             limits: plan.limits,
             plan: plan.safety,
             wheels: plan.drives.len(),
+            has_torque_drives: plan.drives.iter().any(|drive| drive.mode == Some(DriveMode::Torque)),
             lost_in_a_row: 0,
             torques: TorqueWatch::new(plan),
             gives_way: false,
@@ -60,7 +63,7 @@ impl SafetyChain {
             Exchange::Lost | Exchange::Complete => Some((at_least_quick, SafetyReason::ExchangeLost, 0)),
             Exchange::ShortCount { .. } | Exchange::Without { .. } => {
                 // There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
-                let by_torque = view.commands.quantity == Quantity::Torque;
+                let by_torque = view.commands.quantity == Quantity::Torque || self.has_torque_drives;
                 let action = if by_torque { at_least_quick } else { chosen };
                 let wheel = match view.exchange {
                     Exchange::Without { wheels: 0, devices } if devices != 0 => {
@@ -101,6 +104,14 @@ impl SafetyChain {
             DriveProgress::Running | DriveProgress::SwitchingMode => false,
         });
         failed.map(|wheel| (SafetyAction::QuickStop, SafetyReason::Drive, wheel as u64))
+    }
+
+    /// The axis itself brakes by its drive; the wheels are well, and ramp down.
+    fn axes(&self, view: &SafetyView<'_>) -> Objection {
+        let counts = view.phase != Phase::QuickStopping;
+        let failed = view.failed_device.filter(|_| counts)?;
+        let stop = SafetyAction::Stop(StopCategory::RampThenRemove);
+        Some((stop, SafetyReason::Axis, (MAX_WHEELS + failed) as u64))
     }
 
     fn wheel_speed(&self, view: &SafetyView<'_>) -> Objection {
@@ -208,11 +219,12 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 11] = [
+        let checks: [(bool, Check); 12] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
             (is_powered, Self::drives),
+            (is_powered, Self::axes),
             (is_powered, Self::wheel_speed),
             (torque_counts, Self::wheel_torque),
             (is_tracking, Self::reference_speed),

@@ -1,5 +1,6 @@
 //! What flows through the cycle: plain structs, all recorded in one [`CycleRecord`].
 
+mod axis;
 mod columns;
 mod commands;
 mod exchange;
@@ -14,6 +15,7 @@ mod record_tests;
 mod request;
 mod sources;
 
+pub use axis::{AxisAsk, AxisState};
 pub use columns::column_name;
 pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,

@@ -8,8 +8,9 @@ use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Inputs, MAX_WHEELS,
-    Measurements, Outputs, Phase, PlatformState, Quantity, Request, Setpoint, Signals, WheelCommand,
+    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Inputs,
+    MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity, Request, RequestAnswer, Setpoint,
+    Signals, WheelCommand,
 };
 
 /// What a device is told in one cycle.
@@ -69,6 +70,67 @@ pub trait Peripheral: Send {
         let _ = output;
         value.is_finite()
     }
+
+    /// What the robot lets it do; before each writing.
+    fn lead(&mut self, time: &CycleTime, leave: &Leave) {
+        let _ = (time, leave);
+    }
+
+    /// Somebody wants it to move; refused by what has nothing that moves.
+    fn ask(&mut self, time: &CycleTime, ask: &AxisAsk) -> RequestAnswer {
+        let _ = (time, ask);
+        RequestAnswer::Refused
+    }
+
+    /// How far it is on its way, after what it read and wrote.
+    fn standing(&self) -> Standing {
+        Standing::NOTHING_MOVES
+    }
+
+    /// It wasn't heard for longer than is tolerated: what it did is over.
+    fn lost(&mut self) {}
+
+    /// Somebody saw what was wrong: faults may be reset.
+    fn acknowledge(&mut self) {}
+
+    /// What is wrong with it, in words, for reports; never called in a cycle.
+    fn problem(&self) -> Option<String> {
+        None
+    }
+}
+
+/// What the robot lets a SubDevice without a wheel do in one cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Leave {
+    /// The state in which a drive shall be, as those of the wheels.
+    pub wanted: Wanted,
+    /// Motion may begin and go on; else it comes to rest by its own ramp.
+    pub may_move: bool,
+}
+
+impl Default for Leave {
+    /// No torque.
+    fn default() -> Self {
+        Leave { wanted: Wanted::SwitchOnDisabled, may_move: false }
+    }
+}
+
+/// How far a SubDevice without a wheel is on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Standing {
+    /// It follows its commands, or has none to follow: the robot may begin.
+    pub is_ready: bool,
+    /// It came to rest, and nothing waits to begin.
+    pub rests: bool,
+    /// It stands, whatever it was told.
+    pub stands: bool,
+    /// It failed: the robot stops.
+    pub failed: bool,
+}
+
+impl Standing {
+    /// Of what has nothing that moves.
+    pub const NOTHING_MOVES: Standing = Standing { is_ready: true, rests: true, stands: true, failed: false };
 }
 
 /// What an estimator works on.
@@ -219,6 +281,8 @@ pub struct SafetyView<'a> {
     pub measurements: &'a Measurements,
     /// What comes in beside the drives.
     pub signals: &'a Signals,
+    /// The first SubDevice without a wheel that failed, by its place.
+    pub failed_device: Option<usize>,
     /// What is known.
     pub state: &'a PlatformState,
     /// What is wished, before any limit.

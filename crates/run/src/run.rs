@@ -400,12 +400,16 @@ impl<'a> Cycle<'a> {
                     code.map(|code| format!("; asked by SDO, it says error {code}")).unwrap_or_default();
                 format!("{}: {problem}{code}", name(wheel))
             };
+            let devices = &self.plan.devices;
+            let of_axes = self.robot.device_problems().map(|(device, problem)| {
+                format!("{}: {problem}", devices.get(device).map_or("?", |device| device.name.as_str()))
+            });
             Err(RunError::Stopped {
                 reason: match self.conductor.stopped_by() {
                     SafetyReason::None => self.last.stop_reason.text(),
                     first => first.text(),
                 },
-                drives: self.robot.drive_problems().map(problem).collect(),
+                drives: self.robot.drive_problems().map(problem).chain(of_axes).collect(),
             })
         });
         // Why the robot stopped says more than that it then couldn't be brought back.

@@ -6,14 +6,15 @@ use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_ethercat_sim::{Segment, SubDevice};
 use omnibase_platform::Wheel;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{BusPlace, DrivePlan, EncoderName, SimulationTable, TurnDirection};
+use omnibase_robot::config::{BusPlace, DrivePlan, EncoderName, Identity, SimulationTable, TurnDirection};
 
+mod axis;
 mod beside;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, SharedMachine, Tread, WheelDrive, WheelParameters,
+    RobotSimDescription, SharedMachine, SharedSlide, Tread, WheelDrive, WheelParameters,
 };
 
 /// Mass of a platform whose file gives none, kg: that of the BMM without batteries (thesis, chapter 1).
@@ -40,8 +41,10 @@ pub struct Simulated {
     /// The truth behind it.
     pub machine: SharedMachine,
     /// The terminals of the SubDevices without a wheel, in the order of the robot's file: inputs to set, outputs to look
-    /// at.
+    /// at. That of an axis has none.
     pub panels: Vec<IoPanel>,
+    /// The axes, in the order of the robot's file.
+    pub axes: Vec<SharedSlide>,
 }
 
 /// As [`segment`], with a hand on the terminals.
@@ -51,8 +54,15 @@ pub fn robot(plan: &RobotPlan) -> Result<Simulated, SimulationError> {
         RobotSim::new(&description(plan)).map_err(|error| in_words(&error))?;
     let mut places: Vec<(u32, SubDevice)> =
         order(plan).into_iter().map(|wheel| sort_key(plan.drives[wheel].place)).zip(sub_devices).collect();
-    let mut panels = Vec::new();
+    let (mut panels, mut axes) = (Vec::new(), Vec::new());
     for (number, device) in plan.devices.iter().enumerate() {
+        if let Some(axis) = &device.axis {
+            let (sub_device, slide) = axis::drive(device, axis, number);
+            places.push((sort_key(device.place), sub_device));
+            axes.push(slide);
+            panels.push(IoPanel::default());
+            continue;
+        }
         let generic = beside::terminal(device, number).map_err(|error| in_words(&error))?;
         panels.push(generic.panel);
         places.push((sort_key(device.place), generic.sub_device));
@@ -60,7 +70,7 @@ pub fn robot(plan: &RobotPlan) -> Result<Simulated, SimulationError> {
     places.sort_by_key(|(place, _)| *place);
     let line = places.into_iter().map(|(_, sub_device)| sub_device).collect();
     let segment = Segment::line(line).map_err(|error| in_words(&error))?;
-    Ok(Simulated { segment, machine, panels })
+    Ok(Simulated { segment, machine, panels, axes })
 }
 
 /// What a plan says about its simulated robot.
@@ -164,13 +174,16 @@ fn order(plan: &RobotPlan) -> Vec<usize> {
     order
 }
 
+/// The simulated drive of a product.
+fn kind(identity: &Identity) -> DriveKind {
+    let is_sgdv = (identity.vendor_id, identity.product_code) == (Some(SGDV_VENDOR), Some(SGDV_PRODUCT));
+    if is_sgdv { DriveKind::Sgdv } else { DriveKind::Generic }
+}
+
 fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
     let station = |wheel: usize| {
         let drive = &plan.drives[wheel];
-        let is_sgdv = (drive.identity.vendor_id, drive.identity.product_code)
-            == (Some(SGDV_VENDOR), Some(SGDV_PRODUCT));
-        let kind = if is_sgdv { DriveKind::Sgdv } else { DriveKind::Generic };
-        let mut station = DriveStation::new(kind, wheel);
+        let mut station = DriveStation::new(kind(&drive.identity), wheel);
         station.encoder = match drive.encoder {
             EncoderName::Incremental => Encoder::Incremental,
             EncoderName::Absolute => Encoder::Absolute,

@@ -2,6 +2,7 @@
 
 mod beside;
 mod error;
+mod modes;
 
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
@@ -155,6 +156,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             beside::check_maps(device, bus.subdevices())?;
         }
         check_watchdogs(&mut bus, plan)?;
+        modes::check(&mut bus, plan)?;
         let direction = match plan.bus.clock_source {
             ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
             ClockSource::Host => ClockDirection::DcFollowsHost,

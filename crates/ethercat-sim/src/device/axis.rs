@@ -12,6 +12,17 @@ pub struct AxisState {
     pub speed_rad_s: f64,
     /// Torque that the motor really gives, N·m: less than was applied where the motor has limits of its own.
     pub torque_n_m: f64,
+    /// What stands at the ends of its travel.
+    pub switches: LimitSwitches,
+}
+
+/// The limit switches of an axis, as its drive sees them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LimitSwitches {
+    /// The axis is at the end of negative counts.
+    pub negative: bool,
+    /// The axis is at the end of positive counts.
+    pub positive: bool,
 }
 
 /// A motor's load: an axis of its own, or one wheel of a body that several motors share.

@@ -333,6 +333,7 @@ impl Servo {
         dictionary.set(f.velocity_demand, shown.velocity_demand);
         dictionary.set(f.torque, shown.torque);
         dictionary.set(f.torque_demand, shown.torque_demand);
+        dictionary.set(f.digital_inputs, shown.digital_inputs);
     }
 }
 

@@ -177,7 +177,7 @@ fn misuse_has_its_abort_code() {
     assert_eq!(rig.download(FIRST, (0x6040, 0), &[0; 4]), Err(0x0607_0012));
     assert_eq!(rig.download(FIRST, (0x605B, 0), &[2, 0]), Err(0x0609_0031));
     assert_eq!(rig.download(FIRST, (0x605B, 0), &[0xFF, 0xFF]), Err(0x0609_0032));
-    assert_eq!(rig.download(FIRST, (0x6060, 0), &[6]), Err(0x0609_0030), "no homing here");
+    assert_eq!(rig.download(FIRST, (0x6060, 0), &[7]), Err(0x0609_0030), "no interpolation here");
     assert_eq!(download(&mut rig, 0x21, (0x2F01, 0), &[0; 65], 300), Err(0x0607_0012));
     assert_eq!(download(&mut rig, 0x21, (0x2F00, 0), &[0; 4097], 100), Err(0x0607_0012));
     assert_eq!(abort(rig.coe(FIRST, SDO, &sdo(0xE0, 0x1000, 0, 0))), 0x0504_0001, "no such command");

@@ -82,6 +82,9 @@ pub struct Set {
   remove_obstacle index=0
   send_inputs source=gate values={\"open\":1} what a program knows, as a `[[source]]`; `omnibase send` does so many times a second
   set_output name=lamps.green value=1      an output of a `[[device]]`, until the robot stops
+  home_axis name=lift                      an axis of a `[[device]]` looks for its home
+  move_axis name=lift position=0.3         mode=pp: the drive plans the way; it stops where the robot does
+  stop_axis name=lift
   scan                                     what hangs at its bus, and in which state
   sdo_read subdevice=0 object=6041:00      by SDO, beside its cycle
   sdo_write subdevice=0 object=6083:00 value=20000

@@ -1,5 +1,6 @@
 //! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
 
+mod axes;
 mod browser;
 mod inputs;
 mod line;

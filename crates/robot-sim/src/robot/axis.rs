@@ -58,6 +58,7 @@ impl Axis for WheelAxis {
             position_rad: shaft.angle_rad,
             speed_rad_s: shaft.speed_rad_s,
             torque_n_m: shaft.torque_n_m,
+            ..AxisState::default()
         }
     }
 

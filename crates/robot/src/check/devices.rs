@@ -1,19 +1,17 @@
 //! The SubDevices that drive no wheel: their places, maps and signals.
 
-use super::Check;
 use super::kind_keys::Given;
 use super::subdevices::{self, Claims, parameter};
+use super::{Check, axis};
 use crate::config::find_object as find;
 use crate::config::*;
 use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
 use crate::signals::{MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, SignalLayout, column_name};
 
-pub(super) fn resolve(
-    check: &mut Check,
-    devices: &[DeviceTable],
-    drives: &[DriveTable],
-    registry: &Registry,
-) -> Option<Vec<DevicePlan>> {
+pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) -> Option<Vec<DevicePlan>> {
+    let (devices, drives) = (&file.device, &file.drive);
+    // Where the file has no period that is a problem of its own.
+    let period_s = f64::from(file.bus.cycle_us.unwrap_or(1000)) * 1e-6;
     let claims = |table: &str, n: usize, position, alias, name| Claims {
         table: format!("{table}[{n}]"),
         position,
@@ -37,7 +35,9 @@ pub(super) fn resolve(
     let resolved: Vec<Option<DevicePlan>> = devices
         .iter()
         .enumerate()
-        .map(|(index, own)| Device { check, table: format!("device[{index}]"), own }.resolve(registry))
+        .map(|(index, own)| {
+            Device { check, table: format!("device[{index}]"), own, period_s }.resolve(registry)
+        })
         .collect();
     let plans: Vec<DevicePlan> = resolved.into_iter().collect::<Option<_>>()?;
     Some(plans)
@@ -63,6 +63,7 @@ struct Device<'a> {
     check: &'a mut Check,
     table: String,
     own: &'a DeviceTable,
+    period_s: f64,
 }
 
 impl Device<'_> {
@@ -90,8 +91,24 @@ impl Device<'_> {
             let setting = self.setting(&format!("parameters[{index}]"));
             parameters.extend(parameter(self.check, table, &setting));
         }
+        let axis = own.axis.as_ref().map(|axis| {
+            let table = self.setting("axis");
+            axis::resolve(self.check, &table, axis, self.period_s)
+        });
         let (outputs, inputs) = (outputs?, inputs?);
-        let input = self.inputs(defaults, &inputs);
+        let axis = match axis {
+            Some(axis) => Some(axis?),
+            None => None,
+        };
+        if let Some(axis) = &axis {
+            let is_given = |one: &ParameterPlan, all: &[ParameterPlan]| {
+                all.iter().any(|other| (other.index, other.subindex) == (one.index, one.subindex))
+            };
+            let own = axis.parameters(|object| find(&outputs, object, 0).is_some());
+            let own: Vec<_> = own.into_iter().filter(|one| !is_given(one, &parameters)).collect();
+            parameters.extend(own);
+        }
+        let input = self.inputs((defaults, axis.as_ref()), &inputs);
         let output = self.outputs(defaults, &outputs);
         let (input, output) = (input?, output?);
         self.one_name_each(&input, &output);
@@ -104,6 +121,7 @@ impl Device<'_> {
             inputs,
             input,
             output,
+            axis,
             parameters,
             custom: own.custom.clone(),
         })
@@ -132,7 +150,11 @@ impl Device<'_> {
         subdevices::pdos(self.check, &self.setting(key), tables, bounds)
     }
 
-    fn inputs(&mut self, defaults: &PeripheralDefaults, pdos: &[PdoPlan]) -> Option<Vec<InputPlan>> {
+    fn inputs(
+        &mut self,
+        (defaults, axis): (&PeripheralDefaults, Option<&AxisPlan>),
+        pdos: &[PdoPlan],
+    ) -> Option<Vec<InputPlan>> {
         let own = self.own.input.iter().enumerate().map(|(n, table)| {
             let InputTable { name, object, bit, kind, unit, scale, offset, simulated } = table;
             let written =
@@ -144,7 +166,8 @@ impl Device<'_> {
             Some(InputPlan { name, unit, coding: Some(coding), simulated: *simulated })
         });
         let own: Vec<Option<InputPlan>> = own.collect();
-        defaults.input.iter().cloned().map(Some).chain(own).collect()
+        let of_axis = axis.map(AxisPlan::signals).unwrap_or_default();
+        defaults.input.iter().cloned().chain(of_axis).map(Some).chain(own).collect()
     }
 
     fn outputs(&mut self, defaults: &PeripheralDefaults, pdos: &[PdoPlan]) -> Option<Vec<OutputPlan>> {

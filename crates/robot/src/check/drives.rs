@@ -90,6 +90,7 @@ impl Drive<'_> {
             }
         }
         let torque_limit = self.torque_limit(&outputs, &parameters);
+        let speed_loop = self.speed_loop();
         let mut custom = self.defaults.custom.clone();
         custom.0.extend(self.own.custom.0.clone());
         Some(DrivePlan {
@@ -101,6 +102,8 @@ impl Drive<'_> {
             inputs: inputs?,
             scale: scale?,
             torque_limit: torque_limit?,
+            mode: self.pick("mode", |table| &table.mode).0,
+            speed_loop: speed_loop?,
             encoder: self.pick("encoder", |table| &table.encoder).0.unwrap_or_default(),
             parameters,
             custom,
@@ -198,6 +201,26 @@ impl Drive<'_> {
             rated_torque_nm: rated,
             peak_torque_nm: peak,
         })
+    }
+
+    /// The loop, where the file has one; `None` for half of one. Whether it is needed the control laws tell.
+    fn speed_loop(&mut self) -> Option<Option<SpeedLoopPlan>> {
+        let (gain, of_gain) = self.pick("speed_loop_gain_nm_s_rad", |table| &table.speed_loop_gain_nm_s_rad);
+        let (integral, of_integral) =
+            self.pick("speed_loop_integral_s", |table| &table.speed_loop_integral_s);
+        // What is missing stands beside the other one.
+        let beside = |given: &str, key: &str| {
+            given.rsplit_once('.').map_or_else(String::new, |(table, _)| format!("{table}.{key}"))
+        };
+        const WHY: &str = "a speed loop has a gain and an integral time";
+        match (gain, integral) {
+            (None, None) => Some(None),
+            (Some(gain_nm_s_rad), Some(integral_s)) => {
+                Some(Some(SpeedLoopPlan { gain_nm_s_rad, integral_s }))
+            }
+            (Some(_), None) => self.check.need(None, &beside(&of_gain, "speed_loop_integral_s"), WHY),
+            (None, Some(_)) => self.check.need(None, &beside(&of_integral, "speed_loop_gain_nm_s_rad"), WHY),
+        }
     }
 
     /// How the drive is told its torque limit; how much that is needs the limits.

@@ -1,5 +1,6 @@
 //! Files of robots: the shipped ones, and broken ones whose problems all come at once with their places.
 
+mod axes;
 mod devices;
 mod kinds;
 mod simulation;

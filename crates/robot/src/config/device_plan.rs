@@ -2,6 +2,7 @@
 
 use omnibase_ethercat::config as bus_config;
 
+use super::axis_plan::AxisPlan;
 use super::device_tables::SignalType;
 use super::file::Parameters;
 use super::mapping::PdoPlan;
@@ -29,6 +30,8 @@ pub struct DevicePlan {
     pub input: Vec<InputPlan>,
     /// Signals that it is told.
     pub output: Vec<OutputPlan>,
+    /// The axis that its drive moves.
+    pub axis: Option<AxisPlan>,
     /// SDOs in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
     /// The kind's own keys.
@@ -170,6 +173,9 @@ impl DevicePlan {
             identity: expected_identity(&self.identity),
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             watchdogs,
+            // A drive's set points act at the beat of the others.
+            dc: if self.axis.is_some() { bus.dc() } else { Default::default() },
+            sync_mode: self.axis.is_some().then(|| bus.sync_mode()),
             ..Default::default()
         }
     }

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::axis_tables::AxisTable;
 use super::drive_tables::{ParameterTable, PdoTable};
 use super::file::Parameters;
 
@@ -34,6 +35,8 @@ pub struct DeviceTable {
     pub input: Vec<InputTable>,
     /// Signals that it is told.
     pub output: Vec<OutputTable>,
+    /// The axis that its drive moves.
+    pub axis: Option<AxisTable>,
     /// SDOs written in PRE-OP and read back.
     pub parameters: Option<Vec<ParameterTable>>,
     /// The kind's own keys.

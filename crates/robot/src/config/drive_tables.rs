@@ -47,6 +47,15 @@ pub struct DriveTable {
     /// The motor's peak torque, N·m; default: the rated torque.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub peak_torque_nm: Option<f64>,
+    /// What the drive is commanded by; default: what the control law commands. Under a law that commands speeds the cycle
+    /// closes the speed loop of a drive that takes torques.
+    pub mode: Option<DriveMode>,
+    /// Torque of that loop per error of the wheel's speed, N·m·s/rad.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub speed_loop_gain_nm_s_rad: Option<f64>,
+    /// Time in which that loop's integral gives as much again, s.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub speed_loop_integral_s: Option<f64>,
     /// The objects that hold the drive to `limits.wheel_torque_nm`: in every cycle where they are mapped among
     /// `outputs`, else by SDO at start-up, read back; default: `max_torque`.
     pub torque_limit: Option<TorqueLimitName>,
@@ -77,6 +86,16 @@ pub enum TurnDirection {
     Forward,
     /// Against it.
     Backward,
+}
+
+/// What a drive is commanded by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveMode {
+    /// Speeds (csv).
+    Speed,
+    /// Torques (cst).
+    Torque,
 }
 
 /// The objects that hold a drive to a torque.

@@ -8,7 +8,7 @@ use omnibase_platform::Kinematics;
 
 use super::device_plan::{DevicePlan, signal_layout};
 use super::drive_tables::EncoderName;
-use super::drive_tables::{SpeedUnit, TurnDirection};
+use super::drive_tables::{DriveMode, SpeedUnit, TurnDirection};
 use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, SimulationTable,
     Synchronisation,
@@ -20,7 +20,7 @@ use super::run_tables::{RecordingPlan, RunTable};
 use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
-use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
+use crate::signals::{Quantity, RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -140,6 +140,28 @@ pub struct BusPlan {
     pub drive_watchdog: DriveWatchdog,
 }
 
+impl BusPlan {
+    /// How a drive's clock beats.
+    pub(super) fn dc(&self) -> bus_config::DcConfig {
+        match self.synchronisation {
+            Synchronisation::Sync0 => bus_config::DcConfig::Sync0 {
+                cycle_ns: u32::try_from(self.cycle_ns).unwrap_or(u32::MAX),
+                shift_ns: self.sync0_shift_ns,
+            },
+            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus_config::DcConfig::Off,
+        }
+    }
+
+    /// By what a drive is synchronised.
+    pub(super) fn sync_mode(&self) -> bus_config::SyncMode {
+        match self.synchronisation {
+            Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
+            Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
+            Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
+        }
+    }
+}
+
 /// The drives' process-data watchdog: when they stop by themselves because the program says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveWatchdog {
@@ -182,6 +204,10 @@ pub struct DrivePlan {
     pub inputs: Vec<PdoPlan>,
     /// Between the drive's units and the wheel's.
     pub scale: DriveScale,
+    /// What it is commanded by; `None`: what the control law commands.
+    pub mode: Option<DriveMode>,
+    /// The loop by which the cycle makes torques out of speeds.
+    pub speed_loop: Option<SpeedLoopPlan>,
     /// How it is held to the torque limit of its wheel.
     pub torque_limit: TorqueLimit,
     /// What its encoder knows after a loss of supply.
@@ -227,6 +253,28 @@ pub struct DriveScale {
     pub rated_torque_nm: f64,
     /// The motor's peak torque, N·m.
     pub peak_torque_nm: f64,
+}
+
+/// A loop in the cycle that makes a wheel's torque out of its speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedLoopPlan {
+    /// Torque per speed error, N·m·s/rad.
+    pub gain_nm_s_rad: f64,
+    /// Time in which the integral gives as much again, s.
+    pub integral_s: f64,
+}
+
+impl DrivePlan {
+    /// What it is commanded by under a law that commands so; `None` where nothing can be made of that.
+    pub fn takes(&self, commanded: Quantity) -> Option<Quantity> {
+        match (commanded, self.mode) {
+            (Quantity::Nothing, _) => Some(Quantity::Nothing),
+            (_, None) => Some(commanded),
+            (_, Some(DriveMode::Torque)) => Some(Quantity::Torque),
+            (Quantity::Speed, Some(DriveMode::Speed)) => Some(Quantity::Speed),
+            (Quantity::Torque, Some(DriveMode::Speed)) => None,
+        }
+    }
 }
 
 /// One SDO to write.
@@ -367,7 +415,6 @@ impl DrivePlan {
 
     /// What the bus is asked for this drive.
     pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
-        let sync0 = bus.synchronisation == Synchronisation::Sync0;
         bus_config::SubDeviceConfig {
             // What is read and written by bytes, and zeroed while its owner is away.
             own_bytes: true,
@@ -379,17 +426,8 @@ impl DrivePlan {
                 sync_manager(2, Direction::Outputs, &self.outputs),
                 sync_manager(3, Direction::Inputs, &self.inputs),
             ],
-            dc: if sync0 {
-                let cycle_ns = u32::try_from(bus.cycle_ns).unwrap_or(u32::MAX);
-                bus_config::DcConfig::Sync0 { cycle_ns, shift_ns: bus.sync0_shift_ns }
-            } else {
-                bus_config::DcConfig::Off
-            },
-            sync_mode: Some(match bus.synchronisation {
-                Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
-                Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
-                Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
-            }),
+            dc: bus.dc(),
+            sync_mode: Some(bus.sync_mode()),
             watchdogs: bus_config::WatchdogConfig {
                 divider: Some(DriveWatchdog::DIVIDER),
                 process_data: Some(bus.drive_watchdog.steps),

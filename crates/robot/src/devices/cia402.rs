@@ -7,9 +7,10 @@ use omnibase_cia402::{
     StatusWord, Targets,
 };
 
+use super::field::{Field, nearest};
 use super::{DeviceDefaults, pdo};
-use crate::config::{DrivePlan, DriveScale, EncoderName, PdoPlan, Problem, SpeedUnit, TurnDirection};
-use crate::registry::{Made, StageError};
+use crate::config::{DrivePlan, DriveScale, EncoderName, SpeedUnit, TurnDirection};
+use crate::registry::Made;
 use crate::signals::{CycleTime, DriveMeasurement, DriveProgress, WheelCommand};
 use crate::stages::{Device, DriveCommand};
 
@@ -32,35 +33,6 @@ pub(super) fn defaults() -> DeviceDefaults {
             ],
         )],
         ..Default::default()
-    }
-}
-
-/// Where an object lies in a drive's process data; whole bytes only.
-#[derive(Clone, Copy, Debug)]
-struct Field {
-    offset: usize,
-    bytes: usize,
-}
-
-impl Field {
-    fn find(pdos: &[PdoPlan], index: u16, subindex: u8) -> Option<Field> {
-        let (bit, bits) = crate::config::find_object(pdos, index, subindex)?;
-        (bit % 8 == 0 && bits % 8 == 0 && bits <= 32)
-            .then_some(Field { offset: bit as usize / 8, bytes: usize::from(bits / 8) })
-    }
-
-    /// The value, its sign extended; 0 where the data is too short.
-    fn read(self, data: &[u8]) -> i32 {
-        let Some(bytes) = data.get(self.offset..self.offset + self.bytes) else { return 0 };
-        let raw = bytes.iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
-        let unused = 32 - 8 * self.bytes as u32;
-        ((raw << unused) as i32) >> unused
-    }
-
-    fn write(self, data: &mut [u8], value: i32) {
-        if let Some(bytes) = data.get_mut(self.offset..self.offset + self.bytes) {
-            bytes.copy_from_slice(&value.to_le_bytes()[..self.bytes]);
-        }
     }
 }
 
@@ -119,22 +91,18 @@ pub struct Cia402Device {
 impl Cia402Device {
     /// A drive as its plan says; refused where an object is missing that it can't do without.
     pub fn new(plan: &DrivePlan) -> Made<Self> {
-        let need = |pdos: &[PdoPlan], index: u16, what: &str| {
-            let reason = format!("{what} ({index:04X}) must be mapped, whole and at a byte");
-            Field::find(pdos, index, 0).ok_or_else(|| StageError::from(Problem::refused("", reason)))
-        };
         let input = |index| Field::find(&plan.inputs, index, 0);
         let output = |index| Field::find(&plan.outputs, index, 0);
         let inputs = Inputs {
-            status: need(&plan.inputs, 0x6041, "the status word")?,
-            position: need(&plan.inputs, 0x6064, "the actual position")?,
+            status: Field::needed(&plan.inputs, 0x6041, "the status word")?,
+            position: Field::needed(&plan.inputs, 0x6064, "the actual position")?,
             speed: input(0x606C),
             torque: input(0x6077),
             mode: input(0x6061),
             error: input(0x603F),
         };
         let outputs = Outputs {
-            control: need(&plan.outputs, 0x6040, "the control word")?,
+            control: Field::needed(&plan.outputs, 0x6040, "the control word")?,
             mode: output(0x6060),
             position: output(0x607A),
             speed: output(0x60FF),
@@ -279,12 +247,6 @@ impl Device for Cia402Device {
     fn problem(&self) -> Option<String> {
         self.enabling.problem().map(|problem| problem.to_string())
     }
-}
-
-/// The nearest whole number that fits so many bits with a sign; 0 for NaN.
-fn nearest(value: f64, bits: u32) -> i32 {
-    let greatest = (1_i64 << (bits - 1)) - 1;
-    (value.round() as i64).clamp(-greatest - 1, greatest) as i32
 }
 
 /// The mode in which a drive follows a command.

@@ -7,9 +7,10 @@ use crate::config::RobotPlan;
 use crate::image::ProcessImage;
 use crate::registry::{Made, Registry};
 use crate::signals::{
-    CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, SignalLayout, Signals, Told,
+    AxisAsk, CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, RequestAnswer,
+    SignalLayout, Signals, Told,
 };
-use crate::stages::Peripheral;
+use crate::stages::{Leave, Peripheral, Standing};
 
 /// All SubDevices that drive no wheel, and what they remember from cycle to cycle.
 pub(crate) struct Beside {
@@ -102,6 +103,7 @@ impl Beside {
             if age_ns.is_none_or(|age_ns| age_ns > self.most_age_ns) {
                 // What was set before a loss doesn't come back with the SubDevice.
                 self.asked[part.outputs.clone()].fill(None);
+                part.peripheral.lost();
                 continue;
             }
             for (input, value) in part.inputs.clone().zip(values) {
@@ -149,12 +151,44 @@ impl Beside {
         is_there
     }
 
+    /// Somebody wants one of them to move.
+    pub(crate) fn move_by(&mut self, time: &CycleTime, device: u32, ask: &AxisAsk) -> RequestAnswer {
+        let part = self.all.get_mut(device as usize);
+        part.map_or(RequestAnswer::Refused, |part| part.peripheral.ask(time, ask))
+    }
+
+    /// Somebody saw what was wrong.
+    pub(crate) fn acknowledge(&mut self) {
+        self.all.iter_mut().for_each(|part| part.peripheral.acknowledge());
+    }
+
+    /// How far they are on their way, all together, and the first that failed. Those that weren't heard in this cycle
+    /// count as resting, and as not ready.
+    pub(crate) fn standing(&self, exchange: Exchange) -> (Standing, Option<usize>) {
+        let mut all = Standing::NOTHING_MOVES;
+        let mut failed = None;
+        for (device, part) in self.all.iter().enumerate() {
+            let one = part.peripheral.standing();
+            let is_heard = exchange.has_inputs_of_device(device);
+            all.is_ready &= one.is_ready;
+            all.rests &= one.rests || !is_heard;
+            all.stands &= one.stands || !is_heard;
+            failed = failed.or(one.failed.then_some(device));
+        }
+        (Standing { failed: failed.is_some(), ..all }, failed)
+    }
+
+    /// What is wrong with each of them, in words; not for the cycle, for it allocates.
+    pub(crate) fn problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
+        self.all.iter().enumerate().filter_map(|(device, part)| Some((device, part.peripheral.problem()?)))
+    }
+
     /// From signals to process data. A robot that lets go of its drives lets go of the outputs: nothing that was asked
     /// before counts after it.
     pub(crate) fn write(
         &mut self,
         time: &CycleTime,
-        lets_go: bool,
+        (leave, lets_go): (&Leave, bool),
         image: &mut dyn ProcessImage,
         signals: &mut Signals,
     ) {
@@ -171,6 +205,7 @@ impl Beside {
         signals.output_bytes.fill(0);
         for (device, part) in self.all.iter_mut().enumerate() {
             let bytes = image.device_outputs(device);
+            part.peripheral.lead(time, leave);
             part.peripheral.write(time, &signals.outputs[part.outputs.clone()], bytes);
             let recorded = &mut signals.output_bytes[part.output_bytes.clone()];
             let length = bytes.len().min(recorded.len());

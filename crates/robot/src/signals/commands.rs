@@ -141,6 +141,8 @@ pub enum SafetyReason {
     StopInput,
     /// The input that enables is 0, or old.
     EnableInput,
+    /// An axis failed.
+    Axis,
 }
 
 coded!(SafetyReason {
@@ -162,6 +164,7 @@ coded!(SafetyReason {
     WayBlocked = 16,
     StopInput = 17,
     EnableInput = 18,
+    Axis = 19,
 });
 
 impl SafetyReason {
@@ -186,6 +189,7 @@ impl SafetyReason {
             SafetyReason::WayBlocked => "the way is blocked",
             SafetyReason::StopInput => "the input that stops it was set, or not heard",
             SafetyReason::EnableInput => "the input that enables it was off, or not heard",
+            SafetyReason::Axis => "an axis failed",
         }
     }
 }

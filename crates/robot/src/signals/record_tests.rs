@@ -4,6 +4,7 @@ use omnibase_cia402::StatusWord;
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::*;
+use crate::config::AxisMode;
 use crate::obstacle::Obstacle;
 
 fn full(wheels: usize) -> CycleRecord {
@@ -93,6 +94,9 @@ fn every_request_comes_back() {
         RequestKind::GoTo { odom_from_body: Pose2 { x_m: 1.0, y_m: -2.0, heading_rad: 7.0 } },
         RequestKind::UseReference { number: 3 },
         RequestKind::SwitchController { index: 1 },
+        RequestKind::Axis { device: 2, ask: AxisAsk::Home },
+        RequestKind::Axis { device: 2, ask: AxisAsk::Move { position: -0.5, mode: AxisMode::Pp } },
+        RequestKind::Axis { device: 0, ask: AxisAsk::Stop },
         RequestKind::SetObstacle { index: 15, obstacle: OBSTACLE },
         RequestKind::RemoveObstacle { index: 3 },
     ];

@@ -2,7 +2,8 @@
 
 use omnibase_platform::{Pose2, Twist2};
 
-use super::{StopCategory, coded};
+use super::{AxisAsk, StopCategory, coded};
+use crate::config::AxisMode;
 use crate::obstacle::Obstacle;
 
 /// The frame of a velocity command.
@@ -95,6 +96,13 @@ pub enum RequestKind {
     ResetOutput {
         /// Its place.
         index: u32,
+    },
+    /// Something about an axis.
+    Axis {
+        /// Its place in [`RobotPlan::devices`](crate::RobotPlan::devices).
+        device: u32,
+        /// What it shall do.
+        ask: AxisAsk,
     },
 }
 
@@ -191,6 +199,11 @@ impl Request {
             }
             RequestKind::SetOutput { index, value } => (15, index.into(), [value, 0.0, 0.0, 0.0, 0.0, 0.0]),
             RequestKind::ResetOutput { index } => (16, index.into(), [0.0; 6]),
+            RequestKind::Axis { device, ask: AxisAsk::Home } => (17, device.into(), [0.0; 6]),
+            RequestKind::Axis { device, ask: AxisAsk::Move { position, mode } } => {
+                (18, device.into(), [position, mode.mode().code().into(), 0.0, 0.0, 0.0, 0.0])
+            }
+            RequestKind::Axis { device, ask: AxisAsk::Stop } => (19, device.into(), [0.0; 6]),
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -240,10 +253,23 @@ impl Request {
             }
             15 => RequestKind::SetOutput { index: argument.try_into().ok()?, value: values[0] },
             16 => RequestKind::ResetOutput { index: argument.try_into().ok()? },
+            17..=19 => RequestKind::Axis {
+                device: argument.try_into().ok()?,
+                ask: match sort {
+                    17 => AxisAsk::Home,
+                    18 => AxisAsk::Move { position: values[0], mode: mode_of_code(values[1])? },
+                    _ => AxisAsk::Stop,
+                },
+            },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
     }
+}
+
+/// The mode of a number that a recording holds.
+fn mode_of_code(code: f64) -> Option<AxisMode> {
+    [AxisMode::Csp, AxisMode::Pp].into_iter().find(|mode| f64::from(mode.mode().code()) == code)
 }
 
 /// What became of a cycle's request.
@@ -272,6 +298,10 @@ pub enum RequestAnswer {
     StopInput,
     /// The input that enables is off, or isn't heard.
     EnableInput,
+    /// The axis was never homed, or not since its drive was lost.
+    NotHomed,
+    /// The axis looks for its home.
+    Homing,
 }
 
 coded!(RequestAnswer {
@@ -286,4 +316,6 @@ coded!(RequestAnswer {
     AtStartUpOnly = 8,
     StopInput = 9,
     EnableInput = 10,
+    NotHomed = 11,
+    Homing = 12,
 });

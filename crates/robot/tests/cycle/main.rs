@@ -1,5 +1,6 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
+mod axes;
 mod blocked;
 mod courses;
 mod inputs;

@@ -1,12 +1,14 @@
 //! Every reason for which the robot stops: what leads to it, what it does at first, and where it ends.
 
 use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::config::{PdoPlan, parse_map};
 use omnibase_robot::guard::Obstacle;
+use omnibase_robot::registry::PeripheralDefaults;
 use omnibase_robot::signals::{
     Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
     Setpoint, StopCategory,
 };
-use omnibase_robot::stages::{Controller, Reference};
+use omnibase_robot::stages::{Controller, Peripheral, Reference, Standing};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, kind, plan_with};
@@ -50,8 +52,25 @@ impl Reference for Sideways {
     }
 }
 
+/// An axis of a test's own: it failed where its process data say so.
+#[derive(Default)]
+struct Fails(bool);
+
+impl Peripheral for Fails {
+    fn read(&mut self, _: &CycleTime, bytes: &[u8], _: &mut [f64]) {
+        self.0 = bytes[0] != 0;
+    }
+
+    fn standing(&self) -> Standing {
+        Standing { failed: self.0, ..Standing::NOTHING_MOVES }
+    }
+}
+
 fn registry() -> Registry {
     let mut registry = Registry::with_built_in();
+    let inputs = vec![PdoPlan { index: 0x1A00, entries: parse_map("6000.1:8").unwrap() }];
+    let defaults = PeripheralDefaults { inputs, ..Default::default() };
+    registry.peripherals.add(kind("fails"), defaults, |_| Ok(Fails::default()));
     let laws = [("too_much", Quantity::Torque, 60.0), ("no_number", Quantity::Speed, f64::NAN)];
     for (name, quantity, value) in laws {
         registry.controllers.add(kind(name), move |_| Ok(Constant(quantity, value, GOOD_CYCLES)));
@@ -195,6 +214,11 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
         }
         SafetyReason::StopInput => pressed("stop_input = \"button.stop\""),
         SafetyReason::EnableInput => pressed("enable_input = \"button.released\""),
+        SafetyReason::Axis => {
+            let mut bench = driven("[[device]]\nname = \"lift\"\nposition = 3\nkind = \"fails\"");
+            bench.image.device_inputs[0][0] = 1;
+            bench
+        }
     };
     Some(stops(bench, reason))
 }
@@ -210,7 +234,8 @@ fn every_reason_stops_the_robot_as_it_should() {
         | SafetyReason::ReferenceSpeed
         | SafetyReason::TrackingError
         | SafetyReason::StopInput
-        | SafetyReason::EnableInput => Some((Phase::Stopping, Phase::Fault)),
+        | SafetyReason::EnableInput
+        | SafetyReason::Axis => Some((Phase::Stopping, Phase::Fault)),
         SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
             Some((Phase::Stopping, Phase::Holding))
         }
@@ -227,7 +252,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 18, "every reason has had its turn");
+    assert_eq!(seen, 19, "every reason has had its turn");
 }
 
 #[test]

@@ -197,6 +197,10 @@ impl Answer {
             Answer::Robot(RequestAnswer::EnableInput) => {
                 "refused: the input that enables the robot (safety.enable_input) is off, or isn't heard"
             }
+            Answer::Robot(RequestAnswer::NotHomed) => {
+                "refused: nobody knows where the axis is: home it first (home_axis)"
+            }
+            Answer::Robot(RequestAnswer::Homing) => "refused: the axis looks for its home",
             Answer::Robot(RequestAnswer::Blocked) => {
                 "refused: an obstacle is too near to where the motion would begin or end"
             }

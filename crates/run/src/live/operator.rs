@@ -3,10 +3,10 @@
 //! The operator turns what many clients ask into the one request that a cycle takes. It is a plain struct without
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
-mod outputs;
+mod authors;
 mod sticks;
 
-use omnibase_robot::signals::{Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{AxisAsk, Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
@@ -15,7 +15,7 @@ use omnibase_robot::config::ComebackPlan;
 
 use crate::conductor::{Conductor, Wish};
 
-use self::outputs::Authors;
+use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Refusal, StickState, StickWish, begins_motion,
@@ -276,7 +276,7 @@ impl Operator {
             self.drop_waiting(|waiting| begins(&waiting.kind));
             return self.send(client, ticket, RequestKind::Stop(category), u64::MAX);
         }
-        if let Some(kind) = self.authors.next_reset() {
+        if let Some(kind) = self.authors.next_end() {
             // A way back is looked after meanwhile.
             self.comeback.iter_mut().for_each(|(_, conductor)| conductor.watch(last, phase));
             return self.send(Client::Command, 0, kind, u64::MAX);
@@ -329,8 +329,8 @@ impl Operator {
     fn settle(&mut self, last: &CycleRecord, phase: Phase) {
         if let Some((client, ticket, kind)) = self.asked.take() {
             self.answer(ticket, Answer::Robot(last.answer));
-            if let (RequestKind::SetOutput { index, .. }, RequestAnswer::Taken) = (kind, last.answer) {
-                self.authors.set(index, client);
+            if last.answer == RequestAnswer::Taken {
+                self.authors.note(&kind, client);
             }
             if begins_motion(&kind) && last.answer == RequestAnswer::Taken {
                 self.commander = Commander::Reference(client);
@@ -483,13 +483,17 @@ impl Operator {
 
 /// What must not begin while the robot shall stand: motion, and what moves beside it.
 fn begins(kind: &RequestKind) -> bool {
-    begins_motion(kind) || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
+    let is_of_an_axis = matches!(kind, RequestKind::Axis { ask, .. } if *ask != AxisAsk::Stop);
+    begins_motion(kind)
+        || is_of_an_axis
+        || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
 }
 
 /// What only those ask who lead a robot.
 fn is_of_a_leader(ask: &Ask) -> bool {
     match ask {
-        Ask::Robot(RequestKind::Stop(_)) => false,
+        Ask::Robot(RequestKind::Stop(_) | RequestKind::Axis { ask: AxisAsk::Stop, .. }) => false,
+        Ask::Robot(RequestKind::Axis { .. }) => true,
         // What moves beside it is the plan's, too.
         Ask::Robot(RequestKind::SetOutput { .. }) => true,
         Ask::Robot(kind) => leads(kind),
@@ -508,5 +512,6 @@ fn leads(kind: &RequestKind) -> bool {
             | RequestKind::RemoveObstacle { .. }
             | RequestKind::SetOutput { .. }
             | RequestKind::ResetOutput { .. }
+            | RequestKind::Axis { .. }
     )
 }

@@ -1,6 +1,7 @@
 //! How old what is asked may be: it counts from what whoever asked had last from the robot.
 
 use omnibase_robot::RequestKind;
+use omnibase_robot::signals::AxisAsk;
 
 use super::command::{Ask, Refusal, StickWish};
 
@@ -70,6 +71,7 @@ fn counts(ask: &Ask) -> Counts {
             // Where the robot was then is not where it is.
             | RequestKind::SetPose { .. }
             | RequestKind::SetOutput { .. }
+            | RequestKind::Axis { ask: AxisAsk::Home | AxisAsk::Move { .. }, .. }
             | RequestKind::Velocity { .. } => Counts::Always,
             RequestKind::Set { .. }
             | RequestKind::SwitchController { .. }
@@ -78,6 +80,7 @@ fn counts(ask: &Ask) -> Counts {
             RequestKind::Stop(_)
             | RequestKind::Pause
             | RequestKind::UseReference { .. }
+            | RequestKind::Axis { ask: AxisAsk::Stop, .. }
             | RequestKind::ResetOutput { .. } => Counts::Never,
         },
         Ask::ReleaseEmergencyStop | Ask::EnableStick(_) | Ask::Stick(StickWish::Held { .. }) => {

@@ -27,16 +27,7 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
             .map(|one| (ObjectAddress::new(one.index, one.subindex), one.data.len()))
             .collect(),
     };
-    let piece = Piece {
-        alias: match device.place {
-            BusPlace::Alias(alias) => alias,
-            BusPlace::Position(_) => 0,
-        },
-        serial: 100 + number as u32,
-        dc_offset_ns: (number as u64 + 1) * 76_543_210,
-        ..Piece::default()
-    };
-    let generic = simple::terminal(&terminal, &piece)?;
+    let generic = simple::terminal(&terminal, &piece(device, number))?;
     let mut bytes = vec![0; device.input_bytes()];
     for input in &device.input {
         if let (Some(coding), Some(value)) = (input.coding, input.simulated) {
@@ -51,6 +42,19 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         generic.panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
     }
     Ok(generic)
+}
+
+/// One piece of its product, unlike all others.
+pub(super) fn piece(device: &DevicePlan, number: usize) -> Piece {
+    Piece {
+        alias: match device.place {
+            BusPlace::Alias(alias) => alias,
+            BusPlace::Position(_) => 0,
+        },
+        serial: 100 + number as u32,
+        dc_offset_ns: (number as u64 + 1) * 76_543_210,
+        ..Piece::default()
+    }
 }
 
 fn maps(pdos: &[PdoPlan], name: &str) -> Vec<PdoMap> {

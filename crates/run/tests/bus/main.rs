@@ -1,10 +1,12 @@
 //! A running robot whose bus suffers: devices lose power, cables are pulled, frames are damaged; in virtual time.
 
+mod axes;
 mod bench;
 mod clocks;
 mod disturbances;
 mod lost;
 mod matrix;
+mod modes;
 mod pose;
 mod recovery;
 mod resume;

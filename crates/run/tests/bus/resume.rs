@@ -376,7 +376,7 @@ fn a_terminal_that_was_lost_comes_back_as_a_drive_does_unless_its_input_stops() 
     let plan = plan(&text);
     // For how long somebody presses it, from 500 cycles after the loss.
     for pressed in [0, 100, 100_000] {
-        let simulated::Simulated { segment, machine, panels } = simulated::robot(&plan).unwrap();
+        let simulated::Simulated { segment, machine, panels, .. } = simulated::robot(&plan).unwrap();
         let led = led_on((segment, machine), &plan, |bench| {
             if bench.cycles == LOST {
                 bench.inject(3, Fault::PowerCycle { off_for: OFF });

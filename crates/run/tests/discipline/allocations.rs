@@ -10,8 +10,9 @@ use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_platform::Twist2;
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
+use omnibase_robot::config::AxisMode;
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::{Batch, Frame, Heard, StopCategory};
+use omnibase_robot::signals::{AxisAsk, Batch, Frame, Heard, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, StickWish, live};
@@ -233,6 +234,34 @@ fn programs_that_send_a_thousand_times_a_second() {
     let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
     allocates_nothing("programs", &seen, 4900);
     assert!(hand.source_counts()[0].heard > 4000, "{:?}", hand.source_counts());
+}
+
+#[test]
+fn an_axis_that_is_homed_moved_and_lost_beside_the_drives() {
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
+    let mut deeds = hands(&hand);
+    let asks = [
+        (600, AxisAsk::Home),
+        (3200, AxisAsk::Move { position: 0.1, mode: AxisMode::Csp }),
+        (3600, AxisAsk::Move { position: 0.05, mode: AxisMode::Pp }),
+        (4300, AxisAsk::Stop),
+        (4400, AxisAsk::Move { position: 0.3, mode: AxisMode::Csp }),
+        // Refused: it is outside.
+        (4500, AxisAsk::Move { position: 7.0, mode: AxisMode::Csp }),
+    ];
+    deeds.extend(asks.map(|(cycle, ask)| {
+        let live = hand.clone();
+        let send = move || {
+            let ask = Ask::Robot(RequestKind::Axis { device: 1, ask });
+            assert!(live.send(Client::Joystick, ask).is_some());
+        };
+        (cycle, Deed::Do(Box::new(send)))
+    }));
+    deeds.push((4700, Deed::Break(4, Fault::PowerOff)));
+    deeds.sort_by_key(|(cycle, _)| *cycle);
+    let robot = robot_of(include_str!("../../../../robots/bmm_lift.toml"), &[]);
+    let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
+    allocates_nothing("an axis", &seen, 4900);
 }
 
 /// A pipe that nobody empties, so that its writer waits for ever.

@@ -185,7 +185,7 @@ pub fn played_with(
     prepare: impl FnOnce(&mut Hands),
 ) -> Played {
     let robot = robot.load(registry).unwrap();
-    let Simulated { segment, machine, panels } = simulated::robot(&robot.plan).unwrap();
+    let Simulated { segment, machine, panels, .. } = simulated::robot(&robot.plan).unwrap();
     let mut hands = Hands { panels, ..Hands::default() };
     prepare(&mut hands);
     let (live, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);

@@ -1,5 +1,6 @@
 //! A running robot under people's hands, in virtual time, frames and all.
 
+mod axes;
 mod comeback;
 mod driving;
 mod hands;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use omnibase_cia402::{Mode, SupportedModes};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::image::PlanError;
 use omnibase_ethercat::paced::ReachError;
@@ -57,6 +58,23 @@ pub enum SessionError {
         expected: WatchdogRegisters,
         /// As it was read back.
         found: WatchdogRegisters,
+    },
+    /// A drive lacks a mode that its file needs.
+    #[error(
+        "`{name}` (SubDevice {position}): its drive has no {mode} (0x6502 = {:#010x}), and its file needs {needed}",
+        .supported.0
+    )]
+    Mode {
+        /// Its name.
+        name: String,
+        /// Its position.
+        position: u16,
+        /// The mode that it lacks.
+        mode: Mode,
+        /// All modes that it needs.
+        needed: String,
+        /// What it supports.
+        supported: SupportedModes,
     },
     /// A SubDevice's process data have another length than the plan says.
     #[error("`{name}` has {found} bytes of {direction}, its file says {expected}")]

@@ -4,6 +4,7 @@
 //! scaled by the inertia. Current loop: a first-order lag with a limit. All in rad, rad/s and N·m; counts stand at
 //! the edge only.
 
+mod homing;
 mod profile;
 
 use super::objects::{Fields, SUPPORTED_MODES};
@@ -13,6 +14,7 @@ use crate::device::axis::{Axis, AxisState};
 use crate::dictionary::Dictionary;
 use core::f64::consts::TAU;
 use core::time::Duration;
+use homing::Homing;
 use omnibase_ethercat_wire::HostTime;
 use profile::halt_rate;
 
@@ -20,9 +22,9 @@ use profile::halt_rate;
 const TARGET_REACHED: u16 = 1 << 10;
 /// Bit 11: internal limit active.
 const LIMIT_ACTIVE: u16 = 1 << 11;
-/// Bit 12: the drive follows (csp, csv, cst), or the set point was acknowledged (pp).
+/// Bit 12: the drive follows (csp, csv, cst), the set point was acknowledged (pp), or homing was attained (hm).
 const FOLLOWS: u16 = 1 << 12;
-/// Bit 13: following error.
+/// Bit 13: following error; homing error (hm).
 const FOLLOWING_ERROR: u16 = 1 << 13;
 /// Controlword: halt.
 const HALT: u16 = 1 << 8;
@@ -36,6 +38,7 @@ enum Mode {
     ProfilePosition = 1,
     ProfileVelocity = 3,
     ProfileTorque = 4,
+    Homing = 6,
     CyclicPosition = 8,
     CyclicVelocity = 9,
     CyclicTorque = 10,
@@ -48,6 +51,7 @@ impl Mode {
             1 => Mode::ProfilePosition,
             3 => Mode::ProfileVelocity,
             4 => Mode::ProfileTorque,
+            6 => Mode::Homing,
             8 => Mode::CyclicPosition,
             9 => Mode::CyclicVelocity,
             10 => Mode::CyclicTorque,
@@ -80,6 +84,7 @@ pub(super) struct Shown {
     pub velocity_demand: i32,
     pub torque: i16,
     pub torque_demand: i16,
+    pub digital_inputs: u32,
 }
 
 /// What the loops follow.
@@ -130,6 +135,7 @@ pub(super) struct Motion {
     reached: bool,
     bad_since: Option<HostTime>,
     follows_badly: bool,
+    homing: Homing,
 }
 
 impl Motion {
@@ -167,6 +173,7 @@ impl Motion {
             reached: false,
             bad_since: None,
             follows_badly: false,
+            homing: Homing::default(),
         }
     }
 
@@ -181,6 +188,7 @@ impl Motion {
         self.state = state;
         self.mode = Mode::None;
         self.torque = 0.0;
+        self.homing = Homing::default();
         self.hold_here();
     }
 
@@ -212,7 +220,9 @@ impl Motion {
                 let at = self.position_demand;
                 Reference::Position { from: at, to: at, start: self.now, end: self.now }
             }
-            Mode::ProfileVelocity | Mode::CyclicVelocity => Reference::Speed { to: 0.0, rate: f64::INFINITY },
+            Mode::ProfileVelocity | Mode::CyclicVelocity | Mode::Homing => {
+                Reference::Speed { to: 0.0, rate: f64::INFINITY }
+            }
             _ => Reference::Torque { to: 0.0, rate: f64::INFINITY },
         }
     }
@@ -368,11 +378,13 @@ impl Motion {
     ) {
         let code = dictionary.get(fields.mode);
         if let Some(mode) = Mode::new(code).filter(|mode| *mode != self.mode) {
+            self.homing.interrupt();
             self.mode = mode;
             self.hold_here();
         }
         self.follows = follows.is_some();
         let Some(fresh) = follows else {
+            self.homing.interrupt();
             if !matches!(self.reference, Reference::Torque { .. }) {
                 self.position_demand = self.counts();
             }
@@ -427,6 +439,7 @@ impl Motion {
                 self.reached = self.torque_demand == to;
             }
             Mode::ProfilePosition => self.command_profile_position(dictionary, fields, control),
+            Mode::Homing => self.command_homing(dictionary, fields, control),
         }
     }
 
@@ -458,10 +471,12 @@ impl Motion {
         if self.follows {
             let cyclic =
                 matches!(self.mode, Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque);
-            if cyclic || self.set_point_acknowledged {
+            if self.mode == Mode::Homing {
+                status |= self.homing.status();
+            } else if cyclic || self.set_point_acknowledged {
                 status |= FOLLOWS;
             }
-            if !cyclic && self.mode != Mode::None && self.reached {
+            if !cyclic && !matches!(self.mode, Mode::None | Mode::Homing) && self.reached {
                 status |= TARGET_REACHED;
             }
             if self.follows_badly {
@@ -479,6 +494,8 @@ impl Motion {
             velocity_demand: self.speed_demand.round() as i32,
             torque: per_mille(self.state.torque_n_m),
             torque_demand: per_mille(self.torque_demand),
+            digital_inputs: u32::from(self.state.switches.negative)
+                | u32::from(self.state.switches.positive) << 1,
         }
     }
 }

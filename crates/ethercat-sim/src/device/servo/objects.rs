@@ -5,8 +5,8 @@ use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Field, Object, Scalar};
 use crate::firmware::Synchronization;
 
-/// Modes by their bit in 0x6502: pp, pv, tq, csp, csv, cst.
-pub(super) const SUPPORTED_MODES: u32 = 1 << 0 | 1 << 2 | 1 << 3 | 1 << 7 | 1 << 8 | 1 << 9;
+/// Modes by their bit in 0x6502: pp, pv, tq, hm, csp, csv, cst.
+pub(super) const SUPPORTED_MODES: u32 = 1 << 0 | 1 << 2 | 1 << 3 | 1 << 5 | 1 << 7 | 1 << 8 | 1 << 9;
 
 const PARAMETER: Access = Access(Access::READ_WRITE.0 | Access::BACKUP.0 | Access::SETTING.0);
 const COMMAND: Access = Access(Access::READ_WRITE.0 | Access::RX_PDO.0);
@@ -81,6 +81,7 @@ fn motion_objects(config: &ServoConfig) -> Vec<Object> {
         u32(0x6076, "Motor rated torque", (config.rated_torque_n_m * 1000.0) as u32, Access::READ),
         i16(0x6077, "Torque actual value", ACTUAL),
         i32(0x607A, "Target position", COMMAND),
+        i32(0x607C, "Home offset", PARAMETER),
         u32(0x607F, "Max profile velocity", max_speed, settable),
         u32(0x6080, "Max motor speed", max_speed, settable),
         u32(0x6081, "Profile velocity", max_speed / 4, settable),
@@ -88,6 +89,17 @@ fn motion_objects(config: &ServoConfig) -> Vec<Object> {
         u32(0x6084, "Profile deceleration", acceleration, settable),
         u32(0x6085, "Quick stop deceleration", acceleration.saturating_mul(2), settable),
         u32(0x6087, "Torque slope", 10_000, settable),
+        Object::variable(0x6098, Entry::integer8(0, "Homing method", 0).with_access(PARAMETER)),
+        Object::array(
+            0x6099,
+            "Homing speeds",
+            vec![
+                Entry::unsigned32(1, "Speed during search for switch", max_speed / 100)
+                    .with_access(PARAMETER),
+                Entry::unsigned32(2, "Speed during search for zero", max_speed / 1000).with_access(PARAMETER),
+            ],
+        ),
+        u32(0x609A, "Homing acceleration", acceleration, PARAMETER),
         i32(0x60B1, "Velocity offset", COMMAND),
         i16(0x60B2, "Torque offset", COMMAND),
         Object::variable(0x60B8, Entry::unsigned16(0, "Touch probe function", 0).with_access(COMMAND)),
@@ -180,6 +192,11 @@ pub(super) struct Fields {
     pub following_error: Field<i32>,
     pub position_demand_internal: Field<i32>,
     pub target_velocity: Field<i32>,
+    pub home_offset: Field<i32>,
+    pub homing_method: Field<i8>,
+    pub homing_speeds: [Field<u32>; 2],
+    pub homing_acceleration: Field<u32>,
+    pub digital_inputs: Field<u32>,
 }
 
 impl Fields {
@@ -230,6 +247,11 @@ impl Fields {
             following_error: at(d, 0x60F4)?,
             position_demand_internal: at(d, 0x60FC)?,
             target_velocity: at(d, 0x60FF)?,
+            home_offset: at(d, 0x607C)?,
+            homing_method: at(d, 0x6098)?,
+            homing_speeds: [d.field(0x6099, 1).ok_or(0x6099_u16)?, d.field(0x6099, 2).ok_or(0x6099_u16)?],
+            homing_acceleration: at(d, 0x609A)?,
+            digital_inputs: at(d, 0x60FD)?,
         })
     }
 }

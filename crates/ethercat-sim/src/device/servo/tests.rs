@@ -1,3 +1,7 @@
+//! The servo without a bus.
+
+mod homing;
+
 use super::*;
 use crate::device::axis::{Load, SingleAxis};
 use crate::dictionary::Field;
@@ -14,6 +18,10 @@ struct Bench {
 
 impl Bench {
     fn with(config: ServoConfig) -> Self {
+        Bench::on(config, Box::new(SingleAxis::new(Load::default())))
+    }
+
+    fn on(config: ServoConfig, axis: Box<dyn Axis>) -> Self {
         let nameplate = Nameplate {
             device_type: 0,
             name: String::new(),
@@ -21,7 +29,6 @@ impl Bench {
             software_version: String::new(),
             identity: Identity::default(),
         };
-        let axis = Box::new(SingleAxis::new(Load::default()));
         let (mut servo, mut dictionary) = Servo::new(config, &nameplate, &[], axis);
         servo.power_on(&mut dictionary, HostTime(0));
         servo.state_changed(&mut dictionary, AlState::Op, AlStatusCode::NO_ERROR);
@@ -342,7 +349,7 @@ fn modes_change_while_running_and_unknown_ones_dont() {
     assert_eq!(bench.dictionary.get(bench.servo.fields.mode_display), 8);
     bench.run(500);
     assert!((bench.i32(0x6064) - here).abs() < 50, "back to where it was asked to be");
-    for mode in [2, 6, 7, 11, -1, 120] {
+    for mode in [2, 5, 7, 11, -1, 120] {
         bench.set_mode(mode);
         bench.run(1);
         assert_eq!(bench.dictionary.get(bench.servo.fields.mode_display), 8);

@@ -28,7 +28,7 @@ fn the_shipped_robot_with_terminals_resolves() {
 fn every_mistake_is_refused_with_its_value_and_what_was_expected() {
     let some = |text: &str| Some(text.to_owned());
     for (from, to, setting, value, expected) in [
-        ("kind = \"ignore\"", "kind = \"ignroe\"", "device[0].kind", "\"ignroe\"", "ignore, io"),
+        ("kind = \"ignore\"", "kind = \"ignroe\"", "device[0].kind", "\"ignroe\"", "ignore, io, axis"),
         ("\"coupler\"", "\"state\"", "device[0].name", "\"state\"", "another name"),
         (
             "\"coupler\"",

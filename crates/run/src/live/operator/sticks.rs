@@ -1,7 +1,6 @@
 //! Sticks and pages, as the operator knows them: held, let go, silent, gone, blocked.
 
 use omnibase_platform::Twist2;
-use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 
 use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Refusal, StickWish, begins_motion};
@@ -207,10 +206,10 @@ impl Operator {
         // Nor may a finger that went down while the line was dead start anything when it is back.
         self.sticks[1 + usize::from(number)].must_release = true;
         self.drop_waiting(|waiting| waiting.client == client);
-        if let Some((by, _, RequestKind::SetOutput { index, .. })) = self.asked
+        if let Some((by, _, kind)) = self.asked
             && by == client
         {
-            self.authors.set(index, client);
+            self.authors.note(&kind, client);
         }
         self.authors.gone(client);
         let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));

@@ -1,0 +1,191 @@
+//! What an axis means once its table is resolved.
+
+use omnibase_cia402::Mode;
+use omnibase_ethercat::start_up::ReadBack;
+
+use super::axis_tables::{AxisMode, AxisUnit};
+use super::device_plan::InputPlan;
+use super::drive_tables::EncoderName;
+use super::plan::ParameterPlan;
+
+/// An axis. Positions in its unit, from its own zero.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisPlan {
+    /// Unit of its position.
+    pub unit: AxisUnit,
+    /// Between its unit and the drive's.
+    pub scale: AxisScale,
+    /// What its encoder knows after a loss of supply.
+    pub encoder: EncoderName,
+    /// Modes in which it may be moved.
+    pub modes: Vec<AxisMode>,
+    /// What it never exceeds.
+    pub limits: AxisLimits,
+    /// How it finds its home.
+    pub homing: Option<HomingPlan>,
+    /// Where it stands at first in the simulated robot.
+    pub simulated_position: f64,
+    /// Period of the cycle, s.
+    pub period_s: f64,
+}
+
+/// Between an axis' unit and its drive's; factors are negative where positive counts move it backwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisScale {
+    /// Encoder counts per revolution of the motor.
+    pub counts_per_revolution: u32,
+    /// Counts per unit.
+    pub counts_per_unit: f64,
+    /// The drive's speed units per unit/s.
+    pub speed_units_per_unit_s: f64,
+    /// The motor's rated torque, N·m.
+    pub rated_torque_nm: f64,
+    /// Position where the drive counts 0.
+    pub zero_position: f64,
+}
+
+impl AxisScale {
+    /// The drive's whole counts at a position, 32 bits; 0 for NaN.
+    pub fn counts(&self, position: f64) -> i32 {
+        ((position - self.zero_position) * self.counts_per_unit).round() as i32
+    }
+
+    /// The position at the drive's counts.
+    pub fn position(&self, counts: i32) -> f64 {
+        self.zero_position + f64::from(counts) / self.counts_per_unit
+    }
+
+    /// The motor's torque, N·m, positive where it pushes the axis forward.
+    pub fn torque_nm(&self, per_mille: i16) -> f64 {
+        f64::from(per_mille) * self.rated_torque_nm / 1000.0 * self.counts_per_unit.signum()
+    }
+}
+
+/// What an axis never exceeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisLimits {
+    /// The least and the greatest position.
+    pub position: [f64; 2],
+    /// Speed.
+    pub speed: f64,
+    /// Acceleration.
+    pub acceleration: f64,
+    /// Jerk; `None` where it isn't limited.
+    pub jerk: Option<f64>,
+    /// How fast a stop slows down, at least the acceleration.
+    pub stop_deceleration: f64,
+    /// Distance from the set point.
+    pub following_error: f64,
+    /// The motor's torque, N·m.
+    pub torque_nm: f64,
+}
+
+/// How an axis finds its home.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HomingPlan {
+    /// Method (0x6098).
+    pub method: i8,
+    /// Speed on the way to the switch.
+    pub switch_speed: f64,
+    /// Speed on the way to zero.
+    pub zero_speed: f64,
+    /// Acceleration.
+    pub acceleration: f64,
+    /// After so long it has failed, ns.
+    pub timeout_ns: u64,
+}
+
+impl AxisUnit {
+    /// As people write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            AxisUnit::M => "m",
+            AxisUnit::Rad => "rad",
+        }
+    }
+}
+
+impl AxisMode {
+    /// The profile's mode.
+    pub fn mode(self) -> Mode {
+        match self {
+            AxisMode::Csp => Mode::CyclicSynchronousPosition,
+            AxisMode::Pp => Mode::ProfilePosition,
+        }
+    }
+}
+
+impl AxisPlan {
+    /// Modes of its drive that it needs: csp holds it whatever moves it.
+    pub fn needed_modes(&self) -> Vec<Mode> {
+        let of_moves = self.modes.iter().map(|mode| mode.mode());
+        let others = of_moves.filter(|mode| *mode != Mode::CyclicSynchronousPosition);
+        let homing = self.homing.map(|_| Mode::Homing);
+        [Mode::CyclicSynchronousPosition].into_iter().chain(others).chain(homing).collect()
+    }
+
+    /// Its signals, in the order in which the axis says them.
+    pub(crate) fn signals(&self) -> Vec<InputPlan> {
+        let unit = self.unit.name();
+        let signal = |(name, unit): (&str, String)| InputPlan {
+            name: name.to_owned(),
+            unit,
+            coding: None,
+            simulated: None,
+        };
+        let all = [
+            ("position", unit.to_owned()),
+            ("speed", format!("{unit}/s")),
+            ("torque", "N·m".to_owned()),
+            ("set_point", unit.to_owned()),
+            ("state", String::new()),
+            ("homed", String::new()),
+            ("mode", String::new()),
+        ];
+        all.map(signal).into()
+    }
+
+    /// What its drive is told at start-up, so that what it plans itself keeps the limits too. `is_mapped` tells which
+    /// objects the cycle writes.
+    pub(crate) fn parameters(&self, is_mapped: impl Fn(u16) -> bool) -> Vec<ParameterPlan> {
+        let AxisLimits { speed, acceleration, stop_deceleration, following_error, torque_nm, .. } =
+            self.limits;
+        let units = |value: f64| (value * self.scale.speed_units_per_unit_s.abs()).floor().max(1.0) as i64;
+        let counts = |value: f64| (value * self.scale.counts_per_unit.abs()).floor().max(1.0) as i64;
+        let mut all = vec![
+            // The bus is lost: the drive's quick stop, which then holds.
+            (0x6007, 0, 2, 3),
+            (0x605A, 0, 2, 6),
+            (0x6085, 0, 4, units(stop_deceleration)),
+            (0x6065, 0, 4, counts(following_error)),
+        ];
+        if !is_mapped(0x6072) {
+            all.push((0x6072, 0, 2, (torque_nm / self.scale.rated_torque_nm * 1000.0).floor() as i64));
+        }
+        if self.modes.contains(&AxisMode::Pp) {
+            all.extend([
+                (0x6081, 0, 4, units(speed)),
+                (0x6083, 0, 4, units(acceleration)),
+                (0x6084, 0, 4, units(acceleration)),
+            ]);
+        }
+        if let Some(homing) = self.homing {
+            all.extend([
+                // Drives differ in the sign of the home offset: their home is their 0.
+                (0x607C, 0, 4, 0),
+                (0x6098, 0, 1, homing.method.into()),
+                (0x6099, 1, 4, units(homing.switch_speed)),
+                (0x6099, 2, 4, units(homing.zero_speed)),
+                (0x609A, 0, 4, units(homing.acceleration)),
+            ]);
+        }
+        let parameter = |(index, subindex, bytes, value): (u16, u8, usize, i64)| ParameterPlan {
+            index,
+            subindex,
+            data: value.to_le_bytes()[..bytes].to_vec(),
+            read_back: ReadBack::Compare,
+            origin: "axis".to_owned(),
+        };
+        all.into_iter().map(parameter).collect()
+    }
+}

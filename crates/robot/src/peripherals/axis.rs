@@ -1,0 +1,471 @@
+//! An axis: a drive of the profile CiA 402 that turns no wheel.
+//!
+//! It holds in csp. A move in csp follows a way that the cycle plans; pp and homing are the drive's own, and lead back to csp.
+//! What doesn't fit a motion that is under way waits until the axis rests.
+
+mod profile;
+mod watch;
+
+use omnibase_cia402::{
+    ControlWord, DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets,
+    Wanted,
+};
+
+use crate::config::{AxisMode, AxisPlan, DevicePlan, EncoderName, PdoPlan};
+use crate::devices::{Field, nearest, pdo};
+use crate::registry::{Made, PeripheralDefaults, given};
+use crate::signals::{AxisAsk, AxisState, CycleTime, RequestAnswer};
+use crate::stages::{Leave, Peripheral, Standing};
+use profile::Profile;
+use watch::{Watch, Wrong};
+
+/// How long a drive may take to acknowledge a set point, ns.
+const ACKNOWLEDGE_NS: u64 = 1_000_000_000;
+/// How much longer than its ramp a halt of the drive's own may take, ns.
+const HALT_NS: u64 = 1_000_000_000;
+/// An axis stands that was slower than this share of its greatest speed for so many cycles.
+const STANDING_SHARE: f64 = 0.01;
+const STANDING_CYCLES: u32 = 5;
+
+pub(super) fn defaults() -> PeripheralDefaults {
+    PeripheralDefaults {
+        outputs: vec![pdo(
+            0x1600,
+            &[
+                (0x6040, 0, 16),
+                (0x607A, 0, 32),
+                (0x60FF, 0, 32),
+                (0x6071, 0, 16),
+                (0x6072, 0, 16),
+                (0x6060, 0, 8),
+                (0, 0, 8),
+            ],
+        )],
+        inputs: vec![pdo(
+            0x1A00,
+            &[
+                (0x6041, 0, 16),
+                (0x6064, 0, 32),
+                (0x606C, 0, 32),
+                (0x6077, 0, 16),
+                (0x603F, 0, 16),
+                (0x6061, 0, 8),
+                (0, 0, 8),
+            ],
+        )],
+        ..Default::default()
+    }
+}
+
+/// Where its objects lie in its process data.
+#[derive(Clone, Copy, Debug)]
+struct Fields {
+    status: Field,
+    position: Field,
+    speed: Field,
+    torque: Option<Field>,
+    shown_mode: Field,
+    error: Option<Field>,
+    control: Field,
+    mode: Field,
+    target_position: Field,
+    torque_limit: Option<Field>,
+}
+
+impl Fields {
+    fn new(inputs: &[PdoPlan], outputs: &[PdoPlan]) -> Made<Self> {
+        Ok(Fields {
+            status: Field::needed(inputs, 0x6041, "the status word")?,
+            position: Field::needed(inputs, 0x6064, "the actual position")?,
+            speed: Field::needed(inputs, 0x606C, "the actual speed")?,
+            torque: Field::find(inputs, 0x6077, 0),
+            shown_mode: Field::needed(inputs, 0x6061, "the mode that the drive shows")?,
+            error: Field::find(inputs, 0x603F, 0),
+            control: Field::needed(outputs, 0x6040, "the control word")?,
+            mode: Field::needed(outputs, 0x6060, "the mode")?,
+            target_position: Field::needed(outputs, 0x607A, "the target position")?,
+            torque_limit: Field::find(outputs, 0x6072, 0),
+        })
+    }
+}
+
+/// What an axis does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Task {
+    /// In csp: it holds, or comes to rest.
+    Rest,
+    /// In csp, on the way to a position.
+    Stream { to: f64 },
+    /// In pp, on the way to a position.
+    Plan { to: f64, since_ns: u64, is_acknowledged: bool },
+    /// In hm. `was_attained`: the drive showed a home before it was asked to look for one.
+    Home { since_ns: u64, was_attained: Option<bool> },
+    /// In pp or hm: the drive shall stop, then it holds in csp.
+    Halt { in_mode: Mode, since_ns: u64 },
+}
+
+impl Task {
+    fn mode(self) -> Mode {
+        match self {
+            Task::Rest | Task::Stream { .. } => Mode::CyclicSynchronousPosition,
+            Task::Plan { .. } => Mode::ProfilePosition,
+            Task::Home { .. } => Mode::Homing,
+            Task::Halt { in_mode, .. } => in_mode,
+        }
+    }
+}
+
+/// A drive of the profile CiA 402 that turns no wheel.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    plan: AxisPlan,
+    fields: Fields,
+    enabling: Enabling,
+    feedback: Feedback,
+    profile: Profile,
+    watch: Watch,
+    task: Task,
+    /// What it does once it rests.
+    next: Option<Task>,
+    /// The drive is in operation.
+    is_on: bool,
+    /// It follows the task's commands: it isn't on its way to the task's mode.
+    is_running: bool,
+    /// The drive was told to halt in a mode of its own, and hasn't left it yet: without that it would go on.
+    is_halted: bool,
+    is_homed: bool,
+    has_no_home: bool,
+    leave: Leave,
+    /// Cycles in which it stood.
+    stood: u32,
+}
+
+impl Axis {
+    /// An axis as its plan says; refused where an object is missing that it can't do without.
+    pub fn new(device: &DevicePlan) -> Made<Self> {
+        let plan = given(device.axis.clone(), "axis")?;
+        let profile = Profile::new(plan.limits, plan.period_s);
+        Ok(Axis {
+            fields: Fields::new(&device.inputs, &device.outputs)?,
+            enabling: Enabling::new(Settings::default()),
+            feedback: Feedback {
+                status: StatusWord::default(),
+                mode_code: Some(0),
+                actual: Targets::default(),
+                error: None,
+            },
+            profile,
+            watch: Watch::default(),
+            task: Task::Rest,
+            next: None,
+            is_on: false,
+            is_running: false,
+            is_halted: false,
+            is_homed: plan.encoder == EncoderName::Absolute,
+            has_no_home: false,
+            leave: Leave::default(),
+            stood: 0,
+            plan,
+        })
+    }
+
+    fn position(&self) -> f64 {
+        self.plan.scale.position(self.feedback.actual.position_counts)
+    }
+
+    fn speed(&self) -> f64 {
+        f64::from(self.feedback.actual.velocity_units) / self.plan.scale.speed_units_per_unit_s
+    }
+
+    fn torque_nm(&self) -> f64 {
+        self.plan.scale.torque_nm(self.feedback.actual.torque_per_mille)
+    }
+
+    /// Where it shall be, as far as the cycle knows.
+    fn set_point(&self) -> f64 {
+        match self.task {
+            Task::Plan { to, .. } => to,
+            Task::Rest | Task::Stream { .. } if self.is_running => self.profile.set_point(),
+            Task::Rest | Task::Stream { .. } | Task::Home { .. } | Task::Halt { .. } => self.position(),
+        }
+    }
+
+    fn stands(&self) -> bool {
+        self.stood >= STANDING_CYCLES
+    }
+
+    fn state(&self) -> AxisState {
+        if self.watch.wrong().is_some() || self.enabling.problem().is_some() {
+            return AxisState::Failed;
+        }
+        match self.task {
+            _ if !self.is_on => AxisState::Off,
+            Task::Halt { .. } => AxisState::Stopping,
+            Task::Home { .. } => AxisState::Homing,
+            Task::Stream { .. } | Task::Plan { .. } => AxisState::Moving,
+            // Also on its way back from pp or homing to csp.
+            Task::Rest if !self.is_running || !self.profile.rests() => AxisState::Stopping,
+            Task::Rest if self.has_no_home => AxisState::HomingFailed,
+            Task::Rest => AxisState::Holding,
+        }
+    }
+
+    /// It comes to rest, and begins nothing by itself.
+    fn stop(&mut self, now_ns: u64) {
+        self.next = None;
+        match self.task {
+            Task::Rest | Task::Halt { .. } => {}
+            Task::Stream { .. } => {
+                self.profile.stop();
+                self.task = Task::Rest;
+            }
+            Task::Plan { .. } | Task::Home { .. } => {
+                self.task = Task::Halt { in_mode: self.task.mode(), since_ns: now_ns };
+            }
+        }
+    }
+
+    /// Another task, as soon as it rests; a motion of the same mode goes on to the new position.
+    fn begin(&mut self, now_ns: u64, task: Task) {
+        self.has_no_home = false;
+        match (self.task, task) {
+            (Task::Stream { .. } | Task::Rest, Task::Stream { to }) if self.is_running => {
+                self.profile.lead_to(to);
+                (self.task, self.next) = (task, None);
+            }
+            (Task::Plan { .. }, Task::Plan { .. }) => (self.task, self.next) = (task, None),
+            _ => {
+                self.stop(now_ns);
+                self.next = Some(task);
+            }
+        }
+    }
+
+    /// Where its task is after what the drive said.
+    fn advance(&mut self, now_ns: u64) {
+        let (status, here) = (self.feedback.status, self.position());
+        let shows = self.feedback.mode_code == Some(self.task.mode().code());
+        match &mut self.task {
+            Task::Rest => {
+                if self.is_running && self.profile.rests() && self.leave.may_move {
+                    self.start(now_ns);
+                }
+            }
+            Task::Stream { .. } => {
+                if self.profile.rests() {
+                    self.task = Task::Rest;
+                }
+            }
+            Task::Plan { to, since_ns, is_acknowledged } => {
+                let is_there = (here - *to).abs() <= self.plan.limits.following_error;
+                let acknowledges = shows && status.contains(StatusWord::SETPOINT_ACKNOWLEDGED);
+                let was_acknowledged = std::mem::replace(is_acknowledged, *is_acknowledged || acknowledges);
+                let is_reached = is_there && status.contains(StatusWord::TARGET_REACHED);
+                if was_acknowledged && !acknowledges && is_reached {
+                    self.rest();
+                } else if !*is_acknowledged && now_ns.saturating_sub(*since_ns) > ACKNOWLEDGE_NS {
+                    self.watch.fail(Wrong::NotAcknowledged);
+                }
+            }
+            Task::Home { since_ns, was_attained } => {
+                let is_late = self
+                    .plan
+                    .homing
+                    .is_none_or(|homing| now_ns.saturating_sub(*since_ns) > homing.timeout_ns);
+                if shows {
+                    let attained = status.contains(StatusWord::HOMING_ATTAINED);
+                    let is_old = was_attained.get_or_insert(attained);
+                    // A home of before is none.
+                    *is_old &= attained;
+                    let is_done = attained && !*is_old && status.contains(StatusWord::TARGET_REACHED);
+                    if is_done {
+                        self.is_homed = true;
+                        return self.rest();
+                    }
+                }
+                if is_late || shows && status.contains(StatusWord::FOLLOWING_ERROR) {
+                    self.has_no_home = true;
+                    self.task = Task::Halt { in_mode: Mode::Homing, since_ns: now_ns };
+                }
+            }
+            Task::Halt { since_ns, .. } => {
+                let ramp_s = 2.0 * self.plan.limits.speed / self.plan.limits.stop_deceleration;
+                let most_ns = HALT_NS + (ramp_s * 1e9) as u64;
+                let is_late = now_ns.saturating_sub(*since_ns) > most_ns;
+                if self.stands() {
+                    self.rest();
+                } else if is_late {
+                    self.watch.fail(Wrong::DoesntHalt);
+                }
+            }
+        }
+    }
+
+    /// It holds where it is.
+    fn rest(&mut self) {
+        self.task = Task::Rest;
+        self.is_running = false;
+        self.profile.reset(self.position());
+    }
+
+    /// What waited begins.
+    fn start(&mut self, now_ns: u64) {
+        let Some(next) = self.next.take() else { return };
+        self.task = match next {
+            Task::Plan { to, .. } => Task::Plan { to, since_ns: now_ns, is_acknowledged: false },
+            Task::Home { .. } => {
+                self.is_homed = false;
+                Task::Home { since_ns: now_ns, was_attained: None }
+            }
+            Task::Stream { to } => {
+                self.profile.lead_to(to);
+                next
+            }
+            other => other,
+        };
+    }
+
+    fn lets_move(&self) -> bool {
+        self.leave.may_move && self.leave.wanted == Wanted::OperationEnabled
+    }
+}
+
+impl Peripheral for Axis {
+    fn read(&mut self, time: &CycleTime, bytes: &[u8], inputs: &mut [f64]) {
+        let get = |field: Field| field.read(bytes);
+        self.feedback = Feedback {
+            status: StatusWord(get(self.fields.status) as u16),
+            mode_code: Some(get(self.fields.shown_mode) as i8),
+            actual: Targets {
+                position_counts: get(self.fields.position),
+                velocity_units: get(self.fields.speed),
+                torque_per_mille: self.fields.torque.map_or(0, get) as i16,
+            },
+            error: self.fields.error.map(|field| ErrorCode(get(field) as u16)),
+        };
+        let stands = self.speed().abs() <= STANDING_SHARE * self.plan.limits.speed;
+        self.stood = if stands { self.stood.saturating_add(1) } else { 0 };
+        if self.is_running {
+            let streams = matches!(self.task, Task::Rest | Task::Stream { .. });
+            let seen = watch::Seen {
+                position: (self.is_homed && !matches!(self.task, Task::Home { .. })).then(|| self.position()),
+                lag: if streams { self.position() - self.profile.set_point() } else { 0.0 },
+                speed: self.speed(),
+                torque_nm: self.torque_nm(),
+            };
+            self.watch.look(time, &self.plan, &seen);
+        }
+        let values = [
+            self.position(),
+            self.speed(),
+            self.torque_nm(),
+            self.set_point(),
+            self.state().code() as f64,
+            f64::from(u8::from(self.is_homed)),
+            f64::from(self.feedback.mode_code.unwrap_or(0)),
+        ];
+        inputs.iter_mut().zip(values).for_each(|(input, value)| *input = value);
+    }
+
+    fn lead(&mut self, time: &CycleTime, leave: &Leave) {
+        self.leave = *leave;
+        if !self.lets_move() {
+            self.stop(time.now_ns);
+        }
+    }
+
+    fn write(&mut self, time: &CycleTime, _: &[f64], bytes: &mut [u8]) {
+        self.advance(time.now_ns);
+        if self.is_running && matches!(self.task, Task::Rest | Task::Stream { .. }) {
+            self.profile.step();
+        } else {
+            self.profile.reset(self.position());
+        }
+        let scale = &self.plan.scale;
+        let position_counts = match self.task {
+            Task::Plan { to, .. } => scale.counts(to),
+            Task::Rest | Task::Stream { .. } if self.is_running => scale.counts(self.profile.set_point()),
+            _ => self.feedback.actual.position_counts,
+        };
+        let request = DriveRequest {
+            wanted: if self.watch.wrong().is_some() { Wanted::QuickStop } else { self.leave.wanted },
+            mode: self.task.mode(),
+            targets: Targets { position_counts, ..self.feedback.actual },
+        };
+        let output = self.enabling.advance(time.now_ns, &self.feedback, &request);
+        self.is_running = output.progress == Progress::Running;
+        self.is_on = matches!(output.progress, Progress::Running | Progress::SwitchingMode { .. });
+        if !self.is_on {
+            // What it did is over, and nothing that waited begins when it is back.
+            (self.task, self.next) = (Task::Rest, None);
+        }
+        let halts = matches!(self.task, Task::Halt { .. });
+        self.is_halted = halts || self.is_halted && self.is_on && !self.is_running;
+        let control = if self.is_halted { output.control.with(ControlWord::HALT) } else { output.control };
+        self.fields.control.write(bytes, control.0.into());
+        self.fields.mode.write(bytes, output.mode.code().into());
+        self.fields.target_position.write(bytes, output.targets.position_counts);
+        if let Some(field) = self.fields.torque_limit {
+            let per_mille = self.plan.limits.torque_nm / self.plan.scale.rated_torque_nm * 1000.0;
+            field.write(bytes, nearest(per_mille.floor(), 16));
+        }
+    }
+
+    fn takes(&self, _: usize, _: f64) -> bool {
+        false
+    }
+
+    fn ask(&mut self, time: &CycleTime, ask: &AxisAsk) -> RequestAnswer {
+        let is_homing = |task: Task| matches!(task, Task::Home { .. });
+        let now_ns = time.now_ns;
+        let task = match *ask {
+            AxisAsk::Stop => {
+                self.stop(now_ns);
+                return RequestAnswer::Taken;
+            }
+            _ if !self.lets_move() => return RequestAnswer::WrongPhase,
+            AxisAsk::Home if self.plan.homing.is_none() => return RequestAnswer::Refused,
+            AxisAsk::Home if is_homing(self.task) => return RequestAnswer::Taken,
+            AxisAsk::Home => Task::Home { since_ns: now_ns, was_attained: None },
+            AxisAsk::Move { .. } if is_homing(self.task) || self.next.is_some_and(is_homing) => {
+                return RequestAnswer::Homing;
+            }
+            AxisAsk::Move { .. } if !self.is_homed => return RequestAnswer::NotHomed,
+            AxisAsk::Move { position, mode } => {
+                let [least, greatest] = self.plan.limits.position;
+                if !(least..=greatest).contains(&position) || !self.plan.modes.contains(&mode) {
+                    return RequestAnswer::Refused;
+                }
+                match mode {
+                    AxisMode::Csp => Task::Stream { to: position },
+                    AxisMode::Pp => Task::Plan { to: position, since_ns: now_ns, is_acknowledged: false },
+                }
+            }
+        };
+        self.begin(now_ns, task);
+        RequestAnswer::Taken
+    }
+
+    fn standing(&self) -> Standing {
+        let failed = self.watch.wrong().is_some() || self.enabling.problem().is_some();
+        let rests = self.task == Task::Rest && self.next.is_none() && self.profile.rests();
+        Standing { is_ready: self.is_running, rests: rests && self.stands(), stands: self.stands(), failed }
+    }
+
+    fn lost(&mut self) {
+        (self.task, self.next) = (Task::Rest, None);
+        (self.is_on, self.is_running) = (false, false);
+        // It may have lost its supply, and its count with it.
+        self.is_homed &= self.plan.encoder == EncoderName::Absolute;
+    }
+
+    fn acknowledge(&mut self) {
+        self.watch.reset();
+        self.enabling.acknowledge();
+    }
+
+    fn problem(&self) -> Option<String> {
+        let wrong = self.watch.wrong().map(|wrong| wrong.text(&self.plan));
+        wrong.or_else(|| self.enabling.problem().map(|problem| problem.to_string()))
+    }
+}

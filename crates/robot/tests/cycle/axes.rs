@@ -1,0 +1,221 @@
+//! An axis against a drive of a test's own, which takes its time, keeps old bits, or doesn't answer.
+
+use std::collections::VecDeque;
+
+use omnibase_robot::RequestKind;
+use omnibase_robot::config::AxisMode;
+use omnibase_robot::signals::{AxisAsk, AxisState, Phase, RequestAnswer, SafetyReason};
+
+use crate::support::{Bench, plan};
+
+const LIFT: &str = include_str!("../../../../robots/bmm_lift.toml");
+/// Its place in the robot's file.
+const DEVICE: usize = 1;
+const COUNTS_PER_M: f64 = 200.0 * 1_048_576.0;
+const HALT: u16 = 1 << 8;
+
+/// A drive in pp moves at 0.1 m/s to its set point unless it is halted; in csp it is where it is told; in hm it is told what
+/// to show.
+struct Drive {
+    bench: Bench,
+    status: u16,
+    mode: i8,
+    /// Modes that it was told and doesn't show yet.
+    asked: VecDeque<i8>,
+    counts: f64,
+    pp_target: Option<f64>,
+    acknowledges: bool,
+    homing: u16,
+}
+
+impl Drive {
+    /// Enabled; it shows a mode so many cycles after it was told it. Its encoder is absolute.
+    fn new(delay: usize) -> Self {
+        let text = LIFT.replace("unit = \"m\"", "unit = \"m\"\nencoder = \"absolute\"");
+        let mut drive = Drive {
+            bench: Bench::new(plan(&text)),
+            status: 0x250,
+            mode: 0,
+            asked: VecDeque::from(vec![0; delay]),
+            counts: 0.1 * COUNTS_PER_M,
+            pp_target: None,
+            acknowledges: true,
+            homing: 0,
+        };
+        drive.run(3);
+        drive.step(Some(RequestKind::Enable));
+        drive.run(100);
+        assert_eq!(drive.bench.robot.phase(), Phase::Holding);
+        drive
+    }
+
+    fn told(&self) -> (u16, f64, i8) {
+        let bytes = &self.bench.image.device_outputs[DEVICE];
+        let control = u16::from_le_bytes([bytes[0], bytes[1]]);
+        let target = i32::from_le_bytes(bytes[2..6].try_into().unwrap());
+        (control, f64::from(target), bytes[14] as i8)
+    }
+
+    fn step(&mut self, request: Option<RequestKind>) {
+        let (control, target, mode) = self.told();
+        self.asked.push_back(mode);
+        self.mode = self.asked.pop_front().unwrap();
+        self.status = match control & 0x8F {
+            _ if control & 2 == 0 => 0x250,
+            0x06 => 0x231,
+            0x07 => 0x233,
+            0x0F => 0x237,
+            _ => 0x217,
+        };
+        let before = self.counts;
+        if self.status == 0x237 {
+            match self.mode {
+                8 => self.counts = target,
+                1 => self.plan_its_way(control, target),
+                6 => self.status |= self.homing,
+                _ => {}
+            }
+        }
+        let speed = ((self.counts - before) * 1000.0).round() as i32;
+        let bytes = &mut self.bench.image.device_inputs[DEVICE];
+        bytes[..2].copy_from_slice(&self.status.to_le_bytes());
+        bytes[2..6].copy_from_slice(&(self.counts.round() as i32).to_le_bytes());
+        bytes[6..10].copy_from_slice(&speed.to_le_bytes());
+        bytes[14] = self.mode as u8;
+        self.bench.step(request);
+    }
+
+    fn plan_its_way(&mut self, control: u16, target: f64) {
+        if control & 0x10 != 0 && self.acknowledges {
+            self.pp_target = Some(target);
+            self.status |= 1 << 12;
+        }
+        let Some(to) = self.pp_target else { return };
+        if control & HALT == 0 {
+            let step = 1e-4 * COUNTS_PER_M;
+            self.counts += (to - self.counts).clamp(-step, step);
+        }
+        self.status |= u16::from(self.counts == to) << 10;
+    }
+
+    fn run(&mut self, cycles: usize) {
+        (0..cycles).for_each(|_| self.step(None));
+    }
+
+    fn ask(&mut self, ask: AxisAsk) -> RequestAnswer {
+        self.step(Some(RequestKind::Axis { device: DEVICE as u32, ask }));
+        self.bench.robot.record().answer
+    }
+
+    fn state(&self) -> AxisState {
+        AxisState::from_code(self.bench.robot.record().signals.inputs[5] as u64).unwrap()
+    }
+
+    fn position_m(&self) -> f64 {
+        self.counts / COUNTS_PER_M
+    }
+}
+
+#[test]
+fn a_drive_that_was_halted_stays_so_until_it_shows_the_mode_in_which_it_holds() {
+    let mut drive = Drive::new(20);
+    let to = |position| AxisAsk::Move { position, mode: AxisMode::Pp };
+    assert_eq!(drive.ask(to(0.5)), RequestAnswer::Taken);
+    drive.run(500);
+    assert!((0.11..0.4).contains(&drive.position_m()), "{}", drive.position_m());
+    assert_eq!(drive.ask(AxisAsk::Stop), RequestAnswer::Taken);
+    drive.run(2);
+    let halted_m = drive.position_m();
+    drive.run(10);
+    assert_eq!((drive.mode, drive.told().2), (1, 8), "on its way to csp");
+    drive.run(200);
+    assert_eq!((drive.mode, drive.told().0 & HALT, drive.state()), (8, 0, AxisState::Holding));
+    assert!((drive.position_m() - halted_m).abs() < 1e-6, "{halted_m} {}", drive.position_m());
+}
+
+#[test]
+fn a_drive_that_doesnt_acknowledge_a_set_point_stops_the_robot() {
+    let mut drive = Drive::new(0);
+    drive.acknowledges = false;
+    assert_eq!(drive.ask(AxisAsk::Move { position: 0.5, mode: AxisMode::Pp }), RequestAnswer::Taken);
+    drive.run(900);
+    assert_eq!(drive.bench.robot.phase(), Phase::Holding);
+    drive.run(2000);
+    let record = drive.bench.robot.record();
+    assert_eq!((drive.bench.robot.phase(), record.stop_reason), (Phase::Fault, SafetyReason::Axis));
+    let problems: Vec<_> = drive.bench.robot.device_problems().collect();
+    assert!(problems[0].1.contains("doesn't acknowledge"), "{problems:?}");
+}
+
+#[test]
+fn a_new_home_is_one_that_the_drive_shows_after_it_showed_none() {
+    const ATTAINED: u16 = 1 << 12 | 1 << 10;
+    let homed = |drive: &Drive| drive.bench.robot.record().signals.inputs[6];
+    let mut drive = Drive::new(3);
+    drive.homing = ATTAINED;
+    assert_eq!(drive.ask(AxisAsk::Home), RequestAnswer::Taken);
+    drive.run(500);
+    assert_eq!((drive.state(), homed(&drive)), (AxisState::Homing, 0.0), "an old one");
+    drive.homing = 0;
+    drive.run(500);
+    assert_eq!(homed(&drive), 0.0);
+    // Bit 12 alone: it is still moving.
+    drive.homing = 1 << 12;
+    drive.run(10);
+    assert_eq!(homed(&drive), 0.0);
+    drive.homing = ATTAINED;
+    drive.run(50);
+    assert_eq!((drive.state(), homed(&drive)), (AxisState::Holding, 1.0));
+    // A homing error.
+    drive.homing = 0;
+    drive.ask(AxisAsk::Home);
+    drive.run(100);
+    drive.homing = 1 << 13;
+    drive.run(100);
+    assert_eq!((drive.state(), homed(&drive)), (AxisState::HomingFailed, 0.0));
+    let to = AxisAsk::Move { position: 0.2, mode: AxisMode::Csp };
+    assert_eq!(drive.ask(to), RequestAnswer::NotHomed);
+}
+
+#[test]
+fn a_drive_that_moves_by_itself_is_stopped() {
+    for (what, words) in [(0.004, None), (0.006, Some("from its set point"))] {
+        let mut drive = Drive::new(0);
+        // In csp it is where it is told, and its count is off.
+        let bytes_at = |drive: &mut Drive| {
+            let counts = (drive.counts + what * COUNTS_PER_M) as i32;
+            drive.bench.image.device_inputs[DEVICE][2..6].copy_from_slice(&counts.to_le_bytes());
+        };
+        drive.run(10);
+        for _ in 0..20 {
+            bytes_at(&mut drive);
+            drive.bench.step(None);
+        }
+        let problems: Vec<_> = drive.bench.robot.device_problems().collect();
+        assert_eq!(problems.is_empty(), words.is_none(), "{what}: {problems:?}");
+        if let Some(words) = words {
+            assert!(problems[0].1.contains(words), "{problems:?}");
+        }
+    }
+    // Too fast, and too strong for longer than 50 ms.
+    for (at, value, cycles, words) in [
+        (6, (0.166 * COUNTS_PER_M) as i32, 1, "its speed was 0.166"),
+        // 3 N·m of 1.27: 2362 per mille, and the margins.
+        (10, 2750, 55, "its torque was 3.49"),
+    ] {
+        let mut drive = Drive::new(0);
+        let length = if at == 6 { 4 } else { 2 };
+        for cycle in 0..=cycles {
+            let bytes = &mut drive.bench.image.device_inputs[DEVICE][at..at + length];
+            bytes.copy_from_slice(&value.to_le_bytes()[..length]);
+            drive.bench.step(None);
+            let is_told = drive.bench.robot.device_problems().next().is_some();
+            assert!(!is_told || cycle + 5 >= cycles, "{words}: in cycle {cycle}");
+        }
+        let problems: Vec<_> = drive.bench.robot.device_problems().collect();
+        assert!(problems[0].1.contains(words), "{problems:?}");
+        drive.run(500);
+        assert_eq!(drive.bench.robot.record().stop_reason, SafetyReason::Axis);
+        assert_eq!(drive.bench.robot.phase(), Phase::Fault);
+    }
+}
