@@ -280,7 +280,11 @@ fn course_name(course: Course) -> &'static str {
 fn stop_drive(record: &CycleRecord) -> Option<u64> {
     let is_about_one = matches!(
         record.stop_reason,
-        SafetyReason::WheelSpeed | SafetyReason::WheelTorque | SafetyReason::Drive | SafetyReason::DeviceLost
+        SafetyReason::WheelSpeed
+            | SafetyReason::WheelTorque
+            | SafetyReason::Oscillation
+            | SafetyReason::Drive
+            | SafetyReason::DeviceLost
     );
     // Beyond the wheels it is about a SubDevice without one.
     Some(record.stop_where).filter(|place| is_about_one && *place < record.measurements.wheels as u64)
@@ -329,6 +333,7 @@ mod tests {
             SafetyReason::DeviceLost,
             SafetyReason::WheelSpeed,
             SafetyReason::WheelTorque,
+            SafetyReason::Oscillation,
         ] {
             record.stop_reason = reason;
             assert_eq!(stop_drive(&record), Some(1), "{reason:?}");

@@ -339,6 +339,7 @@ impl Check {
             wheel_torque_stop: stop(table.wheel_torque_stop, StopName::Category1),
             wheel_torque_margin_nm: table.wheel_torque_margin_nm,
             wheel_torque_time_ns: ns(table.wheel_torque_time_ms, 50),
+            oscillation_share: table.oscillation_share.unwrap_or(0.15),
             enable_input,
             stop_input,
             input_stop,

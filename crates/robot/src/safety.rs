@@ -1,5 +1,6 @@
 //! The last word on commands: limits, finite check and stops in one place.
 
+mod oscillation;
 mod torque_watch;
 
 use crate::config::{DriveMode, Limits, RobotPlan, SafetyPlan, WheelLimits};
@@ -8,6 +9,7 @@ use crate::signals::{
     SafetyReason, Signals, Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
+use oscillation::OscillationWatch;
 use torque_watch::TorqueWatch;
 
 /// How far a measured wheel speed may lie above its limit before it stops: commands are held to the limit itself.
@@ -25,6 +27,7 @@ pub struct SafetyChain {
     has_torque_drives: bool,
     lost_in_a_row: u32,
     torques: TorqueWatch,
+    oscillation: OscillationWatch,
     /// The platform gave way to an obstacle, and isn't back where the plan is.
     gives_way: bool,
 }
@@ -47,6 +50,7 @@ impl SafetyChain {
             has_torque_drives: plan.drives.iter().any(|drive| drive.mode == Some(DriveMode::Torque)),
             lost_in_a_row: 0,
             torques: TorqueWatch::new(plan),
+            oscillation: OscillationWatch::new(plan),
             gives_way: false,
         }
     }
@@ -129,6 +133,12 @@ impl SafetyChain {
         Some((SafetyAction::Stop(self.plan.wheel_torque_stop), SafetyReason::WheelTorque, wheel as u64))
     }
 
+    /// Whatever commands would be part of the loop that rings: the drives brake by themselves.
+    fn oscillation(&self, _: &SafetyView<'_>) -> Objection {
+        let wheel = self.oscillation.swings()?;
+        Some((SafetyAction::QuickStop, SafetyReason::Oscillation, wheel as u64))
+    }
+
     fn reference_speed(&self, view: &SafetyView<'_>) -> Objection {
         let twist = &view.wished.twist_in_odom;
         let fast = twist.speed_m_s() > REFERENCE_MARGIN * self.limits.speed_m_s
@@ -196,6 +206,7 @@ impl Safety for SafetyChain {
     fn reset(&mut self) {
         self.lost_in_a_row = 0;
         self.torques.reset();
+        self.oscillation.reset();
         self.gives_way = false;
     }
 
@@ -214,12 +225,18 @@ impl Safety for SafetyChain {
         // The drives' own quick stop is theirs, and its torque too: many have an emergency torque of their own.
         let torque_counts = is_powered && view.phase != Phase::QuickStopping;
         match torque_counts {
-            true => self.torques.look(view),
-            false => self.torques.reset(),
+            true => {
+                self.torques.look(view);
+                self.oscillation.look(view);
+            }
+            false => {
+                self.torques.reset();
+                self.oscillation.reset();
+            }
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 12] = [
+        let checks: [(bool, Check); 13] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
@@ -227,6 +244,7 @@ impl Safety for SafetyChain {
             (is_powered, Self::axes),
             (is_powered, Self::wheel_speed),
             (torque_counts, Self::wheel_torque),
+            (torque_counts, Self::oscillation),
             (is_tracking, Self::reference_speed),
             (is_held, Self::tracking),
             (is_tracking, Self::fence),

@@ -204,6 +204,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         wheel_torque_stop,
         wheel_torque_margin_nm,
         wheel_torque_time_ns,
+        oscillation_share,
         enable_input,
         stop_input,
         input_stop,
@@ -259,6 +260,12 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         (
             "wheel_torque_stop",
             format!("{} above for {}; {}", margin, ms(*wheel_torque_time_ns), then(wheel_torque_stop)),
+        ),
+        (
+            "oscillation",
+            format!(
+                "{oscillation_share} of the torque limit to and fro, five times; quick stop of the drives"
+            ),
         ),
         ("fence_stop", then(fence_stop).to_owned()),
         ("enable_input", input(enable_input)),

@@ -465,6 +465,11 @@ pub struct SafetyTable {
     /// For how long a measured torque may lie further above than that, ms; time below counts back; default: 50.
     #[schemars(range(min = 1, max = 10_000))]
     pub wheel_torque_time_ms: Option<u32>,
+    /// A measured wheel torque that swings to and fro by this part of its limit, five times in a row and faster
+    /// than 20 Hz, leads to
+    /// the drives' quick stop: the control loop rings; default: 0.15. 1: never.
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub oscillation_share: Option<f64>,
     /// An input, as `"buttons.3"`, that must be there and not 0: without it nothing is enabled, and what is enabled
     /// stops; default: none.
     pub enable_input: Option<String>,

@@ -394,6 +394,8 @@ pub struct SafetyPlan {
     pub wheel_torque_margin_nm: Option<f64>,
     /// For how long it may lie further above, ns.
     pub wheel_torque_time_ns: u64,
+    /// Swings of a torque reach at least so far, as a part of its limit.
+    pub oscillation_share: f64,
     /// The input, by its place, without which nothing is enabled.
     pub enable_input: Option<usize>,
     /// The input, by its place, that stops.

@@ -141,6 +141,8 @@ pub enum SafetyReason {
     StopInput,
     /// The input that enables is 0, or old.
     EnableInput,
+    /// A wheel's torque swings to and fro: a control loop rings.
+    Oscillation,
     /// An axis failed.
     Axis,
 }
@@ -164,6 +166,7 @@ coded!(SafetyReason {
     WayBlocked = 16,
     StopInput = 17,
     EnableInput = 18,
+    Oscillation = 20,
     Axis = 19,
 });
 
@@ -189,6 +192,7 @@ impl SafetyReason {
             SafetyReason::WayBlocked => "the way is blocked",
             SafetyReason::StopInput => "the input that stops it was set, or not heard",
             SafetyReason::EnableInput => "the input that enables it was off, or not heard",
+            SafetyReason::Oscillation => "a wheel's torque swung to and fro: its control loop rang",
             SafetyReason::Axis => "an axis failed",
         }
     }

@@ -6,6 +6,7 @@ mod courses;
 mod inputs;
 mod inwards;
 mod lifecycle;
+mod oscillation;
 mod poison;
 mod promises;
 mod reasons;

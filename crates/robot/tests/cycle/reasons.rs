@@ -204,6 +204,11 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench.lie_about_torque(1, 25.0);
             bench
         }
+        SafetyReason::Oscillation => {
+            let mut bench = enabled(BMM, "");
+            bench.ring(1, 10.0);
+            bench
+        }
         SafetyReason::WayBlocked => {
             let mut bench = enabled(BMM, "[avoidance]\ngive_up_s = 1.0");
             bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
@@ -241,6 +246,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         }
         SafetyReason::NotFinite
         | SafetyReason::Drive
+        | SafetyReason::Oscillation
         | SafetyReason::StopTimeout
         | SafetyReason::DeviceLost => Some((Phase::QuickStopping, Phase::Fault)),
         // Nobody is heard: for so long as a stop may take.
@@ -252,7 +258,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 19, "every reason has had its turn");
+    assert_eq!(seen, 20, "every reason has had its turn");
 }
 
 #[test]

@@ -36,6 +36,8 @@ struct Servo {
     fault_reset: bool,
     /// The torque that it shows, N·m at the wheel, where it isn't the one that it gives.
     shown_nm: Option<f64>,
+    /// By how much that swings to and fro, 62.5 Hz at 1 kHz, N·m.
+    ringing_nm: f64,
 }
 
 /// A body on wheels that never slip, its drives, and the cycle that drives it.
@@ -77,6 +79,7 @@ impl Bench {
             fault: false,
             fault_reset: false,
             shown_nm: None,
+            ringing_nm: 0.0,
         };
         Bench {
             robot,
@@ -104,6 +107,11 @@ impl Bench {
     /// From now on a drive shows another torque than it gives, N·m at the wheel.
     pub fn lie_about_torque(&mut self, wheel: usize, shown_nm: impl Into<Option<f64>>) {
         self.servos[wheel].shown_nm = shown_nm.into();
+    }
+
+    /// From now on the torque that a drive shows swings to and fro.
+    pub fn ring(&mut self, wheel: usize, ringing_nm: f64) {
+        self.servos[wheel].ringing_nm = ringing_nm;
     }
 
     pub fn repair_drive(&mut self, wheel: usize) {
@@ -220,7 +228,9 @@ impl Bench {
         let speed = self.wheel_speeds[wheel];
         let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
         let (status, mode) = (servo.status, servo.mode);
-        let torque_nm = self.servos[wheel].shown_nm.unwrap_or(self.torques[wheel]);
+        let side = if self.index / 8 % 2 == 0 { 1.0 } else { -1.0 };
+        let servo = &self.servos[wheel];
+        let torque_nm = servo.shown_nm.unwrap_or(self.torques[wheel]) + side * servo.ringing_nm;
         let torque = 1000.0 * torque_nm / (scale.rated_torque_nm * scale.gear_ratio);
         self.input(wheel, 0x6041, status.into());
         self.input(wheel, 0x6061, mode.into());

@@ -149,7 +149,7 @@ fn cycles_until_stop(robot: &str, shows: impl Fn(u32) -> f64) -> Option<(u32, Cy
 
 #[test]
 fn a_torque_above_its_limit_stops_when_it_lasts() {
-    let limited = with_limit(BMM, 2.0);
+    let limited = with_limit(BMM, 2.0) + "\n[safety]\noscillation_share = 1.0\n";
     // 2 N·m and the margin of a twentieth of 7: 2.35.
     assert!(cycles_until_stop(&limited, |_| 2.34).is_none(), "noise of a sensor");
     let (cycle, record) = cycles_until_stop(&limited, |_| -2.37).expect("it lasts");
@@ -161,7 +161,7 @@ fn a_torque_above_its_limit_stops_when_it_lasts() {
     // A tenth of a higher limit.
     assert!(cycles_until_stop(&with_limit(BMM, 14.0), |_| 15.3).is_none());
     assert!(cycles_until_stop(&with_limit(BMM, 14.0), |_| 15.5).is_some());
-    let told = format!("{limited}\n[safety]\nwheel_torque_margin_nm = 1.0\nwheel_torque_time_ms = 10\n");
+    let told = format!("{limited}wheel_torque_margin_nm = 1.0\nwheel_torque_time_ms = 10\n");
     assert!(cycles_until_stop(&told, |_| 2.9).is_none());
     assert_eq!(cycles_until_stop(&told, |_| 3.1).unwrap().0, 11);
 }
