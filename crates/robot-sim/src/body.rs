@@ -86,6 +86,8 @@ pub struct Body {
     acceleration: [f64; 2],
     pose: Pose,
     push: Wrench,
+    /// The same, in the axes of the body.
+    push_in_body: Wrench,
     floor: Floor,
     /// Friction of the whole floor in place of contacts' and patches'.
     everywhere: Option<Surface>,
@@ -122,6 +124,7 @@ impl Body {
             acceleration: [0.0; 2],
             pose: Pose::default(),
             push: Wrench::default(),
+            push_in_body: Wrench::default(),
             floor: Floor::default(),
             everywhere: None,
             fall_m_s2: [0.0; 2],
@@ -185,6 +188,11 @@ impl Body {
     /// Pushes the body from outside until the next call; every value must be finite.
     pub fn set_push(&mut self, push: Wrench) {
         self.push = push;
+    }
+
+    /// As [`Body::set_push`], in the axes of the body: beside the other, and it turns with the body.
+    pub fn set_push_in_body(&mut self, push: Wrench) {
+        self.push_in_body = push;
     }
 
     /// Puts the body somewhere, without moving it there.
@@ -351,12 +359,13 @@ impl Body {
             fy_n: self.push.fy_n + weight * self.fall_m_s2[1],
             ..self.push
         };
+        let beside = self.push_in_body;
         Mass {
             stiffness: [m, m, j],
             drive: [
-                m * start[0] + push.fx_n * cos + push.fy_n * sin,
-                m * start[1] + push.fy_n * cos - push.fx_n * sin,
-                j * start[2] + push.moment_n_m,
+                m * start[0] + push.fx_n * cos + push.fy_n * sin + beside.fx_n,
+                m * start[1] + push.fy_n * cos - push.fx_n * sin + beside.fy_n,
+                j * start[2] + push.moment_n_m + beside.moment_n_m,
             ],
         }
     }
