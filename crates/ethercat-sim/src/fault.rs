@@ -45,10 +45,17 @@ impl From<ApplicationFault> for Fault {
 }
 
 /// A hand on a segment that is behind a link: faults that happen when the segment moves on next. Clones share it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Injector(Arc<Mutex<VecDeque<(usize, Fault)>>>);
 
+/// Faults for which there is room from the start.
+const INJECTOR_ROOM: usize = 64;
+
 impl Injector {
+    pub(crate) fn new() -> Self {
+        Injector(Arc::new(Mutex::new(VecDeque::with_capacity(INJECTOR_ROOM))))
+    }
+
     /// A fault for the SubDevice at `position`; one that it doesn't know, or of no SubDevice, changes nothing.
     pub fn inject(&self, position: usize, fault: Fault) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back((position, fault));

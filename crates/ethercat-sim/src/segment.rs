@@ -141,7 +141,7 @@ impl Segment {
 
     /// A hand on this segment for when it is behind a link.
     pub fn injector(&mut self) -> Injector {
-        self.injector.get_or_insert_default().clone()
+        self.injector.get_or_insert_with(Injector::new).clone()
     }
 
     /// Lets happen everything that is due up to `now`, in the order of time.

@@ -77,6 +77,8 @@ pub struct Body {
     positions: Vec<[f64; 2]>,
     mounted: Vec<Mounted>,
     share: LoadShare,
+    /// Where another one is tried, without allocation.
+    spare_share: LoadShare,
     rows: Vec<contact::Wheel>,
     wheels: Vec<WheelState>,
     /// Elastic treads at the start of the step, along and across.
@@ -116,6 +118,7 @@ impl Body {
             total,
             positions,
             mounted: wheels.iter().zip(&rows).map(|(wheel, row)| Mounted::of(wheel, row)).collect(),
+            spare_share: share.clone(),
             share,
             rows,
             wheels: vec![WheelState::default(); wheels.len()],
@@ -143,16 +146,16 @@ impl Body {
     pub fn set_payload(&mut self, payload: Payload) -> Result<(), BodyError> {
         check_payload(&payload)?;
         let total = Total::of(&self.parameters, &payload);
-        let mut share = self.share.clone();
+        let share = &mut self.spare_share;
         if !share.update(&self.positions, total.carried) {
             return Err(BodyError::NoSupport { wheels: self.positions.len() });
         }
-        check_support(&share, &total)?;
-        check_slope(&share, &self.floor.slope)?;
+        check_support(share, &total)?;
+        check_slope(share, &self.floor.slope)?;
         let twist = self.twist_in_body();
         self.payload = payload;
         self.total = total;
-        self.share = share;
+        std::mem::swap(&mut self.share, &mut self.spare_share);
         self.place_rows();
         self.set_twist(twist);
         Ok(())
