@@ -84,6 +84,11 @@ pub trait Device: Send {
         false
     }
 
+    /// Its safety input takes the torque from the motor, or no longer; `false` where the device has none.
+    fn safe_torque_off(&mut self, _: bool) -> bool {
+        false
+    }
+
     /// The oldest emergency that the device wants to send.
     fn take_emergency(&mut self) -> Option<Emergency> {
         None

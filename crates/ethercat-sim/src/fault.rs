@@ -2,6 +2,8 @@
 
 use crate::pdi::ApplicationFault;
 use core::time::Duration;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Something that goes wrong with one SubDevice, its cables or its firmware.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,6 +41,28 @@ pub enum Fault {
 impl From<ApplicationFault> for Fault {
     fn from(fault: ApplicationFault) -> Self {
         Fault::Application(fault)
+    }
+}
+
+/// A hand on a segment that is behind a link: faults that happen when the segment moves on next. Clones share it.
+#[derive(Clone, Debug)]
+pub struct Injector(Arc<Mutex<VecDeque<(usize, Fault)>>>);
+
+/// Faults for which there is room from the start.
+const INJECTOR_ROOM: usize = 64;
+
+impl Injector {
+    pub(crate) fn new() -> Self {
+        Injector(Arc::new(Mutex::new(VecDeque::with_capacity(INJECTOR_ROOM))))
+    }
+
+    /// A fault for the SubDevice at `position`; one that it doesn't know, or of no SubDevice, changes nothing.
+    pub fn inject(&self, position: usize, fault: Fault) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back((position, fault));
+    }
+
+    pub(crate) fn take(&self) -> Option<(usize, Fault)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
     }
 }
 

@@ -241,6 +241,7 @@ impl Application for Firmware {
             ApplicationFault::DriveFault(code) => return self.device.fault(&mut self.dictionary, *code),
             ApplicationFault::MailboxSilence(silent) => self.silent = *silent,
             ApplicationFault::Frozen(frozen) => self.frozen = *frozen,
+            ApplicationFault::SafeTorqueOff(active) => return self.device.safe_torque_off(*active),
         }
         true
     }

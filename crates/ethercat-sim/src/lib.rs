@@ -35,7 +35,7 @@ pub mod sim_link;
 pub mod sim_ring;
 
 pub use esc::{DcRegisters, EscConfig};
-pub use fault::{Fault, FaultError};
+pub use fault::{Fault, FaultError, Injector};
 pub use fault_link::{FaultAction, FaultCounts, FaultLink, FaultRates, Injection, Target};
 pub use pdi_socket::{Pace, SocketApplication};
 pub use segment::{Attachment, MainPort, Parent, Segment, SubDevice, TopologyError};

@@ -50,4 +50,7 @@ pub enum ApplicationFault {
     MailboxSilence(bool),
     /// The firmware does nothing at all while `true`.
     Frozen(bool),
+    /// The safety input takes the torque from the motor (IEC 61800-5-2, STO) while `true`; nobody is told but by the
+    /// status word.
+    SafeTorqueOff(bool),
 }

@@ -7,7 +7,7 @@ pub use sub_device::SubDevice;
 pub use topology::{Attachment, MainPort, Parent, TopologyError};
 
 use crate::esc::{PdiPort, PortState, Telegram};
-use crate::fault::{Fault, FaultError};
+use crate::fault::{Fault, FaultError, Injector};
 use core::time::Duration;
 use omnibase_ethercat_wire::bytes::{put_u16, u16_at};
 use omnibase_ethercat_wire::frame::{
@@ -51,6 +51,8 @@ pub struct Segment {
     now: HostTime,
     /// When each SubDevice has something to do, host ns; `u64::MAX` for never.
     due: Vec<u64>,
+    /// Faults from outside.
+    injector: Option<Injector>,
 }
 
 impl Segment {
@@ -66,8 +68,15 @@ impl Segment {
         let cables =
             Cables::new(&attachments, |position, port| sub_devices[position].esc().config().has_port(port))?;
         let due = vec![u64::MAX; sub_devices.len()];
-        let mut segment =
-            Segment { sub_devices, cables, ways: Default::default(), taken: 0, now: HostTime(0), due };
+        let mut segment = Segment {
+            sub_devices,
+            cables,
+            ways: Default::default(),
+            taken: 0,
+            now: HostTime(0),
+            due,
+            injector: None,
+        };
         for sub_device in &mut segment.sub_devices {
             sub_device.power_on(HostTime(0));
         }
@@ -130,8 +139,17 @@ impl Segment {
         self.cables.cables.first().is_some_and(|cable| PortView(&self.sub_devices).carries(cable))
     }
 
+    /// A hand on this segment for when it is behind a link.
+    pub fn injector(&mut self) -> Injector {
+        self.injector.get_or_insert_with(Injector::new).clone()
+    }
+
     /// Lets happen everything that is due up to `now`, in the order of time.
     pub fn advance(&mut self, now: HostTime) {
+        while let Some((position, fault)) = self.injector.as_ref().and_then(Injector::take) {
+            // Whoever can hear of a refusal injects by the segment's own function.
+            let _ = self.inject(position, fault);
+        }
         while let Some(at) = self.next_wake().filter(|&at| at <= now) {
             for position in 0..self.sub_devices.len() {
                 if self.due[position] <= at.0 {

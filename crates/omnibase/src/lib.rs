@@ -40,6 +40,7 @@ pub use omnibase_run as run;
 
 use omnibase_ethercat_sim::in_process;
 use omnibase_robot::{Registry, Robot};
+use omnibase_run::simulated::Script;
 use omnibase_run::{Progress, Ran, Setup, simulated};
 use robot_file::{Changes, RobotSource};
 use std::io::{self, BufWriter, Write};
@@ -77,7 +78,8 @@ pub fn simulate(robot: &Path, register: impl FnOnce(&mut Registry)) -> anyhow::R
     let mut registry = Registry::with_built_in();
     register(&mut registry);
     let robot = RobotSource::read(robot, &Changes::default())?.load_or_explain(&registry)?;
-    let (segment, machine) = simulated::segment(&robot.plan)?;
+    let (mut segment, machine) = simulated::segment(&robot.plan)?;
+    let script = Script::new(&robot.plan, &mut segment, &machine);
     let (link, clock) = in_process(segment);
     let stages = Robot::build(&robot.plan, &registry)?;
     anyhow::ensure!(
@@ -88,6 +90,7 @@ pub fn simulate(robot: &Path, register: impl FnOnce(&mut Registry)) -> anyhow::R
         plan: &robot.plan,
         robot: stages,
         machine: Some(machine),
+        script,
         recording: None,
         live: None,
         stop: &AtomicBool::new(false),

@@ -17,6 +17,9 @@ pub struct Changes {
     /// Payload of the simulated robot, kg.
     #[arg(long, value_name = "KG")]
     payload_kg: Option<f64>,
+    /// File of events for the simulated robot, `[[event]]` each; `omnibase check --kinds` lists their kinds.
+    #[arg(long, value_name = "FILE", value_parser = parse_path)]
+    events_file: Option<String>,
 }
 
 impl Changes {
@@ -33,7 +36,8 @@ impl Changes {
     fn lines(&self) -> Vec<String> {
         let controller = self.controller.iter().map(|name| format!("controller.kind = {name:?}"));
         let payload = self.payload_kg.iter().map(|kg| format!("simulation.payload_kg = {kg:?}"));
-        controller.chain(payload).chain(self.changes.iter().cloned()).collect()
+        let events = self.events_file.iter().map(|path| format!("simulation.events_file = {path:?}"));
+        controller.chain(payload).chain(events).chain(self.changes.iter().cloned()).collect()
     }
 }
 
@@ -104,6 +108,12 @@ fn problem_width(place: &omnibase_robot::config::Location, line: &str) -> usize 
 /// A count of problems in words.
 pub fn plural(count: usize) -> String {
     if count == 1 { "1 problem".to_owned() } else { format!("{count} problems") }
+}
+
+/// A path from the working folder, as one that doesn't depend on it: the robot's file may be elsewhere.
+fn parse_path(text: &str) -> Result<String, String> {
+    let path = std::path::absolute(text).map_err(|error| error.to_string())?;
+    path.into_os_string().into_string().map_err(|_| "the path isn't UTF-8".to_owned())
 }
 
 /// `key=value` as a line of TOML; what isn't a value of TOML is taken as text.

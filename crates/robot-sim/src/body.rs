@@ -77,6 +77,8 @@ pub struct Body {
     positions: Vec<[f64; 2]>,
     mounted: Vec<Mounted>,
     share: LoadShare,
+    /// Where another one is tried, without allocation.
+    spare_share: LoadShare,
     rows: Vec<contact::Wheel>,
     wheels: Vec<WheelState>,
     /// Elastic treads at the start of the step, along and across.
@@ -86,6 +88,8 @@ pub struct Body {
     acceleration: [f64; 2],
     pose: Pose,
     push: Wrench,
+    /// The same, in the axes of the body.
+    push_in_body: Wrench,
     floor: Floor,
     /// Friction of the whole floor in place of contacts' and patches'.
     everywhere: Option<Surface>,
@@ -114,6 +118,7 @@ impl Body {
             total,
             positions,
             mounted: wheels.iter().zip(&rows).map(|(wheel, row)| Mounted::of(wheel, row)).collect(),
+            spare_share: share.clone(),
             share,
             rows,
             wheels: vec![WheelState::default(); wheels.len()],
@@ -122,6 +127,7 @@ impl Body {
             acceleration: [0.0; 2],
             pose: Pose::default(),
             push: Wrench::default(),
+            push_in_body: Wrench::default(),
             floor: Floor::default(),
             everywhere: None,
             fall_m_s2: [0.0; 2],
@@ -140,16 +146,16 @@ impl Body {
     pub fn set_payload(&mut self, payload: Payload) -> Result<(), BodyError> {
         check_payload(&payload)?;
         let total = Total::of(&self.parameters, &payload);
-        let mut share = self.share.clone();
+        let share = &mut self.spare_share;
         if !share.update(&self.positions, total.carried) {
             return Err(BodyError::NoSupport { wheels: self.positions.len() });
         }
-        check_support(&share, &total)?;
-        check_slope(&share, &self.floor.slope)?;
+        check_support(share, &total)?;
+        check_slope(share, &self.floor.slope)?;
         let twist = self.twist_in_body();
         self.payload = payload;
         self.total = total;
-        self.share = share;
+        std::mem::swap(&mut self.share, &mut self.spare_share);
         self.place_rows();
         self.set_twist(twist);
         Ok(())
@@ -185,6 +191,11 @@ impl Body {
     /// Pushes the body from outside until the next call; every value must be finite.
     pub fn set_push(&mut self, push: Wrench) {
         self.push = push;
+    }
+
+    /// As [`Body::set_push`], in the axes of the body: beside the other, and it turns with the body.
+    pub fn set_push_in_body(&mut self, push: Wrench) {
+        self.push_in_body = push;
     }
 
     /// Puts the body somewhere, without moving it there.
@@ -351,12 +362,13 @@ impl Body {
             fy_n: self.push.fy_n + weight * self.fall_m_s2[1],
             ..self.push
         };
+        let beside = self.push_in_body;
         Mass {
             stiffness: [m, m, j],
             drive: [
-                m * start[0] + push.fx_n * cos + push.fy_n * sin,
-                m * start[1] + push.fy_n * cos - push.fx_n * sin,
-                j * start[2] + push.moment_n_m,
+                m * start[0] + push.fx_n * cos + push.fy_n * sin + beside.fx_n,
+                m * start[1] + push.fy_n * cos - push.fx_n * sin + beside.fy_n,
+                j * start[2] + push.moment_n_m + beside.moment_n_m,
             ],
         }
     }

@@ -259,6 +259,11 @@ impl Machine {
         self.body.set_push(push);
     }
 
+    /// Pushes it in its own axes; see [`Body::set_push_in_body`].
+    pub fn set_push_in_body(&mut self, push: crate::pose::Wrench) {
+        self.body.set_push_in_body(push);
+    }
+
     /// Puts the body somewhere; see [`Body::set_pose`].
     pub fn set_pose(&mut self, pose: Pose) {
         self.body.set_pose(pose);

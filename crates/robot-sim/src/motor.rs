@@ -175,7 +175,7 @@ impl Motor {
     pub fn shaft_torque_n_m(&self, angle_rad: f64) -> f64 {
         let given_n_m = self.parameters.torque_ratio * self.torque_n_m;
         let waves = &self.parameters.waves;
-        if *waves == Waves::default() {
+        if waves.cogging_n_m == 0.0 && waves.ripple == 0.0 {
             return given_n_m;
         }
         let ripple = 1.0 + waves.ripple * (waves.ripple_per_turn * angle_rad).sin();

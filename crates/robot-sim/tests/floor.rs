@@ -4,7 +4,7 @@ use omnibase_robot_sim::floor::GRAVITY_M_S2;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     Body, BodyError, BodyParameters, Contact, Floor, Machine, MachineParameters, MotorParameters, Patch,
-    Payload, Place, Slope, Surface, Twist, Waves, WheelDrive, WheelParameters, Wrench,
+    Payload, Place, Pose, Slope, Surface, Twist, Waves, WheelDrive, WheelParameters, Wrench,
 };
 
 const STEP_S: f64 = 125e-6;
@@ -97,10 +97,7 @@ fn standing_on_a_slope_takes_the_torque_of_its_downhill_force() {
 fn downhill_is_a_direction_of_the_floor_and_not_of_the_robot() {
     // Turned by a quarter it rolls on its rollers, without friction across.
     let mut body = Body::new(parameters(), &wheels(Contact::ideal(0.5))).expect("a sound machine");
-    body.set_pose(omnibase_robot_sim::Pose {
-        heading_rad: std::f64::consts::FRAC_PI_2,
-        ..Default::default()
-    });
+    body.set_pose(Pose { heading_rad: std::f64::consts::FRAC_PI_2, ..Default::default() });
     body.set_floor(slope(0.05, 0.0)).expect("it stands");
     run(&mut body, &[0.0; 4], 1.0);
     let twist = body.twist_in_body();
@@ -186,6 +183,19 @@ fn a_push_gives_its_impulse_to_a_robot_that_nothing_holds() {
     body.set_push(Wrench { moment_n_m: 8.0, ..Wrench::default() });
     run(&mut body, &[], 0.25);
     assert!((8.0 * body.twist_in_body().w_rad_s - 8.0 * 0.25).abs() < 1e-9);
+}
+
+#[test]
+fn a_push_of_the_platform_turns_with_it() {
+    let mut body = Body::new(parameters(), &wheels(Contact::ideal(0.0))).expect("a sound machine");
+    body.set_pose(Pose { heading_rad: 0.7, ..Pose::default() });
+    body.set_push_in_body(Wrench { fx_n: 50.0, fy_n: -20.0, moment_n_m: 0.0 });
+    run(&mut body, &[], 0.5);
+    let twist = body.twist_in_body();
+    assert!((twist.vx_m_s - 0.25).abs() < 1e-9 && (twist.vy_m_s + 0.1).abs() < 1e-9, "{twist:?}");
+    body.set_push_in_body(Wrench { moment_n_m: 8.0, ..Wrench::default() });
+    run(&mut body, &[], 0.25);
+    assert!((body.twist_in_body().w_rad_s - 0.25).abs() < 1e-9);
 }
 
 fn machine(motor: MotorParameters) -> Machine {

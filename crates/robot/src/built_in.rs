@@ -1,7 +1,7 @@
 //! The kinds that omnibase brings along.
 
 use crate::registry::Registry;
-use crate::{controllers, devices, estimators, layouts, peripherals, references};
+use crate::{controllers, devices, estimators, events, layouts, peripherals, references};
 
 impl Registry {
     /// A registry with the built-in kinds.
@@ -13,6 +13,7 @@ impl Registry {
         devices::register(&mut registry);
         peripherals::register(&mut registry);
         layouts::register(&mut registry);
+        events::register(&mut registry);
         registry
     }
 }

@@ -10,6 +10,7 @@ mod platform;
 mod run_tables;
 mod sdo_writes;
 mod signal_names;
+mod simulation;
 mod sources;
 mod subdevices;
 #[cfg(test)]
@@ -156,7 +157,7 @@ impl Check {
         let estimator = self.estimator(file.estimator, registry);
         let reference = self.reference(file.reference, registry, read_file);
         self.joystick(&file.joystick);
-        self.simulation(&file.simulation);
+        let events = simulation::resolve(self, &file.simulation, &file.drive, registry, read_file);
         self.run(&file.run);
         let recording = self.recording(&file.recording, file.bus.cycle_us);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
@@ -182,6 +183,7 @@ impl Check {
             joystick: file.joystick,
             guard: guard?,
             simulation: file.simulation,
+            events: events?,
             run: file.run,
             recording,
         };
@@ -420,31 +422,6 @@ impl Check {
             }
         }
         self.made(made)
-    }
-
-    fn simulation(&mut self, table: &SimulationTable) {
-        if let (Some(sticking), Some(sliding)) = (table.static_friction, table.sliding_friction)
-            && sliding > sticking
-        {
-            let reason = "a wheel slides more easily than it breaks away";
-            let problem = self.report(ProblemKind::Contradiction, "simulation.sliding_friction", reason);
-            problem.value = Some(sliding.to_string());
-            problem.limit = Some(format!("at most static_friction = {sticking}"));
-        }
-        if table.tread_damping_ratio.is_some() && table.tread_stiffness_n_m.is_none() {
-            let reason = "must be given: tread_damping_ratio is an elastic tread's";
-            self.report(ProblemKind::Missing, "simulation.tread_stiffness_n_m", reason);
-        }
-        if let (Some(rated), Some(greatest)) =
-            (table.motor_rated_speed_rad_s, table.motor_greatest_speed_rad_s)
-            && greatest <= rated
-        {
-            let reason = "the torque falls from the rated speed on";
-            let problem =
-                self.report(ProblemKind::Contradiction, "simulation.motor_greatest_speed_rad_s", reason);
-            problem.value = Some(greatest.to_string());
-            problem.limit = Some(format!("above motor_rated_speed_rad_s = {rated}"));
-        }
     }
 
     /// Stages that can't be made are told now, and not where the robot is built.

@@ -20,6 +20,7 @@ pub mod controllers;
 mod cycle;
 pub mod devices;
 pub mod estimators;
+mod events;
 pub mod guard;
 mod image;
 pub mod layouts;

@@ -13,8 +13,8 @@ use omnibase_platform::Wheel;
 use omnibase_trajectory::LONGEST_S;
 
 use crate::config::{
-    DevicePlan, DrivePlan, Identity, InputPlan, Limits, OutputPlan, ParameterPlan, PdoPlan, PlatformTable,
-    Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
+    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, Limits, OutputPlan, ParameterPlan,
+    PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
 };
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 
@@ -150,7 +150,7 @@ pub struct Sort {
 impl Sort {
     /// The table's definition in the JSON schema.
     fn definition(&self) -> String {
-        format!("{}Table", capital(self.table))
+        format!("{}Table", capital(self.table.rsplit('.').next().unwrap_or(self.table)))
     }
 
     /// Whether a key of the table is read whatever the kind is.
@@ -189,6 +189,8 @@ const PERIPHERAL: Sort = Sort {
     default: None,
     common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
 };
+const EVENT: Sort =
+    Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
@@ -319,6 +321,17 @@ impl Kinds<MakeWheels> {
     }
 }
 
+impl Kinds<MakeEvent> {
+    /// Adds something that happens to the simulated robot; one of the same name is replaced.
+    pub fn add(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&EventTable, &[&str]) -> Made<Course> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(make));
+    }
+}
+
 impl Kinds<MakeDevice> {
     /// Adds a kind of drive, made from its plan, with what the robot's file need not say; one of the same name is
     /// replaced. Settings in its refusals are those of the drive's table.
@@ -379,6 +392,18 @@ pub struct MakePeripheral {
     pub make: MakeBeside,
 }
 
+/// Makes what happens to the simulated robot, and what ends it where it has a duration, from its table and the drives' names.
+pub type MakeEvent = Box<dyn Fn(&EventTable, &[&str]) -> Made<Course> + Send + Sync>;
+
+/// What an event does, and what ends it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    /// At its time.
+    pub begin: Happening,
+    /// After its duration, where it has one; `None` for what doesn't last.
+    pub end: Option<Happening>,
+}
+
 /// All kinds.
 pub struct Registry {
     /// Control laws.
@@ -393,6 +418,8 @@ pub struct Registry {
     pub peripherals: Kinds<MakePeripheral>,
     /// Where the wheels stand.
     pub layouts: Kinds<MakeWheels>,
+    /// What happens to the simulated robot.
+    pub events: Kinds<MakeEvent>,
 }
 
 impl Registry {
@@ -405,6 +432,7 @@ impl Registry {
             devices: Kinds::new(DEVICE),
             peripherals: Kinds::new(PERIPHERAL),
             layouts: Kinds::new(LAYOUT),
+            events: Kinds::new(EVENT),
         }
     }
 

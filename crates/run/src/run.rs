@@ -15,6 +15,7 @@ use crate::conductor::{Conductor, Wish};
 use crate::drive_errors::DriveErrors;
 use crate::live::operator::{Note, Turn};
 use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
+use crate::simulated::Script;
 use omnibase_measure::events::{Event, Watch};
 use omnibase_measure::summary::Summary;
 use omnibase_measure::timing::{TimedCycle, Timing};
@@ -66,6 +67,8 @@ pub struct Setup<'a> {
     pub robot: Robot,
     /// The machine behind a simulated robot.
     pub machine: Option<SharedMachine>,
+    /// What happens to it by time.
+    pub script: Option<Script>,
     /// Rows for the recording, and where they go.
     pub recording: Option<(Rows, RunSink)>,
     /// Where people and programs lead the robot, in place of its one reference from start to end.
@@ -123,6 +126,7 @@ struct Cycle<'a> {
     plan: &'a RobotPlan,
     robot: Robot,
     witness: Option<Witness>,
+    script: Option<Script>,
     recording: Option<(Rows, RunSink)>,
     stop: &'a AtomicBool,
     progress: &'a Progress,
@@ -153,7 +157,7 @@ struct Cycle<'a> {
 
 impl<'a> Cycle<'a> {
     fn new(setup: Setup<'a>) -> Self {
-        let Setup { plan, robot, machine, recording, mut live, stop, progress } = setup;
+        let Setup { plan, robot, machine, script, recording, mut live, stop, progress } = setup;
         if let Some(live) = &mut live {
             // A plan comes back by itself.
             live.comes_back(plan.safety.comeback.filter(|_| !live.is_beside_plan()));
@@ -163,6 +167,7 @@ impl<'a> Cycle<'a> {
         Cycle {
             robot,
             witness: machine.map(Witness::new),
+            script,
             recording,
             stop,
             progress,
@@ -221,6 +226,9 @@ impl<'a> Cycle<'a> {
         if wish == Wish::Stop && !self.stop_seen {
             self.stop_seen = true;
             self.happened(self.time.now_ns, "a stop was asked for".into());
+        }
+        while let Some(words) = self.script.as_mut().and_then(|script| script.next(self.time.now_ns)) {
+            self.happened(self.time.now_ns, words);
         }
         let request = self.request(wish).map(|request| self.unless_written(request));
         if let Some(live) = &mut self.live {

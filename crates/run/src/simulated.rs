@@ -6,15 +6,21 @@ use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_ethercat_sim::{Segment, SubDevice};
 use omnibase_platform::Wheel;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{BusPlace, DrivePlan, EncoderName, Identity, SimulationTable, TurnDirection};
+use omnibase_robot::config::{
+    BusPlace, DrivePlan, EncoderName, Identity, PatchTable, SLIDING_SHARE, SimulationTable, TurnDirection,
+};
 
 mod axis;
 mod beside;
+mod script;
+
+pub use script::Script;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Payload, RobotSim,
-    RobotSimDescription, SharedMachine, SharedSlide, Tread, WheelDrive, WheelParameters,
+    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Patch, Payload, Place,
+    RobotSim, RobotSimDescription, SharedMachine, SharedSlide, Slope, Surface, Tread, Waves, WheelDrive,
+    WheelParameters,
 };
 
 /// Mass of a platform whose file gives none, kg: that of the BMM without batteries (thesis, chapter 1).
@@ -23,6 +29,11 @@ const MASS_KG: f64 = 70.0;
 const CENTRE_HEIGHT_M: f64 = 0.25;
 /// Height of a payload's centre of mass whose file gives none, m: it stands on the platform.
 const PAYLOAD_HEIGHT_M: f64 = 0.6;
+
+/// Cogging of a motor of 24 slots and 18 poles: their least common multiple.
+const COGGING_PER_TURN: u32 = 72;
+/// Ripple of a motor of 8 pole pairs: six times in an electrical turn.
+const RIPPLE_PER_TURN: u32 = 48;
 
 /// A plan whose robot can't be simulated, in words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -78,8 +89,7 @@ pub fn description(plan: &RobotPlan) -> RobotSimDescription {
     let table = &plan.simulation;
     let wheels = plan.kinematics.wheels();
     let mass_kg = table.mass_kg.unwrap_or(MASS_KG);
-    let payload_kg = table.payload_kg.unwrap_or(0.0);
-    let drives = wheels.iter().zip(&plan.drives);
+    let drives = wheels.iter().zip(&plan.drives).enumerate();
     RobotSimDescription {
         machine: MachineParameters {
             body: BodyParameters {
@@ -88,16 +98,9 @@ pub fn description(plan: &RobotPlan) -> RobotSimDescription {
                 center_of_mass_m: table.centre_of_mass_m.unwrap_or_default(),
                 center_of_mass_height_m: table.centre_of_mass_height_m.unwrap_or(CENTRE_HEIGHT_M),
             },
-            payload: Payload {
-                mass_kg: payload_kg,
-                yaw_inertia_kg_m2: table
-                    .payload_inertia_kg_m2
-                    .unwrap_or_else(|| disc_kg_m2(payload_kg, wheels)),
-                position_m: table.payload_position_m.unwrap_or_default(),
-                height_m: table.payload_height_m.unwrap_or(PAYLOAD_HEIGHT_M),
-            },
-            floor: Floor::default(),
-            wheels: drives.map(|(wheel, drive)| wheel_drive(table, wheel, drive)).collect(),
+            payload: payload(table, wheels),
+            floor: floor(table),
+            wheels: drives.map(|(index, (wheel, drive))| wheel_drive(table, index, wheel, drive)).collect(),
             step_ns: table.step_us.map_or(DEFAULT_STEP_NS, |step_us| step_us.saturating_mul(1000)),
         },
         drives: stations(plan),
@@ -110,7 +113,40 @@ fn disc_kg_m2(mass_kg: f64, wheels: &[Wheel]) -> f64 {
     0.5 * mass_kg * squares.sum::<f64>() / wheels.len().max(1) as f64
 }
 
-fn wheel_drive(table: &SimulationTable, wheel: &Wheel, drive: &DrivePlan) -> WheelDrive {
+/// The payload of the robot's file.
+fn payload(table: &SimulationTable, wheels: &[Wheel]) -> Payload {
+    let mass_kg = table.payload_kg.unwrap_or(0.0);
+    Payload {
+        mass_kg,
+        yaw_inertia_kg_m2: table.payload_inertia_kg_m2.unwrap_or_else(|| disc_kg_m2(mass_kg, wheels)),
+        position_m: table.payload_position_m.unwrap_or_default(),
+        height_m: table.payload_height_m.unwrap_or(PAYLOAD_HEIGHT_M),
+    }
+}
+
+/// The floor of the robot's file.
+fn floor(table: &SimulationTable) -> Floor {
+    let patch = |patch: &PatchTable| {
+        let static_friction = patch.static_friction?;
+        let sliding_friction = patch.sliding_friction.unwrap_or(SLIDING_SHARE * static_friction);
+        let place = match patch.rectangle_m {
+            Some([x_min, y_min, x_max, y_max]) => {
+                Place::Rectangle { from_m: [x_min, y_min], to_m: [x_max, y_max] }
+            }
+            None => Place::Disc { centre_m: patch.centre_m?, radius_m: patch.radius_m? },
+        };
+        Some(Patch { place, surface: Surface { static_friction, sliding_friction } })
+    };
+    Floor {
+        slope: Slope {
+            angle_rad: table.slope_rad.unwrap_or(0.0),
+            downhill_rad: table.slope_direction_rad.unwrap_or(0.0),
+        },
+        patches: table.patch.iter().filter_map(patch).collect(),
+    }
+}
+
+fn wheel_drive(table: &SimulationTable, index: usize, wheel: &Wheel, drive: &DrivePlan) -> WheelDrive {
     let standard = Contact::default();
     let mut parameters = WheelParameters::mecanum(
         wheel.position_m,
@@ -132,7 +168,14 @@ fn wheel_drive(table: &SimulationTable, wheel: &Wheel, drive: &DrivePlan) -> Whe
     if let Some(inertia_kg_m2) = table.wheel_inertia_kg_m2 {
         parameters.inertia_kg_m2 = inertia_kg_m2;
     }
-    WheelDrive { wheel: parameters, motor: motor(table, drive) }
+    let mut motor = motor(table, drive);
+    motor.torque_ratio = torque_ratio(table, index);
+    WheelDrive { wheel: parameters, motor }
+}
+
+/// What a wheel's motor gives over what its current promises.
+fn torque_ratio(table: &SimulationTable, wheel: usize) -> f64 {
+    table.torque_ratio.as_ref().and_then(|ratios| ratios.get(wheel)).copied().unwrap_or(1.0)
 }
 
 /// A motor behind a gear is, seen from the wheel, like the simulator's direct-drive motor.
@@ -154,6 +197,12 @@ fn motor(table: &SimulationTable, drive: &DrivePlan) -> MotorParameters {
         gear_ratio: match drive.scale.direction {
             TurnDirection::Forward => gear,
             TurnDirection::Backward => -gear,
+        },
+        waves: Waves {
+            cogging_n_m: table.cogging_nm.unwrap_or(0.0),
+            cogging_per_turn: f64::from(table.cogging_per_turn.unwrap_or(COGGING_PER_TURN)),
+            ripple: table.torque_ripple.unwrap_or(0.0),
+            ripple_per_turn: f64::from(table.torque_ripple_per_turn.unwrap_or(RIPPLE_PER_TURN)),
         },
         ..standard
     }

@@ -117,6 +117,7 @@ fn played(changes: &[&str], mut deeds: Vec<(When, Deed)>) -> Ended {
         plan: &plan,
         robot: Robot::build(&plan, &Registry::with_built_in()).unwrap(),
         machine: Some(machine.clone()),
+        script: None,
         recording: None,
         live: None,
         stop: &stop,

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 use omnibase_ethercat_sim::in_process;
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
+use omnibase_run::simulated::Script;
 use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
 use crate::robots;
@@ -126,12 +127,14 @@ pub fn bring_up(text: &str) -> Result<Tracked, RunError> {
     let registry = Registry::with_built_in();
     let robot = RobotText { text: text.to_owned(), ..RobotText::default() }.load(&registry);
     let robot = robot.unwrap_or_else(|problems| panic!("{problems:#?}"));
-    let (segment, machine) = simulated::segment(&robot.plan).unwrap_or_else(|error| panic!("{error}"));
+    let (mut segment, machine) = simulated::segment(&robot.plan).unwrap_or_else(|error| panic!("{error}"));
+    let script = Script::new(&robot.plan, &mut segment, &machine);
     let (link, clock) = in_process(segment);
     let setup = Setup {
         plan: &robot.plan,
         robot: Robot::build(&robot.plan, &registry).unwrap_or_else(|error| panic!("{error}")),
         machine: Some(machine.clone()),
+        script,
         recording: None,
         live: None,
         stop: &AtomicBool::new(false),

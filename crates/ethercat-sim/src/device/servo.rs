@@ -139,6 +139,8 @@ pub struct Servo {
     stop: Option<Stop>,
     started: HostTime,
     control: u16,
+    /// Its safety input takes the torque away.
+    torque_is_off: bool,
     /// The AL state is OP, or the drive is commanded by SDOs and not yet by process data.
     commanded: bool,
     error_code: u16,
@@ -168,6 +170,7 @@ impl Servo {
             stop: None,
             started: HostTime(0),
             control: 0,
+            torque_is_off: false,
             commanded: true,
             error_code: 0,
             emergencies: [None; 2],
@@ -251,6 +254,8 @@ impl Servo {
             Reaction::Enter(PowerState::OperationEnabled)
                 if self.power == PowerState::QuickStopActive && option(self.fields.quick_stop_option) < 5 => {
             }
+            // Without the safety input's consent nothing is switched on.
+            Reaction::Enter(state) if self.torque_is_off && state.is_switched_on() => {}
             Reaction::Enter(state) => self.enter(state),
             Reaction::QuickStop => self.quick_stop(dictionary, option(self.fields.quick_stop_option)),
             Reaction::Shutdown => {
@@ -413,6 +418,17 @@ impl Device for Servo {
             }
             _ => {}
         }
+    }
+
+    fn safe_torque_off(&mut self, active: bool) -> bool {
+        self.torque_is_off = active;
+        if active && self.power.is_switched_on() {
+            let is_fault = self.power == PowerState::FaultReactionActive;
+            self.enter(if is_fault { PowerState::Fault } else { PowerState::SwitchOnDisabled });
+            let drive = self.drive();
+            self.motion.apply(self.axis.as_mut(), drive);
+        }
+        true
     }
 
     fn fault(&mut self, dictionary: &mut Dictionary, code: u16) -> bool {

@@ -23,6 +23,7 @@ use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::channels::{Known, Rows};
+use omnibase_run::simulated::Script;
 use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
 use reference::ReferenceChoice;
@@ -122,6 +123,7 @@ pub fn run(
         plan: &robot.plan,
         robot: stages,
         machine: way.machine,
+        script: way.script,
         recording,
         live,
         stop,
@@ -183,6 +185,8 @@ struct Connection {
     clock: AnyClock,
     /// The machine behind drives that are simulated in the process.
     machine: Option<SharedMachine>,
+    /// What happens to it.
+    script: Option<Script>,
 }
 
 /// The command with its options for motions.
@@ -241,14 +245,15 @@ impl Arguments {
 
     fn open(&self, robot: &LoadedRobot) -> anyhow::Result<Connection> {
         let Some(interface) = &self.interface else {
-            let (segment, machine) = simulated::segment(&robot.plan)?;
+            let (mut segment, machine) = simulated::segment(&robot.plan)?;
+            let script = Script::new(&robot.plan, &mut segment, &machine);
             let (link, clock) = in_process(segment);
             let clock = if self.operated.is_wanted() {
                 AnyClock::Paced(PacedClock::new(clock))
             } else {
                 AnyClock::Virtual(clock)
             };
-            return Ok(Connection { link: Box::new(link), clock, machine: Some(machine) });
+            return Ok(Connection { link: Box::new(link), clock, machine: Some(machine), script });
         };
         let port = match (self.ring, self.busy_poll) {
             (false, _) => Port::Socket,
@@ -263,7 +268,7 @@ impl Arguments {
                 Box::new(RedundantLink::new(cable.link, end.link, cable.clock.clone()))
             }
         };
-        Ok(Connection { link, clock: cable.clock, machine: None })
+        Ok(Connection { link, clock: cable.clock, machine: None, script: None })
     }
 
     fn tell(&self, summary: &Summary, output: &mut dyn Write) -> anyhow::Result<()> {

@@ -15,7 +15,7 @@ use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
 use omnibase_robot::Registry;
-use omnibase_run::simulated;
+use omnibase_run::simulated::{self, Script};
 use serde::Serialize;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -41,7 +41,10 @@ Faults, `<fault>@<position>:<seconds after the start>[:<argument>]`:
   power-off@1:5   power-on@1:8   power-cycle@1:5:0.5 (off for so many seconds, default 1)
   cable-cut@1:5:2 (port, default 1)   cable-restored@1:8:2   crc-errors@1:5:10 (frames at port 0, default 1)
   al-error@1:5:0x1b (AL status code)   drive-fault@1:5:0x7500 (error code)
-  mailbox-silence@1:5   mailbox-back@1:8   freeze@1:5   unfreeze@1:8")]
+  mailbox-silence@1:5   mailbox-back@1:8   freeze@1:5   unfreeze@1:8
+  sto@1:5 (the safety input takes the torque)   sto-over@1:8
+
+What happens to the robot itself (pushes, payloads, the floor) is in its file, [[simulation.event]], counted from the start here.")]
 pub struct Arguments {
     /// Segment file or robot file (TOML); which of them, its tables tell.
     #[arg(group = "what")]
@@ -98,11 +101,13 @@ const SERVICE_PERIOD: Duration = Duration::from_millis(1);
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let mut script = None;
     let (mut segment, machine) = match &arguments.file {
         Some(path) if segment::is_robot(path)? => {
             let source = RobotSource::read(path, &arguments.changes)?;
             let robot = source.load_or_explain(registry)?;
-            let (segment, machine) = simulated::segment(&robot.plan)?;
+            let (mut segment, machine) = simulated::segment(&robot.plan)?;
+            script = Script::new(&robot.plan, &mut segment, &machine);
             (segment, Some(machine))
         }
         Some(path) => (segment::load(path)?, None),
@@ -147,7 +152,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
     let ports = [MainPort::Primary, MainPort::Redundant].into_iter().zip(interfaces);
     let ends = ports.map(|(port, name)| End { name: name.clone(), port, is_out: false }).collect();
-    let mut watch = Watch { logbook, faults, start: segment.now(), stop, ends };
+    let mut watch = Watch { logbook, faults, script, start: segment.now(), stop, ends };
     // Until the end of the service.
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, other_end.as_mut())?;
@@ -212,6 +217,8 @@ struct Watch {
     logbook: Logbook,
     /// Faults that are still to come, the next one last.
     faults: Vec<TimedFault>,
+    /// What happens to the robot, by its file.
+    script: Option<Script>,
     start: HostTime,
     stop: &'static AtomicBool,
     /// The MainDevice's interfaces.
@@ -303,6 +310,10 @@ impl Watch {
                 Ok(()) => self.logbook.note(now, format!("fault: {fault}")),
                 Err(error) => self.logbook.note(now, format!("fault {fault} is not possible: {error}")),
             }
+        }
+        let since_start_ns = (now - self.start).as_nanos() as u64;
+        while let Some(words) = self.script.as_mut().and_then(|script| script.next(since_start_ns)) {
+            self.logbook.note(now, words.to_string());
         }
         match self.stop.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),

@@ -14,6 +14,7 @@ use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
 use super::run_tables::{RecordingTable, RunTable};
+use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
 
 /// The table `custom`: the keys that a registered kind declares as its own.
@@ -516,75 +517,4 @@ pub enum StopName {
     /// Ramp down and hold.
     #[serde(rename = "category_2")]
     Category2,
-}
-
-/// The simulated body; what is missing takes the simulator's documented default.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct SimulationTable {
-    /// Mass of the platform without payload, kg.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub mass_kg: Option<f64>,
-    /// Moment of inertia about the vertical axis through its centre, without payload, kg·m².
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub inertia_kg_m2: Option<f64>,
-    /// Centre of mass without payload, x and y in base_link, m.
-    pub centre_of_mass_m: Option<[f64; 2]>,
-    /// Height of that centre of mass over the floor, m.
-    #[schemars(range(min = 0.0))]
-    pub centre_of_mass_height_m: Option<f64>,
-    /// Payload, kg.
-    #[schemars(range(min = 0.0))]
-    pub payload_kg: Option<f64>,
-    /// Moment of inertia of the payload about the vertical axis through its own centre of mass, kg·m².
-    #[schemars(range(min = 0.0))]
-    pub payload_inertia_kg_m2: Option<f64>,
-    /// Where the payload stands, x and y in base_link, m.
-    pub payload_position_m: Option<[f64; 2]>,
-    /// Height of the payload's centre of mass over the floor, m.
-    #[schemars(range(min = 0.0))]
-    pub payload_height_m: Option<f64>,
-    /// Moment of inertia of one wheel, kg·m².
-    #[schemars(range(min = 0.0))]
-    pub wheel_inertia_kg_m2: Option<f64>,
-    /// Greatest force along the force direction of a wheel while it sticks, over its load: longitudinal slip.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub static_friction: Option<f64>,
-    /// That force while it slides, over the load.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub sliding_friction: Option<f64>,
-    /// Force against the rollers, across the force direction, over the load: transverse slip.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub roller_resistance: Option<f64>,
-    /// Moment against a wheel's rolling, over load times radius.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub rolling_resistance: Option<f64>,
-    /// Slip ratio over the ratio of force to load, well below sliding.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub creep: Option<f64>,
-    /// Stiffness of a tread along the floor, at each wheel, 1e5 to 4e6 N/m; default: rigid.
-    #[schemars(range(min = 1000.0, max = 1e9))]
-    pub tread_stiffness_n_m: Option<f64>,
-    /// Damping of such a tread over that which is critical for a wheel's (and rotor's) moment of inertia on it, 0.1 to 1;
-    /// default: 0.1.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub tread_damping_ratio: Option<f64>,
-    /// Greatest torque of a motor, N·m; default: the drive's peak torque.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub motor_torque_limit_nm: Option<f64>,
-    /// Moment of inertia of a motor's rotor, kg·m².
-    #[schemars(range(min = 0.0))]
-    pub rotor_inertia_kg_m2: Option<f64>,
-    /// Motor speed above which the voltage no longer allows the peak torque, rad/s.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub motor_rated_speed_rad_s: Option<f64>,
-    /// Motor speed at which the voltage allows no torque, rad/s.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub motor_greatest_speed_rad_s: Option<f64>,
-    /// Time constant of a motor's heating at its rated torque, s.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub heating_time_constant_s: Option<f64>,
-    /// Step of the integration, µs.
-    #[schemars(range(min = 1, max = 2_000))]
-    pub step_us: Option<u32>,
 }

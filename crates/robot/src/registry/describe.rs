@@ -8,7 +8,7 @@ use crate::config::RobotFile;
 
 impl Registry {
     /// Every sort with its kinds.
-    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 6] {
+    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 7] {
         [
             (self.controllers.sort, self.controllers.kinds().collect()),
             (self.references.sort, self.references.kinds().collect()),
@@ -16,6 +16,7 @@ impl Registry {
             (self.devices.sort, self.devices.kinds().collect()),
             (self.peripherals.sort, self.peripherals.kinds().collect()),
             (self.layouts.sort, self.layouts.kinds().collect()),
+            (self.events.sort, self.events.kinds().collect()),
         ]
     }
 

@@ -103,6 +103,7 @@ fn run_for_strace() {
             plan: &robot.plan,
             robot: Robot::build(&robot.plan, &Registry::with_built_in()).unwrap(),
             machine: None,
+            script: None,
             recording: Some((rows, sink)),
             live: Some(end),
             stop: &stop,

@@ -209,6 +209,7 @@ pub fn watched(robot: &LoadedRobot, extras: Extras) -> (Ran, Observed) {
         plan: &robot.plan,
         robot: Robot::build(&robot.plan, &Registry::with_built_in()).unwrap(),
         machine: Some(machine),
+        script: None,
         recording: extras.recording,
         live: extras.live,
         stop,

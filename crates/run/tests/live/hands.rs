@@ -208,6 +208,7 @@ pub fn played_with(
         plan: &robot.plan,
         robot: Robot::build(&robot.plan, registry).unwrap(),
         machine: Some(machine),
+        script: None,
         recording: Some((rows, sink)),
         live: Some(end),
         stop,

@@ -36,6 +36,11 @@ impl PowerState {
         }
     }
 
+    /// Whether the drive is ready to give torque, or gives it.
+    pub fn is_switched_on(self) -> bool {
+        self == PowerState::SwitchedOn || self.is_energized()
+    }
+
     /// Whether the motor gets torque.
     pub fn is_energized(self) -> bool {
         matches!(

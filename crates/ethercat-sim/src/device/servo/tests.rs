@@ -412,6 +412,33 @@ fn disable_operation_brakes_and_shutdown_lets_go() {
 }
 
 #[test]
+fn without_the_safety_inputs_consent_there_is_no_torque() {
+    let mut bench = Bench::enabled(9);
+    bench.set_i32(0x60FF, REVOLUTION);
+    bench.run(2);
+    assert!(bench.i16(0x6077) > 0);
+    assert!(bench.servo.safe_torque_off(true));
+    bench.run(2);
+    assert_eq!((bench.state(), bench.u16(0x603F), bench.i16(0x6077)), (0x40, 0, 0));
+    // Nothing that it is told switches it on.
+    for control in [0x06, 0x07, 0x0F] {
+        bench.control(control);
+        bench.run(5);
+    }
+    assert_eq!((bench.state(), bench.i16(0x6077)), (0x21, 0));
+    // The input back, nothing moves by itself before it is told again.
+    bench.control(0x06);
+    bench.servo.safe_torque_off(false);
+    bench.run(5);
+    assert_eq!(bench.state(), 0x21);
+    for control in [0x07, 0x0F] {
+        bench.control(control);
+        bench.run(5);
+    }
+    assert_eq!(bench.state(), 0x27);
+}
+
+#[test]
 fn a_following_error_is_a_fault() {
     let mut bench = Bench::enabled(8);
     bench.set_u32(0x6065, 10_000);

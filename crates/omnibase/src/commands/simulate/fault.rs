@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// The names of all faults, for messages.
 const NAMES: &str = "power-off, power-on, power-cycle, cable-cut, cable-restored, crc-errors, al-error, drive-fault, \
-                     mailbox-silence, mailbox-back, freeze, unfreeze";
+                     mailbox-silence, mailbox-back, freeze, unfreeze, sto, sto-over";
 /// The latest time of a fault, s: a day.
 const LATEST_S: f64 = 86_400.0;
 
@@ -87,6 +87,8 @@ fn fault(name: &str, argument: Option<&str>) -> Result<Fault, String> {
         "mailbox-back" => application(ApplicationFault::MailboxSilence(false)),
         "freeze" => application(ApplicationFault::Frozen(true)),
         "unfreeze" => application(ApplicationFault::Frozen(false)),
+        "sto" => application(ApplicationFault::SafeTorqueOff(true)),
+        "sto-over" => application(ApplicationFault::SafeTorqueOff(false)),
         _ => Err(format!("`{name}` is no fault; there are {NAMES}")),
     }
 }

@@ -177,7 +177,7 @@ fn every_key_of_a_built_in_kind_stands_in_its_table_and_every_such_key_is_read()
     let schema = registry.json_schema();
     for (sort, kinds) in registry.sorts() {
         let tables = schema["$defs"].as_object().unwrap().iter();
-        let name = format!("{}table", sort.table);
+        let name = format!("{}table", sort.table.rsplit('.').next().unwrap());
         let (_, table) = tables.clone().find(|(key, _)| key.to_lowercase() == name).unwrap();
         let table = table["properties"].as_object().unwrap();
         for (kind, key) in kinds.iter().flat_map(|kind| kind.keys.iter().map(move |key| (kind, key))) {

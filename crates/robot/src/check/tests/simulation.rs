@@ -15,3 +15,119 @@ fn damping_of_a_rigid_tread_is_refused() {
     let told = shown("tread_stiffness_n_m = 1.0");
     assert!(told.contains("simulation.tread_stiffness_n_m = 1.0") && told.contains("allowed"), "{told}");
 }
+
+#[test]
+fn events_that_cannot_happen_are_refused_with_the_reason() {
+    let told = shown(
+        r#"
+[[simulation.event]]
+at_s = 2.0
+kind = "pusch"
+[[simulation.event]]
+kind = "push"
+force_n = [60.0, 0.0]
+[[simulation.event]]
+at_s = 1.0
+kind = "push"
+duration_s = 1.0
+[[simulation.event]]
+at_s = 1.0
+kind = "sto"
+drive = "weel_2"
+[[simulation.event]]
+at_s = 1.0
+kind = "floor"
+static_friction = 0.1
+mass_kg = 1.0
+[[simulation.event]]
+at_s = -1.0
+kind = "floor"
+static_friction = 0.1
+[[simulation.event]]
+at_s = 1.0
+kind = "floor"
+static_friction = 0.1
+sliding_friction = 0.2
+"#,
+    );
+    for expected in [
+        "simulation.event[0].kind = \"pusch\": nothing is registered by this name; did you mean `push`?",
+        "simulation.event[1].at_s: must be given: it says when",
+        "simulation.event[1].duration_s: must be given: `push` needs it",
+        "simulation.event[2].force_n: must be given: a push has a force, a moment, or both",
+        "simulation.event[3].drive = \"weel_2\": no drive has this name; did you mean `wheel_2`? (allowed: wheel_1,",
+        "simulation.event[4].mass_kg = 1.0: the event `floor` doesn't read it (allowed: duration_s,",
+        "simulation.event[5].at_s = -1.0: the value is outside its bounds (allowed: at least 0",
+        "simulation.event[6].sliding_friction = 0.2: a wheel slides more easily than it breaks away",
+    ] {
+        assert!(told.contains(expected), "{expected}\n{told}");
+    }
+    assert_eq!(told.lines().count(), 8, "{told}");
+}
+
+#[test]
+fn events_come_in_the_order_of_time_from_both_files() {
+    let own = format!(
+        "{BMM}\nevents_file = \"more.toml\"\n[[simulation.event]]\nat_s = 5.0\nkind = \"push\"\nmoment_nm = 3.0\n\
+         duration_s = 2.0\n"
+    );
+    let with = |more: &'static str| {
+        let read_file = move |name: &str| match name {
+            "more.toml" => Ok(more.to_owned()),
+            _ => Err(format!("no file {name}")),
+        };
+        RobotPlan::from_toml(&own, &Registry::with_built_in(), &read_file)
+    };
+    let plan = with("[[event]]\nat_s = 6.0\nkind = \"sto\"\ndrive = \"wheel_3\"\n").expect("both are sound");
+    let push = |moment_nm| Happening::Push { force_n: [0.0; 2], moment_nm, frame: PushFrame::Odom };
+    let sto = Happening::SafeTorqueOff { wheel: 2, is_off: true };
+    let events: Vec<(u64, Happening)> =
+        plan.events.iter().map(|event| (event.at_ns, event.happening)).collect();
+    assert_eq!(events, [(5_000_000_000, push(3.0)), (6_000_000_000, sto), (7_000_000_000, push(0.0))]);
+    let told =
+        show(&with("[[event]]\nat_s = 6.0\nkind = \"sto\"\ndrive = \"\"\n").expect_err("no such drive"));
+    assert!(told.starts_with("more.toml:4:1: event[0].drive = \"\": no drive has this name"), "{told}");
+    let told = show(&with("[[events]]\nat_s = 6.0\n").expect_err("no such list"));
+    assert!(
+        told.contains("more.toml:1:3: events: no setting has this name; did you mean `event`?"),
+        "{told}"
+    );
+    let told = shown("events_file = \"none.toml\"");
+    assert!(told.contains("simulation.events_file = \"none.toml\": no file none.toml"), "{told}");
+}
+
+#[test]
+fn patches_slopes_and_motors_are_refused_where_they_contradict_themselves() {
+    for (lines, expected) in [
+        (
+            "torque_ratio = [1.0, 0.5]",
+            "simulation.torque_ratio = 2 values: one for each wheel (allowed: 3 values)",
+        ),
+        ("cogging_per_turn = 72", "simulation.cogging_nm: must be given"),
+        ("torque_ripple_per_turn = 48", "simulation.torque_ripple: must be given"),
+        ("slope_direction_rad = 1.0", "simulation.slope_rad: must be given: a level floor has no direction"),
+        (
+            "[[simulation.patch]]\nstatic_friction = 0.1",
+            "simulation.patch[0].centre_m: must be given: a patch is a disc",
+        ),
+        (
+            "[[simulation.patch]]\nrectangle_m = [0, 0, 1, 1]\nradius_m = 1\nstatic_friction = 0.1",
+            "simulation.patch[0].rectangle_m: a patch is a rectangle or a disc, not both",
+        ),
+        (
+            "[[simulation.patch]]\nrectangle_m = [0, 1, 1, 0]\nstatic_friction = 0.1",
+            "simulation.patch[0].rectangle_m: there is nothing in it",
+        ),
+        (
+            "[[simulation.patch]]\nrectangle_m = [0, 0, 1, 1]",
+            "simulation.patch[0].static_friction: must be given: it says how slippery it is",
+        ),
+        (
+            "[[simulation.patch]]\nrectangle_m = [0, 0, 1, 1]\nstatic_friction = 0.1\nsliding_friction = 0.2",
+            "simulation.patch[0].sliding_friction = 0.2: a wheel slides more easily",
+        ),
+    ] {
+        let told = shown(lines);
+        assert!(told.contains(expected), "{lines}: {told}");
+    }
+}

@@ -122,6 +122,7 @@ fn came(state: State, dead: Dead) -> Came {
         plan: &plan,
         robot: Robot::build(&plan, &Registry::with_built_in()).unwrap(),
         machine: Some(machine.clone()),
+        script: None,
         recording,
         live: Some(end),
         stop: &stop,
