@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::AxisMode;
-use omnibase_robot::signals::{AxisAsk, AxisState, Phase, RequestAnswer, SafetyReason};
+use omnibase_robot::signals::{AxisAsk, AxisState, Phase, RequestAnswer, SafetyReason, StopCategory};
 
 use crate::support::{Bench, plan};
 
@@ -14,7 +14,7 @@ const DEVICE: usize = 1;
 const COUNTS_PER_M: f64 = 200.0 * 1_048_576.0;
 const HALT: u16 = 1 << 8;
 
-/// A drive in pp moves at 0.1 m/s to its set point unless it is halted; in csp it is where it is told; in hm it is told what
+/// A drive in pp moves at 0.1 m/s to its set point unless it is halted, and takes none meanwhile; in csp it is where it is told; in hm it is told what
 /// to show.
 struct Drive {
     bench: Bench,
@@ -26,6 +26,8 @@ struct Drive {
     pp_target: Option<f64>,
     acknowledges: bool,
     homing: u16,
+    /// Without torque it goes on so far in a cycle.
+    coasts_m: f64,
 }
 
 impl Drive {
@@ -41,6 +43,7 @@ impl Drive {
             pp_target: None,
             acknowledges: true,
             homing: 0,
+            coasts_m: 0.0,
         };
         drive.run(3);
         drive.step(Some(RequestKind::Enable));
@@ -68,6 +71,9 @@ impl Drive {
             _ => 0x217,
         };
         let before = self.counts;
+        if self.status == 0x250 {
+            self.counts += self.coasts_m * COUNTS_PER_M;
+        }
         if self.status == 0x237 {
             match self.mode {
                 8 => self.counts = target,
@@ -86,7 +92,7 @@ impl Drive {
     }
 
     fn plan_its_way(&mut self, control: u16, target: f64) {
-        if control & 0x10 != 0 && self.acknowledges {
+        if control & (0x10 | HALT) == 0x10 && self.acknowledges {
             self.pp_target = Some(target);
             self.status |= 1 << 12;
         }
@@ -126,11 +132,30 @@ fn a_drive_that_was_halted_stays_so_until_it_shows_the_mode_in_which_it_holds() 
     assert_eq!(drive.ask(AxisAsk::Stop), RequestAnswer::Taken);
     drive.run(2);
     let halted_m = drive.position_m();
-    drive.run(10);
-    assert_eq!((drive.mode, drive.told().2), (1, 8), "on its way to csp");
-    drive.run(200);
+    for cycle in 0..200 {
+        drive.step(None);
+        assert!(cycle != 10 || (drive.mode, drive.told().2) == (1, 8), "on its way to csp");
+        assert!((drive.position_m() - halted_m).abs() < 1e-6, "{halted_m} {}", drive.position_m());
+    }
     assert_eq!((drive.mode, drive.told().0 & HALT, drive.state()), (8, 0, AxisState::Holding));
-    assert!((drive.position_m() - halted_m).abs() < 1e-6, "{halted_m} {}", drive.position_m());
+}
+
+#[test]
+fn an_axis_that_coasts_without_torque_begins_nothing_when_it_is_enabled_again() {
+    let mut drive = Drive::new(0);
+    assert_eq!(drive.ask(AxisAsk::Move { position: 0.5, mode: AxisMode::Pp }), RequestAnswer::Taken);
+    drive.run(500);
+    drive.coasts_m = 5e-5;
+    drive.step(Some(RequestKind::Stop(StopCategory::RemoveTorque)));
+    // Longer than a halt may take.
+    drive.run(2000);
+    drive.coasts_m = 0.0;
+    drive.run(20);
+    let stood_m = drive.position_m();
+    drive.step(Some(RequestKind::Enable));
+    drive.run(500);
+    assert_eq!((drive.bench.robot.phase(), drive.state()), (Phase::Holding, AxisState::Holding));
+    assert!((drive.position_m() - stood_m).abs() < 1e-6);
 }
 
 #[test]

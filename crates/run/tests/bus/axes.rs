@@ -287,6 +287,9 @@ fn an_axis_stops_when_it_is_told_to_and_the_base_goes_on() {
         robot.step(Some(RequestKind::Track));
         robot.move_to(0.5, mode);
         robot.run(1000);
+        // What waits for the axis to rest is over too.
+        let other = if mode == AxisMode::Csp { AxisMode::Pp } else { AxisMode::Csp };
+        robot.move_to(0.55, other);
         assert_eq!(robot.ask(AxisAsk::Stop), RequestAnswer::Taken);
         robot.rests();
         let stopped_m = robot.truth_m();
