@@ -23,6 +23,8 @@ pub struct Watch {
     told_ns: u64,
     held_ns: u64,
     pose_known: bool,
+    /// When a drive's own limit last held it back, ns.
+    limited_ns: Option<u64>,
 }
 
 /// So long nothing must have held the motion back before that is told, and so long passes between two that hold it, ns:
@@ -39,13 +41,14 @@ impl Default for Watch {
             told_ns: 0,
             held_ns: 0,
             pose_known: true,
+            limited_ns: None,
         }
     }
 }
 
 impl Watch {
     /// What changed with this cycle, in words that cost no allocation; `phase` is that after it.
-    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 5] {
+    pub fn look(&mut self, record: &CycleRecord, phase: Phase) -> [Option<&'static str>; 6] {
         // Every run ends by a stop; whoever asks for one earlier says so.
         let is_own = matches!(record.stop_reason, SafetyReason::None | SafetyReason::Requested);
         let reason = (record.stop_reason != self.reason && !is_own).then(|| record.stop_reason.text());
@@ -66,7 +69,20 @@ impl Watch {
         });
         (self.phase, self.reason, self.exchange) = (phase, record.stop_reason, record.exchange);
         self.pose_known = pose_known;
-        [exchange, pose, held, reason, phase_change]
+        [exchange, pose, held, self.limited(record), reason, phase_change]
+    }
+
+    /// A drive began to be held back by a limit of its own, after a second without.
+    fn limited(&mut self, record: &CycleRecord) -> Option<&'static str> {
+        if !record.measurements.is_held_back() {
+            return None;
+        }
+        let now_ns = record.time.now_ns;
+        let before_ns = self.limited_ns.replace(now_ns);
+        let is_new = before_ns.is_none_or(|before_ns| now_ns.saturating_sub(before_ns) > FREE_NS);
+        is_new.then_some(
+            "a limit of a drive's own holds it back (bit 11 of its status word): nothing is learnt meanwhile",
+        )
     }
 
     /// What began to hold the motion back, or no longer does.
@@ -107,6 +123,7 @@ pub fn phase_words(phase: Phase) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use omnibase_robot::signals::DriveProgress;
 
     /// What is told in a cycle of 1 ms.
     fn told(watch: &mut Watch, at_ms: u64, change: impl Fn(&mut CycleRecord)) -> Vec<&'static str> {
@@ -147,5 +164,21 @@ mod tests {
         let expected = ["the fence holds the motion back", "the way led out of the fence", "ramping down"];
         assert_eq!(told(&mut watch, 1, stopping), expected);
         assert!(told(&mut watch, 2, stopping).is_empty());
+    }
+
+    #[test]
+    fn a_drives_own_limit_is_told_once_until_it_was_gone_for_a_second() {
+        let mut watch = Watch::default();
+        told(&mut watch, 0, |_| {});
+        let limited = |record: &mut CycleRecord| {
+            record.measurements.wheels = 3;
+            record.measurements.drives[1].progress = DriveProgress::Running;
+            record.measurements.drives[1].status.0 = 0x0A37;
+        };
+        assert_eq!(told(&mut watch, 10, limited).len(), 1);
+        assert_eq!(told(&mut watch, 20, limited), Vec::<&str>::new());
+        assert_eq!(told(&mut watch, 1000, |_| {}), Vec::<&str>::new());
+        assert_eq!(told(&mut watch, 1015, limited), Vec::<&str>::new());
+        assert_eq!(told(&mut watch, 2100, limited).len(), 1);
     }
 }

@@ -467,6 +467,9 @@ impl Robot {
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
                 let controller = &mut self.controllers[self.active];
                 controller.limit_wheels(&self.settings.wheel_limits());
+                if record.measurements.is_held_back() {
+                    controller.limited_by_drives();
+                }
                 let (inputs, mut outputs) = self.beside.open(&record.signals);
                 controller.signals(&inputs, &mut outputs);
                 let commands = controller.update(&record.time, &record.state, &record.setpoint);

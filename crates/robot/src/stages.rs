@@ -242,6 +242,10 @@ pub trait Controller: Send {
         let _ = limits;
     }
 
+    /// A drive holds back what it was told by a limit of its own (bit 11 of its status word): how the platform moves says
+    /// nothing of the machine then. Told before the update of each such cycle.
+    fn limited_by_drives(&mut self) {}
+
     /// What comes in beside the drives, and what it tells other SubDevices; before each update. An output that isn't set
     /// in a cycle goes back to what a call set, or to its value at a stop.
     fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {

@@ -28,6 +28,8 @@ pub struct AdaptiveModelFree {
     damping: [f64; 3],
     /// Per axis: inertia, viscous and dry friction.
     learnt: [[f64; 3]; 3],
+    /// A drive holds back what it is told, in this cycle.
+    is_held_back: bool,
 }
 
 impl AdaptiveModelFree {
@@ -41,6 +43,7 @@ impl AdaptiveModelFree {
             lambda_1_s: table.kp_1_s.unwrap_or([8.0; 3]),
             damping: [damping, damping, table.turn_damping_n_m_s_rad.unwrap_or(150.0)],
             learnt: [[0.0; 3]; 3],
+            is_held_back: false,
         })
     }
 }
@@ -56,6 +59,10 @@ impl Controller for AdaptiveModelFree {
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {
         self.wheel_torque_nm = limits.torque_nm;
+    }
+
+    fn limited_by_drives(&mut self) {
+        self.is_held_back = true;
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
@@ -78,7 +85,8 @@ impl Controller for AdaptiveModelFree {
         let wrench_in_body = wrench(force).rotated(-state.odom_from_body.heading_rad);
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.wheel_torque_nm);
-        if commands.saturation >= 1.0 {
+        let is_held_back = std::mem::take(&mut self.is_held_back);
+        if commands.saturation >= 1.0 && !is_held_back {
             for axis in 0..3 {
                 for term in 0..3 {
                     let rate = -RATES[term][axis] * regressors[axis][term] * slides[axis];

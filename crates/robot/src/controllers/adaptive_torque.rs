@@ -12,7 +12,7 @@
 //! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
 //!   nothing is learnt meanwhile;
 //! - estimates stay within their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
-//!   are saturated, nor of mass and inertia where nothing is accelerated, nor from an η within the measurement's noise.
+//!   are saturated, here or by a drive, nor of mass and inertia where nothing is accelerated, nor from an η within the measurement's noise.
 
 use omnibase_platform::{Kinematics, Twist2};
 
@@ -125,6 +125,8 @@ pub struct AdaptiveTorque {
     /// By what a force becomes a moment, m.
     lever_m: f64,
     wheel_forces_n: WheelForces,
+    /// A drive holds back what it is told, in this cycle.
+    is_held_back: bool,
 }
 
 /// What a cycle's law worked with, for learning from it.
@@ -163,6 +165,7 @@ impl AdaptiveTorque {
             lever_m: friction.lever_m(),
             friction,
             wheel_forces_n: [0.0; 2],
+            is_held_back: false,
             kinematics: plan.kinematics.clone(),
             limits: plan.limits,
             gains: Gains::new(table),
@@ -225,6 +228,10 @@ impl Controller for AdaptiveTorque {
         self.limits.wheel_torque_nm = limits.torque_nm;
     }
 
+    fn limited_by_drives(&mut self) {
+        self.is_held_back = true;
+    }
+
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
         let speed = axes(&state.twist_in_odom());
@@ -261,7 +268,8 @@ impl Controller for AdaptiveTorque {
         }
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
-        if commands.saturation >= 1.0 && correction == Correction::Whole {
+        let is_held_back = std::mem::take(&mut self.is_held_back);
+        if commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back {
             let eta_in_body = axes(&Twist2::new(eta[0], eta[1], eta[2]).rotated(-heading_rad));
             let period_s = time.period_s();
             self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, period_s });

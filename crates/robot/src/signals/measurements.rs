@@ -34,6 +34,11 @@ impl DriveMeasurement {
         self.increment_rad.is_finite() && self.speed_rad_s.is_finite() && self.torque_nm.is_finite()
     }
 
+    /// Whether a limit of the drive's own holds it back, while it runs.
+    pub fn is_held_back(&self) -> bool {
+        self.progress == DriveProgress::Running && self.status.contains(StatusWord::INTERNAL_LIMIT)
+    }
+
     /// Whether the wheel stands: it turns slower than 0.02 rad/s.
     pub fn stands(&self) -> bool {
         self.speed_rad_s.abs() < STANDING_RAD_S
@@ -86,5 +91,10 @@ impl Measurements {
     /// The drives that the robot has.
     pub fn present(&self) -> &[DriveMeasurement] {
         &self.drives[..self.wheels.min(MAX_WHEELS)]
+    }
+
+    /// Whether a limit of its own holds back one of them.
+    pub fn is_held_back(&self) -> bool {
+        self.present().iter().any(DriveMeasurement::is_held_back)
     }
 }

@@ -38,6 +38,8 @@ struct Servo {
     shown_nm: Option<f64>,
     /// By how much that swings to and fro, 62.5 Hz at 1 kHz, N·m.
     ringing_nm: f64,
+    /// Bits that it shows beside its state.
+    more_status: u16,
 }
 
 /// A body on wheels that never slip, its drives, and the cycle that drives it.
@@ -80,6 +82,7 @@ impl Bench {
             fault_reset: false,
             shown_nm: None,
             ringing_nm: 0.0,
+            more_status: 0,
         };
         Bench {
             robot,
@@ -112,6 +115,11 @@ impl Bench {
     /// From now on the torque that a drive shows swings to and fro.
     pub fn ring(&mut self, wheel: usize, ringing_nm: f64) {
         self.servos[wheel].ringing_nm = ringing_nm;
+    }
+
+    /// From now on a drive shows that a limit of its own is active, or no longer.
+    pub fn limit_drive(&mut self, wheel: usize, is_limited: bool) {
+        self.servos[wheel].more_status = if is_limited { 0x0800 } else { 0 };
     }
 
     pub fn repair_drive(&mut self, wheel: usize) {
@@ -227,7 +235,7 @@ impl Bench {
         servo.mode = mode;
         let speed = self.wheel_speeds[wheel];
         let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
-        let (status, mode) = (servo.status, servo.mode);
+        let (status, mode) = (servo.status | servo.more_status, servo.mode);
         let side = if self.index / 8 % 2 == 0 { 1.0 } else { -1.0 };
         let servo = &self.servos[wheel];
         let torque_nm = servo.shown_nm.unwrap_or(self.torques[wheel]) + side * servo.ringing_nm;
