@@ -7,6 +7,7 @@
 mod device_plan;
 mod device_tables;
 mod drive_tables;
+mod event_plan;
 mod file;
 mod guard_tables;
 mod joystick;
@@ -25,6 +26,7 @@ pub(crate) use device_plan::signal_layout;
 pub use device_plan::{Coding, DevicePlan, InputPlan, OutputPlan};
 pub use device_tables::*;
 pub use drive_tables::*;
+pub use event_plan::{EventPlan, Happening};
 pub use file::*;
 pub use guard_tables::*;
 pub use joystick::*;
