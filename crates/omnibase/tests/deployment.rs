@@ -90,10 +90,16 @@ fn an_interface_in_the_file_is_said_aloud_and_left_alone_where_somebody_simulate
     // Whoever gives a payload to the simulated robot means that one.
     let payload = ["--payload-kg", "10"];
     let (code, text) = said(folder, &[&run[..], &payload].concat());
-    assert!(code == Some(2) && text.contains("--payload-kg and `simulation` are of the simulated"), "{text}");
+    assert!(
+        code == Some(2) && text.contains("--payload-kg, --events-file and `simulation` are of the simulated"),
+        "{text}"
+    );
     let floor = ["--set", "simulation.static_friction=0.3"];
     let (code, text) = said(folder, &[&run[..], &floor].concat());
-    assert!(code == Some(2) && text.contains("--payload-kg and `simulation` are of the simulated"), "{text}");
+    assert!(
+        code == Some(2) && text.contains("--payload-kg, --events-file and `simulation` are of the simulated"),
+        "{text}"
+    );
     let (code, text) = said(folder, &[&run[..], &payload, &["--simulated"]].concat());
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = said(folder, &[&run[..], &["--simulated", "--realtime"]].concat());

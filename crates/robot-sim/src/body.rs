@@ -1,14 +1,16 @@
 //! The rigid body on its wheels, advanced step by step.
 
 mod check;
+mod mounted;
 
-use crate::contact::{self, Mass, Regime, STICTION_M_S, STICTION_RAD_S};
+use crate::contact::{self, Mass, Regime};
 use crate::floor::{Floor, GRAVITY_M_S2, Holds, Surface};
 use crate::load::{Carried, LoadShare};
 use crate::pose::{Pose, Twist, Wrench};
-use crate::tread::{Bent, Bristle};
+use crate::tread::Bent;
 use crate::wheel::{Grip, WheelParameters, WheelState};
 use check::{check_body, check_floor, check_payload, check_slope, check_support, check_surface, check_wheel};
+use mounted::{Mounted, prepare, row_of, travel_m_s};
 
 pub use check::BodyError;
 
@@ -47,21 +49,6 @@ pub struct Payload {
 struct Total {
     carried: Carried,
     yaw_inertia_kg_m2: f64,
-}
-
-/// A wheel's parameters in the form that a step needs.
-#[derive(Clone, Copy, Debug)]
-struct Mounted {
-    inertia: f64,
-    viscous: f64,
-    coulomb: f64,
-    rolling: f64,
-    /// Of the rollers on a floor that holds them.
-    roller: f64,
-    /// On such a floor.
-    holds: Holds,
-    creep: f64,
-    bristle: Option<Bristle>,
 }
 
 /// The body on its wheels: torques in, motion out.
@@ -431,21 +418,6 @@ fn sin_cos(angle: f64) -> (f64, f64) {
     )
 }
 
-/// Speed at which a wheel's hub travels.
-fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
-    let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
-    (hub_a * hub_a + hub_t * hub_t).sqrt()
-}
-
-/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
-fn prepare(row: &mut contact::Wheel, mounted: &Mounted, holds: &Holds, load_n: f64, velocity: &[f64; 3]) {
-    let along = holds.along[usize::from(row.grip.regime != Regime::Stick)];
-    let travel = travel_m_s(row, velocity);
-    row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
-    row.roller.set(holds.roller * load_n, STICTION_M_S);
-    row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
-}
-
 impl Total {
     fn of(body: &BodyParameters, payload: &Payload) -> Self {
         let (a, b) = (body.mass_kg, payload.mass_kg);
@@ -461,44 +433,6 @@ impl Total {
             },
             yaw_inertia_kg_m2: body.yaw_inertia_kg_m2 + payload.yaw_inertia_kg_m2 + a * b / mass_kg * apart,
         }
-    }
-}
-
-impl Mounted {
-    fn of(wheel: &WheelParameters, row: &contact::Wheel) -> Self {
-        let contact = &wheel.contact;
-        let roller = contact.roller_resistance;
-        let surface =
-            Surface { static_friction: contact.static_friction, sliding_friction: contact.sliding_friction };
-        Self {
-            inertia: wheel.inertia_kg_m2,
-            viscous: wheel.bearing_viscous_n_m_s,
-            coulomb: wheel.bearing_coulomb_n_m,
-            rolling: contact.rolling_resistance * wheel.radius_m,
-            roller,
-            holds: surface.holds(roller),
-            creep: contact.creep,
-            bristle: contact.tread.map(|tread| Bristle::new(&tread, wheel.inertia_kg_m2, row.arm_along)),
-        }
-    }
-}
-
-fn unit(direction: [f64; 2]) -> [f64; 2] {
-    let length = direction[0].hypot(direction[1]);
-    [direction[0] / length, direction[1] / length]
-}
-
-fn row_of(wheel: &WheelParameters) -> contact::Wheel {
-    let rolling = unit(wheel.rolling_direction);
-    let along = unit(wheel.force_direction);
-    let across = [-along[1], along[0]];
-    contact::Wheel {
-        along: [along[0], along[1], 0.0],
-        arm_along: wheel.radius_m * (along[0] * rolling[0] + along[1] * rolling[1]),
-        is_elastic: wheel.contact.tread.is_some(),
-        across: [across[0], across[1], 0.0],
-        arm_across: wheel.radius_m * (across[0] * rolling[0] + across[1] * rolling[1]),
-        ..contact::Wheel::default()
     }
 }
 

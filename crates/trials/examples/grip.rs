@@ -5,7 +5,7 @@
 //! Without numbers: the table of stiffness and damping. With them: seeded cases per law, and how many of them rang.
 
 use omnibase_robot_sim::Tread;
-use omnibase_trials::grip::{Case, HEADING};
+use omnibase_trials::grip::{Case, HEADING, SIDE_S};
 
 const LAWS: [&str; 2] = ["closed_loop_speed", "adaptive_torque"];
 
@@ -31,7 +31,7 @@ fn main() {
 fn table() {
     let (friction, payload_kg, estimate) = (0.5, 100.0, 0.5);
     for law in LAWS {
-        let rigid = Case { law, tread: None, friction, payload_kg, estimate };
+        let rigid = Case { law, tread: None, friction, payload_kg, estimate, side_s: SIDE_S };
         println!("{}", rigid.row(&rigid.ride()));
         for stiffness_n_m in [1e5, 3e5, 1e6, 2e6, 3e6, 4e6] {
             for damping_ratio in [0.1, 0.3, 0.6, 1.0] {
@@ -39,6 +39,9 @@ fn table() {
                 println!("{}", case.row(&case.ride()));
             }
         }
+        // The robot alone, its mass known, twice as fast.
+        let fast = Case { payload_kg: 0.0, estimate: 1.0, side_s: 0.5 * SIDE_S, ..rigid };
+        println!("{}", fast.row(&fast.ride()));
         for friction in [0.08, 0.15, 0.25, 0.35, 0.7] {
             let case = Case { friction, ..rigid };
             println!("{}", case.row(&case.ride()));

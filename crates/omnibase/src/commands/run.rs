@@ -211,7 +211,7 @@ impl Arguments {
             usage(
                 !self.changes.are_for_simulation(),
                 format_args!(
-                    "--payload-kg and `simulation` are of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
+                    "--payload-kg, --events-file and `simulation` are of the simulated robot, and [run] interface = \"{interface}\" of {} is where the \
                      real one is: give --simulated, or --interface {interface}",
                     self.robot.display()
                 ),

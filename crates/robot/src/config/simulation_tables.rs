@@ -77,7 +77,7 @@ pub struct SimulationTable {
     #[schemars(inner(range(min = 0.0, max = 2.0)))]
     pub torque_ratio: Option<Vec<f64>>,
     /// Amplitude of a motor's cogging torque, 0.5 to 5 % of the rated one, N·m; default: none.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e4))]
     pub cogging_nm: Option<f64>,
     /// How often it comes in a turn of the motor, the least common multiple of slots and poles; default: 72.
     #[schemars(range(min = 1, max = 10_000))]
@@ -144,8 +144,10 @@ pub struct EventTable {
     #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1e6))]
     pub duration_s: Option<f64>,
     /// Force on the centre of mass, x and y, N.
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
     pub force_n: Option<[f64; 2]>,
     /// Moment about the vertical, N·m.
+    #[schemars(range(min = -1e6, max = 1e6))]
     pub moment_nm: Option<f64>,
     /// The axes of the force; default: `odom`.
     pub frame: Option<PushFrame>,
@@ -153,12 +155,13 @@ pub struct EventTable {
     #[schemars(range(min = 0.0, max = 1e5))]
     pub mass_kg: Option<f64>,
     /// Its moment of inertia about the vertical through its own centre of mass, kg·m²; default: a disc out to the wheels.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub inertia_kg_m2: Option<f64>,
     /// Where it stands, x and y in base_link, m; default: in the middle.
+    #[schemars(inner(range(min = -100.0, max = 100.0)))]
     pub position_m: Option<[f64; 2]>,
     /// Height of its centre of mass over the floor, m; default: 0.6.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub height_m: Option<f64>,
     /// As `simulation.static_friction`, of the whole floor.
     #[schemars(range(min = 0.0, max = 10.0))]

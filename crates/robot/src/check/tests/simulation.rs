@@ -63,6 +63,11 @@ sliding_friction = 0.2
         assert!(told.contains(expected), "{expected}\n{told}");
     }
     assert_eq!(told.lines().count(), 8, "{told}");
+    for force in ["[nan, 0.0]", "[inf, 0.0]", "[1e300, 0.0]", "[1.0]"] {
+        let event = "[[simulation.event]]\nat_s = 1.0\nkind = \"push\"\nduration_s = 1.0\nforce_n = ";
+        let told = shown(&format!("{event}{force}"));
+        assert!(told.contains("simulation.event[0].force_n"), "{force}: {told}");
+    }
 }
 
 #[test]
