@@ -125,6 +125,13 @@ pub enum Call {
         /// Who plans the way; default: `csp`, the cycle.
         mode: Option<AxisMode>,
     },
+    /// Have an axis run at a speed, until it is told something else or comes to its limits.
+    RunAxis {
+        /// Its name in the robot's file.
+        name: String,
+        /// The speed, in its unit per second.
+        speed: f64,
+    },
     /// Have an axis come to rest.
     StopAxis {
         /// Its name in the robot's file.
@@ -259,6 +266,7 @@ impl Call {
             | Call::SendInputs { .. }
             | Call::HomeAxis { .. }
             | Call::MoveAxis { .. }
+            | Call::RunAxis { .. }
             | Call::StopAxis { .. }
             | Call::Scan
             | Call::SdoRead { .. }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{AxisMode, Limits, ReferenceTable, Source};
+use omnibase_robot::config::{AxisMode, AxisPlan, Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{AxisAsk, Heard};
 use omnibase_robot::stages::Reference;
@@ -54,6 +54,16 @@ pub(crate) struct CallHandler {
     drawn: Mutex<BTreeMap<u32, Arc<Drawn>>>,
     /// Among those that save paths alone: of one name both files belong together.
     saving: Mutex<()>,
+}
+
+/// Whether an axis may be moved in a mode.
+fn has_mode(name: &str, axis: &AxisPlan, mode: AxisMode) -> Result<(), String> {
+    if axis.modes.contains(&mode) {
+        return Ok(());
+    }
+    let modes: Vec<_> = axis.modes.iter().map(|mode| mode.mode().abbreviation()).collect();
+    let (modes, found) = (modes.join(", "), mode.mode().abbreviation());
+    Err(format!("{name}: expected a mode of its `axis.modes` ({modes}), found {found}"))
 }
 
 /// A guard whose holder panicked still guards a whole value.
@@ -126,6 +136,7 @@ impl CallHandler {
                 let mode = mode.unwrap_or(AxisMode::Csp);
                 robot(self.axis(&name, AxisAsk::Move { position, mode })?)
             }
+            Call::RunAxis { name, speed } => robot(self.axis(&name, AxisAsk::Run { speed })?),
             Call::StopAxis { name } => robot(self.axis(&name, AxisAsk::Stop)?),
             Call::Set { values } => return self.set(asker, &values),
             Call::Stick { x, y, turn, frame } => {
@@ -266,13 +277,19 @@ impl CallHandler {
                 if !(least..=greatest).contains(&position) {
                     return Err(format!("{name}: expected {least} to {greatest} {unit}, found {position}"));
                 }
-                if !axis.modes.contains(&mode) {
-                    let modes: Vec<_> = axis.modes.iter().map(|mode| mode.mode().abbreviation()).collect();
-                    let (modes, found) = (modes.join(", "), mode.mode().abbreviation());
+                if mode == AxisMode::Pv {
                     return Err(format!(
-                        "{name}: expected a mode of its `axis.modes` ({modes}), found {found}"
+                        "{name}: expected csp or pp, found pv: it has no positions (run_axis)"
                     ));
                 }
+                has_mode(name, axis, mode)?;
+            }
+            AxisAsk::Run { speed } => {
+                let (most, unit) = (axis.limits.speed, axis.unit.name());
+                if !(-most..=most).contains(&speed) {
+                    return Err(format!("{name}: expected {} to {most} {unit}/s, found {speed}", -most));
+                }
+                has_mode(name, axis, AxisMode::Pv)?;
             }
             AxisAsk::Home | AxisAsk::Stop => {}
         }

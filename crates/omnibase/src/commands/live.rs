@@ -84,6 +84,7 @@ pub struct Set {
   set_output name=lamps.green value=1      an output of a `[[device]]`, until the robot stops
   home_axis name=lift                      an axis of a `[[device]]` looks for its home
   move_axis name=lift position=0.3         mode=pp: the drive plans the way; it stops where the robot does
+  run_axis name=lift speed=-0.05           by pv, until it is told something else or comes to its limits
   stop_axis name=lift
   scan                                     what hangs at its bus, and in which state
   sdo_read subdevice=0 object=6041:00      by SDO, beside its cycle

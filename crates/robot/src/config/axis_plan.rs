@@ -111,6 +111,7 @@ impl AxisMode {
         match self {
             AxisMode::Csp => Mode::CyclicSynchronousPosition,
             AxisMode::Pp => Mode::ProfilePosition,
+            AxisMode::Pv => Mode::ProfileVelocity,
         }
     }
 }
@@ -162,12 +163,16 @@ impl AxisPlan {
         if !is_mapped(0x6072) {
             all.push((0x6072, 0, 2, (torque_nm / self.scale.rated_torque_nm * 1000.0).floor() as i64));
         }
-        if self.modes.contains(&AxisMode::Pp) {
-            all.extend([
-                (0x6081, 0, 4, units(speed)),
-                (0x6083, 0, 4, units(acceleration)),
-                (0x6084, 0, 4, units(acceleration)),
-            ]);
+        let has = |mode| self.modes.contains(&mode);
+        if has(AxisMode::Pp) {
+            all.push((0x6081, 0, 4, units(speed)));
+        }
+        if has(AxisMode::Pp) || has(AxisMode::Pv) {
+            all.extend([(0x6083, 0, 4, units(acceleration)), (0x6084, 0, 4, units(acceleration))]);
+        }
+        if has(AxisMode::Pp) || has(AxisMode::Pv) || self.homing.is_some() {
+            // A halt: by the quick stop's ramp.
+            all.push((0x605D, 0, 2, 2));
         }
         if let Some(homing) = self.homing {
             all.extend([

@@ -99,4 +99,6 @@ pub enum AxisMode {
     Csp,
     /// Profile position: the drive plans the way to each set point.
     Pp,
+    /// Profile velocity: the drive runs at a speed.
+    Pv,
 }

@@ -1,6 +1,6 @@
 //! An axis: a drive of the profile CiA 402 that turns no wheel.
 //!
-//! It holds in csp. A move in csp follows a way that the cycle plans; pp and homing are the drive's own, and lead back to csp.
+//! It holds in csp. A move in csp follows a way that the cycle plans; pp, pv and homing are the drive's own, and lead back to csp.
 //! What doesn't fit a motion that is under way waits until the axis rests.
 
 mod profile;
@@ -23,6 +23,8 @@ use watch::{Watch, Wrong};
 const ACKNOWLEDGE_NS: u64 = 1_000_000_000;
 /// How much longer than its ramp a halt of the drive's own may take, ns.
 const HALT_NS: u64 = 1_000_000_000;
+/// Cycles until a drive that is told to halt slows down, at most.
+const HALT_CYCLES: f64 = 10.0;
 /// An axis stands that was slower than this share of its greatest speed for so many cycles.
 const STANDING_SHARE: f64 = 0.01;
 const STANDING_CYCLES: u32 = 5;
@@ -69,6 +71,7 @@ struct Fields {
     control: Field,
     mode: Field,
     target_position: Field,
+    target_speed: Option<Field>,
     torque_limit: Option<Field>,
 }
 
@@ -84,6 +87,7 @@ impl Fields {
             control: Field::needed(outputs, 0x6040, "the control word")?,
             mode: Field::needed(outputs, 0x6060, "the mode")?,
             target_position: Field::needed(outputs, 0x607A, "the target position")?,
+            target_speed: Field::find(outputs, 0x60FF, 0),
             torque_limit: Field::find(outputs, 0x6072, 0),
         })
     }
@@ -98,9 +102,11 @@ enum Task {
     Stream { to: f64 },
     /// In pp, on the way to a position.
     Plan { to: f64, since_ns: u64, is_acknowledged: bool },
+    /// In pv, at a speed.
+    Run { speed: f64 },
     /// In hm. `was_attained`: the drive showed a home before it was asked to look for one.
     Home { since_ns: u64, was_attained: Option<bool> },
-    /// In pp or hm: the drive shall stop, then it holds in csp.
+    /// In pp, pv or hm: the drive shall stop, then it holds in csp.
     Halt { in_mode: Mode, since_ns: u64 },
 }
 
@@ -109,6 +115,7 @@ impl Task {
         match self {
             Task::Rest | Task::Stream { .. } => Mode::CyclicSynchronousPosition,
             Task::Plan { .. } => Mode::ProfilePosition,
+            Task::Run { .. } => Mode::ProfileVelocity,
             Task::Home { .. } => Mode::Homing,
             Task::Halt { in_mode, .. } => in_mode,
         }
@@ -144,6 +151,9 @@ impl Axis {
     /// An axis as its plan says; refused where an object is missing that it can't do without.
     pub fn new(device: &DevicePlan) -> Made<Self> {
         let plan = given(device.axis.clone(), "axis")?;
+        if plan.modes.contains(&AxisMode::Pv) {
+            Field::needed(&device.outputs, 0x60FF, "the target speed, for pv,")?;
+        }
         let profile = Profile::new(plan.limits, plan.period_s);
         Ok(Axis {
             fields: Fields::new(&device.inputs, &device.outputs)?,
@@ -186,7 +196,9 @@ impl Axis {
         match self.task {
             Task::Plan { to, .. } => to,
             Task::Rest | Task::Stream { .. } if self.is_running => self.profile.set_point(),
-            Task::Rest | Task::Stream { .. } | Task::Home { .. } | Task::Halt { .. } => self.position(),
+            Task::Rest | Task::Stream { .. } | Task::Run { .. } | Task::Home { .. } | Task::Halt { .. } => {
+                self.position()
+            }
         }
     }
 
@@ -202,7 +214,7 @@ impl Axis {
             _ if !self.is_on => AxisState::Off,
             Task::Halt { .. } => AxisState::Stopping,
             Task::Home { .. } => AxisState::Homing,
-            Task::Stream { .. } | Task::Plan { .. } => AxisState::Moving,
+            Task::Stream { .. } | Task::Plan { .. } | Task::Run { .. } => AxisState::Moving,
             // Also on its way back from pp or homing to csp.
             Task::Rest if !self.is_running || !self.profile.rests() => AxisState::Stopping,
             Task::Rest if self.has_no_home => AxisState::HomingFailed,
@@ -219,7 +231,7 @@ impl Axis {
                 self.profile.stop();
                 self.task = Task::Rest;
             }
-            Task::Plan { .. } | Task::Home { .. } => {
+            Task::Plan { .. } | Task::Run { .. } | Task::Home { .. } => {
                 self.task = Task::Halt { in_mode: self.task.mode(), since_ns: now_ns };
             }
         }
@@ -233,7 +245,9 @@ impl Axis {
                 self.profile.lead_to(to);
                 (self.task, self.next) = (task, None);
             }
-            (Task::Plan { .. }, Task::Plan { .. }) => (self.task, self.next) = (task, None),
+            (Task::Plan { .. }, Task::Plan { .. }) | (Task::Run { .. }, Task::Run { .. }) => {
+                (self.task, self.next) = (task, None)
+            }
             _ => {
                 self.stop(now_ns);
                 self.next = Some(task);
@@ -265,6 +279,12 @@ impl Axis {
                     self.rest();
                 } else if !*is_acknowledged && now_ns.saturating_sub(*since_ns) > ACKNOWLEDGE_NS {
                     self.watch.fail(Wrong::NotAcknowledged);
+                }
+            }
+            Task::Run { speed } => {
+                let outwards = *speed;
+                if self.leaves_limits(outwards) {
+                    self.stop(now_ns);
                 }
             }
             Task::Home { since_ns, was_attained } => {
@@ -299,6 +319,17 @@ impl Axis {
                 }
             }
         }
+    }
+
+    /// Whether a halt that began now would end outside of its limits, or nearly, on the way to that side.
+    fn leaves_limits(&self, outwards: f64) -> bool {
+        let limits = &self.plan.limits;
+        let speed = self.speed().abs();
+        let halt =
+            speed * speed / (2.0 * limits.stop_deceleration) + speed * HALT_CYCLES * self.plan.period_s;
+        let [least, greatest] = limits.position;
+        let left = if outwards > 0.0 { greatest - self.position() } else { self.position() - least };
+        left <= halt
     }
 
     /// It holds where it is.
@@ -387,10 +418,14 @@ impl Peripheral for Axis {
             Task::Rest | Task::Stream { .. } if self.is_running => scale.counts(self.profile.set_point()),
             _ => self.feedback.actual.position_counts,
         };
+        let velocity_units = match self.task {
+            Task::Run { speed } => nearest(speed * scale.speed_units_per_unit_s, 32),
+            _ => self.feedback.actual.velocity_units,
+        };
         let request = DriveRequest {
             wanted: if self.watch.wrong().is_some() { Wanted::QuickStop } else { self.leave.wanted },
             mode: self.task.mode(),
-            targets: Targets { position_counts, ..self.feedback.actual },
+            targets: Targets { position_counts, velocity_units, ..self.feedback.actual },
         };
         let output = self.enabling.advance(time.now_ns, &self.feedback, &request);
         self.is_running = output.progress == Progress::Running;
@@ -405,6 +440,9 @@ impl Peripheral for Axis {
         self.fields.control.write(bytes, control.0.into());
         self.fields.mode.write(bytes, output.mode.code().into());
         self.fields.target_position.write(bytes, output.targets.position_counts);
+        if let Some(field) = self.fields.target_speed {
+            field.write(bytes, output.targets.velocity_units);
+        }
         if let Some(field) = self.fields.torque_limit {
             let per_mille = self.plan.limits.torque_nm / self.plan.scale.rated_torque_nm * 1000.0;
             field.write(bytes, nearest(per_mille.floor(), 16));
@@ -427,10 +465,15 @@ impl Peripheral for Axis {
             AxisAsk::Home if self.plan.homing.is_none() => return RequestAnswer::Refused,
             AxisAsk::Home if is_homing(self.task) => return RequestAnswer::Taken,
             AxisAsk::Home => Task::Home { since_ns: now_ns, was_attained: None },
-            AxisAsk::Move { .. } if is_homing(self.task) || self.next.is_some_and(is_homing) => {
-                return RequestAnswer::Homing;
+            _ if is_homing(self.task) || self.next.is_some_and(is_homing) => return RequestAnswer::Homing,
+            _ if !self.is_homed => return RequestAnswer::NotHomed,
+            AxisAsk::Run { speed } => {
+                let is_allowed = speed.abs() <= self.plan.limits.speed;
+                if !is_allowed || !self.plan.modes.contains(&AxisMode::Pv) {
+                    return RequestAnswer::Refused;
+                }
+                Task::Run { speed }
             }
-            AxisAsk::Move { .. } if !self.is_homed => return RequestAnswer::NotHomed,
             AxisAsk::Move { position, mode } => {
                 let [least, greatest] = self.plan.limits.position;
                 if !(least..=greatest).contains(&position) || !self.plan.modes.contains(&mode) {
@@ -439,6 +482,8 @@ impl Peripheral for Axis {
                 match mode {
                     AxisMode::Csp => Task::Stream { to: position },
                     AxisMode::Pp => Task::Plan { to: position, since_ns: now_ns, is_acknowledged: false },
+                    // No mode of positions.
+                    AxisMode::Pv => return RequestAnswer::Refused,
                 }
             }
         };

@@ -12,8 +12,13 @@ pub enum AxisAsk {
     Move {
         /// The position, in the axis' unit.
         position: f64,
-        /// Who plans the way.
+        /// Who plans the way: csp or pp.
         mode: AxisMode,
+    },
+    /// Run at a speed, by pv, until it is told something else or comes to its limits.
+    Run {
+        /// The speed, in the axis' unit per second.
+        speed: f64,
     },
     /// Come to rest.
     Stop,

@@ -97,6 +97,7 @@ fn every_request_comes_back() {
         RequestKind::Axis { device: 2, ask: AxisAsk::Home },
         RequestKind::Axis { device: 2, ask: AxisAsk::Move { position: -0.5, mode: AxisMode::Pp } },
         RequestKind::Axis { device: 0, ask: AxisAsk::Stop },
+        RequestKind::Axis { device: 1, ask: AxisAsk::Run { speed: 0.25 } },
         RequestKind::SetObstacle { index: 15, obstacle: OBSTACLE },
         RequestKind::RemoveObstacle { index: 3 },
     ];

@@ -204,6 +204,9 @@ impl Request {
                 (18, device.into(), [position, mode.mode().code().into(), 0.0, 0.0, 0.0, 0.0])
             }
             RequestKind::Axis { device, ask: AxisAsk::Stop } => (19, device.into(), [0.0; 6]),
+            RequestKind::Axis { device, ask: AxisAsk::Run { speed } } => {
+                (20, device.into(), [speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+            }
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -253,12 +256,13 @@ impl Request {
             }
             15 => RequestKind::SetOutput { index: argument.try_into().ok()?, value: values[0] },
             16 => RequestKind::ResetOutput { index: argument.try_into().ok()? },
-            17..=19 => RequestKind::Axis {
+            17..=20 => RequestKind::Axis {
                 device: argument.try_into().ok()?,
                 ask: match sort {
                     17 => AxisAsk::Home,
                     18 => AxisAsk::Move { position: values[0], mode: mode_of_code(values[1])? },
-                    _ => AxisAsk::Stop,
+                    19 => AxisAsk::Stop,
+                    _ => AxisAsk::Run { speed: values[0] },
                 },
             },
             _ => return None,
@@ -269,7 +273,7 @@ impl Request {
 
 /// The mode of a number that a recording holds.
 fn mode_of_code(code: f64) -> Option<AxisMode> {
-    [AxisMode::Csp, AxisMode::Pp].into_iter().find(|mode| f64::from(mode.mode().code()) == code)
+    [AxisMode::Csp, AxisMode::Pp, AxisMode::Pv].into_iter().find(|mode| f64::from(mode.mode().code()) == code)
 }
 
 /// What became of a cycle's request.

@@ -141,6 +141,24 @@ fn a_drive_that_was_halted_stays_so_until_it_shows_the_mode_in_which_it_holds() 
 }
 
 #[test]
+fn what_is_asked_while_the_drive_changes_its_mode_isnt_lost() {
+    let mut drive = Drive::new(20);
+    drive.ask(AxisAsk::Move { position: 0.11, mode: AxisMode::Pp });
+    while drive.told().2 != 1 {
+        drive.step(None);
+    }
+    while drive.told().2 == 1 {
+        drive.step(None);
+    }
+    drive.step(None);
+    assert_eq!((drive.mode, drive.state()), (1, AxisState::Stopping), "on its way back to csp");
+    let to = AxisAsk::Move { position: 0.2, mode: AxisMode::Csp };
+    assert_eq!(drive.ask(to), RequestAnswer::Taken);
+    drive.run(2000);
+    assert!((drive.position_m() - 0.2).abs() < 1e-6, "{}", drive.position_m());
+}
+
+#[test]
 fn an_axis_that_coasts_without_torque_begins_nothing_when_it_is_enabled_again() {
     let mut drive = Drive::new(0);
     assert_eq!(drive.ask(AxisAsk::Move { position: 0.5, mode: AxisMode::Pp }), RequestAnswer::Taken);

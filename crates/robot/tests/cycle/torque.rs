@@ -261,7 +261,7 @@ fn nothing_is_learnt_while_a_drive_holds_back_by_a_limit_of_its_own() {
         bench.enable();
         bench.step(Some(RequestKind::Track));
         bench.run(500);
-        let mut learnt = |bench: &mut Bench, is_limited| {
+        let learnt = |bench: &mut Bench, is_limited| {
             bench.limit_drive(2, is_limited);
             bench.step(None);
             let before = bench.robot.record().estimates;

@@ -71,7 +71,7 @@ fn counts(ask: &Ask) -> Counts {
             // Where the robot was then is not where it is.
             | RequestKind::SetPose { .. }
             | RequestKind::SetOutput { .. }
-            | RequestKind::Axis { ask: AxisAsk::Home | AxisAsk::Move { .. }, .. }
+            | RequestKind::Axis { ask: AxisAsk::Home | AxisAsk::Move { .. } | AxisAsk::Run { .. }, .. }
             | RequestKind::Velocity { .. } => Counts::Always,
             RequestKind::Set { .. }
             | RequestKind::SwitchController { .. }

@@ -238,6 +238,7 @@ fn whatever_stops_the_robot_stops_its_axes_and_nothing_goes_on_by_itself() {
         for ask in [
             AxisAsk::Move { position: 0.5, mode: AxisMode::Csp },
             AxisAsk::Move { position: 0.5, mode: AxisMode::Pp },
+            AxisAsk::Run { speed: 0.15 },
             AxisAsk::Home,
         ] {
             let mut robot = Lifted::new(&plan(&[CIRCLE]));
@@ -270,7 +271,7 @@ fn whatever_stops_the_robot_stops_its_axes_and_nothing_goes_on_by_itself() {
             assert!((robot.truth_m() - stopped_m).abs() < 1e-4, "{by} {ask:?}: it went on");
             assert_eq!(robot.bench.robot.phase(), Phase::Holding);
             // A person asks again.
-            if ask != AxisAsk::Home {
+            if matches!(ask, AxisAsk::Move { .. }) {
                 assert_eq!(robot.ask(ask), RequestAnswer::Taken);
                 robot.rests();
                 assert!((robot.truth_m() - 0.5).abs() < 2e-4);
@@ -325,6 +326,35 @@ fn what_doesnt_fit_a_motion_waits_until_the_axis_rests() {
     robot.ask(AxisAsk::Home);
     let answer = robot.ask(AxisAsk::Move { position: 0.3, mode: AxisMode::Csp });
     assert_eq!(answer, RequestAnswer::Homing);
+}
+
+#[test]
+fn an_axis_runs_at_a_speed_as_far_as_its_limits() {
+    let mut robot = Lifted::new(&plan(&[]));
+    assert_eq!(robot.ask(AxisAsk::Run { speed: 0.1 }), RequestAnswer::NotHomed);
+    robot.home();
+    for speed in [0.16, -0.16, f64::NAN] {
+        assert_eq!(robot.ask(AxisAsk::Run { speed }), RequestAnswer::Refused);
+    }
+    assert_eq!(robot.ask(AxisAsk::Run { speed: 0.1 }), RequestAnswer::Taken);
+    robot.run(1000);
+    assert_eq!((robot.said().state, robot.said().mode), (AxisState::Moving, 3));
+    assert!((robot.said().speed - 0.1).abs() < 1e-3, "{:?}", robot.said());
+    // Slower, and the other way, without a rest between.
+    assert_eq!(robot.ask(AxisAsk::Run { speed: -0.05 }), RequestAnswer::Taken);
+    robot.run(1000);
+    assert!((robot.said().speed + 0.05).abs() < 1e-3 && robot.said().mode == 3, "{:?}", robot.said());
+    for (speed, limit) in [(0.15, 0.6), (-0.15, 0.01)] {
+        assert_eq!(robot.ask(AxisAsk::Run { speed }), RequestAnswer::Taken);
+        robot.rests();
+        let short_m = (robot.truth_m() - limit) * -speed.signum();
+        assert!((-1e-4..5e-3).contains(&short_m), "{speed}: {}", robot.truth_m());
+        // There is nothing further that way.
+        assert_eq!(robot.ask(AxisAsk::Run { speed }), RequestAnswer::Taken);
+        robot.rests();
+        assert!((robot.truth_m() - limit).abs() < 5e-3, "{speed}: {}", robot.truth_m());
+    }
+    assert_eq!(robot.bench.robot.phase(), Phase::Holding);
 }
 
 /// The robot stopped by itself, and why, in words.

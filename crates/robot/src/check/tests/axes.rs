@@ -32,7 +32,10 @@ fn the_shipped_robot_with_a_lift_resolves_and_tells_its_drive_the_limits() {
     // 1 m is 50 revolutions of the spindle, 200 of the motor.
     assert_eq!(axis.scale.counts_per_unit, 200.0 * 1_048_576.0);
     assert_eq!((axis.scale.counts(0.1), axis.scale.position(20_971_520)), (20_971_520, 0.1));
-    assert_eq!(axis.needed_modes(), [Mode::CyclicSynchronousPosition, Mode::ProfilePosition, Mode::Homing]);
+    assert_eq!(
+        axis.needed_modes(),
+        [Mode::CyclicSynchronousPosition, Mode::ProfilePosition, Mode::ProfileVelocity, Mode::Homing]
+    );
     let counts = |value: f64| Some((value * 200.0 * 1_048_576.0) as i64);
     for (object, value) in [
         ((0x6007, 0), Some(3)),
@@ -41,6 +44,7 @@ fn the_shipped_robot_with_a_lift_resolves_and_tells_its_drive_the_limits() {
         ((0x6081, 0), counts(0.15)),
         ((0x6083, 0), counts(0.5)),
         ((0x6085, 0), counts(1.0)),
+        ((0x605D, 0), Some(2)),
         ((0x6098, 0), Some(17)),
         ((0x6099, 2), counts(0.005)),
         // The cycle writes it.

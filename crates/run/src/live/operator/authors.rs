@@ -17,7 +17,7 @@ impl Authors {
     pub(super) fn note(&mut self, kind: &RequestKind, client: Client) {
         match *kind {
             RequestKind::SetOutput { index, .. } => self.outputs.set(index, client),
-            RequestKind::Axis { device, ask: AxisAsk::Home | AxisAsk::Move { .. } } => {
+            RequestKind::Axis { device, ask: AxisAsk::Home | AxisAsk::Move { .. } | AxisAsk::Run { .. } } => {
                 self.axes.set(device, client);
             }
             _ => {}
