@@ -99,7 +99,7 @@ fn value(check: &mut Check, table: &str, own: &SentTable) -> Option<SentPlan> {
     let unit = check.unit(own.unit.as_deref(), &format!("{table}.unit"));
     let bounds = [own.least.unwrap_or(f64::NEG_INFINITY), own.greatest.unwrap_or(f64::INFINITY)];
     let [least, greatest] = bounds;
-    if !(least < greatest) {
+    if least.is_nan() || greatest.is_nan() || least >= greatest {
         let problem = check.report(ProblemKind::OutOfRange, &format!("{table}.greatest"), "no value fits");
         (problem.value, problem.limit) = (Some(greatest.to_string()), Some(format!("above least = {least}")));
         return None;
