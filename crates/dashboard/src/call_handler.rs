@@ -176,6 +176,7 @@ impl CallHandler {
             }
             Call::Teach { by } => return self.teach(by),
             Call::TeachPoint => {
+                self.live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
                 let count = self.live.remember_point().map_err(|why| why.to_string())?;
                 return Ok(Reply::CallResult(CallResult::done(format!("remembered point {count}"))));
             }
@@ -337,7 +338,7 @@ impl CallHandler {
     }
 
     fn teach(&self, by: TeachBy) -> Result<Reply, String> {
-        self.live.end_points();
+        self.live.forget_points();
         let sampling = match by {
             TeachBy::Points => {
                 *lock(&self.teaching) = None;
@@ -358,15 +359,7 @@ impl CallHandler {
 
     fn teach_end(&self, asker: Asker, name: &str, tolerance_m: Option<f64>) -> Result<Reply, String> {
         if let Some(poses) = self.live.points() {
-            self.check_name(name)?;
-            let limits = &self.about.robot.plan.limits;
-            let taught = joined(&poses, limits).map_err(|error| error.to_string())?;
-            self.save(name, &taught.reference).map_err(|error| format!("saving: {error}"))?;
-            self.live.end_points();
-            let file = self.about.paths.join(format!("{name}.toml"));
-            let text = format!("taught {} points; saved as {}", poses.len(), file.display());
-            let checked = self.about.check(taught.reference.into(), &no_files)?;
-            return self.load(asker, checked, &text);
+            return self.points_end(asker, name, &poses);
         }
         let (since_s, sampling) =
             lock(&self.teaching).ok_or("expected `teach` before it: nothing was remembered")?;
@@ -389,6 +382,28 @@ impl CallHandler {
             self.about.paths.join(format!("{name}.toml")).display(),
         );
         let checked = self.about.check(taught.reference.into(), &no_files)?;
+        self.load(asker, checked, &text)
+    }
+
+    /// Single points become a path. They are kept until that is saved, and while more of them come.
+    fn points_end(&self, asker: Asker, name: &str, poses: &[Pose2]) -> Result<Reply, String> {
+        self.check_name(name)?;
+        let taught = joined(poses, &self.about.robot.plan.limits).map_err(|error| error.to_string())?;
+        let checked = self.about.check(taught.reference.clone().into(), &no_files)?;
+        if !self.live.end_points(poses.len()) {
+            return Err("a point came meanwhile: end it again".to_owned());
+        }
+        let saved = self.save(name, &taught.reference);
+        if let Err(error) = saved {
+            self.live.resume_points(poses);
+            return Err(format!("saving: {error}; the points are kept"));
+        }
+        let file = self.about.paths.join(format!("{name}.toml"));
+        let text = format!(
+            "taught {} points, joined by straight ways at the robot's limits; saved as {}",
+            poses.len(),
+            file.display()
+        );
         self.load(asker, checked, &text)
     }
 

@@ -51,7 +51,6 @@ fn what_isnt_taken_is_told_with_its_reason() {
     assert_eq!((&said["heard"], &said["refused"], &said["why"]), (&json!(1), &json!(0), &Value::Null));
     let other = json!({"source": "door", "values": {}, "instant_ms": 0.0});
     for (number, (message, why)) in [
-        (sent(json!({"open": 1.0})), "was heard before it"),
         (sent(json!({"oben": 1.0})), "its values are open, force, found `oben`"),
         (sent(json!({"open": "yes"})), "invalid type"),
         (other, "the robot's are gate, found `door`"),

@@ -270,11 +270,14 @@ impl Check {
             let names: Vec<&str> = signals.inputs.iter().map(|signal| signal.name.as_str()).collect();
             let near = nearest(name, names.iter().copied());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            let reason = format!("no `[[device]]` has this input{near}");
+            let reason = format!("no `[[device]]` or `[[source]]` has this input{near}");
             let problem = self.report(ProblemKind::UnknownName, &format!("safety.{key}"), reason);
             problem.value = Some(format!("\"{name}\""));
-            problem.limit =
-                Some(if names.is_empty() { "an input of a `[[device]]`".into() } else { names.join(", ") });
+            problem.limit = Some(if names.is_empty() {
+                "an input of a `[[device]]` or `[[source]]`".into()
+            } else {
+                names.join(", ")
+            });
         }
         found
     }

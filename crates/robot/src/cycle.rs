@@ -18,8 +18,8 @@ use crate::registry::{Registry, StageError};
 use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_PROCESS_BYTES, Phase,
-    PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_PROCESS_BYTES,
+    Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
     SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
 use crate::speed_loop::SpeedLoops;
@@ -142,6 +142,11 @@ impl Robot {
     /// older than what was heard before.
     pub fn hear(&mut self, source: usize, heard: &Heard) {
         self.beside.hear(source, heard);
+    }
+
+    /// What another program said since the last cycle, beside the last of it: a stop that was asked for in between counts.
+    pub fn hear_between(&mut self, source: usize, between: Between) {
+        self.beside.hear_between(source, between);
     }
 
     /// Computes a recorded cycle again, from what came in then; `buffer` takes the outputs.

@@ -177,14 +177,27 @@ impl SafetyChain {
 }
 
 /// Which of the inputs that enable and stop forbids that drives are enabled, by its place. One that isn't heard, or is
-/// no number, enables nothing, and stops.
+/// no number, enables nothing, and stops; so does one that said so at some instant since the cycle before.
 pub(crate) fn input_forbids(plan: &SafetyPlan, signals: &Signals) -> Option<(SafetyReason, u64)> {
-    let stops = plan.stop_input.filter(|input| signals.believed(*input) != Some(0.0));
-    let enables = |input: &usize| signals.believed(*input).is_some_and(|value| value != 0.0);
+    let was = |inputs: u64, input: usize| inputs >> input & 1 == 1;
+    let stops =
+        plan.stop_input.filter(|input| signals.believed(*input) != Some(0.0) || was(signals.raised, *input));
+    let enables = |input: &usize| {
+        signals.believed(*input).is_some_and(|value| value != 0.0) && !was(signals.zeroed, *input)
+    };
     let lacks = plan.enable_input.filter(|input| !enables(input));
     stops
         .map(|input| (SafetyReason::StopInput, input as u64))
         .or(lacks.map(|input| (SafetyReason::EnableInput, input as u64)))
+}
+
+/// The motors' rated torques at the wheels, N·m.
+fn rated_nm(plan: &RobotPlan) -> [f64; MAX_WHEELS] {
+    let mut rated_nm = [0.0; MAX_WHEELS];
+    for (rated_nm, drive) in rated_nm.iter_mut().zip(&plan.drives) {
+        *rated_nm = drive.scale.rated_torque_nm * drive.scale.gear_ratio;
+    }
+    rated_nm
 }
 
 /// Whether drives carry torque, or soon will.

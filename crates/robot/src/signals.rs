@@ -36,7 +36,7 @@ pub use record::{
 };
 pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
 pub use sources::{
-    Carries, Heard, MAX_SOURCE_VALUES, MAX_SOURCES, PoseMeasurement, SourceName, VelocityMeasurement,
+    Between, Carries, Heard, MAX_SOURCE_VALUES, MAX_SOURCES, PoseMeasurement, SourceName, VelocityMeasurement,
 };
 
 /// Bytes of process data that one drive can send or receive in a cycle.

@@ -52,7 +52,8 @@ pub(super) fn room(check: &mut Check, layout: &SignalLayout) {
         ("bytes of outputs", layout.output_bytes, MAX_DEVICE_BYTES),
     ] {
         if found > most {
-            let problem = check.report(ProblemKind::OutOfRange, "device", "too much for one cycle's record");
+            let table = if layout.devices.is_empty() { "source" } else { "device" };
+            let problem = check.report(ProblemKind::OutOfRange, table, "too much for one cycle's record");
             problem.value = Some(format!("{found} {what}"));
             problem.limit = Some(format!("at most {most} of all SubDevices and programs together"));
         }

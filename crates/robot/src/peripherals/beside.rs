@@ -7,7 +7,7 @@ use crate::config::RobotPlan;
 use crate::image::ProcessImage;
 use crate::registry::{Made, Registry};
 use crate::signals::{
-    AxisAsk, CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, RequestAnswer,
+    AxisAsk, Between, CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, RequestAnswer,
     SignalLayout, Signals, Told,
 };
 use crate::stages::{Leave, Peripheral, Standing};
@@ -116,6 +116,11 @@ impl Beside {
     /// Something came from another program; it counts in the next cycle.
     pub(crate) fn hear(&mut self, source: usize, heard: &Heard) {
         self.sources.hear(source, heard);
+    }
+
+    /// What another program said since the cycle before.
+    pub(crate) fn hear_between(&mut self, source: usize, between: Between) {
+        self.sources.hear_between(source, between);
     }
 
     /// What stages see.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::config::RobotPlan;
-use crate::signals::{CycleTime, Heard, MAX_SOURCES, Signals};
+use crate::signals::{Between, CycleTime, Heard, MAX_SOURCES, Signals};
 
 /// All programs that send inputs.
 pub(super) struct Sources {
@@ -19,6 +19,7 @@ struct Sender {
     max_age_ns: u64,
     /// What came since the cycle before.
     waiting: Option<Heard>,
+    between: Between,
     heard_ns: Option<u64>,
 }
 
@@ -33,6 +34,7 @@ impl Sources {
                 bounds: source.input.iter().map(|sent| sent.bounds).collect(),
                 max_age_ns: source.max_age_ns,
                 waiting: None,
+                between: Between::default(),
                 heard_ns: None,
             }
         });
@@ -46,10 +48,21 @@ impl Sources {
         }
     }
 
+    /// What a source said since the cycle before, however short that was.
+    pub(super) fn hear_between(&mut self, source: usize, between: Between) {
+        if let Some(sender) = self.all.get_mut(source) {
+            sender.between = between;
+        }
+    }
+
     /// What came is taken where it is no older than what was there; what wasn't heard grows old.
     pub(super) fn read(&mut self, time: &CycleTime, signals: &mut Signals) {
-        signals.heard = 0;
+        (signals.heard, signals.zeroed, signals.raised) = (0, 0, 0);
         for (place, sender) in self.all.iter_mut().enumerate() {
+            let Between { zero, nonzero } = std::mem::take(&mut sender.between);
+            let own = (1_u64 << sender.inputs.len()) - 1;
+            signals.zeroed |= (u64::from(zero) & own) << sender.inputs.start;
+            signals.raised |= (u64::from(nonzero) & own) << sender.inputs.start;
             let values = &mut signals.inputs[sender.inputs.clone()];
             let is_older = |heard: &Heard| sender.heard_ns.is_some_and(|last_ns| heard.instant_ns < last_ns);
             // Of the future nobody can tell anything.
@@ -78,6 +91,11 @@ impl Sources {
     /// What came in a recorded cycle comes again.
     pub(super) fn replay(&mut self, recorded: &Signals) {
         for (place, sender) in self.all.iter_mut().enumerate() {
+            let start = sender.inputs.start;
+            sender.between = Between {
+                zero: (recorded.zeroed >> start) as u32,
+                nonzero: (recorded.raised >> start) as u32,
+            };
             if recorded.heard >> place & 1 == 0 {
                 continue;
             }

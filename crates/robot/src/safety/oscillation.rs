@@ -5,12 +5,16 @@ use crate::config::RobotPlan;
 use crate::signals::{Exchange, MAX_WHEELS};
 use crate::stages::SafetyView;
 
+use super::rated_nm;
+
 /// What is slower than this is motion, rad/s (5 Hz).
 const MOTION_RAD_S: f64 = 31.4;
 /// The longest time from one end of a swing to the other, ns: swings above 20 Hz count.
 const HALF_SWING_NS: u64 = 25_000_000;
 /// So many in a row are no jerk that a tread gives back, and no corner.
 const HALF_SWINGS: u32 = 5;
+/// However low the limit is: what reaches less far than this part of a motor's rated torque may be noise, or cogging.
+const NOISE_OF_RATED: f64 = 0.1;
 
 /// The swings of each wheel's measured torque about what it is on average.
 #[derive(Clone, Debug)]
@@ -19,6 +23,8 @@ pub(super) struct OscillationWatch {
     share: f64,
     /// How much of a new torque goes into its average, each cycle.
     taken: f64,
+    /// Rated torques at the wheels, N·m.
+    rated_nm: [f64; MAX_WHEELS],
     wheels: [Wheel; MAX_WHEELS],
 }
 
@@ -39,6 +45,7 @@ impl OscillationWatch {
         OscillationWatch {
             share: plan.safety.oscillation_share,
             taken: 1.0 - (-MOTION_RAD_S * period_s).exp(),
+            rated_nm: rated_nm(plan),
             wheels: [Wheel::default(); MAX_WHEELS],
         }
     }
@@ -55,11 +62,12 @@ impl OscillationWatch {
         }
         let least_nm =
             if self.share < 1.0 { self.share * view.wheel_limits.torque_nm } else { f64::INFINITY };
-        for (wheel, drive) in self.wheels.iter_mut().zip(view.measurements.present()) {
+        let drives = view.measurements.present().iter().zip(&self.rated_nm);
+        for (wheel, (drive, rated_nm)) in self.wheels.iter_mut().zip(drives) {
             let average_nm = wheel.average_nm.get_or_insert(drive.torque_nm);
             *average_nm += self.taken * (drive.torque_nm - *average_nm);
             let off_nm = drive.torque_nm - *average_nm;
-            wheel.swing(off_nm, least_nm, view.time.now_ns);
+            wheel.swing(off_nm, least_nm.max(NOISE_OF_RATED * rated_nm), view.time.now_ns);
         }
     }
 

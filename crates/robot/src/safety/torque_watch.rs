@@ -4,6 +4,8 @@ use crate::config::RobotPlan;
 use crate::signals::MAX_WHEELS;
 use crate::stages::SafetyView;
 
+use super::rated_nm;
+
 /// How much of its limit a torque may lie above it by default.
 const MARGIN_OF_LIMIT: f64 = 0.1;
 /// And how much of the rated torque: what currents are measured by has noise however low the limit is.
@@ -32,14 +34,10 @@ struct Wheel {
 
 impl TorqueWatch {
     pub(super) fn new(plan: &RobotPlan) -> Self {
-        let mut rated_nm = [0.0; MAX_WHEELS];
-        for (rated_nm, drive) in rated_nm.iter_mut().zip(&plan.drives) {
-            *rated_nm = drive.scale.rated_torque_nm * drive.scale.gear_ratio;
-        }
         TorqueWatch {
             margin_nm: plan.safety.wheel_torque_margin_nm,
             tolerated_ns: plan.safety.wheel_torque_time_ns,
-            rated_nm,
+            rated_nm: rated_nm(plan),
             last_ns: None,
             wheels: [Wheel::default(); MAX_WHEELS],
         }

@@ -89,6 +89,10 @@ pub struct Signals {
     pub heard: u64,
     /// The instant of what each program sent last, on the robot's clock, ns.
     pub instants_ns: [u64; MAX_SOURCES],
+    /// Inputs that a program said to be 0, or no number, at some instant since the cycle before: bit n for input n.
+    pub zeroed: u64,
+    /// Inputs that a program said to be anything but 0.
+    pub raised: u64,
     /// Inputs, in their units: the last that were heard.
     pub inputs: [f64; MAX_SIGNALS],
     /// Which inputs are to be believed: bit n for input n. Not those that are old, or no number.
@@ -107,6 +111,8 @@ impl Signals {
         ages_s: [0.0; MAX_DEVICES + MAX_SOURCES],
         heard: 0,
         instants_ns: [0; MAX_SOURCES],
+        zeroed: 0,
+        raised: 0,
         inputs: [0.0; MAX_SIGNALS],
         believed: 0,
         outputs: [0.0; MAX_SIGNALS],

@@ -464,6 +464,8 @@ impl Visit<'_> {
         if sources > 0 {
             self.prefix = Name::new("source.");
             self.u64("heard", "", &mut signals.heard);
+            self.u64("zeroed", "", &mut signals.zeroed);
+            self.u64("raised", "", &mut signals.raised);
         }
         let named = names.devices.iter().chain(names.sources.iter().map(|source| &source.name));
         let mut named = named.map(String::as_str).chain(std::iter::repeat(""));

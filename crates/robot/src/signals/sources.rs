@@ -71,6 +71,37 @@ impl Default for Heard {
     }
 }
 
+/// What values of a source were at some instant since the cycle before, however short that was: bit n for its value n.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Between {
+    /// 0, or no number.
+    pub zero: u32,
+    /// Anything but 0.
+    pub nonzero: u32,
+}
+
+impl Between {
+    /// What one message says.
+    pub fn of(heard: &Heard) -> Self {
+        let mut between = Between::default();
+        for (place, value) in heard.values.iter().enumerate() {
+            between.zero |= u32::from(*value == 0.0 || value.is_nan()) << place;
+            between.nonzero |= u32::from(*value != 0.0) << place;
+        }
+        between
+    }
+
+    /// Both as one word.
+    pub fn word(self) -> u64 {
+        u64::from(self.zero) | u64::from(self.nonzero) << 32
+    }
+
+    /// Of such a word.
+    pub fn from_word(word: u64) -> Self {
+        Between { zero: word as u32, nonzero: (word >> 32) as u32 }
+    }
+}
+
 /// A pose that another program measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseMeasurement {

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::signals::{
-    Frame, Heard, PlatformState, PoseMeasurement, RequestAnswer, SafetyReason, VelocityMeasurement,
+    Between, Frame, Heard, PlatformState, PoseMeasurement, RequestAnswer, SafetyReason, VelocityMeasurement,
 };
 use omnibase_robot::stages::{Estimator, Observation};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
@@ -201,12 +201,36 @@ fn a_program_that_falls_silent_stops_the_robot_and_its_return_moves_nothing() {
 }
 
 #[test]
+fn a_demand_that_was_over_before_the_cycle_saw_it_stops_all_the_same() {
+    for (safety, between, reason) in [
+        ("enable_input = \"gate.open\"", Between { zero: 1, nonzero: 1 }, SafetyReason::EnableInput),
+        ("stop_input = \"gate.force\"", Between { zero: 2, nonzero: 3 }, SafetyReason::StopInput),
+    ] {
+        let text = text() + &format!("\n[safety]\n{safety}\n");
+        let mut bench = Bench::new(plan(&text));
+        let open = |bench: &mut Bench, request| {
+            hear(bench, GATE, 0, &[1.0, 0.0]);
+            bench.step(request)
+        };
+        bench.run(10);
+        assert_eq!(open(&mut bench, Some(RequestKind::Enable)).answer, RequestAnswer::Taken);
+        for _ in 0..300 {
+            open(&mut bench, None);
+        }
+        assert_eq!(bench.robot.phase(), Phase::Holding);
+        bench.robot.hear_between(GATE, between);
+        assert_eq!(open(&mut bench, None).allowed.reason, reason);
+    }
+}
+
+#[test]
 fn a_recorded_cycle_is_computed_again_with_what_was_heard_in_it() {
     let mut bench = Bench::new(plan(&text()));
     let mut records = Vec::new();
     for cycle in 0..400_u64 {
         match cycle % 7 {
             0 => hear(&mut bench, GATE, (cycle % 5) * MS.min(cycle), &[1.0, cycle as f64]),
+            1 => bench.robot.hear_between(GATE, Between { zero: 1, nonzero: 2 }),
             3 => hear(&mut bench, MOCAP, 0, &[f64::NAN; 9]),
             5 => hear(&mut bench, FLOW, cycle, &[0.1, 0.2, cycle as f64]),
             _ => {}

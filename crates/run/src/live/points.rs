@@ -4,6 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::Pose2;
 
+use omnibase_trajectory::path_points::nearest_turn_rad;
+
 use super::carriers::Live;
 
 /// Poses that are remembered at most.
@@ -56,7 +58,8 @@ impl Live {
         let here = snapshot.record.state.odom_from_body;
         let is_same = |last: &Pose2| {
             let away_m = (last.x_m - here.x_m).hypot(last.y_m - here.y_m);
-            away_m < SAME && (last.heading_rad - here.heading_rad).abs() < SAME
+            let turn_rad = nearest_turn_rad(here.heading_rad, last.heading_rad) - last.heading_rad;
+            away_m < SAME && turn_rad.abs() < SAME
         };
         if points.last().is_some_and(is_same) {
             return Err(NotRemembered::SamePlace);
@@ -73,8 +76,23 @@ impl Live {
         self.points.lock().clone()
     }
 
+    /// No more of them, where there are so many still; `false` where there are others.
+    pub fn end_points(&self, count: usize) -> bool {
+        let mut points = self.points.lock();
+        let is_same = points.as_ref().is_some_and(|points| points.len() == count);
+        if is_same {
+            *points = None;
+        }
+        is_same
+    }
+
+    /// Goes on with these.
+    pub fn resume_points(&self, poses: &[Pose2]) {
+        *self.points.lock() = Some(poses.to_vec());
+    }
+
     /// No more of them, and those that there are forgotten.
-    pub fn end_points(&self) {
+    pub fn forget_points(&self) {
         *self.points.lock() = None;
     }
 }

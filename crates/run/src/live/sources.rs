@@ -1,11 +1,12 @@
 //! What other programs send on its way to the cycle: the latest of each, judged by its instant before it goes.
 
 use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use omnibase_robot::Robot;
 use omnibase_robot::config::SourcePlan;
-use omnibase_robot::signals::{Heard, MAX_SOURCES};
+use omnibase_robot::signals::{Between, Heard, MAX_SOURCES};
 use triple_buffer::{Input, Output, triple_buffer};
 
 /// Between two cycles the robot's clock stands, and a cycle may be late: instants may be ahead of it by so much, ns, and
@@ -22,7 +23,7 @@ pub enum NotHeard {
         /// How far ahead it is, ns.
         ahead_ns: u64,
     },
-    /// Something as new, or newer, was heard before it.
+    /// Something newer was heard before it.
     Overtaken {
         /// By how much, ns.
         by_ns: u64,
@@ -70,6 +71,8 @@ pub struct SourceCounts {
 /// One program's way in.
 struct Way {
     to_cycle: Input<Heard>,
+    /// What was said since the cycle took it.
+    between: Arc<AtomicU64>,
     /// The instant of the latest as it was sent.
     latest_ns: Option<u64>,
     max_age_ns: u64,
@@ -88,7 +91,8 @@ impl SourceLines {
         let instant_ns = heard.instant_ns;
         let ahead_ns = instant_ns.saturating_sub(clock_ns);
         let age_ns = clock_ns.saturating_sub(instant_ns);
-        let by_ns = way.latest_ns.and_then(|latest_ns| latest_ns.checked_sub(instant_ns));
+        let by_ns =
+            way.latest_ns.and_then(|latest_ns| latest_ns.checked_sub(instant_ns)).filter(|by_ns| *by_ns > 0);
         let refused = match by_ns {
             _ if ahead_ns > AHEAD_NS => Some(NotHeard::Future { ahead_ns }),
             _ if age_ns > way.max_age_ns => Some(NotHeard::TooOld { age_ns, most_ns: way.max_age_ns }),
@@ -101,6 +105,7 @@ impl SourceLines {
             None => {
                 way.counts.heard += 1;
                 way.latest_ns = Some(instant_ns);
+                way.between.fetch_or(Between::of(heard).word(), Ordering::Relaxed);
                 way.to_cycle.write(Heard { instant_ns: instant_ns.min(clock_ns), ..*heard });
             }
         }
@@ -115,12 +120,13 @@ impl SourceLines {
 
 /// The cycle's end of these ways.
 #[derive(Default)]
-pub(super) struct SourceEnds(Vec<Output<Heard>>);
+pub(super) struct SourceEnds(Vec<(Output<Heard>, Arc<AtomicU64>)>);
 
 impl SourceEnds {
-    /// Gives the robot what came since the last cycle: the latest of each.
+    /// Gives the robot what came since the last cycle: the latest of each, and what was said in between.
     pub(super) fn hear(&mut self, robot: &mut Robot) {
-        for (source, end) in self.0.iter_mut().enumerate() {
+        for (source, (end, between)) in self.0.iter_mut().enumerate() {
+            robot.hear_between(source, Between::from_word(between.swap(0, Ordering::Relaxed)));
             if end.update() {
                 robot.hear(source, end.output_buffer());
             }
@@ -133,10 +139,16 @@ pub(super) fn source_lines(plans: &[SourcePlan]) -> (SourceLines, SourceEnds) {
     let (mut ways, mut ends) = (Vec::new(), Vec::new());
     for plan in plans.iter().take(MAX_SOURCES) {
         let (to_cycle, from_program) = triple_buffer(&Heard::NOTHING);
-        let way =
-            Way { to_cycle, latest_ns: None, max_age_ns: plan.max_age_ns, counts: SourceCounts::default() };
+        let between = Arc::new(AtomicU64::new(0));
+        let way = Way {
+            to_cycle,
+            between: between.clone(),
+            latest_ns: None,
+            max_age_ns: plan.max_age_ns,
+            counts: SourceCounts::default(),
+        };
         ways.push(Mutex::new(way));
-        ends.push(from_program);
+        ends.push((from_program, between));
     }
     (SourceLines(ways.into()), SourceEnds(ends))
 }

@@ -77,6 +77,27 @@ fn a_thousand_a_second_are_heard_and_the_robot_stops_when_they_end() {
 }
 
 #[test]
+fn a_burst_that_ends_well_hides_no_demand_in_it() {
+    played(3.0, |hands| {
+        for ms in (100..2900_u32).step_by(5) {
+            hands.at(f64::from(ms) * 1e-3, move |live, _| {
+                send(live, 4 * MS, [1.0, 0.0]).unwrap();
+                // What a line kept back comes at once.
+                if ms == 1500 {
+                    send(live, 2 * MS, [0.0, 0.0]).unwrap();
+                }
+                send(live, MS, [1.0, 0.0]).unwrap();
+            });
+        }
+        hands.ask(0.5, BY, Ask::Robot(RequestKind::Enable), TAKEN);
+        hands.at(1.499, |_, seen| assert_eq!(seen.phase, Phase::Holding));
+        hands.at(1.51, |_, seen| {
+            assert_eq!((seen.phase, seen.record.stop_reason), (Phase::Fault, SafetyReason::EnableInput));
+        });
+    });
+}
+
+#[test]
 fn what_is_late_overtaken_or_of_the_future_is_counted_and_never_seen() {
     let counts: Arc<Mutex<Vec<f64>>> = Arc::default();
     let run = played(3.0, |hands| {

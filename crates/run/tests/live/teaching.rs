@@ -100,7 +100,7 @@ fn single_points_become_a_path_that_stands_at_each_of_them() {
         hands.at(8.0, move |live, _| {
             assert_eq!(live.remember_point(), Ok(3));
             *kept.lock().unwrap() = live.points().unwrap();
-            live.end_points();
+            assert!(!live.end_points(2) && live.end_points(3));
             assert_eq!(live.points(), None);
         });
     });
