@@ -356,6 +356,14 @@ impl Axis {
         };
     }
 
+    /// The state in which its drive shall be: one that failed brakes, but where torque is taken it is taken of it too.
+    fn wanted(&self) -> Wanted {
+        match self.leave.wanted {
+            Wanted::OperationEnabled if self.watch.wrong().is_some() => Wanted::QuickStop,
+            wanted => wanted,
+        }
+    }
+
     fn lets_move(&self) -> bool {
         self.leave.may_move && self.leave.wanted == Wanted::OperationEnabled
     }
@@ -423,7 +431,7 @@ impl Peripheral for Axis {
             _ => self.feedback.actual.velocity_units,
         };
         let request = DriveRequest {
-            wanted: if self.watch.wrong().is_some() { Wanted::QuickStop } else { self.leave.wanted },
+            wanted: self.wanted(),
             mode: self.task.mode(),
             targets: Targets { position_counts, velocity_units, ..self.feedback.actual },
         };

@@ -14,8 +14,8 @@ const DEVICE: usize = 1;
 const COUNTS_PER_M: f64 = 200.0 * 1_048_576.0;
 const HALT: u16 = 1 << 8;
 
-/// A drive in pp moves at 0.1 m/s to its set point unless it is halted, and takes none meanwhile; in csp it is where it is told; in hm it is told what
-/// to show.
+/// A drive in pp moves at 0.1 m/s to its set point unless it is halted, and takes none meanwhile; in csp it is where it is told;
+/// in pv it changes its speed by 0.5 m/s², halted by 1 m/s²; in hm it is told what to show.
 struct Drive {
     bench: Bench,
     status: u16,
@@ -24,6 +24,7 @@ struct Drive {
     asked: VecDeque<i8>,
     counts: f64,
     pp_target: Option<f64>,
+    pv_speed_m_s: f64,
     acknowledges: bool,
     homing: u16,
     /// Without torque it goes on so far in a cycle.
@@ -33,23 +34,28 @@ struct Drive {
 impl Drive {
     /// Enabled; it shows a mode so many cycles after it was told it. Its encoder is absolute.
     fn new(delay: usize) -> Self {
-        let text = LIFT.replace("unit = \"m\"", "unit = \"m\"\nencoder = \"absolute\"");
-        let mut drive = Drive {
+        let mut drive = Drive::disabled(delay, "absolute");
+        drive.run(3);
+        drive.step(Some(RequestKind::Enable));
+        drive.run(100);
+        assert_eq!(drive.bench.robot.phase(), Phase::Holding);
+        drive
+    }
+
+    fn disabled(delay: usize, encoder: &str) -> Self {
+        let text = LIFT.replace("unit = \"m\"", &format!("unit = \"m\"\nencoder = \"{encoder}\""));
+        Drive {
             bench: Bench::new(plan(&text)),
             status: 0x250,
             mode: 0,
             asked: VecDeque::from(vec![0; delay]),
             counts: 0.1 * COUNTS_PER_M,
             pp_target: None,
+            pv_speed_m_s: 0.0,
             acknowledges: true,
             homing: 0,
             coasts_m: 0.0,
-        };
-        drive.run(3);
-        drive.step(Some(RequestKind::Enable));
-        drive.run(100);
-        assert_eq!(drive.bench.robot.phase(), Phase::Holding);
-        drive
+        }
     }
 
     fn told(&self) -> (u16, f64, i8) {
@@ -78,6 +84,7 @@ impl Drive {
             match self.mode {
                 8 => self.counts = target,
                 1 => self.plan_its_way(control, target),
+                3 => self.run_at_its_speed(control),
                 6 => self.status |= self.homing,
                 _ => {}
             }
@@ -102,6 +109,14 @@ impl Drive {
             self.counts += (to - self.counts).clamp(-step, step);
         }
         self.status |= u16::from(self.counts == to) << 10;
+    }
+
+    fn run_at_its_speed(&mut self, control: u16) {
+        let told = &self.bench.image.device_outputs[DEVICE][6..10];
+        let told_m_s = f64::from(i32::from_le_bytes(told.try_into().unwrap())) / COUNTS_PER_M;
+        let (to_m_s, most) = if control & HALT == 0 { (told_m_s, 0.5e-3) } else { (0.0, 1e-3) };
+        self.pv_speed_m_s += (to_m_s - self.pv_speed_m_s).clamp(-most, most);
+        self.counts += self.pv_speed_m_s * 1e-3 * COUNTS_PER_M;
     }
 
     fn run(&mut self, cycles: usize) {
@@ -260,5 +275,26 @@ fn a_drive_that_moves_by_itself_is_stopped() {
         drive.run(500);
         assert_eq!(drive.bench.robot.record().stop_reason, SafetyReason::Axis);
         assert_eq!(drive.bench.robot.phase(), Phase::Fault);
+    }
+}
+
+#[test]
+fn a_failed_axis_loses_its_torque_in_fault_and_in_category_0() {
+    for request in [None, Some(RequestKind::Stop(StopCategory::RemoveTorque))] {
+        let mut drive = Drive::new(0);
+        let too_fast = (0.166 * COUNTS_PER_M) as i32;
+        drive.bench.image.device_inputs[DEVICE][6..10].copy_from_slice(&too_fast.to_le_bytes());
+        drive.bench.step(None);
+        drive.step(None);
+        assert_eq!(drive.told().0 & 0x8F, 0x02, "its quick stop");
+        drive.step(request);
+        if request.is_none() {
+            assert_eq!(drive.told().0 & 0x8F, 0x02);
+            drive.run(500);
+        }
+        assert_eq!(drive.bench.robot.phase(), Phase::Fault);
+        assert_eq!(drive.told().0 & 0x8F, 0, "{request:?}");
+        drive.run(10);
+        assert_eq!(drive.status, 0x250);
     }
 }
