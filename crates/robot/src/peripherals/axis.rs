@@ -245,6 +245,12 @@ impl Axis {
                 self.profile.lead_to(to);
                 (self.task, self.next) = (task, None);
             }
+            // The drive is told nothing new: it acknowledges nothing anew.
+            (Task::Plan { to, .. }, Task::Plan { to: again, .. })
+                if self.plan.scale.counts(to) == self.plan.scale.counts(again) =>
+            {
+                self.next = None;
+            }
             (Task::Plan { .. }, Task::Plan { .. }) | (Task::Run { .. }, Task::Run { .. }) => {
                 (self.task, self.next) = (task, None)
             }

@@ -298,3 +298,37 @@ fn a_failed_axis_loses_its_torque_in_fault_and_in_category_0() {
         assert_eq!(drive.status, 0x250);
     }
 }
+
+#[test]
+fn a_position_in_pp_may_be_asked_for_again() {
+    let to = |position| AxisAsk::Move { position, mode: AxisMode::Pp };
+    for delay in [0, 3] {
+        let mut drive = Drive::new(delay);
+        drive.ask(to(0.2));
+        drive.run(500);
+        // Under way, in the cycles in which it arrives, and when it is there.
+        for cycles in [700, 1, 1500, 1500] {
+            assert_eq!(drive.ask(to(0.2)), RequestAnswer::Taken);
+            drive.run(cycles);
+            assert_eq!(drive.bench.robot.phase(), Phase::Holding);
+        }
+        for _ in 0..1500 {
+            assert_eq!(drive.ask(to(0.3)), RequestAnswer::Taken);
+        }
+        drive.run(1500);
+        assert_eq!((drive.bench.robot.phase(), drive.state()), (Phase::Holding, AxisState::Holding));
+        assert!((drive.position_m() - 0.3).abs() < 1e-6, "{}", drive.position_m());
+        // There, elsewhere and there again, whatever the drive has acknowledged meanwhile.
+        for [before, between] in (0..6).rev().flat_map(|before| (0..6).map(move |between| [before, between]))
+        {
+            drive.ask(to(0.35));
+            drive.run(before);
+            drive.ask(to(0.25));
+            drive.run(between);
+            drive.ask(to(0.35));
+            drive.run(1300);
+            assert_eq!(drive.bench.robot.phase(), Phase::Holding, "{before} {between}");
+        }
+        assert!((drive.position_m() - 0.35).abs() < 1e-6, "{}", drive.position_m());
+    }
+}
