@@ -288,8 +288,9 @@ impl Axis {
                 }
             }
             Task::Run { speed } => {
-                let outwards = *speed;
-                if self.leaves_limits(outwards) {
+                let (wished, measured) = (*speed, self.speed());
+                // Where it was told to turn round it goes on as it went until it has slowed down.
+                if self.leaves_limits(if self.stood == 0 { measured } else { wished }) {
                     self.stop(now_ns);
                 }
             }
@@ -485,6 +486,10 @@ impl Peripheral for Axis {
                 let is_allowed = speed.abs() <= self.plan.limits.speed;
                 if !is_allowed || !self.plan.modes.contains(&AxisMode::Pv) {
                     return RequestAnswer::Refused;
+                }
+                if speed == 0.0 {
+                    self.stop(now_ns);
+                    return RequestAnswer::Taken;
                 }
                 Task::Run { speed }
             }

@@ -332,3 +332,32 @@ fn a_position_in_pp_may_be_asked_for_again() {
         assert!((drive.position_m() - 0.35).abs() < 1e-6, "{}", drive.position_m());
     }
 }
+
+#[test]
+fn an_axis_that_is_told_a_speed_never_runs_through_its_limits_on_the_way_to_it() {
+    for next in [-0.01, 0.0, -0.15] {
+        for short_m in [0.001, 0.004, 0.01, 0.02] {
+            let mut drive = Drive::new(5);
+            assert_eq!(drive.ask(AxisAsk::Run { speed: 0.15 }), RequestAnswer::Taken);
+            while drive.position_m() < 0.6 - 0.15 * 0.15 / 2.0 - short_m {
+                drive.step(None);
+            }
+            assert_eq!(drive.ask(AxisAsk::Run { speed: next }), RequestAnswer::Taken);
+            let mut furthest_m: f64 = 0.0;
+            for _ in 0..1500 {
+                drive.step(None);
+                furthest_m = furthest_m.max(drive.position_m());
+            }
+            assert!(furthest_m <= 0.6, "{next} {short_m}: {furthest_m}");
+            assert_eq!(drive.bench.robot.phase(), Phase::Holding);
+            if next == 0.0 {
+                assert_eq!((drive.state(), drive.mode), (AxisState::Holding, 8));
+            }
+            // Away from there it runs.
+            let stood_m = drive.position_m();
+            assert_eq!(drive.ask(AxisAsk::Run { speed: -0.1 }), RequestAnswer::Taken);
+            drive.run(500);
+            assert!(drive.position_m() < stood_m - 0.02, "{next} {short_m}: {}", drive.position_m());
+        }
+    }
+}
