@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
-use omnibase_robot::RequestKind;
+use omnibase_platform::Twist2;
 use omnibase_robot::config::AxisMode;
-use omnibase_robot::signals::{AxisAsk, AxisState, Phase, RequestAnswer, SafetyReason, StopCategory};
+use omnibase_robot::signals::{AxisAsk, AxisState, Frame, Phase, RequestAnswer, SafetyReason, StopCategory};
+use omnibase_robot::{Exchange, RequestKind};
 
 use crate::support::{Bench, plan};
 
@@ -34,7 +35,11 @@ struct Drive {
 impl Drive {
     /// Enabled; it shows a mode so many cycles after it was told it. Its encoder is absolute.
     fn new(delay: usize) -> Self {
-        let mut drive = Drive::disabled(delay, "absolute");
+        Drive::with_encoder(delay, "absolute")
+    }
+
+    fn with_encoder(delay: usize, encoder: &str) -> Self {
+        let mut drive = Drive::disabled(delay, encoder);
         drive.run(3);
         drive.step(Some(RequestKind::Enable));
         drive.run(100);
@@ -44,6 +49,7 @@ impl Drive {
 
     fn disabled(delay: usize, encoder: &str) -> Self {
         let text = LIFT.replace("unit = \"m\"", &format!("unit = \"m\"\nencoder = \"{encoder}\""));
+        let text = text.replace("stop_input = \"buttons.stop\"", "on_lost_device = \"ramp\"");
         Drive {
             bench: Bench::new(plan(&text)),
             status: 0x250,
@@ -359,5 +365,73 @@ fn an_axis_that_is_told_a_speed_never_runs_through_its_limits_on_the_way_to_it()
             drive.run(500);
             assert!(drive.position_m() < stood_m - 0.02, "{next} {short_m}: {}", drive.position_m());
         }
+    }
+}
+
+/// The set points in csp never leap, whatever is lost.
+#[track_caller]
+fn run_without_a_leap(drive: &mut Drive, cycles: usize) {
+    for _ in 0..cycles {
+        let before = drive.told();
+        drive.step(None);
+        let after = drive.told();
+        let step_m = (after.1 - before.1).abs() / COUNTS_PER_M;
+        let follows = |told: (u16, f64, i8)| told.0 & 0x0F == 0x0F && told.2 == 8;
+        assert!(!follows(before) || !follows(after) || step_m <= 0.15e-3 + 1e-8, "{step_m}");
+        let is_there = (drive.counts - before.1).abs() < 1.0;
+        let leaves_pp = (before.2, after.2) == (1, 8) && follows((after.0, after.1, 8));
+        assert!(!leaves_pp || is_there || before.0 & HALT != 0, "another mode without a halt");
+    }
+}
+
+#[test]
+fn an_axis_goes_on_after_a_cycle_that_came_late_and_lost_its_exchange() {
+    for ask in [
+        AxisAsk::Move { position: 0.3, mode: AxisMode::Csp },
+        AxisAsk::Move { position: 0.3, mode: AxisMode::Pp },
+    ] {
+        let mut drive = Drive::with_encoder(0, "incremental");
+        assert_eq!(drive.ask(AxisAsk::Home), RequestAnswer::Taken);
+        drive.run(20);
+        drive.homing = 1 << 12 | 1 << 10;
+        drive.run(50);
+        assert_eq!(drive.ask(ask), RequestAnswer::Taken);
+        for _ in 0..3 {
+            run_without_a_leap(&mut drive, 300);
+            drive.bench.index += 5;
+            drive.bench.exchange = Exchange::Lost;
+            run_without_a_leap(&mut drive, 1);
+            drive.bench.exchange = Exchange::Complete;
+        }
+        run_without_a_leap(&mut drive, 2500);
+        let record = drive.bench.robot.record();
+        assert_eq!((record.phase, record.stop_reason), (Phase::Holding, SafetyReason::None));
+        assert!((drive.position_m() - 0.3).abs() < 1e-6, "{ask:?}: {}", drive.position_m());
+        assert_eq!(record.signals.inputs[6], 1.0, "homed");
+    }
+}
+
+#[test]
+fn an_axis_that_isnt_heard_any_more_comes_to_rest_without_a_leap() {
+    for mode in [AxisMode::Csp, AxisMode::Pp] {
+        let mut drive = Drive::new(0);
+        assert_eq!(drive.ask(AxisAsk::Move { position: 0.5, mode }), RequestAnswer::Taken);
+        // The base drives too, so that its stop takes as long.
+        let twist = Twist2::new(0.5, 0.0, 0.0);
+        for _ in 0..1000 {
+            drive.step(Some(RequestKind::Velocity { twist, frame: Frame::Body }));
+        }
+        drive.bench.exchange = Exchange::Without { wheels: 0, devices: 1 << DEVICE };
+        run_without_a_leap(&mut drive, 200);
+        assert_eq!(drive.bench.robot.phase(), Phase::Stopping);
+        run_without_a_leap(&mut drive, 700);
+        let stood_m = drive.position_m();
+        drive.bench.exchange = Exchange::Complete;
+        run_without_a_leap(&mut drive, 400);
+        assert!((drive.position_m() - stood_m).abs() < 1e-6, "{mode:?}");
+        let record = drive.bench.robot.record();
+        assert_eq!((record.phase, record.stop_reason), (Phase::Fault, SafetyReason::DeviceLost));
+        assert_eq!(drive.bench.robot.device_problems().count(), 0);
+        assert_eq!(drive.ask(AxisAsk::Stop), RequestAnswer::Taken);
     }
 }
