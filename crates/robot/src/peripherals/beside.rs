@@ -180,7 +180,7 @@ impl Beside {
         for (device, part) in self.all.iter().enumerate() {
             let one = part.peripheral.standing();
             let is_heard = exchange.has_inputs_of_device(device);
-            all.is_ready &= one.is_ready;
+            all.is_ready &= one.is_ready && is_heard;
             all.rests &= one.rests || !is_heard;
             all.stands &= one.stands || !is_heard;
             failed = failed.or(one.failed.then_some(device));

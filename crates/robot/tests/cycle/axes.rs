@@ -435,3 +435,21 @@ fn an_axis_that_isnt_heard_any_more_comes_to_rest_without_a_leap() {
         assert_eq!(drive.ask(AxisAsk::Stop), RequestAnswer::Taken);
     }
 }
+
+#[test]
+fn a_robot_isnt_enabled_in_a_cycle_in_which_an_axis_wasnt_heard() {
+    let cycles = |lost: Option<usize>| {
+        let mut drive = Drive::disabled(0, "absolute");
+        drive.run(3);
+        drive.step(Some(RequestKind::Enable));
+        (0..200).find(|cycle| {
+            let is_lost = lost == Some(*cycle);
+            let without = Exchange::Without { wheels: 0, devices: 1 << DEVICE };
+            drive.bench.exchange = if is_lost { without } else { Exchange::Complete };
+            drive.step(None);
+            drive.bench.robot.phase() == Phase::Holding
+        })
+    };
+    let last = cycles(None).unwrap();
+    assert_eq!(cycles(Some(last)), Some(last + 1));
+}
