@@ -520,9 +520,14 @@ impl Enabling {
             Mode::ProfilePosition => {
                 // Hand-shake: bit 4 rises with a new target, and falls when the drive acknowledged it.
                 let acknowledged = status.contains(StatusWord::SETPOINT_ACKNOWLEDGED);
-                if self.announcing {
-                    self.announcing = !acknowledged;
-                } else if !acknowledged && self.announced_counts != Some(self.sent.position_counts) {
+                let is_new = self.announced_counts != Some(self.sent.position_counts);
+                if acknowledged {
+                    self.announcing = false;
+                    if is_new {
+                        // The last one is over: it is new again should it come back.
+                        self.announced_counts = None;
+                    }
+                } else if is_new && !self.announcing {
                     self.announced_counts = Some(self.sent.position_counts);
                     self.announcing = true;
                 }

@@ -407,6 +407,24 @@ fn profile_position_announces_each_target_once() {
 }
 
 #[test]
+fn a_target_in_profile_position_is_announced_again_after_another_that_never_was() {
+    let mut bench = Bench::running(Mode::ProfilePosition);
+    let mut feedback = bench.drive.feedback();
+    let plain = feedback.status;
+    let mut send = |target: i32, acknowledged: bool| {
+        bench.now_ns += CYCLE_NS;
+        bench.request.targets.position_counts = target;
+        feedback.status = if acknowledged { plain.with(StatusWord::SETPOINT_ACKNOWLEDGED) } else { plain };
+        let output = bench.machine.advance(bench.now_ns, &feedback, &bench.request);
+        (output.control.0 & 0x10 != 0, output.targets.position_counts)
+    };
+    send(5000, true);
+    assert_eq!(send(5000, false), (true, 5000));
+    assert_eq!(send(6000, true), (false, 6000));
+    assert_eq!(send(5000, false), (true, 5000));
+}
+
+#[test]
 fn disabling_removes_the_voltage_and_is_no_problem() {
     let mut bench = Bench::running(Mode::CyclicSynchronousVelocity);
     bench.request.wanted = Wanted::SwitchOnDisabled;

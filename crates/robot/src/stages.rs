@@ -87,7 +87,7 @@ pub trait Peripheral: Send {
         Standing::NOTHING_MOVES
     }
 
-    /// It wasn't heard for longer than is tolerated: what it did is over.
+    /// It was left out of more exchanges in a row than are tolerated: what it does comes to rest.
     fn lost(&mut self) {}
 
     /// Somebody saw what was wrong: faults may be reset.

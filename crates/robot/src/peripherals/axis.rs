@@ -140,6 +140,8 @@ pub struct Axis {
     is_running: bool,
     /// The drive was told to halt in a mode of its own, and hasn't left it yet: without that it would go on.
     is_halted: bool,
+    /// Nobody knows where it is: what was measured last is too old.
+    is_lost: bool,
     is_homed: bool,
     has_no_home: bool,
     leave: Leave,
@@ -171,6 +173,7 @@ impl Axis {
             is_on: false,
             is_running: false,
             is_halted: false,
+            is_lost: false,
             is_homed: plan.encoder == EncoderName::Absolute,
             has_no_home: false,
             leave: Leave::default(),
@@ -245,6 +248,12 @@ impl Axis {
                 self.profile.lead_to(to);
                 (self.task, self.next) = (task, None);
             }
+            // The drive is told nothing new: it acknowledges nothing anew.
+            (Task::Plan { to, .. }, Task::Plan { to: again, .. })
+                if self.plan.scale.counts(to) == self.plan.scale.counts(again) =>
+            {
+                self.next = None;
+            }
             (Task::Plan { .. }, Task::Plan { .. }) | (Task::Run { .. }, Task::Run { .. }) => {
                 (self.task, self.next) = (task, None)
             }
@@ -257,6 +266,12 @@ impl Axis {
 
     /// Where its task is after what the drive said.
     fn advance(&mut self, now_ns: u64) {
+        if self.is_lost {
+            if let Task::Halt { since_ns, .. } = &mut self.task {
+                *since_ns = now_ns;
+            }
+            return;
+        }
         let (status, here) = (self.feedback.status, self.position());
         let shows = self.feedback.mode_code == Some(self.task.mode().code());
         match &mut self.task {
@@ -282,8 +297,9 @@ impl Axis {
                 }
             }
             Task::Run { speed } => {
-                let outwards = *speed;
-                if self.leaves_limits(outwards) {
+                let (wished, measured) = (*speed, self.speed());
+                // Where it was told to turn round it goes on as it went until it has slowed down.
+                if self.leaves_limits(if self.stood == 0 { measured } else { wished }) {
                     self.stop(now_ns);
                 }
             }
@@ -356,6 +372,14 @@ impl Axis {
         };
     }
 
+    /// The state in which its drive shall be: one that failed brakes, but where torque is taken it is taken of it too.
+    fn wanted(&self) -> Wanted {
+        match self.leave.wanted {
+            Wanted::OperationEnabled if self.watch.wrong().is_some() => Wanted::QuickStop,
+            wanted => wanted,
+        }
+    }
+
     fn lets_move(&self) -> bool {
         self.leave.may_move && self.leave.wanted == Wanted::OperationEnabled
     }
@@ -363,6 +387,7 @@ impl Axis {
 
 impl Peripheral for Axis {
     fn read(&mut self, time: &CycleTime, bytes: &[u8], inputs: &mut [f64]) {
+        self.is_lost = false;
         let get = |field: Field| field.read(bytes);
         self.feedback = Feedback {
             status: StatusWord(get(self.fields.status) as u16),
@@ -400,7 +425,7 @@ impl Peripheral for Axis {
 
     fn lead(&mut self, time: &CycleTime, leave: &Leave) {
         self.leave = *leave;
-        if !self.lets_move() {
+        if self.is_lost || !self.lets_move() {
             self.stop(time.now_ns);
         }
     }
@@ -423,7 +448,7 @@ impl Peripheral for Axis {
             _ => self.feedback.actual.velocity_units,
         };
         let request = DriveRequest {
-            wanted: if self.watch.wrong().is_some() { Wanted::QuickStop } else { self.leave.wanted },
+            wanted: self.wanted(),
             mode: self.task.mode(),
             targets: Targets { position_counts, velocity_units, ..self.feedback.actual },
         };
@@ -472,6 +497,10 @@ impl Peripheral for Axis {
                 if !is_allowed || !self.plan.modes.contains(&AxisMode::Pv) {
                     return RequestAnswer::Refused;
                 }
+                if speed == 0.0 {
+                    self.stop(now_ns);
+                    return RequestAnswer::Taken;
+                }
                 Task::Run { speed }
             }
             AxisAsk::Move { position, mode } => {
@@ -494,12 +523,12 @@ impl Peripheral for Axis {
     fn standing(&self) -> Standing {
         let failed = self.watch.wrong().is_some() || self.enabling.problem().is_some();
         let rests = self.task == Task::Rest && self.next.is_none() && self.profile.rests();
-        Standing { is_ready: self.is_running, rests: rests && self.stands(), stands: self.stands(), failed }
+        let is_ready = self.is_running && !self.is_lost;
+        Standing { is_ready, rests: rests && self.stands(), stands: self.stands(), failed }
     }
 
     fn lost(&mut self) {
-        (self.task, self.next) = (Task::Rest, None);
-        (self.is_on, self.is_running) = (false, false);
+        self.is_lost = true;
         // It may have lost its supply, and its count with it.
         self.is_homed &= self.plan.encoder == EncoderName::Absolute;
     }

@@ -23,6 +23,8 @@ pub(crate) struct Beside {
     asked: [Option<f64>; MAX_SIGNALS],
     /// What stages tell in this cycle.
     told: Told,
+    /// A part that missed more exchanges in a row is lost, as for the safety chain, however long they took.
+    tolerated: u32,
     /// Inputs older than this aren't believed, ns: as much as lost exchanges are tolerated.
     most_age_ns: u64,
 }
@@ -35,6 +37,7 @@ struct Part {
     input_bytes: Range<usize>,
     output_bytes: Range<usize>,
     heard_ns: Option<u64>,
+    missed_in_a_row: u32,
 }
 
 /// The next so many places.
@@ -54,6 +57,7 @@ impl Beside {
             input_bytes: next(&mut input_bytes, device.input_bytes()),
             output_bytes: next(&mut output_bytes, device.output_bytes()),
             heard_ns: None,
+            missed_in_a_row: 0,
         });
         let all = parts.collect();
         let mut on_stop = [0.0; MAX_SIGNALS];
@@ -66,6 +70,7 @@ impl Beside {
             on_stop,
             asked: [None; MAX_SIGNALS],
             told: Told::NOTHING,
+            tolerated: plan.safety.lost_exchanges_tolerated,
             most_age_ns: u64::from(plan.safety.lost_exchanges_tolerated).saturating_mul(plan.bus.cycle_ns),
         })
     }
@@ -97,13 +102,18 @@ impl Beside {
                 bytes[..length].copy_from_slice(&heard[..length]);
                 part.peripheral.read(time, bytes, values);
                 part.heard_ns = Some(time.now_ns);
+                part.missed_in_a_row = 0;
+            } else {
+                part.missed_in_a_row = part.missed_in_a_row.saturating_add(1);
+            }
+            if part.heard_ns.is_none() || part.missed_in_a_row > self.tolerated {
+                // What was set before a loss doesn't come back with the SubDevice.
+                self.asked[part.outputs.clone()].fill(None);
+                part.peripheral.lost();
             }
             let age_ns = part.heard_ns.map(|heard_ns| time.now_ns.saturating_sub(heard_ns));
             signals.ages_s[device] = age_ns.map_or(f64::INFINITY, |age_ns| age_ns as f64 * 1e-9);
             if age_ns.is_none_or(|age_ns| age_ns > self.most_age_ns) {
-                // What was set before a loss doesn't come back with the SubDevice.
-                self.asked[part.outputs.clone()].fill(None);
-                part.peripheral.lost();
                 continue;
             }
             for (input, value) in part.inputs.clone().zip(values) {
@@ -175,7 +185,7 @@ impl Beside {
         for (device, part) in self.all.iter().enumerate() {
             let one = part.peripheral.standing();
             let is_heard = exchange.has_inputs_of_device(device);
-            all.is_ready &= one.is_ready;
+            all.is_ready &= one.is_ready && is_heard;
             all.rests &= one.rests || !is_heard;
             all.stands &= one.stands || !is_heard;
             failed = failed.or(one.failed.then_some(device));

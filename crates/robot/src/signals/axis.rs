@@ -15,7 +15,7 @@ pub enum AxisAsk {
         /// Who plans the way: csp or pp.
         mode: AxisMode,
     },
-    /// Run at a speed, by pv, until it is told something else or comes to its limits.
+    /// Run at a speed, by pv, until it is told something else or comes to its limits; 0 stops it.
     Run {
         /// The speed, in the axis' unit per second.
         speed: f64,
