@@ -59,7 +59,7 @@ fn what_wasnt_measured_is_no_swing_and_a_stop_that_was_acknowledged_begins_anew(
     let ring = |bench: &mut Bench, cycle: u32| {
         bench.lie_about_torque(1, swing(9.0, 66.0)(f64::from(cycle) * 1e-3));
         // Every second exchange is lost: what is left is a swing still.
-        bench.exchange = if cycle % 2 == 0 { Exchange::Complete } else { Exchange::Lost };
+        bench.exchange = if cycle.is_multiple_of(2) { Exchange::Complete } else { Exchange::Lost };
         bench.step(None)
     };
     let stopped = (0..300).find(|cycle| ring(&mut bench, *cycle).stop_reason == SafetyReason::Oscillation);

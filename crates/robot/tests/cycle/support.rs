@@ -236,7 +236,7 @@ impl Bench {
         let speed = self.wheel_speeds[wheel];
         let counts = servo.first_counts.wrapping_add(servo.counts.round() as i64 as i32);
         let (status, mode) = (servo.status | servo.more_status, servo.mode);
-        let side = if self.index / 8 % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if (self.index / 8).is_multiple_of(2) { 1.0 } else { -1.0 };
         let servo = &self.servos[wheel];
         let torque_nm = servo.shown_nm.unwrap_or(self.torques[wheel]) + side * servo.ringing_nm;
         let torque = 1000.0 * torque_nm / (scale.rated_torque_nm * scale.gear_ratio);
