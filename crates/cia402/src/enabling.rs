@@ -308,7 +308,7 @@ impl Enabling {
         let mut control = next_control_word(state, wanted);
         control = self.reset_edge(control);
         let targets = self.targets(now_ns, feedback, request, mode_shown.then_some(mode));
-        if self.operating && self.running.is_some() {
+        if self.operating && mode_shown && self.running.is_some() {
             control = control.with(self.mode_bits(mode, feedback.status));
         }
         let progress = match (self.problem, self.running) {

@@ -484,3 +484,21 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn no_bit_of_a_mode_rises_before_the_drive_shows_that_mode() {
+    for mode in [Mode::ProfilePosition, Mode::Homing] {
+        let mut bench = Bench::running(Mode::CyclicSynchronousPosition);
+        let mut feedback = bench.drive.feedback();
+        bench.request.mode = mode;
+        let mut rises = |shown: Mode| {
+            bench.now_ns += CYCLE_NS;
+            feedback.mode_code = Some(shown.code());
+            bench.machine.advance(bench.now_ns, &feedback, &bench.request).control.0 & 0x10 != 0
+        };
+        for _ in 0..3 {
+            assert!(!rises(Mode::CyclicSynchronousPosition), "{mode}: its edge would be lost");
+        }
+        assert!(rises(mode));
+    }
+}

@@ -25,6 +25,7 @@ mod source_tables;
 mod torque_limit;
 mod units;
 
+pub(crate) use axis_plan::AxisObject;
 pub use axis_plan::{AxisLimits, AxisPlan, AxisScale, HomingPlan};
 pub use axis_tables::*;
 pub(crate) use device_plan::signal_layout;

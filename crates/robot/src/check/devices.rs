@@ -102,12 +102,12 @@ impl Device<'_> {
             None => None,
         };
         if let Some(axis) = &axis {
-            let is_given = |one: &ParameterPlan, all: &[ParameterPlan]| {
-                all.iter().any(|other| (other.index, other.subindex) == (one.index, one.subindex))
+            let is_given = |one: &AxisObject, all: &[ParameterPlan]| {
+                all.iter().any(|other| (other.index, other.subindex) == one.object)
             };
-            let own = axis.parameters(|object| find(&outputs, object, 0).is_some());
-            let own: Vec<_> = own.into_iter().filter(|one| !is_given(one, &parameters)).collect();
-            parameters.extend(own);
+            let mut own = axis.objects(|object| find(&outputs, object, 0).is_some());
+            own.retain(|one| !is_given(one, &parameters));
+            parameters.extend(own.into_iter().filter_map(|one| self.object_of_axis(one)));
         }
         let input = self.inputs((defaults, axis.as_ref()), &inputs);
         let output = self.outputs(defaults, &outputs);
@@ -126,6 +126,25 @@ impl Device<'_> {
             parameters,
             custom: own.custom.clone(),
         })
+    }
+
+    /// How an object is written that the axis' table decides; refused where it can't hold what stands there.
+    fn object_of_axis(&mut self, object: AxisObject) -> Option<ParameterPlan> {
+        let (index, _) = object.object;
+        let misfit = match object.parameter() {
+            Ok(parameter) => return Some(parameter),
+            Err(misfit) => misfit,
+        };
+        let setting = self.setting(&format!("axis.{}", misfit.key));
+        // An acceleration stands in two objects.
+        if self.check.problems.iter().all(|problem| problem.setting != setting) {
+            let reason = format!("the drive's object {index:#06x} can't hold it");
+            let problem = self.check.report(ProblemKind::OutOfRange, &setting, reason);
+            let [least, greatest] = misfit.limits;
+            problem.value = Some(misfit.value.to_string());
+            problem.limit = Some(format!("{least} to {greatest}"));
+        }
+        None
     }
 
     fn identity(&mut self, defaults: &PeripheralDefaults) -> Identity {

@@ -22,9 +22,17 @@ pub(super) fn resolve(
             .zip(events_of_file(check, name, &drives, registry, read_file))
             .map(|(own, others)| [own, others].concat());
     }
-    let mut events = events?;
-    events.sort_by_key(|event| event.at_ns);
-    Some(events)
+    let mut steps = events?;
+    // What begins when another ends isn't ended by it.
+    steps.sort_by_key(|step| (step.plan.at_ns, step.begins));
+    Some(steps.into_iter().map(|step| step.plan).collect())
+}
+
+/// The begin or the end of an event.
+#[derive(Clone)]
+struct Step {
+    begins: bool,
+    plan: EventPlan,
 }
 
 /// The events of a file of their own.
@@ -34,7 +42,7 @@ fn events_of_file(
     drives: &[&str],
     registry: &Registry,
     read_file: ReadFile<'_>,
-) -> Option<Vec<EventPlan>> {
+) -> Option<Vec<Step>> {
     let text = match read_file(name) {
         Ok(text) => text,
         Err(reason) => {
@@ -60,7 +68,7 @@ struct Events<'a> {
 }
 
 impl Events<'_> {
-    fn resolve(&self, check: &mut Check, registry: &Registry) -> Option<Vec<EventPlan>> {
+    fn resolve(&self, check: &mut Check, registry: &Registry) -> Option<Vec<Step>> {
         let each = self.tables.iter().enumerate();
         let resolved: Vec<_> = each.map(|(index, table)| self.one(check, index, table, registry)).collect();
         Some(resolved.into_iter().collect::<Option<Vec<_>>>()?.concat())
@@ -73,7 +81,7 @@ impl Events<'_> {
         index: usize,
         table: &EventTable,
         registry: &Registry,
-    ) -> Option<Vec<EventPlan>> {
+    ) -> Option<Vec<Step>> {
         let name = format!("{}[{index}]", self.list);
         let kinds = &registry.events;
         let at_s = check.need(table.at_s, &format!("{name}.at_s"), "it says when");
@@ -88,9 +96,14 @@ impl Events<'_> {
         }
         let course = check.made(make(table, self.drives).map_err(|error| error.under(&name)))?;
         let at_s = at_s?;
-        let plan = |at_s: f64, happening| EventPlan { at_ns: (at_s * 1e9).round() as u64, happening };
-        let end = table.duration_s.zip(course.end).map(|(duration_s, end)| plan(at_s + duration_s, end));
-        Some(std::iter::once(plan(at_s, course.begin)).chain(end).collect())
+        let ns = |at_s: f64| (at_s * 1e9).round() as u64;
+        let step = |begins, at_ns, happening| Step { begins, plan: EventPlan { at_ns, happening } };
+        let begin_ns = ns(at_s);
+        let end = table.duration_s.zip(course.end).map(|(duration_s, end)| {
+            let end_ns = ns(at_s + duration_s).max(begin_ns + 1);
+            step(false, end_ns, end)
+        });
+        Some(std::iter::once(step(true, begin_ns, course.begin)).chain(end).collect())
     }
 }
 

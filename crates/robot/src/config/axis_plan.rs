@@ -148,49 +148,93 @@ impl AxisPlan {
 
     /// What its drive is told at start-up, so that what it plans itself keeps the limits too. `is_mapped` tells which
     /// objects the cycle writes.
-    pub(crate) fn parameters(&self, is_mapped: impl Fn(u16) -> bool) -> Vec<ParameterPlan> {
+    pub(crate) fn objects(&self, is_mapped: impl Fn(u16) -> bool) -> Vec<AxisObject> {
         let AxisLimits { speed, acceleration, stop_deceleration, following_error, torque_nm, .. } =
             self.limits;
-        let units = |value: f64| (value * self.scale.speed_units_per_unit_s.abs()).floor().max(1.0) as i64;
-        let counts = |value: f64| (value * self.scale.counts_per_unit.abs()).floor().max(1.0) as i64;
+        let units = |object, key, value| AxisObject {
+            object,
+            data: whole(key, value, self.scale.speed_units_per_unit_s.abs(), u32::MAX),
+        };
+        let fixed = |object, data: &[u8]| AxisObject { object, data: Ok(data.to_vec()) };
         let mut all = vec![
             // The bus is lost: the drive's quick stop, which then holds.
-            (0x6007, 0, 2, 3),
-            (0x605A, 0, 2, 6),
-            (0x6085, 0, 4, units(stop_deceleration)),
-            (0x6065, 0, 4, counts(following_error)),
+            fixed((0x6007, 0), &3_i16.to_le_bytes()),
+            fixed((0x605A, 0), &6_i16.to_le_bytes()),
+            units((0x6085, 0), "stop_deceleration", stop_deceleration),
+            AxisObject {
+                object: (0x6065, 0),
+                // The greatest number takes the drive's supervision away.
+                data: whole(
+                    "following_error",
+                    following_error,
+                    self.scale.counts_per_unit.abs(),
+                    u32::MAX - 1,
+                ),
+            },
         ];
         if !is_mapped(0x6072) {
-            all.push((0x6072, 0, 2, (torque_nm / self.scale.rated_torque_nm * 1000.0).floor() as i64));
+            let per_mille = (torque_nm / self.scale.rated_torque_nm * 1000.0).floor() as u16;
+            all.push(fixed((0x6072, 0), &per_mille.to_le_bytes()));
         }
         let has = |mode| self.modes.contains(&mode);
         if has(AxisMode::Pp) {
-            all.push((0x6081, 0, 4, units(speed)));
+            all.push(units((0x6081, 0), "speed_limit", speed));
         }
         if has(AxisMode::Pp) || has(AxisMode::Pv) {
-            all.extend([(0x6083, 0, 4, units(acceleration)), (0x6084, 0, 4, units(acceleration))]);
+            all.push(units((0x6083, 0), "acceleration_limit", acceleration));
+            all.push(units((0x6084, 0), "acceleration_limit", acceleration));
         }
         if has(AxisMode::Pp) || has(AxisMode::Pv) || self.homing.is_some() {
             // A halt: by the quick stop's ramp.
-            all.push((0x605D, 0, 2, 2));
+            all.push(fixed((0x605D, 0), &2_i16.to_le_bytes()));
         }
         if let Some(homing) = self.homing {
             all.extend([
                 // Drives differ in the sign of the home offset: their home is their 0.
-                (0x607C, 0, 4, 0),
-                (0x6098, 0, 1, homing.method.into()),
-                (0x6099, 1, 4, units(homing.switch_speed)),
-                (0x6099, 2, 4, units(homing.zero_speed)),
-                (0x609A, 0, 4, units(homing.acceleration)),
+                fixed((0x607C, 0), &0_i32.to_le_bytes()),
+                fixed((0x6098, 0), &homing.method.to_le_bytes()),
+                units((0x6099, 1), "homing.switch_speed", homing.switch_speed),
+                units((0x6099, 2), "homing.zero_speed", homing.zero_speed),
+                units((0x609A, 0), "homing.acceleration", homing.acceleration),
             ]);
         }
-        let parameter = |(index, subindex, bytes, value): (u16, u8, usize, i64)| ParameterPlan {
-            index,
-            subindex,
-            data: value.to_le_bytes()[..bytes].to_vec(),
-            read_back: ReadBack::Compare,
-            origin: "axis".to_owned(),
-        };
-        all.into_iter().map(parameter).collect()
+        all
     }
+}
+
+/// An object of the drive that an axis' table decides.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct AxisObject {
+    /// Index and subindex.
+    pub object: (u16, u8),
+    data: Result<Vec<u8>, Misfit>,
+}
+
+impl AxisObject {
+    /// How it is written at start-up.
+    pub(crate) fn parameter(self) -> Result<ParameterPlan, Misfit> {
+        let (index, subindex) = self.object;
+        let (read_back, origin) = (ReadBack::Compare, "axis".to_owned());
+        Ok(ParameterPlan { index, subindex, data: self.data?, read_back, origin })
+    }
+}
+
+/// A value that its object can't hold.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Misfit {
+    /// In the axis' table.
+    pub key: &'static str,
+    /// What stands there.
+    pub value: f64,
+    /// The least and the greatest that the object can hold, in the axis' unit.
+    pub limits: [f64; 2],
+}
+
+/// A value in the drive's units, 32 bits of at least 1: never more than it says.
+fn whole(key: &'static str, value: f64, per_unit: f64, most: u32) -> Result<Vec<u8>, Misfit> {
+    let units = (value * per_unit).floor();
+    if (1.0..=f64::from(most)).contains(&units) {
+        return Ok((units as u32).to_le_bytes().to_vec());
+    }
+    Err(Misfit { key, value, limits: [1.0 / per_unit, f64::from(most) / per_unit] })
 }

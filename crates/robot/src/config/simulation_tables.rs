@@ -160,7 +160,7 @@ pub struct EventTable {
     /// Where it stands, x and y in base_link, m; default: in the middle.
     #[schemars(inner(range(min = -100.0, max = 100.0)))]
     pub position_m: Option<[f64; 2]>,
-    /// Height of its centre of mass over the floor, m; default: 0.6.
+    /// Height of its centre of mass over the floor, m; default: `simulation.payload_height_m`, without it 0.6.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub height_m: Option<f64>,
     /// As `simulation.static_friction`, of the whole floor.

@@ -127,6 +127,35 @@ fn every_mistake_about_an_axis_is_refused_with_its_value_and_what_was_expected()
 }
 
 #[test]
+fn what_an_object_of_the_drive_cant_hold_is_refused() {
+    let limits = ("0.00000000476837158203125", "20.47999999523163");
+    for (from, to, key, value) in [
+        ("stop_deceleration = 1.0", "stop_deceleration = 21.0", "stop_deceleration", "21"),
+        ("acceleration = 0.5, ", "acceleration = 21.0, ", "homing.acceleration", "21"),
+        ("following_error = 0.005", "following_error = 21.0", "following_error", "21"),
+        ("following_error = 0.005", "following_error = 4e-9", "following_error", "0.000000004"),
+        ("zero_speed = 0.005", "zero_speed = 4e-9", "homing.zero_speed", "0.000000004"),
+        ("switch_speed = 0.05", "switch_speed = 4e-9", "homing.switch_speed", "0.000000004"),
+        ("acceleration_limit = 0.5", "acceleration_limit = 4e-9", "acceleration_limit", "0.000000004"),
+    ] {
+        let text = LIFT.replace(from, to).replace("jerk_limit = 10.0", "");
+        let problems = problems(&text);
+        let [problem] = &problems[..] else { panic!("{to}: {}", show(&problems)) };
+        assert_eq!(problem.setting, format!("device[1].axis.{key}"));
+        assert_eq!(problem.value.as_deref(), Some(value));
+        let limit = problem.limit.as_deref().unwrap();
+        let most = if key == "following_error" { "20.47999999046" } else { limits.1 };
+        assert!(limit.starts_with(&format!("{} to {most}", limits.0)), "{to}: {limit}");
+        assert!(problem.reason.contains("0x60"), "{problem}");
+    }
+    // An object that the file writes itself is the file's.
+    let own = "[device.axis]";
+    let parameters = "parameters = [{ object = \"6085\", type = \"u32\", value = 77 }]\n[device.axis]";
+    let text = LIFT.replace(own, parameters).replace("jerk_limit = 10.0", "");
+    assert!(check(&text.replace("stop_deceleration = 1.0", "stop_deceleration = 21.0")).is_ok());
+}
+
+#[test]
 fn a_law_that_commands_torques_commands_no_drive_that_takes_speeds() {
     let with = |law: &str, more: &str| {
         let text = BMM.replace("name = \"wheel_2\"", &format!("name = \"wheel_2\"\n{more}"));

@@ -136,3 +136,22 @@ fn patches_slopes_and_motors_are_refused_where_they_contradict_themselves() {
         assert!(told.contains(expected), "{lines}: {told}");
     }
 }
+
+#[test]
+fn an_event_that_begins_when_another_ends_begins_after_that_end() {
+    let push = |at_s: f64, force_n: f64| {
+        format!(
+            "[[simulation.event]]\nat_s = {at_s}\nkind = \"push\"\nduration_s = 1.0\nforce_n = [{force_n}, 0.0]\n"
+        )
+    };
+    let plan = check(&format!("{BMM}\n{}{}", push(2.0, 20.0), push(1.0, 10.0))).unwrap();
+    let forces = plan.events.iter().map(|event| match event.happening {
+        Happening::Push { force_n: [x_n, _], .. } => (event.at_ns / 1_000_000_000, x_n),
+        other => panic!("{other:?}"),
+    });
+    assert_eq!(forces.collect::<Vec<_>>(), [(1, 10.0), (2, 0.0), (2, 20.0), (3, 0.0)]);
+    // One that is shorter than a nanosecond ends all the same.
+    let short = push(1.0, 10.0).replace("duration_s = 1.0", "duration_s = 1e-12");
+    let plan = check(&format!("{BMM}\n{short}")).unwrap();
+    assert_eq!(plan.events.last().unwrap().at_ns, 1_000_000_001);
+}
