@@ -101,8 +101,8 @@ fn every_mistake_is_refused_with_its_value_and_what_was_expected() {
 
 #[test]
 fn what_a_cycle_cant_hold_is_refused() {
-    let inputs: String = (0..31).map(|n| format!("{{ name = \"n{n}\", object = \"6000.1\" }},")).collect();
+    let inputs: String = (0..63).map(|n| format!("{{ name = \"n{n}\", object = \"6000.1\" }},")).collect();
     let (value, limit) = told("  { name = \"stop\"", &format!("{inputs}{{ name = \"stop\""), "device");
-    assert_eq!(value.as_deref(), Some("34 inputs"));
-    assert_eq!(limit.as_deref(), Some("at most 32 of all SubDevices together"));
+    assert_eq!(value.as_deref(), Some("66 inputs"));
+    assert_eq!(limit.as_deref(), Some("at most 64 of all SubDevices and programs together"));
 }
