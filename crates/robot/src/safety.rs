@@ -179,11 +179,10 @@ impl SafetyChain {
 /// Which of the inputs that enable and stop forbids that drives are enabled, by its place. One that isn't heard, or is
 /// no number, enables nothing, and stops; so does one that said so at some instant since the cycle before.
 pub(crate) fn input_forbids(plan: &SafetyPlan, signals: &Signals) -> Option<(SafetyReason, u64)> {
-    let was = |inputs: u64, input: usize| inputs >> input & 1 == 1;
     let stops =
-        plan.stop_input.filter(|input| signals.believed(*input) != Some(0.0) || was(signals.raised, *input));
+        plan.stop_input.filter(|input| signals.believed(*input) != Some(0.0) || signals.was_raised(*input));
     let enables = |input: &usize| {
-        signals.believed(*input).is_some_and(|value| value != 0.0) && !was(signals.zeroed, *input)
+        signals.believed(*input).is_some_and(|value| value != 0.0) && !signals.was_zeroed(*input)
     };
     let lacks = plan.enable_input.filter(|input| !enables(input));
     stops

@@ -119,6 +119,16 @@ impl Signals {
         output_bytes: [0; MAX_DEVICE_BYTES],
     };
 
+    /// Whether a program said in between that an input is 0, or no number.
+    pub fn was_zeroed(&self, input: usize) -> bool {
+        self.zeroed >> input & 1 == 1
+    }
+
+    /// Whether a program said in between that an input is anything but 0.
+    pub fn was_raised(&self, input: usize) -> bool {
+        self.raised >> input & 1 == 1
+    }
+
     /// An input by its place; `None` where it isn't to be believed.
     pub fn believed(&self, input: usize) -> Option<f64> {
         let is_believed = input < self.shape.inputs && self.believed >> input & 1 == 1;

@@ -156,8 +156,11 @@ impl SinceStop {
 
 /// Whether somebody stops the robot by an input that is heard; one that isn't is a part of the loss.
 fn is_by_input(record: &CycleRecord, plan: &ComebackPlan) -> bool {
-    let heard = |input: Option<usize>| input.and_then(|input| record.signals.believed(input));
-    heard(plan.stop_input).is_some_and(|value| value != 0.0) || heard(plan.enable_input) == Some(0.0)
+    let signals = &record.signals;
+    let stops =
+        |input| signals.was_raised(input) || signals.believed(input).is_some_and(|value| value != 0.0);
+    let forbids = |input| signals.was_zeroed(input) || signals.believed(input) == Some(0.0);
+    plan.stop_input.is_some_and(stops) || plan.enable_input.is_some_and(forbids)
 }
 
 /// Bit n for wheel n of the robot.

@@ -38,9 +38,14 @@ struct Bench {
 impl Bench {
     /// A robot that follows what this client asked for, and goes on after a loss within 10 s.
     fn following(client: Client, within_ns: Option<u64>) -> Self {
+        Bench::following_by(client, within_ns.map(|within_ns| plan(within_ns, UNATTENDED)))
+    }
+
+    /// The same, with another plan.
+    fn following_by(client: Client, plan: Option<ComebackPlan>) -> Self {
         let ages = Ages { pad_ns: 200 * MS, session_ns: 1000 * MS };
         let mut operator = Operator::new(ages, StopCategory::RampThenRemove);
-        operator.comes_back(within_ns.map(|within_ns| plan(within_ns, UNATTENDED)));
+        operator.comes_back(plan);
         let mut bench = Bench { operator, record: CycleRecord::default(), phase: Phase::Holding };
         bench.record.exchange = Exchange::Complete;
         bench.record.measurements.wheels = 3;
@@ -318,4 +323,19 @@ fn a_person_sets_the_pose_of_a_robot_that_stands() {
     let truth = run.last.beside.truth.unwrap().odom_from_body;
     assert!((truth.x_m.hypot(truth.y_m) - 0.5).abs() < 5e-3, "{truth:?}");
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+}
+
+#[test]
+fn an_input_that_forbade_only_between_two_cycles_ends_the_comeback_too() {
+    for (zeroed, comes_back) in [(0, true), (1, false)] {
+        let by_input = ComebackPlan { enable_input: Some(0), ..plan(10_000 * MS, UNATTENDED) };
+        let mut bench = Bench::following_by(Client::Page(3), Some(by_input));
+        let signals = &mut bench.record.signals;
+        (signals.shape.inputs, signals.inputs[0], signals.believed) = (1, 1.0, 1);
+        bench.lose();
+        bench.record.signals.zeroed = zeroed;
+        assert_eq!(bench.cycle(), None);
+        bench.record.signals.zeroed = 0;
+        assert_eq!(!bench.asked_alive(6000).is_empty(), comes_back, "{zeroed}");
+    }
 }
