@@ -62,14 +62,20 @@ fn twenty_sgdv() {
 fn the_shipped_robot_with_terminals() {
     let Some(namespace) = Namespace::for_test("SOEM over a virtual cable") else { return };
     let Some(python) = python() else { return };
-    let text = include_str!("../../../robots/bmm_io.toml");
-    let plan = RobotPlan::from_toml(text, &Registry::with_built_in(), &|name| Err(name.to_owned())).unwrap();
+    // With the lift of the other shipped robot behind its wheels.
+    let (_, lift) =
+        include_str!("../../../robots/bmm_lift.toml").split_once("[[device]]\nname = \"lift\"").unwrap();
+    let (lift, _) = lift.split_once("[[drive]]").unwrap();
+    let lift = lift.replace("position = 4", "position = 7");
+    let io = include_str!("../../../robots/bmm_io.toml");
+    let text = format!("{io}\n[[device]]\nname = \"lift\"{lift}");
+    let plan = RobotPlan::from_toml(&text, &Registry::with_built_in(), &|name| Err(name.to_owned())).unwrap();
     let (segment, _machine) = simulated::segment(&plan).unwrap();
     let report = behind_a_cable(&namespace, segment, || {
-        soem::bring_up_terminals(python, Namespace::NEAR, 7, [1, 2], &[4, 5, 6])
+        soem::bring_up_terminals(python, Namespace::NEAR, 8, [1, 2], &[4, 5, 6, 7])
     })
     .unwrap();
-    // All seven in OP, the contact that is closed read, and every working counter as SOEM expects it.
-    assert!(report.contains("\"states\": [8, 8, 8, 8, 8, 8, 8]"), "{report}");
+    // All eight in OP, the contact that is closed read, and every working counter as SOEM expects it.
+    assert!(report.contains("\"states\": [8, 8, 8, 8, 8, 8, 8, 8]"), "{report}");
     assert!(report.contains("\"input\": \"01\"") && report.contains("\"full_cycles\": 100"), "{report}");
 }

@@ -3,7 +3,8 @@
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_robot::RequestKind;
-use omnibase_robot::signals::{Phase, RequestAnswer, SafetyReason};
+use omnibase_robot::config::AxisMode;
+use omnibase_robot::signals::{AxisAsk, Phase, RequestAnswer, SafetyReason};
 use omnibase_run::RobotText;
 use omnibase_run::live::{Answer, Ask, Client, Refusal};
 
@@ -52,6 +53,44 @@ fn lamps(panel: &IoPanel) -> [u64; 2] {
 fn see_lamps(hands: &mut Hands, time_s: f64, expected: [u64; 2]) {
     let panel = hands.panels[LAMPS].clone();
     hands.at(time_s, move |_, _| assert_eq!(lamps(&panel), expected, "at {time_s} s"));
+}
+
+/// The lift of the other shipped robot, behind the wheels of this one.
+fn with_lift() -> String {
+    let lift = include_str!("../../../../robots/bmm_lift.toml");
+    let (_, lift) = lift.split_once("[[device]]\nname = \"lift\"").unwrap();
+    let (lift, _) = lift.split_once("[[drive]]").unwrap();
+    format!("{TEXT}{CIRCLE}\n[[device]]\nname = \"lift\"{}", lift.replace("position = 4", "position = 7"))
+}
+
+#[test]
+fn terminals_and_an_axis_beside_the_wheels_are_driven_set_stopped_and_replayed() {
+    /// Its place among the SubDevices without a wheel.
+    const LIFT: u32 = 4;
+    let axis = |ask| robot(RequestKind::Axis { device: LIFT, ask });
+    let text = RobotText { text: with_lift(), ..RobotText::default() };
+    let run = played_by(text, 14.0, |hands| {
+        hands.ask(0.5, BY, robot(RequestKind::Enable), TAKEN);
+        hands.ask(1.0, BY, axis(AxisAsk::Home), TAKEN);
+        hands.ask(1.1, BY, set(0, 1.0), TAKEN);
+        hands.ask(1.2, BY, robot(RequestKind::Track), TAKEN);
+        hands.at(5.0, |_, seen| assert_eq!(seen.phase, Phase::Tracking));
+        see_lamps(hands, 5.0, [1, 1]);
+        hands.ask(5.5, BY, axis(AxisAsk::Move { position: 0.4, mode: AxisMode::Csp }), TAKEN);
+        press(hands, 7.0, BUTTONS, STOP, 1);
+        hands.at(7.005, |_, seen| assert_eq!(seen.phase, Phase::Stopping));
+        hands.at(10.0, |_, seen| {
+            assert_eq!((seen.phase, seen.record.stop_reason), (Phase::Fault, SafetyReason::StopInput));
+            assert!(seen.record.measurements.present().iter().all(|drive| drive.stands()));
+        });
+        see_lamps(hands, 10.0, [0, 1]);
+    });
+    assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
+    let positions: Vec<f64> = run.recorded.column("/lift", "position_m").unwrap().collect();
+    let (at_stop, at_end) = (positions[7000], positions[13_500]);
+    // Homed at 0, on its way up, and stopped with the wheels.
+    assert!(at_stop > 0.1 && at_stop < 0.39, "{at_stop} m");
+    assert!(at_end > at_stop && at_end < at_stop + 0.05, "{at_stop} m, then {at_end} m");
 }
 
 #[test]
