@@ -78,7 +78,10 @@ impl Wheels {
             },
             BusExchange::Lost { .. } => Exchange::Lost,
             BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
-            BusExchange::Without { .. } => Exchange::Without { wheels, devices },
+            // Who fell silent isn't away yet, and said nothing.
+            BusExchange::Without { .. } => {
+                Exchange::Without { wheels, devices: devices | self.supervisor.unwell_devices() }
+            }
         }
     }
 }

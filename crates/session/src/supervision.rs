@@ -459,6 +459,12 @@ impl Supervisor {
         away.fold(0, |devices, device| devices | 1 << device)
     }
 
+    /// SubDevices without a wheel that aren't well, away or not; bit n for the n-th of the robot's file.
+    pub fn unwell_devices(&self) -> u16 {
+        let unwell = self.all.iter().filter(|one| one.health != Health::Well).filter_map(|one| one.device);
+        unwell.fold(0, |devices, device| devices | 1 << device)
+    }
+
     /// Wheels whose drives started anew since this was last asked; bit n for wheel n.
     pub fn take_restarted(&mut self) -> u16 {
         std::mem::take(&mut self.restarted)

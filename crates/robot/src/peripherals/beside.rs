@@ -212,14 +212,20 @@ impl Beside {
             self.told = Told::NOTHING;
         }
         for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {
-            *value = match self.told.is_told >> output & 1 {
-                1 => self.told.values[output],
-                _ => self.asked[output].unwrap_or(self.on_stop[output]),
-            };
+            *value = self.asked[output].unwrap_or(self.on_stop[output]);
         }
-        signals.output_bytes.fill(0);
         for (device, part) in self.all.iter_mut().enumerate() {
+            for output in part.outputs.clone().filter(|output| self.told.is_told >> output & 1 == 1) {
+                // What it can't be told counts as if nobody had.
+                if part.peripheral.takes(output - part.outputs.start, self.told.values[output]) {
+                    signals.outputs[output] = self.told.values[output];
+                }
+            }
             let bytes = image.device_outputs(device);
+            // Whoever was away had them zeroed; what is written builds on what was written last.
+            let last = &signals.output_bytes[part.output_bytes.clone()];
+            let length = bytes.len().min(last.len());
+            bytes[..length].copy_from_slice(&last[..length]);
             part.peripheral.lead(time, leave);
             part.peripheral.write(time, &signals.outputs[part.outputs.clone()], bytes);
             let recorded = &mut signals.output_bytes[part.output_bytes.clone()];

@@ -178,6 +178,8 @@ impl Controller for Horn {
         assert!(!outputs.set("lamps.blue", 1.0) && !outputs.set("lamps.horn", f64::NAN));
         if self.0 > 20.0 {
             assert!(outputs.set("lamps.horn", 1.0));
+            // A lamp is on or off.
+            outputs.set("lamps.green", 2.0);
         }
     }
     fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
@@ -218,6 +220,7 @@ fn stages_see_inputs_and_set_outputs_and_all_is_computed_again_to_the_bit() {
     let volts = |cycle: usize| seen.lock().unwrap()[cycle].unwrap();
     assert!((volts(50) - 0.1526).abs() < 1e-3 && (volts(300) - 30.0).abs() < 1e-2);
     assert_eq!([150, 300].map(|cycle: usize| records[cycle].signals.outputs[2]), [0.0, 1.0]);
+    assert_eq!(records[300].signals.outputs[0], 0.0, "what it can't be told counts as if nobody had");
     // Its inputs come from the record alone.
     let mut again = Robot::build(&plan, &registry).unwrap();
     let mut image = ImageBuffer::new(&plan);
@@ -268,4 +271,37 @@ fn a_users_kind_brings_its_maps_and_signals_and_no_number_isnt_believed() {
     bench.image.device_inputs[4][0] = 3;
     let signals = bench.step(None).signals;
     assert_eq!((signals.believed >> 3, signals.inputs[3]), (1, 3000.0));
+}
+
+/// One that is told what it shall do once.
+#[derive(Default)]
+struct ToldOnce(bool);
+
+impl Peripheral for ToldOnce {
+    fn write(&mut self, _: &CycleTime, _: &[f64], bytes: &mut [u8]) {
+        if !std::mem::replace(&mut self.0, true) {
+            bytes[0] = 7;
+        }
+    }
+}
+
+#[test]
+fn what_a_kind_wrote_last_is_there_when_it_writes_again() {
+    let mut registry = Registry::with_built_in();
+    let defaults = PeripheralDefaults {
+        outputs: vec![omnibase_robot::config::PdoPlan {
+            index: 0x1600,
+            entries: omnibase_robot::config::parse_map("7000.1:8").unwrap(),
+        }],
+        ..PeripheralDefaults::default()
+    };
+    registry.peripherals.add(kind("told_once"), defaults, |_| Ok(ToldOnce::default()));
+    let table = "[[device]]\nname = \"told\"\nposition = 7\nkind = \"told_once\"\n[platform]";
+    let mut bench = Bench::with_registry(plan_with(&IO.replace("[platform]", table), &registry), &registry);
+    bench.step(None);
+    assert_eq!(bench.image.device_outputs[4], [7]);
+    // Nothing is left of it where a SubDevice is away: a replay, which knows of no bus, must come out the same.
+    bench.image.device_outputs[4].fill(0);
+    bench.step(None);
+    assert_eq!(bench.image.device_outputs[4], [7]);
 }

@@ -425,6 +425,24 @@ fn the_loss_of_an_axis_stops_the_robot_and_its_home_is_lost_with_its_supply() {
 }
 
 #[test]
+fn what_a_silent_subdevice_said_last_grows_old_from_its_first_missed_exchange() {
+    let mut robot = Lifted::new(&plan(&[CIRCLE]));
+    robot.run(100);
+    robot.bench.inject(AXIS_ON_BUS, Fault::PowerOff);
+    let mut age_s = 0.0;
+    for cycle in 0..40 {
+        robot.step(None);
+        let now_s = robot.bench.robot.record().signals.ages_s[AXIS as usize];
+        // The supply lasts some cycles.
+        assert!(
+            now_s > age_s || (now_s == 0.0 && age_s == 0.0 && cycle < 10),
+            "{cycle}: {age_s} s, then {now_s} s"
+        );
+        age_s = now_s;
+    }
+}
+
+#[test]
 fn a_home_that_isnt_found_in_time_leaves_the_axis_holding_and_the_base_driving() {
     for (from, to) in [("timeout_s = 20.0", "timeout_s = 0.5"), ("method = 17", "method = 99")] {
         let mut robot = Lifted::new(&plan(&[CIRCLE, (from, to), ("= 0.05\n\n", "= 0.5\n\n")]));
