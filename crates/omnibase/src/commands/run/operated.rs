@@ -178,18 +178,18 @@ impl Options {
         }
         let name = about.robot.plan.name.clone();
         let dashboard = Dashboard::start(access.clone(), live, about)?;
-        match RunningRobot::announce(&name, Place::Address(dashboard.address), &access.token) {
-            // Where nobody serves any more nobody is called, and shown the token.
-            Ok(running) => dashboard.keep(running),
-            Err(error) => note(format_args!("warning: `omnibase get` won't find this robot: {error}")),
-        }
-        // Whoever waits for this finds the robot by then.
+        // Before its address is told: whoever waits for that finds the robot by then.
+        let announced = RunningRobot::announce(&name, Place::Address(dashboard.address), &access.token);
+        let unfound = announced.map(|running| dashboard.keep(running)).err();
         note(format_args!("dashboard: {}", access.url(dashboard.address)));
         if dashboard.address.ip().is_unspecified() {
             note(format_args!(
                 "from elsewhere: this machine's own address in place of {}",
                 dashboard.address.ip()
             ));
+        }
+        if let Some(error) = unfound {
+            note(format_args!("warning: `omnibase get` won't find this robot: {error}"));
         }
         Ok(dashboard)
     }
