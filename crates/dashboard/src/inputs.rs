@@ -9,13 +9,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::shared::Shared;
+use crate::socket::STUCK;
 use crate::status::{Counters, NS_OF_MS};
 use crate::strangers::Allowance;
 
 /// Between two messages to the program.
 const TICK: Duration = Duration::from_millis(20);
-/// A program that takes nothing for so long is gone.
-const STUCK: Duration = Duration::from_secs(3);
 
 /// What a program outside knows, as a `[[source]]` of the robot's file: all its values at one instant.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]

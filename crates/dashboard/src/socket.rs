@@ -24,8 +24,8 @@ const MOST_DROPPED: u32 = 5000;
 const WAITING: usize = 32;
 /// The longest message that asks for a stop, bytes.
 const LONGEST_STOP: usize = 128;
-/// A page that takes nothing for so long is gone.
-const STUCK: Duration = Duration::from_secs(3);
+/// A page, or a program, that takes nothing for so long is gone.
+pub(crate) const STUCK: Duration = Duration::from_secs(3);
 
 #[derive(Serialize)]
 struct Answer {

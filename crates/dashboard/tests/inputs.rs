@@ -96,6 +96,7 @@ fn a_flood_is_refused_and_the_connection_stays() {
     // A message that is longer than any can be ends it.
     let long = json!({"source": "g".repeat(20_000), "values": {}, "instant_ms": 0.0});
     let _ = program.0.send(Message::text(long.to_string()));
-    let ended = std::iter::repeat_with(|| program.0.read()).find_map(Result::err);
-    assert!(ended.is_some());
+    // What was told before may still be on its way.
+    let ended = (0..1000).map(|_| program.0.read()).find_map(Result::err);
+    assert!(ended.is_some(), "the connection goes on");
 }
