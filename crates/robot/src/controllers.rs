@@ -1,9 +1,10 @@
 //! Control laws.
 
-mod adaptive_model_free;
 mod adaptive_torque;
 mod friction;
 mod speed;
+mod torque_design;
+mod torque_loop;
 
 use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2, wrap_angle_rad};
 
@@ -11,9 +12,10 @@ use crate::config::Limits;
 use crate::registry::{Kind, Registry, optional};
 use crate::signals::{Commands, Quantity};
 
-pub use adaptive_model_free::AdaptiveModelFree;
 pub use adaptive_torque::AdaptiveTorque;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
+pub use torque_design::TorqueDesign;
+pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
 /// the measurement is read, one until the command arrives, half of the period in which it holds.
@@ -39,14 +41,6 @@ pub fn register(registry: &mut Registry) {
         ClosedLoopSpeed::new,
     );
     controllers.add(adaptive_torque::kind(), AdaptiveTorque::new);
-    controllers.add(
-        Kind {
-            name: "adaptive_model_free",
-            meaning: "Wheel torques by Slotine and Li's law, axis by axis; deprecated, for comparison",
-            keys: ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad"].map(optional).to_vec(),
-        },
-        AdaptiveModelFree::new,
-    );
 }
 
 /// Commands whose wheels all keep one limit, scaled as a whole so that the direction of motion is kept.

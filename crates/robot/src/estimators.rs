@@ -63,7 +63,7 @@ fn growth_settings(table: &EstimatorTable) -> CovarianceSettings {
 }
 
 /// α of the filtered derivative, rad/s: its lag (2.5 ms) is short against the controllers' time constants.
-const SPEED_FILTER_RAD_S: f64 = 400.0;
+pub(crate) const SPEED_FILTER_RAD_S: f64 = 400.0;
 
 impl WheelOdometry {
     /// Odometry as a plan says.

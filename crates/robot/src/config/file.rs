@@ -250,13 +250,13 @@ pub struct ControllerTable {
     pub kind: Option<String>,
     /// Other control laws, to which a running robot can be switched.
     pub others: Option<Vec<String>>,
-    /// Kp of x, y and heading, 1/s; default: the law's own.
+    /// Kp of x, y and heading, 1/s; default: the law's own, or designed.
     #[schemars(inner(range(min = 0.0)))]
     pub kp_1_s: Option<[f64; 3]>,
-    /// K of x and y, N·s/m.
+    /// K of x and y, N·s/m; default: designed.
     #[schemars(range(min = 0.0))]
     pub damping_n_s_m: Option<f64>,
-    /// K of the heading, N·m·s/rad.
+    /// K of the heading, N·m·s/rad; default: designed.
     #[schemars(range(min = 0.0))]
     pub turn_damping_n_m_s_rad: Option<f64>,
     /// First estimate of the mass, kg.
@@ -265,33 +265,32 @@ pub struct ControllerTable {
     /// Bounds of that estimate, kg.
     #[schemars(inner(range(min = 1e-6)))]
     pub mass_bounds_kg: Option<[f64; 2]>,
-    /// λm, kg·s²/m².
-    #[schemars(range(min = 0.0))]
-    pub mass_rate_kg_s2_m2: Option<f64>,
     /// First estimate of the moment of inertia, kg·m².
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub inertia_kg_m2: Option<f64>,
     /// Bounds of that estimate, kg·m².
     #[schemars(inner(range(min = 1e-6)))]
     pub inertia_bounds_kg_m2: Option<[f64; 2]>,
-    /// λJ, kg·m²·s².
-    #[schemars(range(min = 0.0))]
-    pub inertia_rate_kg_m2_s2: Option<f64>,
-    /// First estimate of the uncertain force, N (and N·m about the vertical axis).
-    #[schemars(range(min = 0.0))]
-    pub friction_n: Option<f64>,
-    /// Greatest estimate of the uncertain force, N.
+    /// Greatest estimate of a wheel's friction and of the force that no model tells, N.
     #[schemars(range(min = 0.0))]
     pub friction_max_n: Option<f64>,
-    /// λk, N/m.
-    #[schemars(range(min = 0.0))]
-    pub friction_rate_n_m: Option<f64>,
-    /// Leakage of the uncertain force, 1/s.
-    #[schemars(range(min = 0.0))]
-    pub friction_leak_1_s: Option<f64>,
-    /// Boundary layer in which sgn(η) is linear, m/s (and rad/s).
+    /// Low-pass on what the law of torque makes its force of, 1/s; default: designed.
+    #[schemars(range(min = 1.0, max = 1e5))]
+    pub torque_filter_1_s: Option<f64>,
+    /// Least and greatest stiffness of one wheel's tread along the floor, N/m: the gains are designed for all between;
+    /// default: 1e5 to 4e6.
+    #[schemars(inner(range(min = 1e3, max = 1e9)))]
+    pub tread_stiffness_n_m: Option<[f64; 2]>,
+    /// Least damping of such a tread over that which is critical for its wheel's moment of inertia; default: 0.1.
+    #[schemars(range(min = 0.01, max = 10.0))]
+    pub tread_damping_ratio: Option<f64>,
+    /// Moment of inertia of a wheel with its rotor, seen at the wheel (the rotor's times gear ratio squared), kg·m²; default: 2 kg
+    /// at the wheel's radius.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub boundary_m_s: Option<f64>,
+    pub wheel_inertia_kg_m2: Option<f64>,
+    /// Time constant with which a drive's torque follows its command, us; default: 500.
+    #[schemars(range(min = 0.0, max = 1e5))]
+    pub torque_lag_us: Option<f64>,
     /// The controllers' own keys.
     pub custom: Parameters,
 }

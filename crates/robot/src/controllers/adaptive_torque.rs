@@ -1,91 +1,47 @@
-//! Adaptive control by torque: mass, inertia and an uncertain force are learnt while tracking.
+//! Control by torque that learns mass, inertia, friction and a slow force, with a loop that has margins on every tread.
 //!
-//! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − (K + M̂·Kp)·η − k̂·sgn(η), τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F, with
-//! m̂' = λm·(−η1·ẍr − η2·ÿr + kp1·η1² + kp2·η2²), Ĵ' = λJ·(−η3·ψ̈r + kp3·η3²), k̂' = λk·‖η‖₁ (thesis 8.29, with its
-//! signs put right). What makes it fit for a machine:
-//! - sgn is linear within a boundary layer, and k̂ is learnt from what exceeds a fifth of it;
-//! - about the vertical axis k̂ counts with the wheels' lever ρ: moment k̂·ρ, surface speed η3·ρ. A force of 100 N taken
-//!   for 100 N·m would ask for more bandwidth than delay and filter leave: drives ring and motors get hot;
-//! - dry friction of wheels and rollers is fed forward with two forces that are learnt (`friction.rs`), for
-//!   what is left to η would else look like mass: kp·η² is never negative, so m̂ would only rise;
+//! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − K·low-pass(η) + friction + d̂, τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F. After
+//! Slotine and Li (*Applied Nonlinear Control*, 1991, section 9.2), made fit for a machine:
+//! - K is the whole gain, and it, Kp and the low-pass come from the loop of wheel, tread and delay (`torque_loop.rs`). What
+//!   is learnt feeds forward and never changes the gain;
+//! - everything that is learnt moves no faster than that design counts with: m̂' = −λ·K·η·Z̈r/(|Z̈r|² + a₀²), Ĵ likewise,
+//!   ĉ' = −λ·K·η·w/|w|² for the friction of wheels and rollers (`friction.rs`), d̂' = −λ·K·η for what no model tells;
+//! - mass and friction are fed forward for the instant at which the torque acts;
 //! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
 //! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
-//!   nothing is learnt meanwhile;
-//! - estimates stay within their bounds; k̂ leaks, so that it doesn't grow for ever; nothing is learnt while torques
-//!   are saturated, here or by a drive, nor of mass and inertia where nothing is accelerated, nor from an η within the measurement's noise.
+//! - nothing is learnt while torques are saturated, here or by a drive, nor of mass and inertia where nothing is accelerated,
+//!   nor from an η within the measurement's noise; estimates stay within their bounds.
 
 use omnibase_platform::{Kinematics, Twist2};
 
 use super::friction::{WheelForces, WheelFriction};
+use super::torque_design::{INTEGRAL_1_S, TorqueDesign, bounds};
+use super::torque_loop::LoopGains;
 use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
-use crate::config::{ControllerTable, Limits, Problem, RobotPlan, WheelLimits};
-use crate::registry::{Kind, Made, StageError, given, needed, optional};
-use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
+use crate::config::{Limits, RobotPlan, WheelLimits};
+use crate::registry::{Kind, Made, given, needed, optional};
+use crate::signals::{Commands, CycleTime, PlatformState, Quantity, ReferenceStatus, Setpoint};
 use crate::stages::{Controller, Gain};
 
-/// Default Kp, 1/s: a sixth of the speed loop's bandwidth with the default damping on 70 kg.
-const KP_1_S: [f64; 3] = [15.0; 3];
-/// Mass and inertia show where they are accelerated: they are learnt only while the reference's acceleration is so
-/// many times what the error alone asks for.
-const EXCITATION: f64 = 3.0;
-/// And only above these, m/s² and rad/s²: below, the little of friction that no model tells would look like mass.
+/// Acceleration at which half of what an error of the force asks for goes into mass and inertia, m/s² and rad/s².
+const HALF_ACCELERATION: [f64; 2] = [0.2, 0.3];
+/// Mass and inertia are learnt only above these, m/s² and rad/s²: below, the little of friction that no model tells would
+/// look like mass.
 const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
 /// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
 /// encoder over the speed filter's time.
 const NOISE_M_S: f64 = 1e-4;
-/// How fast the friction of the wheels is learnt, N/m.
-const WHEEL_FRICTION_RATE_N_M: f64 = 1000.0;
-
-/// Everything that can be set while it runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Gains {
-    kp_1_s: [f64; 3],
-    damping_n_s_m: f64,
-    turn_damping_n_m_s_rad: f64,
-    mass_rate_kg_s2_m2: f64,
-    inertia_rate_kg_m2_s2: f64,
-    friction_rate_n_m: f64,
-    friction_leak_1_s: f64,
-    boundary_m_s: f64,
-}
-
-impl Gains {
-    fn new(table: &ControllerTable) -> Self {
-        Gains {
-            kp_1_s: table.kp_1_s.unwrap_or(KP_1_S),
-            damping_n_s_m: table.damping_n_s_m.unwrap_or(3000.0),
-            turn_damping_n_m_s_rad: table.turn_damping_n_m_s_rad.unwrap_or(300.0),
-            mass_rate_kg_s2_m2: table.mass_rate_kg_s2_m2.unwrap_or(5000.0),
-            inertia_rate_kg_m2_s2: table.inertia_rate_kg_m2_s2.unwrap_or(1000.0),
-            friction_rate_n_m: table.friction_rate_n_m.unwrap_or(2000.0),
-            friction_leak_1_s: table.friction_leak_1_s.unwrap_or(0.2),
-            boundary_m_s: table.boundary_m_s.unwrap_or(0.03),
-        }
-    }
-
-    fn list(&mut self) -> [(&'static str, &mut f64, f64); 10] {
-        let [x, y, heading] = &mut self.kp_1_s;
-        [
-            ("kp_x_1_s", x, 1000.0),
-            ("kp_y_1_s", y, 1000.0),
-            ("kp_heading_1_s", heading, 1000.0),
-            ("damping_n_s_m", &mut self.damping_n_s_m, 1e6),
-            ("turn_damping_n_m_s_rad", &mut self.turn_damping_n_m_s_rad, 1e6),
-            ("mass_rate_kg_s2_m2", &mut self.mass_rate_kg_s2_m2, 1e9),
-            ("inertia_rate_kg_m2_s2", &mut self.inertia_rate_kg_m2_s2, 1e9),
-            ("friction_rate_n_m", &mut self.friction_rate_n_m, 1e9),
-            ("friction_leak_1_s", &mut self.friction_leak_1_s, 1000.0),
-            ("boundary_m_s", &mut self.boundary_m_s, 10.0),
-        ]
-    }
-}
+/// How fast each part is learnt, 1/s: together [`INTEGRAL_1_S`].
+const MASS_1_S: f64 = 0.4 * INTEGRAL_1_S;
+const FRICTION_1_S: f64 = 0.15 * INTEGRAL_1_S;
+const FORCE_1_S: f64 = 0.3 * INTEGRAL_1_S;
 
 /// Its name and keys.
 pub(super) fn kind() -> Kind {
-    let gains = ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "boundary_m_s"];
-    let learning = ["mass_rate_kg_s2_m2", "inertia_rate_kg_m2_s2", "friction_rate_n_m", "friction_leak_1_s"];
-    let estimates = ["mass_bounds_kg", "inertia_bounds_kg_m2", "friction_n", "friction_max_n"];
-    let may_be_given = [gains, learning, estimates].into_iter().flatten().map(optional);
+    let gains = ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "torque_filter_1_s"];
+    let treads = ["tread_stiffness_n_m", "tread_damping_ratio", "wheel_inertia_kg_m2", "torque_lag_us"];
+    let estimates = ["mass_bounds_kg", "inertia_bounds_kg_m2", "friction_max_n"];
+    let may_be_given = [gains.as_slice(), &treads, &estimates].into_iter().flatten().copied().map(optional);
     Kind {
         name: "adaptive_torque",
         meaning: "Wheel torques; mass, inertia and friction are learnt while tracking",
@@ -93,21 +49,15 @@ pub(super) fn kind() -> Kind {
     }
 }
 
-/// What is wrong with a first estimate and its bounds.
-fn out_of_bounds(key: &str, first: f64, bounds: Option<[f64; 2]>) -> Option<Problem> {
-    let [low, high] = bounds?;
-    let limit = Some(format!("{low} to {high}"));
-    let reason = "the first estimate must lie within its bounds, which must be positive and ascending";
-    let problem = Problem { value: Some(first.to_string()), limit, ..Problem::refused(key, reason) };
-    (!(low..=high).contains(&first)).then_some(problem)
-}
-
-/// Bounds of the estimates, and where they begin.
+/// What is learnt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Estimates {
     mass_kg: f64,
     inertia_kg_m2: f64,
-    friction_n: f64,
+    /// Of the wheels.
+    friction_n: WheelForces,
+    /// What no model tells, in odom, N and N·m.
+    force: [f64; 3],
 }
 
 /// The controller.
@@ -115,7 +65,9 @@ struct Estimates {
 pub struct AdaptiveTorque {
     kinematics: Kinematics,
     limits: Limits,
-    gains: Gains,
+    gains: [LoopGains; 3],
+    /// The greatest Kp that the design allows, 1/s.
+    greatest_kp_1_s: [f64; 3],
     start: Estimates,
     mass_bounds_kg: [f64; 2],
     inertia_bounds_kg_m2: [f64; 2],
@@ -124,9 +76,16 @@ pub struct AdaptiveTorque {
     friction: WheelFriction,
     /// By what a force becomes a moment, m.
     lever_m: f64,
-    wheel_forces_n: WheelForces,
+    /// η behind its low-pass, and the wished acceleration before; `None` before the first cycle.
+    before: Option<Before>,
     /// A drive holds back what it is told, in this cycle.
     is_held_back: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    eta: [f64; 3],
+    acceleration: [f64; 3],
 }
 
 /// What a cycle's law worked with, for learning from it.
@@ -135,6 +94,7 @@ struct Step {
     eta_in_body: [f64; 3],
     acceleration: [f64; 3],
     friction_per_newton: [[f64; 3]; 2],
+    is_moving: bool,
     period_s: f64,
 }
 
@@ -142,75 +102,79 @@ impl AdaptiveTorque {
     /// The controller as a plan says.
     pub fn new(plan: &RobotPlan) -> Made<Self> {
         let table = &plan.controller;
-        let mass_kg = given(table.mass_kg, "mass_kg")?;
-        let inertia_kg_m2 = given(table.inertia_kg_m2, "inertia_kg_m2")?;
-        let problems: Vec<Problem> = [
-            out_of_bounds("mass_kg", mass_kg, table.mass_bounds_kg),
-            out_of_bounds("inertia_kg_m2", inertia_kg_m2, table.inertia_bounds_kg_m2),
-            out_of_bounds(
-                "friction_n",
-                table.friction_n.unwrap_or(0.0),
-                table.friction_max_n.map(|max| [0.0, max]),
-            ),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
-        if !problems.is_empty() {
-            return Err(StageError(problems));
-        }
-        let start = Estimates { mass_kg, inertia_kg_m2, friction_n: table.friction_n.unwrap_or(0.0) };
+        let design = TorqueDesign::new(plan)?;
+        let start = Estimates {
+            mass_kg: given(table.mass_kg, "mass_kg")?,
+            inertia_kg_m2: given(table.inertia_kg_m2, "inertia_kg_m2")?,
+            friction_n: [0.0; 2],
+            force: [0.0; 3],
+        };
         let friction = WheelFriction::new(&plan.kinematics);
         Ok(AdaptiveTorque {
             lever_m: friction.lever_m(),
             friction,
-            wheel_forces_n: [0.0; 2],
             is_held_back: false,
+            before: None,
             kinematics: plan.kinematics.clone(),
             limits: plan.limits,
-            gains: Gains::new(table),
+            greatest_kp_1_s: design.gains.map(|gains| gains.kp_1_s),
+            gains: design.gains,
             start,
-            mass_bounds_kg: table.mass_bounds_kg.unwrap_or([mass_kg / 10.0, mass_kg * 10.0]),
-            inertia_bounds_kg_m2: table
-                .inertia_bounds_kg_m2
-                .unwrap_or([inertia_kg_m2 / 10.0, inertia_kg_m2 * 10.0]),
+            mass_bounds_kg: bounds("mass", table.mass_kg, table.mass_bounds_kg)?,
+            inertia_bounds_kg_m2: bounds("inertia", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?,
             friction_max_n: table.friction_max_n.unwrap_or(100.0),
             estimates: start,
         })
     }
 
     fn adapt(&mut self, step: &Step) {
-        let Step { eta, eta_in_body, acceleration, friction_per_newton, period_s } = *step;
-        let kp = self.gains.kp_1_s;
+        let Step { eta, eta_in_body, acceleration, friction_per_newton, is_moving, period_s } = *step;
         let surface = [eta[0], eta[1], eta[2] * self.lever_m];
-        let speaks = surface.iter().any(|eta| eta.abs() > NOISE_M_S);
-        let learn = |axis: usize| -eta[axis] * acceleration[axis] + kp[axis] * eta[axis] * eta[axis];
-        let is_excited =
-            |along: f64, asked: f64, least: f64| speaks && along > EXCITATION * asked && along > least;
+        if surface.iter().all(|eta| eta.abs() <= NOISE_M_S) {
+            return;
+        }
+        // The force that η asks for.
+        let asked: [f64; 3] = std::array::from_fn(|axis| -self.gains[axis].damping * eta[axis]);
         let estimates = &mut self.estimates;
-
+        let learn = |rate_1_s: f64, along: &[usize], half: f64, least: f64| {
+            let square: f64 = along.iter().map(|&axis| acceleration[axis] * acceleration[axis]).sum();
+            let found: f64 = along.iter().map(|&axis| asked[axis] * acceleration[axis]).sum();
+            if square > least * least { period_s * rate_1_s * found / (square + half * half) } else { 0.0 }
+        };
         let [low, high] = self.mass_bounds_kg;
-        let (along, asked) = (acceleration[0].hypot(acceleration[1]), (kp[0] * eta[0]).hypot(kp[1] * eta[1]));
-        if is_excited(along, asked, LEAST_ACCELERATION[0]) {
-            let rate = self.gains.mass_rate_kg_s2_m2 * (learn(0) + learn(1));
-            estimates.mass_kg = (estimates.mass_kg + period_s * rate).clamp(low, high);
-        }
+        let change = learn(MASS_1_S, &[0, 1], HALF_ACCELERATION[0], LEAST_ACCELERATION[0]);
+        estimates.mass_kg = (estimates.mass_kg + change).clamp(low, high);
         let [low, high] = self.inertia_bounds_kg_m2;
-        if is_excited(acceleration[2].abs(), (kp[2] * eta[2]).abs(), LEAST_ACCELERATION[1]) {
-            let rate = self.gains.inertia_rate_kg_m2_s2 * learn(2);
-            estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + period_s * rate).clamp(low, high);
-        }
-        for (force_n, wrench) in self.wheel_forces_n.iter_mut().zip(friction_per_newton) {
-            let power: f64 = wrench.iter().zip(eta_in_body).map(|(force, eta)| force * eta).sum();
-            if speaks {
-                *force_n =
-                    (*force_n - period_s * WHEEL_FRICTION_RATE_N_M * power).clamp(0.0, self.friction_max_n);
+        let change = learn(MASS_1_S, &[2], HALF_ACCELERATION[1], LEAST_ACCELERATION[1]);
+        estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + change).clamp(low, high);
+        for (force_n, wrench) in estimates.friction_n.iter_mut().zip(friction_per_newton) {
+            let square: f64 = wrench[0] * wrench[0] + wrench[1] * wrench[1] + (wrench[2] / self.lever_m).powi(2);
+            if square > 0.25 {
+                let found: f64 = (0..3)
+                    .map(|axis| {
+                        let lever = if axis == 2 { self.lever_m * self.lever_m } else { 1.0 };
+                        -self.gains[axis].damping * eta_in_body[axis] * wrench[axis] / lever
+                    })
+                    .sum();
+                *force_n = (*force_n + period_s * FRICTION_1_S * found / square).clamp(0.0, self.friction_max_n);
             }
         }
-        let dead_m_s = 0.2 * self.gains.boundary_m_s;
-        let size: f64 = surface.iter().map(|eta| (eta.abs() - dead_m_s).max(0.0)).sum();
-        let rate = self.gains.friction_rate_n_m * size - self.gains.friction_leak_1_s * estimates.friction_n;
-        estimates.friction_n = (estimates.friction_n + period_s * rate).clamp(0.0, self.friction_max_n);
+        if is_moving {
+            for (axis, force) in estimates.force.iter_mut().enumerate() {
+                let most = if axis == 2 { self.lever_m * self.friction_max_n } else { self.friction_max_n };
+                *force = (*force + period_s * FORCE_1_S * asked[axis]).clamp(-most, most);
+            }
+        }
+    }
+
+    /// The wished acceleration when the torque acts: by its last change, no faster than the platform's jerk.
+    fn led(&self, acceleration: [f64; 3], period_s: f64) -> [f64; 3] {
+        let before = self.before.map_or(acceleration, |before| before.acceleration);
+        let jerk = [self.limits.jerk_m_s3, self.limits.jerk_m_s3, self.limits.turn_jerk_rad_s3];
+        std::array::from_fn(|axis| {
+            let most = LEAD_PERIODS * period_s * jerk[axis];
+            acceleration[axis] + (LEAD_PERIODS * (acceleration[axis] - before[axis])).clamp(-most, most)
+        })
     }
 }
 
@@ -221,7 +185,7 @@ impl Controller for AdaptiveTorque {
 
     fn reset(&mut self) {
         self.estimates = self.start;
-        self.wheel_forces_n = [0.0; 2];
+        self.before = None;
     }
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {
@@ -233,35 +197,36 @@ impl Controller for AdaptiveTorque {
     }
 
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
+        let period_s = time.period_s();
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
         let speed = axes(&state.twist_in_odom());
         let wished_speed = axes(&setpoint.twist_in_odom);
         let acceleration = axes(&setpoint.acceleration_in_odom);
-        let kp = self.gains.kp_1_s;
         let age_s = state.twist_age_s;
         // η is the speed against a wished one that includes the correction: żr − Kp·Ze, kept within the limits.
         let (corrected, correction) = within_speed(
-            std::array::from_fn(|axis| wished_speed[axis] + kp[axis] * error[axis]),
+            std::array::from_fn(|axis| wished_speed[axis] + self.gains[axis].kp_1_s * error[axis]),
             &self.limits,
         );
-        let eta: [f64; 3] =
-            std::array::from_fn(|axis| speed[axis] + age_s * acceleration[axis] - corrected[axis]);
-        let Estimates { mass_kg, inertia_kg_m2, friction_n } = self.estimates;
-        let inertia = [mass_kg, mass_kg, inertia_kg_m2];
-        let damping = [self.gains.damping_n_s_m, self.gains.damping_n_s_m, self.gains.turn_damping_n_m_s_rad];
-        let levers = [1.0, 1.0, self.lever_m];
-        let force: [f64; 3] = std::array::from_fn(|axis| {
-            let sign = (levers[axis] * eta[axis] / self.gains.boundary_m_s).clamp(-1.0, 1.0);
-            inertia[axis] * acceleration[axis]
-                - (damping[axis] + inertia[axis] * kp[axis]) * eta[axis]
-                - levers[axis] * friction_n * sign
+        let before = self.before.map_or([0.0; 3], |before| before.eta);
+        let eta: [f64; 3] = std::array::from_fn(|axis| {
+            let now = speed[axis] + age_s * acceleration[axis] - corrected[axis];
+            let keep = (-self.gains[axis].filter_1_s * period_s).exp();
+            keep * before[axis] + (1.0 - keep) * now
         });
-        let lead_s = LEAD_PERIODS * time.period_s();
+        let led = self.led(acceleration, period_s);
+        self.before = Some(Before { eta, acceleration });
+        let Estimates { mass_kg, inertia_kg_m2, friction_n, force } = self.estimates;
+        let inertia = [mass_kg, mass_kg, inertia_kg_m2];
+        let force: [f64; 3] = std::array::from_fn(|axis| {
+            inertia[axis] * led[axis] - self.gains[axis].damping * eta[axis] + force[axis]
+        });
+        let lead_s = LEAD_PERIODS * period_s;
         let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
         let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
         let friction_per_newton = self.friction.per_newton(axes(&wished_in_body));
         let mut wrench_in_body = wrench(force).rotated(-heading_rad);
-        for (force_n, [fx_n, fy_n, torque_nm]) in self.wheel_forces_n.iter().zip(friction_per_newton) {
+        for (force_n, [fx_n, fy_n, torque_nm]) in friction_n.iter().zip(friction_per_newton) {
             wrench_in_body.fx_n += force_n * fx_n;
             wrench_in_body.fy_n += force_n * fy_n;
             wrench_in_body.torque_nm += force_n * torque_nm;
@@ -271,27 +236,26 @@ impl Controller for AdaptiveTorque {
         let is_held_back = std::mem::take(&mut self.is_held_back);
         if commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back {
             let eta_in_body = axes(&Twist2::new(eta[0], eta[1], eta[2]).rotated(-heading_rad));
-            let period_s = time.period_s();
-            self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, period_s });
+            let is_moving = setpoint.status == ReferenceStatus::Moving;
+            self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, is_moving, period_s });
         }
         commands
     }
 
     fn gain(&self, index: usize) -> Option<Gain> {
-        let mut gains = self.gains;
-        let (name, value, greatest) = gains.list().into_iter().nth(index)?;
-        // Nothing may be divided by zero.
-        let least = if name == "boundary_m_s" { 1e-6 } else { 0.0 };
-        Some(Gain { name, value: *value, least, greatest })
+        let name = *["kp_x_1_s", "kp_y_1_s", "kp_heading_1_s"].get(index)?;
+        let gains = self.gains.get(index)?;
+        Some(Gain { name, value: gains.kp_1_s, least: 0.0, greatest: *self.greatest_kp_1_s.get(index)? })
     }
 
     fn set_gain(&mut self, index: usize, value: f64) {
-        if let Some((_, gain, _)) = self.gains.list().into_iter().nth(index) {
-            *gain = value;
+        if let Some(gains) = self.gains.get_mut(index) {
+            gains.kp_1_s = value;
         }
     }
 
     fn estimates(&self) -> [f64; 3] {
-        [self.estimates.mass_kg, self.estimates.inertia_kg_m2, self.estimates.friction_n]
+        let [fx_n, fy_n, _] = self.estimates.force;
+        [self.estimates.mass_kg, self.estimates.inertia_kg_m2, fx_n.hypot(fy_n)]
     }
 }

@@ -1,0 +1,153 @@
+//! The gains of a law of torque for a robot: designed by what its file says of treads, wheels and delay, or given and checked.
+
+use std::f64::consts::PI;
+
+use super::torque_loop::{LoopGains, MOST_SENSITIVE, TorqueLoop};
+use crate::config::{ControllerTable, Problem, RobotPlan};
+use crate::estimators::SPEED_FILTER_RAD_S;
+use crate::registry::{Made, StageError, given};
+
+/// Stiffness of a tread where the file doesn't say: all that treads are known to have, N/m.
+const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
+/// And its least damping.
+const TREAD_DAMPING_RATIO: f64 = 0.1;
+/// A wheel with its rotor and gear where the file doesn't say, as a mass at its rim, kg.
+const WHEEL_KG: f64 = 2.0;
+/// Time constant of a drive's torque where the file doesn't say, s.
+const TORQUE_LAG_S: f64 = 0.5e-3;
+/// Bounds of an estimate without bounds of its own, over its first value.
+const BOUNDS: [f64; 2] = [1.0 / 3.0, 3.0];
+/// How much of the law's force all that is learnt may move by in a second, 1/s.
+pub const INTEGRAL_1_S: f64 = 1.0;
+
+/// A robot's loops of torque along x, y and about the vertical, and what closes them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueDesign {
+    /// What is known of each axis.
+    pub loops: [TorqueLoop; 3],
+    /// Its gains.
+    pub gains: [LoopGains; 3],
+}
+
+impl TorqueDesign {
+    /// The design for a robot.
+    ///
+    /// # Errors
+    /// Where its keys contradict each other, gains that are given leave no margins, or no gains would.
+    pub fn new(plan: &RobotPlan) -> Made<Self> {
+        let table = &plan.controller;
+        let mass_kg = bounds("mass", table.mass_kg, table.mass_bounds_kg)?;
+        let inertia_kg_m2 = bounds("inertia", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?;
+        let stiffness_n_m = table.tread_stiffness_n_m.unwrap_or(TREAD_STIFFNESS_N_M);
+        if stiffness_n_m[0] > stiffness_n_m[1] {
+            let [low, high] = stiffness_n_m;
+            let problem =
+                Problem::refused("tread_stiffness_n_m", "least and greatest stiffness, in this order");
+            return Err(Problem { value: Some(format!("{low} to {high}")), ..problem }.into());
+        }
+        let radius_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
+        let wheel_kg = table.wheel_inertia_kg_m2.map_or(WHEEL_KG, |inertia| inertia / (radius_m * radius_m));
+        let axis = |axis: usize, body: [f64; 2]| TorqueLoop {
+            period_s: plan.bus.cycle_ns as f64 * 1e-9,
+            lag_s: table.torque_lag_us.map_or(TORQUE_LAG_S, |lag_us| lag_us * 1e-6),
+            speed_filter_1_s: plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S),
+            shares: plan.kinematics.matrix().iter().map(|row| row[axis] * row[axis]).sum(),
+            wheel_kg,
+            body,
+            stiffness_n_m,
+            damping_ratio: table.tread_damping_ratio.unwrap_or(TREAD_DAMPING_RATIO),
+            integral_1_s: INTEGRAL_1_S,
+        };
+        let loops = [axis(0, mass_kg), axis(1, mass_kg), axis(2, inertia_kg_m2)];
+        let [along, across, turn] = &loops;
+        let along_gains = along.design();
+        let across_gains = if across == along { along_gains } else { across.design() };
+        let designed = [along_gains, across_gains, turn.design()];
+        let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0 }; 3];
+        let mut problems = Vec::new();
+        for (axis, (one, designed)) in loops.iter().zip(designed).enumerate() {
+            match chosen(table, axis, one, designed) {
+                Ok(found) => gains[axis] = found,
+                Err(problem) => problems.push(problem),
+            }
+        }
+        if problems.is_empty() { Ok(TorqueDesign { loops, gains }) } else { Err(StageError(problems)) }
+    }
+}
+
+/// Between what a first estimate and its like may lie.
+pub(super) fn bounds(what: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
+    let key = if what == "mass" { "mass_kg" } else { "inertia_kg_m2" };
+    let first = given(first, key)?;
+    let [low, high] = bounds.unwrap_or(BOUNDS.map(|factor| factor * first));
+    if (low..=high).contains(&first) {
+        return Ok([low, high]);
+    }
+    let reason = "the first estimate must lie within its bounds, which must be positive and ascending";
+    let limit = Some(format!("{low} to {high}"));
+    Err(Problem { value: Some(first.to_string()), limit, ..Problem::refused(key, reason) }.into())
+}
+
+/// An axis's gains: as designed, but for what the file gives.
+fn chosen(
+    table: &ControllerTable,
+    axis: usize,
+    one: &TorqueLoop,
+    designed: Option<LoopGains>,
+) -> Result<LoopGains, Problem> {
+    let damping_key = if axis == 2 { "turn_damping_n_m_s_rad" } else { "damping_n_s_m" };
+    let damping = if axis == 2 { table.turn_damping_n_m_s_rad } else { table.damping_n_s_m };
+    let kp_1_s = table.kp_1_s.map(|kp_1_s| kp_1_s[axis]);
+    let filter_1_s = table.torque_filter_1_s;
+    let name = ["x", "y", "the heading"][axis];
+    let given = [
+        damping.map(|_| damping_key),
+        kp_1_s.map(|_| "kp_1_s"),
+        filter_1_s.map(|_| "torque_filter_1_s"),
+    ];
+    let Some(key) = given.into_iter().flatten().next() else {
+        return designed.ok_or_else(|| {
+            let [soft, stiff] = one.stiffness_n_m;
+            let reason = format!(
+                "no gains leave 6 dB and 30° along {name} from {soft:.1e} to {stiff:.1e} N/m with a damping of at least \
+                 {}: say more of the tread",
+                one.damping_ratio
+            );
+            Problem::refused("tread_stiffness_n_m", reason)
+        });
+    };
+    let part = |given: Option<f64>, designed: Option<f64>| {
+        given.or(designed).ok_or_else(|| Problem::missing(key, format!("nothing can be designed along {name}")))
+    };
+    let gains = LoopGains {
+        damping: part(damping, designed.map(|gains| gains.damping))?,
+        kp_1_s: part(kp_1_s, designed.map(|gains| gains.kp_1_s))?,
+        filter_1_s: part(filter_1_s, designed.map(|gains| gains.filter_1_s))?,
+    };
+    let worst = one.worst(&gains);
+    let LoopGains { damping, kp_1_s, filter_1_s } = gains;
+    let found = format!("K = {damping:.0}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
+    if damping < one.body[1] * kp_1_s {
+        let reason =
+            format!("{found}: K must be at least the greatest mass times Kp, {:.0}", one.body[1] * kp_1_s);
+        return Err(Problem::refused(key, reason));
+    }
+    if !worst.suffice() {
+        let leaves = if worst.is_stable {
+            format!("leave {:.1} dB and {:.0}°", worst.gain_db, 2.0 * (0.5 / worst.sensitivity).asin() * 180.0 / PI)
+        } else {
+            "don't hold".to_owned()
+        };
+        let [soft, stiff] = one.stiffness_n_m;
+        let designed = designed.map_or(String::new(), |LoopGains { damping, kp_1_s, filter_1_s }| {
+            format!("; K = {damping:.0}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
+        });
+        let reason = format!(
+            "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; a peak of the \
+             sensitivity of at most {MOST_SENSITIVE} is asked for, 6 dB and 30°{designed}",
+            one.damping_ratio
+        );
+        return Err(Problem::refused(key, reason));
+    }
+    Ok(gains)
+}

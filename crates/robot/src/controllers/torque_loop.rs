@@ -1,0 +1,294 @@
+//! The loop that a law of torque closes along one axis, with its margins: wheel, tread, delay and filters.
+//!
+//! Wheels of modal mass w stand on a body of mass m through the treads, a spring k with a damper c. Collocated, force to wheel
+//! speed: G = 1/(w·s + 1/(1/(c + k/s) + 1/(m·s))). A torque acts two periods after its measurement, holds for one and follows
+//! with the drive's lag τ; the law's force is K·low-pass(speed + Kp·way), of which a share `integral_1_s` is integrated:
+//! that is the fastest that everything it learns may move. With the wheels' rows b, one axis has w = Σb²·j/R² and
+//! k = Σb²·(one tread's); about the vertical axis the same holds in kg·m² and N·m·s/rad.
+//!
+//! Margins are counted by the peak of the sensitivity |1/(1 + L)|: at most 1.93 leaves 6.3 dB of gain and 30° of phase at
+//! once (K. J. Åström and R. M. Murray, *Feedback Systems*, 2008, section 9.3). The loop is stable where 1 + L turns by a
+//! quarter turn for each of its integrators from standstill to half of the sampling rate (Nyquist).
+
+use nalgebra::Complex;
+use std::f64::consts::PI;
+
+/// The greatest peak of the sensitivity: 6 dB and 30°.
+pub const MOST_SENSITIVE: f64 = 1.93;
+/// Stiffnesses of the range that are looked at.
+const STIFFNESSES: usize = 10;
+/// Frequencies that are looked at: half an octave of the tread's sharpest resonance has at least ten of them.
+const FREQUENCIES: usize = 260;
+/// The lowest of them, rad/s: slower than anything that the law does.
+const SLOWEST_RAD_S: f64 = 0.02;
+/// From which the design chooses.
+const FILTERS_1_S: [f64; 9] = [10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 100.0, 200.0, 400.0];
+const KP_1_S: [f64; 10] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0];
+/// Steps between total gains that are tried.
+const GAIN_STEP: f64 = 0.93;
+
+/// What is known of one axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueLoop {
+    /// Period of the cycle, s.
+    pub period_s: f64,
+    /// Time constant of the drives' torque, s.
+    pub lag_s: f64,
+    /// The filter of the measured speed, 1/s.
+    pub speed_filter_1_s: f64,
+    /// Σb² over the wheels.
+    pub shares: f64,
+    /// One wheel with rotor and gear, as a mass at its rim, kg.
+    pub wheel_kg: f64,
+    /// Least and greatest mass (or moment of inertia) of the platform.
+    pub body: [f64; 2],
+    /// Least and greatest stiffness of one tread, N/m.
+    pub stiffness_n_m: [f64; 2],
+    /// Least damping of a tread, over the critical of its wheel alone.
+    pub damping_ratio: f64,
+    /// How much of the law's force may be integrated in a second, 1/s.
+    pub integral_1_s: f64,
+}
+
+/// What the law makes of its errors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopGains {
+    /// The whole gain from speed to force, N·s/m (about the vertical N·m·s/rad).
+    pub damping: f64,
+    /// From way to speed, 1/s.
+    pub kp_1_s: f64,
+    /// The low-pass on both, 1/s.
+    pub filter_1_s: f64,
+}
+
+/// One tread on one platform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plant {
+    /// Mass (or moment of inertia) of the platform.
+    pub body: f64,
+    /// Stiffness of one tread, N/m.
+    pub stiffness_n_m: f64,
+    /// Its damping over the critical.
+    pub damping_ratio: f64,
+}
+
+/// What a loop leaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// Whether it is stable at all.
+    pub is_stable: bool,
+    /// Peak of the sensitivity.
+    pub sensitivity: f64,
+    /// By how much the gain may rise, dB.
+    pub gain_db: f64,
+    /// By how much the phase may fall, degrees.
+    pub phase_deg: f64,
+}
+
+impl Margins {
+    /// Whether 6 dB and 30° are left.
+    pub fn suffice(&self) -> bool {
+        self.is_stable && self.sensitivity <= MOST_SENSITIVE
+    }
+
+    fn worse(self, other: Margins) -> Margins {
+        Margins {
+            is_stable: self.is_stable && other.is_stable,
+            sensitivity: self.sensitivity.max(other.sensitivity),
+            gain_db: self.gain_db.min(other.gain_db),
+            phase_deg: self.phase_deg.min(other.phase_deg),
+        }
+    }
+}
+
+/// What doesn't depend on the law: by frequency.
+struct Frequency {
+    rad_s: f64,
+    /// One period later.
+    shift: Complex<f64>,
+    /// Hold, delay and lag.
+    path: Complex<f64>,
+    /// The measured speed's difference and filter.
+    speed: Complex<f64>,
+}
+
+impl TorqueLoop {
+    fn frequencies(&self) -> Vec<Frequency> {
+        let highest_rad_s = 0.999 * PI / self.period_s;
+        let step = (highest_rad_s / SLOWEST_RAD_S).powf(1.0 / (FREQUENCIES - 1) as f64);
+        let keep = (-self.speed_filter_1_s * self.period_s).exp();
+        (0..FREQUENCIES)
+            .map(|index| {
+                let rad_s = SLOWEST_RAD_S * step.powi(index as i32);
+                let s = Complex::new(0.0, rad_s);
+                let before = (-s * self.period_s).exp();
+                let hold = (1.0 - before) / (s * self.period_s);
+                let speed = (1.0 - before) / self.period_s * (1.0 - keep) / (1.0 - keep * before);
+                let path = hold * before * before / (s * self.lag_s + 1.0);
+                Frequency { rad_s, shift: before, path, speed }
+            })
+            .collect()
+    }
+
+    /// From force to the way of the wheels, by frequency, with hold, delay and lag.
+    fn response(&self, plant: &Plant, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
+        let wheel = self.shares * self.wheel_kg;
+        let spring = self.shares * plant.stiffness_n_m;
+        let damper = plant.damping_ratio * 2.0 * (spring * wheel).sqrt();
+        frequencies
+            .iter()
+            .map(|at| {
+                let s = Complex::new(0.0, at.rad_s);
+                let tread = (s * damper + spring) / s;
+                let body = s * plant.body;
+                at.path / (s * (s * wheel + tread * body / (tread + body)))
+            })
+            .collect()
+    }
+
+    /// From the wheels' way to the law's force over K, by frequency.
+    fn law(&self, kp_1_s: f64, filter_1_s: f64, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
+        let keep = (-filter_1_s * self.period_s).exp();
+        let law = |at: &Frequency| {
+            let low_pass = (1.0 - keep) / (1.0 - keep * at.shift);
+            let learnt = self.integral_1_s * self.period_s / (1.0 - at.shift) + 1.0;
+            low_pass * (at.speed + kp_1_s) * learnt
+        };
+        frequencies.iter().map(law).collect()
+    }
+
+    /// The loop's integrators: the platform's two, and what is learnt.
+    fn quarter_turns(&self) -> f64 {
+        if self.integral_1_s > 0.0 { 3.0 } else { 2.0 }
+    }
+
+    /// Every corner of what the loop has to bear.
+    pub fn plants(&self) -> Vec<Plant> {
+        let [soft, stiff] = self.stiffness_n_m;
+        let steps = (STIFFNESSES - 1) as f64;
+        let stiffness = |index: usize| soft * (stiff / soft).powf(index as f64 / steps);
+        let [light, heavy] = self.body;
+        let mut plants = Vec::new();
+        for body in [heavy, light, (light * heavy).sqrt()] {
+            for damping_ratio in [self.damping_ratio, 1.0_f64.max(self.damping_ratio)] {
+                plants.extend((0..STIFFNESSES).map(|index| Plant {
+                    body,
+                    stiffness_n_m: stiffness(index),
+                    damping_ratio,
+                }));
+            }
+        }
+        plants
+    }
+
+    /// What gains leave on one plant.
+    pub fn margins(&self, gains: &LoopGains, plant: &Plant) -> Margins {
+        let frequencies = self.frequencies();
+        let response = self.response(plant, &frequencies);
+        let law = self.law(gains.kp_1_s, gains.filter_1_s, &frequencies);
+        let open: Vec<Complex<f64>> =
+            response.iter().zip(&law).map(|(plant, law)| gains.damping * plant * law).collect();
+        let turned_rad: f64 = open.windows(2).map(|pair| ((1.0 + pair[1]) / (1.0 + pair[0])).arg()).sum();
+        let least = open.iter().map(|at| (1.0 + at).norm()).fold(f64::INFINITY, f64::min);
+        let (mut gain_db, mut phase_deg) = (60.0_f64, 180.0_f64);
+        for pair in open.windows(2) {
+            let (from, to) = (pair[0], pair[1]);
+            if from.im * to.im <= 0.0 && from.re < 0.0 {
+                let at = from.re + (to.re - from.re) * from.im / (from.im - to.im);
+                // Where it lies beyond −1 it is less gain that would do harm.
+                if at > -1.0 {
+                    gain_db = gain_db.min(-20.0 * at.abs().log10());
+                }
+            }
+            let (less, more) = (from.norm() - 1.0, to.norm() - 1.0);
+            if less * more <= 0.0 && less != more {
+                let at = from + (to - from) * (less / (less - more));
+                phase_deg = phase_deg.min((-at).arg().to_degrees().abs());
+            }
+        }
+        let is_stable = is_stable(turned_rad, self.quarter_turns());
+        Margins { is_stable, sensitivity: 1.0 / least, gain_db, phase_deg }
+    }
+
+    /// The worst of what gains leave over all plants.
+    pub fn worst(&self, gains: &LoopGains) -> Margins {
+        let none = Margins { is_stable: true, sensitivity: 0.0, gain_db: 60.0, phase_deg: 180.0 };
+        self.plants().iter().fold(none, |worst, plant| worst.worse(self.margins(gains, plant)))
+    }
+
+    /// The gains that hold the platform most stiffly against a force, K·Kp, with margins on every plant.
+    ///
+    /// Beside the margins K > m·Kp for the heaviest platform: then what the law loses in a cycle exceeds what its own
+    /// correction puts in, whatever it has learnt (J.-J. E. Slotine and W. Li, *Applied Nonlinear Control*, 1991, section 9.2).
+    pub fn design(&self) -> Option<LoopGains> {
+        let frequencies = self.frequencies();
+        let responses: Vec<_> =
+            self.plants().iter().map(|plant| self.response(plant, &frequencies)).collect();
+        let mut best: Option<LoopGains> = None;
+        for filter_1_s in FILTERS_1_S {
+            for kp_1_s in KP_1_S {
+                let law = self.law(kp_1_s, filter_1_s, &frequencies);
+                let least = best.map_or(0.0, |best| best.damping * best.kp_1_s / kp_1_s);
+                let least = least.max(self.body[1] * kp_1_s);
+                let mut damping = 60.0 * self.body[1];
+                while damping > least {
+                    if responses.iter().all(|plant| self.suffices(damping, plant, &law)) {
+                        best = Some(LoopGains { damping, kp_1_s, filter_1_s });
+                        break;
+                    }
+                    damping *= GAIN_STEP;
+                }
+            }
+        }
+        best
+    }
+
+    fn suffices(&self, damping: f64, response: &[Complex<f64>], law: &[Complex<f64>]) -> bool {
+        let mut turned_rad = 0.0;
+        let mut before: Option<Complex<f64>> = None;
+        for (plant, law) in response.iter().zip(law) {
+            let now = 1.0 + damping * plant * law;
+            if now.norm_sqr() * MOST_SENSITIVE * MOST_SENSITIVE < 1.0 {
+                return false;
+            }
+            turned_rad += before.map_or(0.0, |before| (now * before.conj()).arg());
+            before = Some(now);
+        }
+        is_stable(turned_rad, self.quarter_turns())
+    }
+}
+
+fn is_stable(turned_rad: f64, quarter_turns: f64) -> bool {
+    (turned_rad - quarter_turns * PI / 2.0).abs() < 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bmm() -> TorqueLoop {
+        TorqueLoop {
+            period_s: 1e-3,
+            lag_s: 0.5e-3,
+            speed_filter_1_s: 400.0,
+            shares: 1.5,
+            wheel_kg: 2.0,
+            body: [57.0, 510.0],
+            stiffness_n_m: [1e5, 4e6],
+            damping_ratio: 0.1,
+            integral_1_s: 0.0,
+        }
+    }
+
+    #[test]
+    fn prints_designs() {
+        for (range, damping_ratio) in [([1e5, 4e6], 0.1), ([1e5, 4e6], 0.3), ([1e6, 4e6], 0.1), ([1e6, 4e6], 0.3)] {
+            for integral_1_s in [0.0, 0.3, 1.0] {
+            let axis = TorqueLoop { stiffness_n_m: range, damping_ratio, integral_1_s, ..bmm() };
+            let start = std::time::Instant::now();
+            let gains = axis.design();
+            println!("{range:?} {damping_ratio} {integral_1_s}: {gains:?} {:?} {:?}", gains.map(|g| axis.worst(&g)), start.elapsed());
+            }
+        }
+    }
+}
