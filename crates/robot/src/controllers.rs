@@ -2,6 +2,7 @@
 
 mod adaptive_torque;
 mod friction;
+mod identification;
 mod speed;
 mod torque_design;
 mod torque_loop;

@@ -2,20 +2,21 @@
 //!
 //! Ze = Z − Zr, η = Ż + Kp·Ze − Żr, wrench F = M̂·Z̈r − K·low-pass(η) + friction + d̂, τ = R·B⁻ᵀ·Rot(ψ)ᵀ·F. After
 //! Slotine and Li (*Applied Nonlinear Control*, 1991, section 9.2), made fit for a machine:
-//! - K is the whole gain, and it, Kp and the low-pass come from the loop of wheel, tread and delay (`torque_loop.rs`). What
+//! - K is the whole gain, and it, Kp and the low-pass come from the loop of wheel, tread and delay (`torque_design.rs`). What
 //!   is learnt feeds forward and never changes the gain;
-//! - everything that is learnt moves no faster than that design counts with: m̂' = −λ·K·η·Z̈r/(|Z̈r|² + a₀²), Ĵ likewise,
-//!   ĉ' = −λ·K·η·w/|w|² for the friction of wheels and rollers (`friction.rs`), d̂' = −λ·K·η for what no model tells;
+//! - mass, inertia and the friction of wheels and rollers are learnt from what wrenches did (`identification.rs`), which closes
+//!   no loop; a slow force d̂' = −i·K·low-pass(η) takes what no model tells, and the loop's margins count with it;
 //! - mass and friction are fed forward for the instant at which the torque acts;
 //! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
 //! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
-//! - nothing is learnt while torques are saturated, here or by a drive, nor of mass and inertia where nothing is accelerated,
-//!   nor from an η within the measurement's noise; estimates stay within their bounds.
+//! - nothing is learnt at rest, nor while torques are saturated, here or by a drive, nor d̂ from an η within the measurement's
+//!   noise; estimates stay within their bounds.
 
-use omnibase_platform::{Kinematics, Twist2};
+use omnibase_platform::{Kinematics, Twist2, Wrench2};
 
-use super::friction::{WheelForces, WheelFriction};
-use super::torque_design::{INTEGRAL_1_S, TorqueDesign, bounds};
+use super::friction::WheelFriction;
+use super::identification::{Identification, Seen};
+use super::torque_design::{INTEGRAL_1_S, TorqueDesign};
 use super::torque_loop::LoopGains;
 use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
 use crate::config::{Limits, RobotPlan, WheelLimits};
@@ -23,18 +24,9 @@ use crate::registry::{Kind, Made, given, needed, optional};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, ReferenceStatus, Setpoint};
 use crate::stages::{Controller, Gain};
 
-/// Acceleration at which half of what an error of the force asks for goes into mass and inertia, m/s² and rad/s².
-const HALF_ACCELERATION: [f64; 2] = [0.2, 0.3];
-/// Mass and inertia are learnt only above these, m/s² and rad/s²: below, the little of friction that no model tells would
-/// look like mass.
-const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
 /// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
 /// encoder over the speed filter's time.
 const NOISE_M_S: f64 = 1e-4;
-/// How fast each part is learnt, 1/s: together [`INTEGRAL_1_S`].
-const MASS_1_S: f64 = 0.4 * INTEGRAL_1_S;
-const FRICTION_1_S: f64 = 0.15 * INTEGRAL_1_S;
-const FORCE_1_S: f64 = 0.3 * INTEGRAL_1_S;
 
 /// Its name and keys.
 pub(super) fn kind() -> Kind {
@@ -49,17 +41,6 @@ pub(super) fn kind() -> Kind {
     }
 }
 
-/// What is learnt.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Estimates {
-    mass_kg: f64,
-    inertia_kg_m2: f64,
-    /// Of the wheels.
-    friction_n: WheelForces,
-    /// What no model tells, in odom, N and N·m.
-    force: [f64; 3],
-}
-
 /// The controller.
 #[derive(Clone, Debug)]
 pub struct AdaptiveTorque {
@@ -68,11 +49,11 @@ pub struct AdaptiveTorque {
     gains: [LoopGains; 3],
     /// The greatest Kp that the design allows, 1/s.
     greatest_kp_1_s: [f64; 3],
-    start: Estimates,
-    mass_bounds_kg: [f64; 2],
-    inertia_bounds_kg_m2: [f64; 2],
     friction_max_n: f64,
-    estimates: Estimates,
+    start: Identification,
+    identification: Identification,
+    /// What no model tells, in odom, N and N·m.
+    force: [f64; 3],
     friction: WheelFriction,
     /// By what a force becomes a moment, m.
     lever_m: f64,
@@ -88,28 +69,16 @@ struct Before {
     acceleration: [f64; 3],
 }
 
-/// What a cycle's law worked with, for learning from it.
-struct Step {
-    eta: [f64; 3],
-    eta_in_body: [f64; 3],
-    acceleration: [f64; 3],
-    friction_per_newton: [[f64; 3]; 2],
-    is_moving: bool,
-    period_s: f64,
-}
-
 impl AdaptiveTorque {
     /// The controller as a plan says.
     pub fn new(plan: &RobotPlan) -> Made<Self> {
         let table = &plan.controller;
         let design = TorqueDesign::new(plan)?;
-        let start = Estimates {
-            mass_kg: given(table.mass_kg, "mass_kg")?,
-            inertia_kg_m2: given(table.inertia_kg_m2, "inertia_kg_m2")?,
-            friction_n: [0.0; 2],
-            force: [0.0; 3],
-        };
         let friction = WheelFriction::new(&plan.kinematics);
+        let friction_max_n = table.friction_max_n.unwrap_or(100.0);
+        let mass = (given(table.mass_kg, "mass_kg")?, design.loops[0].body);
+        let inertia = (given(table.inertia_kg_m2, "inertia_kg_m2")?, design.loops[2].body);
+        let start = Identification::new(mass, inertia, friction_max_n, friction.lever_m());
         Ok(AdaptiveTorque {
             lever_m: friction.lever_m(),
             friction,
@@ -119,51 +88,23 @@ impl AdaptiveTorque {
             limits: plan.limits,
             greatest_kp_1_s: design.gains.map(|gains| gains.kp_1_s),
             gains: design.gains,
+            friction_max_n,
+            identification: start.clone(),
             start,
-            mass_bounds_kg: bounds("mass", table.mass_kg, table.mass_bounds_kg)?,
-            inertia_bounds_kg_m2: bounds("inertia", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?,
-            friction_max_n: table.friction_max_n.unwrap_or(100.0),
-            estimates: start,
+            force: [0.0; 3],
         })
     }
 
-    fn adapt(&mut self, step: &Step) {
-        let Step { eta, eta_in_body, acceleration, friction_per_newton, is_moving, period_s } = *step;
+    /// The slow force follows what η asks for.
+    fn observe(&mut self, eta: &[f64; 3], period_s: f64) {
         let surface = [eta[0], eta[1], eta[2] * self.lever_m];
         if surface.iter().all(|eta| eta.abs() <= NOISE_M_S) {
             return;
         }
-        // The force that η asks for.
-        let asked: [f64; 3] = std::array::from_fn(|axis| -self.gains[axis].damping * eta[axis]);
-        let estimates = &mut self.estimates;
-        let learn = |rate_1_s: f64, along: &[usize], half: f64, least: f64| {
-            let square: f64 = along.iter().map(|&axis| acceleration[axis] * acceleration[axis]).sum();
-            let found: f64 = along.iter().map(|&axis| asked[axis] * acceleration[axis]).sum();
-            if square > least * least { period_s * rate_1_s * found / (square + half * half) } else { 0.0 }
-        };
-        let [low, high] = self.mass_bounds_kg;
-        let change = learn(MASS_1_S, &[0, 1], HALF_ACCELERATION[0], LEAST_ACCELERATION[0]);
-        estimates.mass_kg = (estimates.mass_kg + change).clamp(low, high);
-        let [low, high] = self.inertia_bounds_kg_m2;
-        let change = learn(MASS_1_S, &[2], HALF_ACCELERATION[1], LEAST_ACCELERATION[1]);
-        estimates.inertia_kg_m2 = (estimates.inertia_kg_m2 + change).clamp(low, high);
-        for (force_n, wrench) in estimates.friction_n.iter_mut().zip(friction_per_newton) {
-            let square: f64 = wrench[0] * wrench[0] + wrench[1] * wrench[1] + (wrench[2] / self.lever_m).powi(2);
-            if square > 0.25 {
-                let found: f64 = (0..3)
-                    .map(|axis| {
-                        let lever = if axis == 2 { self.lever_m * self.lever_m } else { 1.0 };
-                        -self.gains[axis].damping * eta_in_body[axis] * wrench[axis] / lever
-                    })
-                    .sum();
-                *force_n = (*force_n + period_s * FRICTION_1_S * found / square).clamp(0.0, self.friction_max_n);
-            }
-        }
-        if is_moving {
-            for (axis, force) in estimates.force.iter_mut().enumerate() {
-                let most = if axis == 2 { self.lever_m * self.friction_max_n } else { self.friction_max_n };
-                *force = (*force + period_s * FORCE_1_S * asked[axis]).clamp(-most, most);
-            }
+        for (axis, force) in self.force.iter_mut().enumerate() {
+            let most = if axis == 2 { self.lever_m * self.friction_max_n } else { self.friction_max_n };
+            let rate = -INTEGRAL_1_S * self.gains[axis].damping * eta[axis];
+            *force = (*force + period_s * rate).clamp(-most, most);
         }
     }
 
@@ -184,7 +125,8 @@ impl Controller for AdaptiveTorque {
     }
 
     fn reset(&mut self) {
-        self.estimates = self.start;
+        self.identification = self.start.clone();
+        self.force = [0.0; 3];
         self.before = None;
     }
 
@@ -216,10 +158,10 @@ impl Controller for AdaptiveTorque {
         });
         let led = self.led(acceleration, period_s);
         self.before = Some(Before { eta, acceleration });
-        let Estimates { mass_kg, inertia_kg_m2, friction_n, force } = self.estimates;
-        let inertia = [mass_kg, mass_kg, inertia_kg_m2];
+        let (mass_kg, friction_n) = (self.identification.mass_kg(), self.identification.friction_n());
+        let inertia = [mass_kg, mass_kg, self.identification.inertia_kg_m2()];
         let force: [f64; 3] = std::array::from_fn(|axis| {
-            inertia[axis] * led[axis] - self.gains[axis].damping * eta[axis] + force[axis]
+            inertia[axis] * led[axis] - self.gains[axis].damping * eta[axis] + self.force[axis]
         });
         let lead_s = LEAD_PERIODS * period_s;
         let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
@@ -234,10 +176,21 @@ impl Controller for AdaptiveTorque {
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
         let is_held_back = std::mem::take(&mut self.is_held_back);
-        if commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back {
-            let eta_in_body = axes(&Twist2::new(eta[0], eta[1], eta[2]).rotated(-heading_rad));
-            let is_moving = setpoint.status == ReferenceStatus::Moving;
-            self.adapt(&Step { eta, eta_in_body, acceleration, friction_per_newton, is_moving, period_s });
+        let is_moving = setpoint.status == ReferenceStatus::Moving;
+        let counts =
+            is_moving && commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back;
+        let in_odom = |[x, y, turn]: [f64; 3]| axes(&Twist2::new(x, y, turn).rotated(heading_rad));
+        let Wrench2 { fx_n, fy_n, torque_nm } = wrench_in_body.rotated(heading_rad);
+        self.identification.learn(&Seen {
+            speed,
+            speed_age_s: age_s,
+            wrench: [fx_n, fy_n, torque_nm],
+            friction_per_newton: friction_per_newton.map(in_odom),
+            counts,
+            period_s,
+        });
+        if counts {
+            self.observe(&eta, period_s);
         }
         commands
     }
@@ -255,7 +208,7 @@ impl Controller for AdaptiveTorque {
     }
 
     fn estimates(&self) -> [f64; 3] {
-        let [fx_n, fy_n, _] = self.estimates.force;
-        [self.estimates.mass_kg, self.estimates.inertia_kg_m2, fx_n.hypot(fy_n)]
+        let [fx_n, fy_n, _] = self.force;
+        [self.identification.mass_kg(), self.identification.inertia_kg_m2(), fx_n.hypot(fy_n)]
     }
 }

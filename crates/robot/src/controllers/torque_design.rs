@@ -17,8 +17,8 @@ const WHEEL_KG: f64 = 2.0;
 const TORQUE_LAG_S: f64 = 0.5e-3;
 /// Bounds of an estimate without bounds of its own, over its first value.
 const BOUNDS: [f64; 2] = [1.0 / 3.0, 3.0];
-/// How much of the law's force all that is learnt may move by in a second, 1/s.
-pub const INTEGRAL_1_S: f64 = 1.0;
+/// How fast the law's slow force follows what its error asks for, 1/s.
+pub(super) const INTEGRAL_1_S: f64 = 0.5;
 
 /// A robot's loops of torque along x, y and about the vertical, and what closes them.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,8 @@ impl TorqueDesign {
                 Problem::refused("tread_stiffness_n_m", "least and greatest stiffness, in this order");
             return Err(Problem { value: Some(format!("{low} to {high}")), ..problem }.into());
         }
-        let radius_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
+        let radius_m =
+            plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
         let wheel_kg = table.wheel_inertia_kg_m2.map_or(WHEEL_KG, |inertia| inertia / (radius_m * radius_m));
         let axis = |axis: usize, body: [f64; 2]| TorqueLoop {
             period_s: plan.bus.cycle_ns as f64 * 1e-9,
@@ -76,7 +77,7 @@ impl TorqueDesign {
 }
 
 /// Between what a first estimate and its like may lie.
-pub(super) fn bounds(what: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
+fn bounds(what: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
     let key = if what == "mass" { "mass_kg" } else { "inertia_kg_m2" };
     let first = given(first, key)?;
     let [low, high] = bounds.unwrap_or(BOUNDS.map(|factor| factor * first));
@@ -100,11 +101,8 @@ fn chosen(
     let kp_1_s = table.kp_1_s.map(|kp_1_s| kp_1_s[axis]);
     let filter_1_s = table.torque_filter_1_s;
     let name = ["x", "y", "the heading"][axis];
-    let given = [
-        damping.map(|_| damping_key),
-        kp_1_s.map(|_| "kp_1_s"),
-        filter_1_s.map(|_| "torque_filter_1_s"),
-    ];
+    let given =
+        [damping.map(|_| damping_key), kp_1_s.map(|_| "kp_1_s"), filter_1_s.map(|_| "torque_filter_1_s")];
     let Some(key) = given.into_iter().flatten().next() else {
         return designed.ok_or_else(|| {
             let [soft, stiff] = one.stiffness_n_m;
@@ -117,7 +115,9 @@ fn chosen(
         });
     };
     let part = |given: Option<f64>, designed: Option<f64>| {
-        given.or(designed).ok_or_else(|| Problem::missing(key, format!("nothing can be designed along {name}")))
+        given
+            .or(designed)
+            .ok_or_else(|| Problem::missing(key, format!("nothing can be designed along {name}")))
     };
     let gains = LoopGains {
         damping: part(damping, designed.map(|gains| gains.damping))?,
@@ -126,7 +126,8 @@ fn chosen(
     };
     let worst = one.worst(&gains);
     let LoopGains { damping, kp_1_s, filter_1_s } = gains;
-    let found = format!("K = {damping:.0}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
+    let found =
+        format!("K = {damping:.0}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
     if damping < one.body[1] * kp_1_s {
         let reason =
             format!("{found}: K must be at least the greatest mass times Kp, {:.0}", one.body[1] * kp_1_s);
@@ -134,7 +135,11 @@ fn chosen(
     }
     if !worst.suffice() {
         let leaves = if worst.is_stable {
-            format!("leave {:.1} dB and {:.0}°", worst.gain_db, 2.0 * (0.5 / worst.sensitivity).asin() * 180.0 / PI)
+            format!(
+                "leave {:.1} dB and {:.0}°",
+                worst.gain_db,
+                2.0 * (0.5 / worst.sensitivity).asin() * 180.0 / PI
+            )
         } else {
             "don't hold".to_owned()
         };
