@@ -6,9 +6,9 @@ use omnibase_trials::framed::cases;
 
 fn main() {
     println!(
-        "| robot | path | law | creep | m̂ at start | m̂ at end | believed RMS mm | true RMS mm | true final mm | keeps |"
+        "| robot | path | law | treads | creep | m̂ at start | m̂ at end | believed RMS mm | true RMS mm | true final mm | keeps |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for case in cases() {
         println!("{}", case.row(&case.run()));
     }

@@ -5,33 +5,41 @@
 //! Without numbers: the table of stiffness and damping. With them: seeded cases per law, and how many of them rang.
 
 use omnibase_robot_sim::Tread;
+use omnibase_trials::framed::Treads;
 use omnibase_trials::grip::{Case, HEADING, SIDE_S};
 
-const LAWS: [&str; 2] = ["closed_loop_speed", "adaptive_torque"];
+const LAWS: [(&str, Treads); 3] = [
+    ("closed_loop_speed", Treads::Unknown),
+    ("adaptive_torque", Treads::Unknown),
+    ("adaptive_torque", Treads::Stiff),
+];
 
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
     println!("{HEADING}");
     let Some(cases) = arguments.next() else { return table() };
     let first = arguments.next().unwrap_or(1);
-    for law in LAWS {
+    for (law, told) in LAWS {
         let (mut rang, mut unfinished, mut worst_m) = (0, 0, 0.0_f64);
         for seed in first..first + cases {
-            let case = Case::seeded(law, seed);
+            let case = Case::seeded((law, told), seed);
             let ridden = case.ride();
             println!("{}", case.row(&ridden));
             rang += u64::from(ridden.ringing > 0.01);
             unfinished += u64::from(!ridden.run.finished);
             worst_m = worst_m.max(ridden.run.true_final_m);
         }
-        println!("{law}: {rang} of {cases} rang, {unfinished} stopped, at most {:.1} mm off", 1e3 * worst_m);
+        println!(
+            "{law}, treads {told:?}: {rang} of {cases} rang, {unfinished} stopped, at most {:.1} mm off",
+            1e3 * worst_m
+        );
     }
 }
 
 fn table() {
     let (friction, payload_kg, estimate) = (0.5, 100.0, 0.5);
-    for law in LAWS {
-        let rigid = Case { law, tread: None, friction, payload_kg, estimate, side_s: SIDE_S };
+    for (law, told) in LAWS {
+        let rigid = Case { law, told, tread: None, friction, payload_kg, estimate, side_s: SIDE_S };
         println!("{}", rigid.row(&rigid.ride()));
         for stiffness_n_m in [1e5, 3e5, 1e6, 2e6, 3e6, 4e6] {
             for damping_ratio in [0.1, 0.3, 0.6, 1.0] {

@@ -21,8 +21,19 @@ pub struct Case {
     pub law: &'static str,
     /// First estimate of mass and inertia over the truth.
     pub estimate: f64,
+    /// What the law of torque is told of the treads.
+    pub treads: Treads,
     /// Whether odometry makes up for creep.
     pub creep: Creep,
+}
+
+/// What the law of torque is told of the treads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Treads {
+    /// Nothing: it is designed for all that treads are known to have.
+    Unknown,
+    /// That they are stiff: [`robots::STIFF_TREADS`].
+    Stiff,
 }
 
 /// Whether odometry makes up for creep.
@@ -34,21 +45,34 @@ pub enum Creep {
     MadeUpFor,
 }
 
+impl Treads {
+    /// For a table; the laws of speed count with none.
+    pub fn text(self, law: &str) -> &'static str {
+        match (law, self) {
+            ("adaptive_torque", Treads::Unknown) => "unknown",
+            ("adaptive_torque", Treads::Stiff) => "stiff",
+            _ => "-",
+        }
+    }
+}
+
 /// All rows, in the table's order.
 pub fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for robot in ["bmm", "mecanum"] {
         for path in ["circle", "square"] {
-            for (law, estimate, creep) in [
-                ("open_loop", 1.0, Creep::Ignored),
-                ("closed_loop_speed", 1.0, Creep::Ignored),
-                ("adaptive_torque", 0.5, Creep::Ignored),
-                ("adaptive_torque", 1.5, Creep::Ignored),
-                ("closed_loop_speed", 1.0, Creep::MadeUpFor),
-                ("adaptive_torque", 0.5, Creep::MadeUpFor),
-                ("adaptive_torque", 1.5, Creep::MadeUpFor),
+            for (law, estimate, treads, creep) in [
+                ("open_loop", 1.0, Treads::Unknown, Creep::Ignored),
+                ("closed_loop_speed", 1.0, Treads::Unknown, Creep::Ignored),
+                ("adaptive_torque", 0.5, Treads::Unknown, Creep::Ignored),
+                ("adaptive_torque", 1.5, Treads::Unknown, Creep::Ignored),
+                ("adaptive_torque", 0.5, Treads::Stiff, Creep::Ignored),
+                ("adaptive_torque", 1.5, Treads::Stiff, Creep::Ignored),
+                ("closed_loop_speed", 1.0, Treads::Unknown, Creep::MadeUpFor),
+                ("adaptive_torque", 0.5, Treads::Stiff, Creep::MadeUpFor),
+                ("adaptive_torque", 1.5, Treads::Stiff, Creep::MadeUpFor),
             ] {
-                cases.push(Case { robot, path, law, estimate, creep });
+                cases.push(Case { robot, path, law, estimate, treads, creep });
             }
         }
     }
@@ -64,6 +88,9 @@ impl Case {
         let text = if self.robot == "bmm" { robots::BMM } else { robots::MECANUM };
         let reference = if self.path == "circle" { robots::CIRCLE } else { robots::SQUARE };
         let mut text = robots::loaded(text, self.law, self.estimate, reference);
+        if self.treads == Treads::Stiff {
+            text = robots::on_stiff_treads(&text);
+        }
         if self.creep == Creep::MadeUpFor {
             let creep = omnibase_robot_sim::Contact::default().creep;
             text.push_str(&format!("\n[estimator]\ncreep = {creep:?}\n"));
@@ -82,6 +109,7 @@ impl Case {
             _ => "- | -".to_owned(),
         };
         let creep = if self.creep == Creep::MadeUpFor { "made up for" } else { "-" };
+        let treads = self.treads.text(self.law);
         let kept = match () {
             () if !ran.finished => "not finished",
             () if end <= 1.0 => "bound and aim",
@@ -89,7 +117,7 @@ impl Case {
             () => "neither",
         };
         format!(
-            "| {} | {} | {} | {creep} | {mass} | {believed:.3} | {truly:.3} | {end:.3} | {kept} |",
+            "| {} | {} | {} | {treads} | {creep} | {mass} | {believed:.3} | {truly:.3} | {end:.3} | {kept} |",
             self.robot, self.path, self.law
         )
     }

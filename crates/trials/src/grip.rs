@@ -3,6 +3,7 @@
 use omnibase_robot::signals::SafetyReason;
 use omnibase_robot_sim::Tread;
 
+use crate::framed::Treads;
 use crate::{Run, Trial, plan_of, robots};
 
 /// A control law on one tread and one floor: a row of the table.
@@ -10,6 +11,8 @@ use crate::{Run, Trial, plan_of, robots};
 pub struct Case {
     /// The control law.
     pub law: &'static str,
+    /// What it is told of the treads.
+    pub told: Treads,
     /// The treads; `None` are rigid ones.
     pub tread: Option<Tread>,
     /// Static friction of the floor; it slides with nine tenths of it.
@@ -50,7 +53,7 @@ const LEAST_CROSSINGS: usize = 4;
 
 impl Case {
     /// One of a family of cases for a law: tread, damping, friction and payload by a seed.
-    pub fn seeded(law: &'static str, seed: u64) -> Self {
+    pub fn seeded((law, told): (&'static str, Treads), seed: u64) -> Self {
         let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
         let mut unit = || {
             state ^= state >> 12;
@@ -61,7 +64,7 @@ impl Case {
         let stiffness_n_m = 1e5 * 40.0_f64.powf(unit());
         let tread = Tread { stiffness_n_m, damping_ratio: 0.1 * 10.0_f64.powf(unit()) };
         let (friction, payload_kg, estimate) = (0.35 + 0.35 * unit(), 200.0 * unit(), 0.5 + unit());
-        Case { law, tread: Some(tread), friction, payload_kg, estimate, side_s: SIDE_S }
+        Case { law, told, tread: Some(tread), friction, payload_kg, estimate, side_s: SIDE_S }
     }
 
     /// Drives a square of 2 m with the BMM; the thesis's takes 20 s.
@@ -107,6 +110,9 @@ impl Case {
             &format!("\nacceleration_m_s2 = {:?}", 1.5 * faster * faster),
         );
         let mut text = robots::with_payload(&robot, self.law, self.estimate, self.payload_kg);
+        if self.told == Treads::Stiff {
+            text = robots::on_stiff_treads(&text);
+        }
         text.push_str(&format!(
             "static_friction = {:?}\nsliding_friction = {:?}\n",
             self.friction,
@@ -137,8 +143,9 @@ impl Case {
             reason => reason.text(),
         };
         format!(
-            "| {} | {tread} | {:.2} | {:.0} | {:.0} % | {:.1} | {:.2} | {:.2} | {:.2} | {:.1} | {:.0} % | {:.0} | {ending} |",
+            "| {} | {} | {tread} | {:.2} | {:.0} | {:.0} % | {:.1} | {:.2} | {:.2} | {:.2} | {:.1} | {:.0} % | {:.0} | {ending} |",
             self.law,
+            self.told.text(self.law),
             self.friction,
             self.payload_kg,
             100.0 * self.estimate,
@@ -154,8 +161,8 @@ impl Case {
 }
 
 /// Heading of the table of [`Case::row`].
-pub const HEADING: &str = "| law | tread N/m | damping | friction | payload kg | m̂ at start | side s | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | rings | at Hz | end |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";
+pub const HEADING: &str = "| law | told of treads | tread N/m | damping | friction | payload kg | m̂ at start | side s | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | rings | at Hz | end |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";
 
 /// The last torques of a motor.
 #[derive(Clone, Debug)]

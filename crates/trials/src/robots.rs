@@ -16,6 +16,14 @@ pub const PAYLOAD_KG: f64 = 100.0;
 /// Its moment of inertia, kg·m²: a crate of 0.6 m by 0.4 m, m·(a² + b²)/12.
 pub const PAYLOAD_INERTIA_KG_M2: f64 = 4.3;
 
+/// What a robot's file says of treads that are known to be stiff: the law of torque is designed for these alone.
+pub const STIFF_TREADS: &str = "tread_stiffness_n_m = [1e6, 4e6]\ntread_damping_ratio = 0.3\n";
+
+/// The same robot, its treads known to be stiff.
+pub fn on_stiff_treads(robot: &str) -> String {
+    robot.replace("[controller]\n", &format!("[controller]\n{STIFF_TREADS}"))
+}
+
 /// A robot with a payload of 100 kg, a control law, and first estimates that are wrong by a factor.
 pub fn loaded(robot: &str, law: &str, factor: f64, reference: &str) -> String {
     with_payload(robot, law, factor, PAYLOAD_KG) + reference

@@ -46,7 +46,6 @@ fn same_run_same_bits_and_a_record_computes_again() {
         (robots::BMM, "open_loop"),
         (robots::BMM, "closed_loop_speed"),
         (robots::BMM, "adaptive_torque"),
-        (robots::BMM, "adaptive_model_free"),
         (robots::MECANUM, "adaptive_torque"),
     ] {
         let text = robots::loaded(robot, law, 0.5, robots::CIRCLE);

@@ -186,7 +186,7 @@ impl Controller for AdaptiveTorque {
             speed_age_s: age_s,
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: friction_per_newton.map(in_odom),
-            counts,
+            is_true: counts,
             period_s,
         });
         if counts {

@@ -10,6 +10,8 @@ use super::friction::WheelForces;
 
 /// The low-pass on both sides, 1/s: slower than treads swing, faster than platforms speed up.
 const LOW_PASS_1_S: f64 = 20.0;
+/// After so many of its time constants nothing is left of what was before.
+const FORGOTTEN: f64 = 3.0;
 /// What one equation may be off, N, and for how long such an error stays, s.
 const NOISE_N: f64 = 4.0;
 const NOISE_S: f64 = 0.1;
@@ -36,6 +38,8 @@ pub(super) struct Identification {
     /// By what a force becomes a moment, m.
     lever_m: f64,
     past: Past,
+    /// For how long all that is behind the low-pass may be learnt from, s.
+    trusted_s: f64,
 }
 
 /// What the equations are made of: wrenches on their way, and everything behind the low-pass.
@@ -58,8 +62,8 @@ pub(super) struct Seen {
     pub(super) wrench: [f64; 3],
     /// Wrenches of 1 N on every wheel against its spin and its rollers.
     pub(super) friction_per_newton: [[f64; 3]; 2],
-    /// Whether the equations may be learnt from.
-    pub(super) counts: bool,
+    /// Whether the wheels did what was commanded, and moved.
+    pub(super) is_true: bool,
     pub(super) period_s: f64,
 }
 
@@ -77,6 +81,7 @@ impl Identification {
             bounds: [mass.1, inertia.1, friction, friction],
             lever_m,
             past: Past::default(),
+            trusted_s: 0.0,
         };
         let scales = one.scales(FIRST_SHARE, FIRST_N);
         for (index, scale) in scales.into_iter().enumerate() {
@@ -103,6 +108,8 @@ impl Identification {
 
     /// Learns from a cycle; what each equation was off by before, N and N·m.
     pub(super) fn learn(&mut self, seen: &Seen) -> [f64; 3] {
+        self.trusted_s = if seen.is_true { self.trusted_s + seen.period_s } else { 0.0 };
+        let counts = self.trusted_s > FORGOTTEN / LOW_PASS_1_S;
         let past = &mut self.past;
         let keep = (-LOW_PASS_1_S * seen.period_s).exp();
         let kept = (-seen.period_s / seen.speed_age_s.max(1e-9)).exp();
@@ -135,12 +142,12 @@ impl Identification {
             row[3] = self.past.friction[1][axis];
             let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
             off[axis] = self.past.wrench[axis] - told;
-            if seen.counts {
+            if counts {
                 let lever = if axis == 2 { self.lever_m } else { 1.0 };
                 self.take(&row, off[axis], lever, seen.period_s);
             }
         }
-        if seen.counts {
+        if counts {
             for index in 0..PARAMETERS {
                 let [low, high] = self.bounds[index];
                 self.theta[index] = self.theta[index].clamp(low, high);
