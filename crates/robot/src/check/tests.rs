@@ -4,6 +4,7 @@ mod axes;
 mod devices;
 mod kinds;
 mod simulation;
+mod torque_gains;
 
 use super::*;
 use crate::registry::{Kind, Registry};

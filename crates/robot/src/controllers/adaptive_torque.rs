@@ -176,9 +176,8 @@ impl Controller for AdaptiveTorque {
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
         let is_held_back = std::mem::take(&mut self.is_held_back);
-        let is_moving = setpoint.status == ReferenceStatus::Moving;
-        let counts =
-            is_moving && commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back;
+        let moves = setpoint.status == ReferenceStatus::Moving;
+        let is_obeyed = commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back;
         let in_odom = |[x, y, turn]: [f64; 3]| axes(&Twist2::new(x, y, turn).rotated(heading_rad));
         let Wrench2 { fx_n, fy_n, torque_nm } = wrench_in_body.rotated(heading_rad);
         self.identification.learn(&Seen {
@@ -186,10 +185,11 @@ impl Controller for AdaptiveTorque {
             speed_age_s: age_s,
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: friction_per_newton.map(in_odom),
-            is_true: counts,
+            is_obeyed,
+            moves,
             period_s,
         });
-        if counts {
+        if moves && is_obeyed {
             self.observe(&eta, period_s);
         }
         commands

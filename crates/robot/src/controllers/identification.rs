@@ -17,6 +17,9 @@ const NOISE_N: f64 = 4.0;
 const NOISE_S: f64 = 0.1;
 /// From where an equation counts less, N.
 const FAR_N: f64 = 25.0;
+/// Mass and inertia are learnt only above these, m/s² and rad/s²: below, the little of friction that no model tells would
+/// look like mass.
+const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
 /// Uncertainty at start: of mass and inertia over their first estimates, and of each friction, N.
 const FIRST_SHARE: f64 = 0.5;
 const FIRST_N: f64 = 10.0;
@@ -34,6 +37,9 @@ const PARAMETERS: usize = 4;
 pub(super) struct Identification {
     theta: [f64; PARAMETERS],
     covariance: [[f64; PARAMETERS]; PARAMETERS],
+    /// Variances: the most of each, and what it gains in a second.
+    most: [f64; PARAMETERS],
+    walk_1_s: [f64; PARAMETERS],
     bounds: [[f64; 2]; PARAMETERS],
     /// By what a force becomes a moment, m.
     lever_m: f64,
@@ -62,8 +68,10 @@ pub(super) struct Seen {
     pub(super) wrench: [f64; 3],
     /// Wrenches of 1 N on every wheel against its spin and its rollers.
     pub(super) friction_per_newton: [[f64; 3]; 2],
-    /// Whether the wheels did what was commanded, and moved.
-    pub(super) is_true: bool,
+    /// Whether the wheels do what is commanded; what they did otherwise is distrusted until the low-pass has forgotten it.
+    pub(super) is_obeyed: bool,
+    /// Whether the platform is under way: at rest friction has no direction.
+    pub(super) moves: bool,
     pub(super) period_s: f64,
 }
 
@@ -75,23 +83,23 @@ impl Identification {
         lever_m: f64,
     ) -> Self {
         let friction = [0.0, friction_max_n];
-        let mut one = Identification {
+        let scales = |share: f64, newton: f64| [share * mass.0, share * inertia.0, newton, newton];
+        let most = scales(FIRST_SHARE, FIRST_N).map(|deviation| deviation * deviation);
+        let mut covariance = [[0.0; PARAMETERS]; PARAMETERS];
+        for (index, most) in most.into_iter().enumerate() {
+            covariance[index][index] = most;
+        }
+        Identification {
             theta: [mass.0, inertia.0, 0.0, 0.0],
-            covariance: [[0.0; PARAMETERS]; PARAMETERS],
+            covariance,
+            most,
+            walk_1_s: scales(WALK_SHARE, WALK_N).map(|deviation| deviation * deviation),
             bounds: [mass.1, inertia.1, friction, friction],
             lever_m,
             past: Past::default(),
-            trusted_s: 0.0,
-        };
-        let scales = one.scales(FIRST_SHARE, FIRST_N);
-        for (index, scale) in scales.into_iter().enumerate() {
-            one.covariance[index][index] = scale * scale;
+            // It begins at rest: there is nothing to forget.
+            trusted_s: f64::INFINITY,
         }
-        one
-    }
-
-    fn scales(&self, share: f64, newton: f64) -> [f64; PARAMETERS] {
-        [share * self.theta[0], share * self.theta[1], newton, newton]
     }
 
     pub(super) fn mass_kg(&self) -> f64 {
@@ -106,10 +114,15 @@ impl Identification {
         [self.theta[2], self.theta[3]]
     }
 
-    /// Learns from a cycle; what each equation was off by before, N and N·m.
-    pub(super) fn learn(&mut self, seen: &Seen) -> [f64; 3] {
-        self.trusted_s = if seen.is_true { self.trusted_s + seen.period_s } else { 0.0 };
-        let counts = self.trusted_s > FORGOTTEN / LOW_PASS_1_S;
+    /// Learns from a cycle.
+    pub(super) fn learn(&mut self, seen: &Seen) {
+        let told = [seen.speed, seen.wrench, seen.friction_per_newton[0], seen.friction_per_newton[1]];
+        if !told.as_flattened().iter().all(|number| number.is_finite()) {
+            (self.past, self.trusted_s) = (Past::default(), 0.0);
+            return;
+        }
+        self.trusted_s = if seen.is_obeyed { self.trusted_s + seen.period_s } else { 0.0 };
+        let counts = seen.moves && self.trusted_s > FORGOTTEN / LOW_PASS_1_S;
         let past = &mut self.past;
         let keep = (-LOW_PASS_1_S * seen.period_s).exp();
         let kept = (-seen.period_s / seen.speed_age_s.max(1e-9)).exp();
@@ -132,30 +145,34 @@ impl Identification {
         low_pass(slow, &seen.speed, keep);
         let after = *slow;
         let acceleration: [f64; 3] = std::array::from_fn(|axis| (after[axis] - before[axis]) / seen.period_s);
-        let walk = self.scales(WALK_SHARE, WALK_N);
-        let first = self.scales(FIRST_SHARE, FIRST_N);
-        let mut off = [0.0; 3];
+        let shows = [
+            acceleration[0].hypot(acceleration[1]) > LEAST_ACCELERATION[0],
+            acceleration[2].abs() > LEAST_ACCELERATION[1],
+        ];
         for axis in 0..3 {
             let mut row = [0.0; PARAMETERS];
-            row[if axis == 2 { 1 } else { 0 }] = acceleration[axis];
+            let mass = if axis == 2 { 1 } else { 0 };
+            row[mass] = acceleration[axis];
             row[2] = self.past.friction[0][axis];
             row[3] = self.past.friction[1][axis];
             let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
-            off[axis] = self.past.wrench[axis] - told;
+            let off = self.past.wrench[axis] - told;
+            if !shows[mass] {
+                row[mass] = 0.0;
+            }
             if counts {
                 let lever = if axis == 2 { self.lever_m } else { 1.0 };
-                self.take(&row, off[axis], lever, seen.period_s);
+                self.take(&row, off, lever, seen.period_s);
             }
         }
         if counts {
             for index in 0..PARAMETERS {
                 let [low, high] = self.bounds[index];
                 self.theta[index] = self.theta[index].clamp(low, high);
-                let grown = self.covariance[index][index] + walk[index] * walk[index] * seen.period_s;
-                self.covariance[index][index] = grown.min(first[index] * first[index]);
+                let grown = self.covariance[index][index] + self.walk_1_s[index] * seen.period_s;
+                self.covariance[index][index] = grown.min(self.most[index]);
             }
         }
-        off
     }
 
     /// One equation, `off` by how much the wrench exceeds what θ tells.
@@ -166,7 +183,7 @@ impl Identification {
             self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
         });
         let whole: f64 = noise + row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>();
-        if !(whole.is_finite() && off.is_finite()) {
+        if !(whole.is_finite() && whole > 0.0 && off.is_finite()) {
             return;
         }
         for index in 0..PARAMETERS {
@@ -175,5 +192,80 @@ impl Identification {
                 self.covariance[index][other] -= spread[index] * spread[other] / whole;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 1e-3;
+
+    /// A platform whose speeds follow the wrenches that `Seen` tells, five periods late as on the bus; what is learnt after
+    /// so many seconds. `push_n` acts beside them.
+    fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; PARAMETERS] {
+        let (mass_kg, inertia_kg_m2, friction_n) = (173.0, 11.3, [4.0, 7.0]);
+        let mut one = Identification::new((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0]), 100.0, 0.4);
+        let wished = |t: f64| [0.4 * (0.9 * t).sin(), 0.3 * (0.5 * t).cos(), 0.5 * (0.7 * t).sin()];
+        let wrench = |t: f64| {
+            let (before, after) = (wished(t - 1e-6), wished(t + 1e-6));
+            let resists = [2.0, 2.0, 1.2].map(|share| share * (friction_n[0] + friction_n[1]));
+            let masses = [mass_kg, mass_kg, inertia_kg_m2];
+            std::array::from_fn(|axis| {
+                masses[axis] * (after[axis] - before[axis]) / 2e-6 + resists[axis] * wished(t)[axis].signum()
+            })
+        };
+        for cycle in 0..(seconds / PERIOD_S) as u32 {
+            let t = f64::from(cycle) * PERIOD_S;
+            let signs = wished(t).map(f64::signum);
+            // The spin resists along x and about the vertical, the rollers along y.
+            let spin = [2.0 * signs[0], 0.0, 1.2 * signs[2]];
+            let roller = [0.0, 2.0 * signs[1], 0.0];
+            let mut wrench: [f64; 3] = wrench(t);
+            wrench[0] +=
+                2.0 * (friction_n[0] * signs[0] - (friction_n[0] + friction_n[1]) * signs[0]) + push_n(t);
+            wrench[1] += 2.0 * (friction_n[1] - friction_n[0] - friction_n[1]) * signs[1];
+            wrench[2] -= 1.2 * friction_n[1] * signs[2];
+            one.learn(&Seen {
+                speed: wished(t - 5.0 * PERIOD_S),
+                speed_age_s: 2.0 * PERIOD_S,
+                wrench,
+                friction_per_newton: [spin, roller],
+                is_obeyed: trusted(t),
+                moves: true,
+                period_s: PERIOD_S,
+            });
+        }
+        one.theta
+    }
+
+    fn off([mass_kg, inertia_kg_m2, spin_n, roller_n]: [f64; PARAMETERS]) -> [f64; 4] {
+        [mass_kg / 173.0 - 1.0, inertia_kg_m2 / 11.3 - 1.0, spin_n / 4.0 - 1.0, roller_n / 7.0 - 1.0]
+    }
+
+    #[test]
+    fn mass_inertia_and_friction_are_read_from_what_wrenches_did() {
+        let found = off(learnt(20.0, &|_| 0.0, &|_| true));
+        assert!(found.iter().all(|off| off.abs() < 0.03), "{found:?}");
+        // Half of the mass is made up for within two seconds.
+        let early = off(learnt(2.0, &|_| 0.0, &|_| true));
+        assert!(early[0].abs() < 0.1, "{early:?}");
+    }
+
+    #[test]
+    fn a_push_of_a_second_moves_the_mass_by_a_twentieth_at_most() {
+        let push = |t: f64| if (5.0..6.0).contains(&t) { 400.0 } else { 0.0 };
+        let (pushed, alone) = (learnt(6.0, &push, &|_| true), learnt(6.0, &|_| 0.0, &|_| true));
+        assert!((pushed[0] - alone[0]).abs() < 0.05 * 173.0, "{pushed:?} {alone:?}");
+        assert_ne!(pushed, alone);
+    }
+
+    #[test]
+    fn nothing_is_learnt_while_the_wheels_do_something_else_nor_from_what_is_no_number() {
+        let first = [85.0, 6.0, 0.0, 0.0];
+        assert_eq!(learnt(5.0, &|_| 0.0, &|_| false), first);
+        // A drive that holds back for a moment in every tenth of a second leaves nothing that could be trusted.
+        assert_eq!(learnt(5.0, &|_| 0.0, &|t| (10.0 * t).fract() > 0.1), first);
+        assert_eq!(learnt(5.0, &|_| f64::NAN, &|_| true)[0..1], first[0..1]);
     }
 }
