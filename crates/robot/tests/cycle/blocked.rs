@@ -111,6 +111,26 @@ fn a_goal_or_a_start_inside_of_an_obstacles_distance_is_refused_beforehand() {
 }
 
 #[test]
+fn a_plan_that_is_held_back_within_a_millimetre_of_its_end_ends_too() {
+    for left_m in [8e-4, 1e-4, 1e-5] {
+        let mut bench = bench("");
+        let goal = Pose2::new(0.5, 0.0, 0.0);
+        bench.step(Some(RequestKind::GoTo { odom_from_body: goal }));
+        while bench.run(1).setpoint.odom_from_body.distance_m(goal) > left_m {}
+        // Too near all around: nowhere does a motion lead away from all of them.
+        for index in 0..12 {
+            let (sin, cos) = (f64::from(index) * std::f64::consts::TAU / 12.0).sin_cos();
+            put(&mut bench, index, standing(0.5 + 0.75 * cos, 0.75 * sin, 0.3));
+        }
+        let (cycle, record) = until_it_ends(&mut bench, 20);
+        assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{left_m}");
+        assert!((5_000..6_000).contains(&cycle), "{left_m}: {cycle}");
+        let lacks_m = record.setpoint.odom_from_body.distance_m(goal);
+        assert!(lacks_m > 1e-6 && lacks_m <= left_m, "{left_m}: {lacks_m}");
+    }
+}
+
+#[test]
 fn a_path_whose_start_is_refused_is_gone_on_with_where_it_was() {
     // A refusal changes nothing: a path that begins where the platform stands isn't laid anew.
     let mut bench = bench(AHEAD);
