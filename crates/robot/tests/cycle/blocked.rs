@@ -54,6 +54,7 @@ fn before_a_closed_corridor_a_path_and_a_way_are_given_up() {
         assert_eq!(bench.step(Some(kind)).answer, RequestAnswer::Taken);
         let (cycle, record) = until_it_ends(&mut bench, 40);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{kind:?}");
+        println!("{kind:?} before a closed corridor: given up after {:.1} s", 1e-3 * cycle as f64);
         // The wall is reached after a few seconds; then the plan waits for 5 s.
         assert!((5_000..25_000).contains(&cycle), "{kind:?}: {cycle}");
         assert_eq!(bench.robot.phase(), Phase::Stopping);
@@ -157,6 +158,7 @@ fn a_goal_that_an_obstacle_took_under_way_is_given_up_and_the_time_can_be_set() 
         put(&mut bench, 0, standing(1.5, 0.0, 0.2));
         let (cycle, record) = until_it_ends(&mut bench, 30);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked);
+        println!("a goal inside an obstacle, {give_up_s} s: given up after {:.1} s", 1e-3 * cycle as f64);
         found.push(cycle);
     }
     assert!((3_000..12_000).contains(&(found[1] - found[0])), "{found:?}");
@@ -211,6 +213,7 @@ fn a_slow_path_is_caught_up_with_at_little_more_than_its_own_speed() {
         };
         assert_eq!(record.allowed.reason, SafetyReason::None);
         assert!((bench.run(10).setpoint.odom_from_body.x_m - 2.53).abs() < 1e-3, "it arrives");
+        println!("catching up, factor {factor}: {fastest_m_s:.3} m/s on a path of {own_m_s:.3} m/s");
         assert!((own_m_s - 0.19).abs() < 0.003, "{own_m_s}");
         assert!(lag_m > 0.2, "it had to give way: {lag_m}");
         assert!(fastest_m_s <= 1.001 * factor * own_m_s, "{fastest_m_s} on a path of {own_m_s}");
