@@ -202,9 +202,10 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     let headers = request.headers().clone();
     let right = shared.right(&peer, &headers, None);
     // Whoever may not even stop sends no body.
-    if let Err(denied) = shared.may_stop(&peer, &headers) {
-        return shared.refuse(right.err().unwrap_or(denied));
-    }
+    let right_to_stop = match shared.right_to_stop(&peer, &headers) {
+        Ok(right) => right,
+        Err(denied) => return shared.refuse(right.err().unwrap_or(denied)),
+    };
     let body = match tokio::time::timeout(BODY, Bytes::from_request(request, &())).await {
         Ok(Ok(body)) => body,
         Ok(Err(rejection)) => {
@@ -219,9 +220,11 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     };
     // From here on a stop ends it, whatever it needs to be computed.
     let asker = shared.live.asker(Client::Command, Stamp::Missing);
-    if let Some(Message { call, .. }) = socket::stop(&body) {
+    if let Some(Message { stamp_ms, call, .. }) = socket::at_once(&body)
+        && (call.stops() || right_to_stop == Right::Command)
+    {
         // Not after anything: neither a turn of others, nor how much its address asked.
-        let reply = shared.desk.take(asker, call);
+        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), call);
         return said(shared.finish(reply).await);
     }
     tokio::task::yield_now().await;

@@ -101,13 +101,13 @@ impl Shared {
         right
     }
 
-    /// The right to stop: tokens are always looked at, for nobody guesses 128 bits, and a stop doesn't wait.
-    pub(crate) fn may_stop(&self, peer: &Peer, headers: &HeaderMap) -> Result<(), Denied> {
+    /// The right of a stop, or its release: tokens are always looked at, for nobody guesses 128 bits, and neither waits.
+    pub(crate) fn right_to_stop(&self, peer: &Peer, headers: &HeaderMap) -> Result<Right, Denied> {
         if peer.is_owner {
-            return Ok(());
+            return Ok(Right::Command);
         }
         let shown = self.access.shown(headers, None)?;
-        self.access.right(peer.address.ip(), shown).map(|_| ())
+        self.access.right(peer.address.ip(), shown)
     }
 
     pub(crate) fn refuse(&self, denied: Denied) -> Response {

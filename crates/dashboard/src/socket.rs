@@ -22,8 +22,8 @@ use crate::work::For;
 const MOST_DROPPED: u32 = 5000;
 /// Calls of one page that may wait for their answers.
 const WAITING: usize = 32;
-/// The longest message that asks for a stop, bytes.
-const LONGEST_STOP: usize = 128;
+/// The longest message that asks for a stop or its release, bytes.
+const LONGEST_AT_ONCE: usize = 128;
 /// A page, or a program, that takes nothing for so long is gone.
 pub(crate) const STUCK: Duration = Duration::from_secs(3);
 
@@ -149,7 +149,7 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                         return;
                     }
                     // A page gone wild may still be stopped by the person before it.
-                    if stop(text.as_bytes()).is_none() {
+                    if at_once(text.as_bytes()).is_none() {
                         continue;
                     }
                 }
@@ -195,11 +195,12 @@ impl Caller {
     }
 }
 
-/// A message that asks for a stop. Longer ones aren't looked at: what comes too often costs as good as nothing.
-pub(crate) fn stop(text: &[u8]) -> Option<Message> {
-    let is_short = text.len() <= LONGEST_STOP;
+/// A message that asks for a stop or its release. Longer ones aren't looked at: what comes too often costs as good as
+/// nothing.
+pub(crate) fn at_once(text: &[u8]) -> Option<Message> {
+    let is_short = text.len() <= LONGEST_AT_ONCE;
     let message: Message = is_short.then(|| serde_json::from_slice(text).ok()).flatten()?;
-    message.call.stops().then_some(message)
+    (message.call.stops() || message.call == Call::Release).then_some(message)
 }
 
 /// Something that waits for what the same page asked before it.

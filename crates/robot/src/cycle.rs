@@ -378,9 +378,7 @@ impl Robot {
     /// What is wished and told begins anew where the platform stands. Only a pose that isn't finite is forgotten.
     fn begin(&mut self) {
         if !self.record.state.is_finite() {
-            self.record.state = PlatformState::default();
-            self.motion.forget();
-            self.estimator.reset(&self.record.state);
+            self.forget_pose();
         }
         self.controllers[self.active].reset();
         self.limiter.reset(self.record.state.odom_from_body);

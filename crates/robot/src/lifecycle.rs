@@ -32,7 +32,7 @@ pub(crate) struct Lifecycle {
     category: StopCategory,
     reason: SafetyReason,
     where_index: u64,
-    /// The ramp goes on without what the drives say: some of them were lost.
+    /// The ramp goes on without what is measured: drives were lost, or the pose.
     is_blind: bool,
     /// Since when the setpoint of a ramp rests, ns.
     rests_since_ns: Option<u64>,
@@ -90,7 +90,8 @@ impl Lifecycle {
         }
     }
 
-    /// Whether it ramps down without the inputs of lost drives: nothing that is measured may lead the wheels then.
+    /// Whether it ramps down without the inputs of lost drives, or the pose: nothing that is measured may lead the wheels
+    /// then.
     pub(crate) fn is_blind(&self) -> bool {
         self.is_blind
     }
@@ -216,8 +217,11 @@ impl Lifecycle {
             (action, _) => action,
         };
         self.stop(outcome.time, action, (reason, where_index));
-        let is_loss = matches!(reason, SafetyReason::DeviceLost | SafetyReason::ExchangeLost);
-        self.is_blind |= is_loss && self.phase == Phase::Stopping;
+        let is_lost = matches!(
+            reason,
+            SafetyReason::DeviceLost | SafetyReason::ExchangeLost | SafetyReason::PoseUnknown
+        );
+        self.is_blind |= is_lost && self.phase == Phase::Stopping;
     }
 
     /// The stop that is under way: what is harder takes over.

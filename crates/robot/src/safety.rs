@@ -5,8 +5,8 @@ mod torque_watch;
 
 use crate::config::{DriveMode, Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
-    Allowed, Commands, DriveProgress, Exchange, LimitedBy, MAX_WHEELS, Phase, Quantity, SafetyAction,
-    SafetyReason, Signals, Stage, StopCategory,
+    Allowed, Commands, DriveProgress, Exchange, Frame, LimitedBy, MAX_WHEELS, Phase, Quantity, RequestKind,
+    SafetyAction, SafetyReason, Signals, Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
 use oscillation::OscillationWatch;
@@ -55,6 +55,11 @@ impl SafetyChain {
         }
     }
 
+    /// There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
+    fn is_by_torque(&self, view: &SafetyView<'_>) -> bool {
+        view.commands.quantity == Quantity::Torque || self.has_torque_drives
+    }
+
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {
         let chosen = self.plan.lost_device_stop;
         let at_least_quick = harder(SafetyAction::QuickStop, chosen);
@@ -66,9 +71,7 @@ impl SafetyChain {
             // A ramp that nobody hears is none.
             Exchange::Lost | Exchange::Complete => Some((at_least_quick, SafetyReason::ExchangeLost, 0)),
             Exchange::ShortCount { .. } | Exchange::Without { .. } => {
-                // There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
-                let by_torque = view.commands.quantity == Quantity::Torque || self.has_torque_drives;
-                let action = if by_torque { at_least_quick } else { chosen };
+                let action = if self.is_by_torque(view) { at_least_quick } else { chosen };
                 let wheel = match view.exchange {
                     Exchange::Without { wheels: 0, devices } if devices != 0 => {
                         MAX_WHEELS as u64 + first(devices)
@@ -165,6 +168,20 @@ impl SafetyChain {
         view.is_way_blocked.then_some((stop, SafetyReason::WayBlocked, 0))
     }
 
+    /// What stands in odom leads nowhere where nobody knows the platform's place; a person's stick in its own frame does.
+    /// The ramp goes by its speeds alone, and torque goes with it: a pose that nobody knows, or that is told later, must
+    /// not have it corrected.
+    fn place(&self, view: &SafetyView<'_>) -> Objection {
+        let is_led = view
+            .velocity
+            .is_some_and(|request| matches!(request.kind, RequestKind::Velocity { frame: Frame::Body, .. }));
+        let stop = match self.is_by_torque(view) {
+            true => SafetyAction::QuickStop,
+            false => SafetyAction::Stop(StopCategory::RampThenRemove),
+        };
+        (!view.state.pose_known && !is_led).then_some((stop, SafetyReason::PoseUnknown, 0))
+    }
+
     fn inputs(&self, view: &SafetyView<'_>) -> Objection {
         let (reason, input) = input_forbids(&self.plan, view.signals)?;
         Some((SafetyAction::Stop(self.plan.input_stop), reason, input))
@@ -248,7 +265,7 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 13] = [
+        let checks: [(bool, Check); 14] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
@@ -261,6 +278,7 @@ impl Safety for SafetyChain {
             (is_held, Self::tracking),
             (is_tracking, Self::fence),
             (is_tracking, Self::way),
+            (is_tracking, Self::place),
             (is_tracking, Self::command_age),
         ];
         let mut objection: Objection = None;

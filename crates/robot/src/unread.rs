@@ -23,10 +23,16 @@ impl Unread {
         (FASTER * self.fastest_rad_s[wheel] + STANDING_RAD_S) * away_s
     }
 
-    /// A cycle's measurements.
-    pub(crate) fn take(&mut self, time: &CycleTime, exchange: Exchange, measurements: &Measurements) {
+    /// A cycle's measurements; the count of some wheels (by bits) was no number.
+    pub(crate) fn take(
+        &mut self,
+        time: &CycleTime,
+        exchange: Exchange,
+        measurements: &Measurements,
+        uncounted: u16,
+    ) {
         let drives = measurements.present();
-        let heard = |wheel: &usize| exchange.has_inputs_of(*wheel);
+        let heard = |wheel: &usize| exchange.has_inputs_of(*wheel) && uncounted >> wheel & 1 == 0;
         let speeds = (0..drives.len()).filter(heard).map(|wheel| drives[wheel].speed_rad_s.abs());
         let fastest_rad_s = speeds.filter(|speed| speed.is_finite()).fold(0.0, f64::max);
         for wheel in 0..drives.len() {

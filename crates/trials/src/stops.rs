@@ -63,6 +63,8 @@ pub enum Loss {
     PageClosed,
     /// The page falls silent.
     PageSilent,
+    /// The line to the page becomes slow: what it says comes, and was said long ago.
+    LineSlow,
     /// A stop of category 0 is asked for.
     Category0,
     /// A stop of category 1.
@@ -75,6 +77,10 @@ pub enum Loss {
     Killed,
     /// The cable is cut: what is computed reaches no drive.
     CableCut,
+    /// The interface loses its carrier, and has it again before drives miss it.
+    CarrierLost,
+    /// Obstacles all around: what is followed leads nowhere any more.
+    WayBlocked,
     /// One drive loses its power: its wheel turns freely.
     DrivePower,
     /// One drive loses its process data: it goes on until its watchdog expires.
@@ -97,26 +103,29 @@ pub const STATES: [State; 9] = [
     State::Paused,
     State::Stopping,
 ];
-/// All losses; those from the sixth on can come on top of others.
-pub const LOSSES: [Loss; 15] = [
+/// All losses; those from the eighth on can come on top of others.
+pub const LOSSES: [Loss; 18] = [
     Loss::LetGo,
     Loss::StickGone,
     Loss::StickSilent,
     Loss::PageClosed,
     Loss::PageSilent,
+    Loss::LineSlow,
+    Loss::WayBlocked,
     Loss::Category0,
     Loss::Category1,
     Loss::Category2,
     Loss::Emergency,
     Loss::Killed,
     Loss::CableCut,
+    Loss::CarrierLost,
     Loss::DrivePower,
     Loss::DriveData,
     Loss::DriveFault,
     Loss::SupplyCut,
 ];
 /// What can come on top of a stop that is under way.
-const ON_TOP: &[Loss] = LOSSES.split_at(5).1;
+const ON_TOP: &[Loss] = LOSSES.split_at(7).1;
 
 impl State {
     /// Who commands in it.
@@ -136,9 +145,10 @@ impl Loss {
             Loss::LetGo | Loss::StickGone | Loss::StickSilent => {
                 matches!(state, State::Joystick | State::PageStick)
             }
-            Loss::PageClosed | Loss::PageSilent => {
+            Loss::PageClosed | Loss::PageSilent | Loss::LineSlow => {
                 matches!(state, State::PageStick | State::PageReference | State::Way | State::Paused)
             }
+            Loss::WayBlocked => matches!(state, State::PageReference | State::Reference | State::Way),
             _ => true,
         }
     }
@@ -148,14 +158,21 @@ impl Loss {
         matches!(self, Loss::DrivePower | Loss::DriveData)
     }
 
-    /// Whether a wheel is left that no drive brakes.
-    fn leaves_unbraked(self) -> bool {
-        self.is_drive() || matches!(self, Loss::DriveFault | Loss::SupplyCut)
+    /// Whether a wheel is left that no drive brakes, where the file says so for lost drives.
+    fn leaves_unbraked(self, lost_device_stop: SafetyAction) -> bool {
+        match self {
+            Loss::DriveFault | Loss::SupplyCut => true,
+            Loss::CarrierLost => lost_device_stop == SafetyAction::Stop(StopCategory::RemoveTorque),
+            _ => self.is_drive(),
+        }
     }
 
     /// Whether whoever drove by it has to be enabled by a person.
     fn blocks(self) -> bool {
-        matches!(self, Loss::StickGone | Loss::StickSilent | Loss::PageClosed | Loss::PageSilent)
+        matches!(
+            self,
+            Loss::StickGone | Loss::StickSilent | Loss::PageClosed | Loss::PageSilent | Loss::LineSlow
+        )
     }
 
     /// How hard a stop it leads to, where the file says so for a lost drive; without a program drives do what they do.
@@ -166,11 +183,18 @@ impl Loss {
             | Loss::StickSilent
             | Loss::PageClosed
             | Loss::PageSilent
+            | Loss::LineSlow
+            | Loss::WayBlocked
             | Loss::Category2 => SafetyAction::Stop(StopCategory::RampAndHold),
             Loss::Category1 | Loss::Emergency => SafetyAction::Stop(StopCategory::RampThenRemove),
             Loss::Category0 => SafetyAction::Stop(StopCategory::RemoveTorque),
             Loss::DrivePower | Loss::DriveData => lost_device_stop,
             Loss::DriveFault => SafetyAction::QuickStop,
+            // A ramp that nobody hears is none.
+            Loss::CarrierLost if lost_device_stop.severity() < SafetyAction::QuickStop.severity() => {
+                SafetyAction::QuickStop
+            }
+            Loss::CarrierLost => lost_device_stop,
             Loss::Killed | Loss::CableCut | Loss::SupplyCut => return u8::MAX,
         };
         action.severity()
@@ -237,6 +261,17 @@ impl Case {
         self.stopped_s <= self.allowed_s
             && self.torque_off_s.is_none_or(|(found_s, allowed_s)| found_s <= allowed_s)
             && matches!(self.blocking, Blocking::NotConcerned | Blocking::Kept)
+    }
+
+    /// Where one drive was lost, and nothing else ended a motion: how. A way that is blocked ends none before it is given up,
+    /// and nothing comes on top of it as late as that.
+    fn lost_drive(&self) -> Option<Loss> {
+        let loss = match (self.loss, self.then) {
+            (Loss::WayBlocked, Some((on_top, _))) => on_top,
+            (loss, None) => loss,
+            (_, Some(_)) => return None,
+        };
+        loss.is_drive().then_some(loss)
     }
 
     /// Whether anything moved, or was enabled, that needs a person.

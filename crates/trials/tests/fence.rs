@@ -34,6 +34,10 @@ fn pace(sigmas: f64, seconds: u64) -> Paced {
         paced.kept_m = record.guard.fence_kept_m.unwrap_or_default();
         paced.least_m = paced.least_m.min(room_in_fence_m(&footprint_m, &trial.pose(), &corners_m));
     }
+    println!(
+        "{seconds} s of pacing, {sigmas} sigmas: least true room {:.4} m, kept at the end {:.3} m",
+        paced.least_m, paced.kept_m
+    );
     assert_eq!(trial.robot.phase(), Phase::Tracking, "{}", trial.robot.record().stop_reason.text());
     paced
 }

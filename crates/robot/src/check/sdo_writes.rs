@@ -50,6 +50,12 @@ mod tests {
             let rule = plan.sdo_write_rule(ObjectAddress::new(index, subindex));
             assert!(matches!(rule, SdoWriteRule::Never(_)), "{index:04x}: {rule:?}");
         }
+        // What torques are counted by: with another rated torque the limit would be another one.
+        for index in [0x6075, 0x6076, 0x6091, 0x6093, 0x6096] {
+            let rule = plan.sdo_write_rule(ObjectAddress::new(index, 0));
+            let why = "positions, speeds and torques are counted by it";
+            assert_eq!(rule, SdoWriteRule::Never(why), "{index:04x}");
+        }
         for (index, subindex, expected) in [
             (0x6083, 0, SdoWriteRule::Always),
             (0x60F6, 10, SdoWriteRule::Always),

@@ -26,7 +26,8 @@ pub(crate) fn owner(index: u16) -> Option<&'static str> {
         0x10F1 | 0x1C32 | 0x1C33 | 0x60C2 => "the bus decides about the synchronisation",
         0x6007 | 0x605A..=0x605E | 0x6085 => "the stops depend on it, and it was read back at the start",
         0x1011 => "it takes back what the robot's file has set",
-        0x6091 | 0x6092 | 0x608F | 0x6090 | 0x607E | 0x6089..=0x608C => {
+        // Gear, feed, encoders, notation and factors, polarity; and the rated current and torque, whose thousandths torques are.
+        0x6089..=0x608C | 0x608F..=0x6097 | 0x607E | 0x6075 | 0x6076 => {
             "positions, speeds and torques are counted by it"
         }
         _ => return None,

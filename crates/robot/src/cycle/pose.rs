@@ -28,6 +28,8 @@ pub(super) struct Counted {
     unread: Unread,
     /// Drives that started anew and weren't read since: bit n for wheel n.
     restarted: u16,
+    /// Drives that said last of their count what is no number.
+    uncounted: u16,
     /// Some wheel rolled unread, and nobody said since where the platform stands.
     pub(super) pose_lost: bool,
 }
@@ -62,6 +64,13 @@ impl Counted {
                 self.pose_lost = true;
             }
         }
+        if !drive.increment_rad.is_finite() {
+            self.uncounted |= bit;
+            self.pose_lost = true;
+        } else if self.uncounted & bit != 0 {
+            self.uncounted &= !bit;
+            self.unread_rad[wheel] += self.unread.bound_rad(wheel, time);
+        }
         // Odometry needs all wheels: what some turned while others were away counts when those are back.
         self.unused_rad[wheel] += drive.increment_rad;
         drive.increment_rad = match exchange {
@@ -73,7 +82,7 @@ impl Counted {
 
     /// After all wheels of a cycle.
     pub(super) fn remember(&mut self, robot: &crate::signals::CycleRecord) {
-        self.unread.take(&robot.time, robot.exchange, &robot.measurements);
+        self.unread.take(&robot.time, robot.exchange, &robot.measurements, self.uncounted);
     }
 
     /// What odometry has to know of in this cycle, rad.
@@ -86,6 +95,19 @@ impl Counted {
 }
 
 impl Robot {
+    /// The estimator said what is no number: what it believed is forgotten, and where the platform stands is unknown.
+    pub(super) fn forget_pose(&mut self) {
+        let (position_m2, heading_rad2) = (GREATEST_SIGMA_M.powi(2), GREATEST_SIGMA_RAD.powi(2));
+        self.record.state = PlatformState {
+            covariance: [position_m2, 0.0, 0.0, position_m2, 0.0, heading_rad2],
+            pose_known: false,
+            ..PlatformState::default()
+        };
+        self.motion.forget();
+        self.estimator.reset(&self.record.state);
+        self.counted.pose_lost = true;
+    }
+
     /// Whether a request needs a pose that nobody knows.
     pub(super) fn lacks_pose_for(&self, kind: &RequestKind) -> bool {
         let needs_pose = matches!(

@@ -75,13 +75,11 @@ impl Headway {
         self.nearest_m = reached_m.min(lag_m);
         let is_there = place.distance_m(*here) <= CAUGHT_UP
             && wrap_angle_rad(place.heading_rad - here.heading_rad).abs() <= CAUGHT_UP;
-        if is_there {
-            self.own = step.speed;
+        self.own = if is_there { step.speed } else { self.own.greater(&step.speed) };
+        if is_there && step.passed_s > 0.0 {
             self.without_s = 0.0;
-            return;
-        }
-        self.own = self.own.greater(&step.speed);
-        if step.rate > 0.0 {
+        } else if step.rate > 0.0 {
+            // Behind the end too: who is held back there, however near, would be for ever.
             let gained_s = step.passed_s / (LEAST_RATE * step.rate)
                 + (reached_m - lag_m).max(0.0) / (LEAST_M_S * step.rate);
             self.without_s = (self.without_s + step.elapsed_s - gained_s).max(0.0);

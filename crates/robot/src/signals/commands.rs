@@ -145,6 +145,8 @@ pub enum SafetyReason {
     Oscillation,
     /// An axis failed.
     Axis,
+    /// What was followed stands in odom, and nobody knows any more where the platform stands there.
+    PoseUnknown,
 }
 
 coded!(SafetyReason {
@@ -168,6 +170,7 @@ coded!(SafetyReason {
     EnableInput = 18,
     Oscillation = 20,
     Axis = 19,
+    PoseUnknown = 21,
 });
 
 impl SafetyReason {
@@ -194,6 +197,7 @@ impl SafetyReason {
             SafetyReason::EnableInput => "the input that enables it was off, or not heard",
             SafetyReason::Oscillation => "a wheel's torque swung to and fro: its control loop rang",
             SafetyReason::Axis => "an axis failed",
+            SafetyReason::PoseUnknown => "nobody knows any more where the platform stands",
         }
     }
 }

@@ -54,6 +54,7 @@ fn before_a_closed_corridor_a_path_and_a_way_are_given_up() {
         assert_eq!(bench.step(Some(kind)).answer, RequestAnswer::Taken);
         let (cycle, record) = until_it_ends(&mut bench, 40);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{kind:?}");
+        println!("{kind:?} before a closed corridor: given up after {:.1} s", 1e-3 * cycle as f64);
         // The wall is reached after a few seconds; then the plan waits for 5 s.
         assert!((5_000..25_000).contains(&cycle), "{kind:?}: {cycle}");
         assert_eq!(bench.robot.phase(), Phase::Stopping);
@@ -111,6 +112,26 @@ fn a_goal_or_a_start_inside_of_an_obstacles_distance_is_refused_beforehand() {
 }
 
 #[test]
+fn a_plan_that_is_held_back_within_a_millimetre_of_its_end_ends_too() {
+    for left_m in [8e-4, 1e-4, 1e-5] {
+        let mut bench = bench("");
+        let goal = Pose2::new(0.5, 0.0, 0.0);
+        bench.step(Some(RequestKind::GoTo { odom_from_body: goal }));
+        while bench.run(1).setpoint.odom_from_body.distance_m(goal) > left_m {}
+        // Too near all around: nowhere does a motion lead away from all of them.
+        for index in 0..12 {
+            let (sin, cos) = (f64::from(index) * std::f64::consts::TAU / 12.0).sin_cos();
+            put(&mut bench, index, standing(0.5 + 0.75 * cos, 0.75 * sin, 0.3));
+        }
+        let (cycle, record) = until_it_ends(&mut bench, 20);
+        assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{left_m}");
+        assert!((5_000..6_000).contains(&cycle), "{left_m}: {cycle}");
+        let lacks_m = record.setpoint.odom_from_body.distance_m(goal);
+        assert!(lacks_m > 1e-6 && lacks_m <= left_m, "{left_m}: {lacks_m}");
+    }
+}
+
+#[test]
 fn a_path_whose_start_is_refused_is_gone_on_with_where_it_was() {
     // A refusal changes nothing: a path that begins where the platform stands isn't laid anew.
     let mut bench = bench(AHEAD);
@@ -137,6 +158,7 @@ fn a_goal_that_an_obstacle_took_under_way_is_given_up_and_the_time_can_be_set() 
         put(&mut bench, 0, standing(1.5, 0.0, 0.2));
         let (cycle, record) = until_it_ends(&mut bench, 30);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked);
+        println!("a goal inside an obstacle, {give_up_s} s: given up after {:.1} s", 1e-3 * cycle as f64);
         found.push(cycle);
     }
     assert!((3_000..12_000).contains(&(found[1] - found[0])), "{found:?}");
@@ -191,6 +213,7 @@ fn a_slow_path_is_caught_up_with_at_little_more_than_its_own_speed() {
         };
         assert_eq!(record.allowed.reason, SafetyReason::None);
         assert!((bench.run(10).setpoint.odom_from_body.x_m - 2.53).abs() < 1e-3, "it arrives");
+        println!("catching up, factor {factor}: {fastest_m_s:.3} m/s on a path of {own_m_s:.3} m/s");
         assert!((own_m_s - 0.19).abs() < 0.003, "{own_m_s}");
         assert!(lag_m > 0.2, "it had to give way: {lag_m}");
         assert!(fastest_m_s <= 1.001 * factor * own_m_s, "{fastest_m_s} on a path of {own_m_s}");

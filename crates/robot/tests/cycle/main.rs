@@ -7,6 +7,7 @@ mod inputs;
 mod inwards;
 mod lifecycle;
 mod oscillation;
+mod place;
 mod poison;
 mod promises;
 mod reasons;

@@ -198,7 +198,12 @@ fn one_wrong_number_anywhere_stops_and_leaves_nothing_behind() {
             bench.step(Some(RequestKind::Acknowledge));
             assert_eq!(bench.robot.phase(), Phase::Disabled, "{law} {code}");
             bench.run(5);
-            assert!(bench.robot.record().state.is_finite(), "{law} {code}");
+            let state = bench.robot.record().state;
+            assert!(state.is_finite(), "{law} {code}");
+            // What a wheel turned meanwhile is unknown where its count was no number.
+            assert_eq!(!state.pose_known, code <= 3, "{law} {code}");
+            let odom_from_body = state.odom_from_body;
+            bench.step(Some(RequestKind::SetPose { odom_from_body, sigma_m: 0.0, sigma_rad: 0.0 }));
         }
     }
 }

@@ -8,7 +8,7 @@ use omnibase_robot::signals::{
     Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
     Setpoint, StopCategory,
 };
-use omnibase_robot::stages::{Controller, Peripheral, Reference, Standing};
+use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral, Reference, Standing};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, kind, plan_with};
@@ -52,6 +52,22 @@ impl Reference for Sideways {
     }
 }
 
+/// Sees where the platform stands, and from some cycle on doesn't.
+struct Blinded(u32);
+
+impl Estimator for Blinded {
+    fn reset(&mut self, _: &PlatformState) {}
+
+    fn update(&mut self, _: &Observation<'_>) -> PlatformState {
+        self.0 = self.0.saturating_sub(1);
+        PlatformState { pose_known: self.0 > 0, ..PlatformState::default() }
+    }
+
+    fn sees_beyond_wheels(&self) -> bool {
+        true
+    }
+}
+
 /// An axis of a test's own: it failed where its process data say so.
 #[derive(Default)]
 struct Fails(bool);
@@ -75,6 +91,7 @@ fn registry() -> Registry {
     for (name, quantity, value) in laws {
         registry.controllers.add(kind(name), move |_| Ok(Constant(quantity, value, GOOD_CYCLES)));
     }
+    registry.estimators.add(kind("blinded"), |_| Ok(Blinded(GOOD_CYCLES)));
     for (name, speed_m_s, jump_m) in [("jump", 0.0, 0.6), ("away", 0.2, 0.0)] {
         registry.references.add(kind(name), move |_, _| Ok(Sideways { speed_m_s, jump_m }));
     }
@@ -224,6 +241,9 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench.image.device_inputs[0][0] = 1;
             bench
         }
+        SafetyReason::PoseUnknown => {
+            tracking(BMM, "[reference]\nkind = \"away\"\n[estimator]\nkind = \"blinded\"")
+        }
     };
     Some(stops(bench, reason))
 }
@@ -240,7 +260,8 @@ fn every_reason_stops_the_robot_as_it_should() {
         | SafetyReason::TrackingError
         | SafetyReason::StopInput
         | SafetyReason::EnableInput
-        | SafetyReason::Axis => Some((Phase::Stopping, Phase::Fault)),
+        | SafetyReason::Axis
+        | SafetyReason::PoseUnknown => Some((Phase::Stopping, Phase::Fault)),
         SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
             Some((Phase::Stopping, Phase::Holding))
         }
@@ -258,7 +279,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 20, "every reason has had its turn");
+    assert_eq!(seen, 21, "every reason has had its turn");
 }
 
 #[test]

@@ -61,6 +61,7 @@ fn with_two_seconds_of_delay_each_way_a_stick_moves_nothing_and_that_is_told_onc
         hands.send(0.3, Client::Command, robot(RequestKind::Enable));
         line(hands, [2000; 2], 0.0, held);
     });
+    println!("a stick over 2 s of delay each way moves the robot by {:.6} m", distance_m(&played));
     assert!(distance_m(&played) < 1e-3, "{} m", distance_m(&played));
     let told = played.live.events_after(0).into_iter().filter(|event| event.text.contains("come too late"));
     assert_eq!(told.map(|event| event.client).collect::<Vec<_>>(), [Some(PAGE)]);
@@ -91,6 +92,7 @@ fn a_line_that_becomes_slow_while_a_stick_drives_stops_as_a_silent_stick_does() 
     // What was said last on the good line is of 2.98 s, with a stamp 40 ms before it; the stick's age is 0.2 s, and the
     // ramp from 0.4 m/s takes 0.31 s.
     let stood_s = *moves.borrow();
+    println!("a line that becomes 2 s slow: it stands {:.3} s later", stood_s - 3.0);
     assert!((3.2..3.6).contains(&stood_s), "{stood_s} s");
     let events = played.live.events_after(0);
     assert!(events.iter().any(|event| event.text.contains("fell silent")), "{}", events.len());
@@ -161,6 +163,7 @@ fn a_goal_that_was_pressed_into_a_dead_line_moves_nothing_two_seconds_later() {
         });
         hands.alive(0.5, 7.0, PAGE);
     });
+    println!("a goal pressed into a dead line moves the robot by {:.6} m", distance_m(&played));
     assert!(distance_m(&played) < 1e-3, "{} m", distance_m(&played));
 }
 

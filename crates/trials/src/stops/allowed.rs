@@ -11,8 +11,9 @@ impl Stops {
         let ns = match loss {
             Loss::StickSilent => AGES.pad_ns,
             // A page that drives by its stick is missed as a stick first.
-            Loss::PageSilent => AGES.session_ns,
-            Loss::Killed | Loss::CableCut => WATCHDOG_NS,
+            Loss::PageSilent | Loss::LineSlow => AGES.session_ns,
+            Loss::Killed | Loss::CableCut | Loss::CarrierLost => WATCHDOG_NS,
+            Loss::WayBlocked => self.gives_up_ns(),
             Loss::DrivePower | Loss::DriveData | Loss::SupplyCut => self.tolerated_ns(),
             _ => 0,
         };
@@ -24,12 +25,20 @@ impl Stops {
         u64::from(plan.safety.lost_exchanges_tolerated + 1) * plan.bus.cycle_ns
     }
 
+    /// A plan is given up once it made no headway for so long, and it may make some as far as the obstacles let it.
+    fn gives_up_ns(&self) -> u64 {
+        (self.trial.plan.guard.give_up_s * 1e9) as u64 + HEADWAY_NS
+    }
+
     /// What may pass until the last wheel stands: until the loss is noticed, a ramp within the limits from the speed and
     /// acceleration of this instant, a cycle until it begins, one until it arrives, and the drives' lag.
     pub(super) fn allowed_s(&self, loss: Loss) -> f64 {
         let noticed_s = self.noticed_s(loss);
         let ramp_s = match loss {
             Loss::Category0 | Loss::SupplyCut => self.fastest_rad_s() / COASTING_RAD_S2,
+            Loss::CarrierLost if loss.leaves_unbraked(self.trial.plan.safety.lost_device_stop) => {
+                self.fastest_rad_s() / COASTING_RAD_S2
+            }
             // The others brake by their own ramp, and leave one motion that rolls out.
             Loss::DriveFault => {
                 self.fastest_rad_s() / self.quick_stop_rad_s2() + self.fastest_rad_s() / COASTING_RAD_S2
@@ -41,7 +50,9 @@ impl Stops {
                     + self.fastest_rad_s() / COASTING_RAD_S2
             }
             // Nobody leads the platform any more: each drive brakes its wheel by its own ramp.
-            Loss::Killed | Loss::CableCut => self.fastest_rad_s() / self.quick_stop_rad_s2(),
+            Loss::Killed | Loss::CableCut | Loss::CarrierLost => {
+                self.fastest_rad_s() / self.quick_stop_rad_s2()
+            }
             _ => ramp_s(self.greatest_speeds(noticed_s), &self.trial.plan.limits),
         };
         // A drive without process data goes on as it was until its watchdog expires.
@@ -96,6 +107,9 @@ impl Stops {
         [twist.speed_m_s(), acceleration.speed_m_s(), twist.w_rad_s.abs(), acceleration.w_rad_s.abs()]
     }
 }
+
+/// A plan goes on to its end at the longest where it passes through obstacles that block it: the circle, ns.
+const HEADWAY_NS: u64 = 10_000_000_000;
 
 /// The least deceleration of wheels that roll out without torque, rad/s².
 const COASTING_RAD_S2: f64 = 0.5;

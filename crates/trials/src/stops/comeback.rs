@@ -25,7 +25,8 @@ const WARNED_S: f64 = 3.0;
 impl Stops {
     /// What was lost on the bus comes back; whether anything moves then, or gets torque.
     pub(super) fn watch_comeback(&mut self, case: &Case) -> Comeback {
-        let is_concerned = self.lost.is_some() || self.silent.is_some() || self.failed.is_some();
+        let is_concerned =
+            self.lost.is_some() || self.silent.is_some() || self.failed.is_some() || self.lost_carrier;
         if self.is_dead || !is_concerned {
             return Comeback::NotConcerned;
         }
@@ -82,8 +83,7 @@ impl Stops {
     fn may_hold(&self, case: &Case) -> bool {
         let is_motion = matches!(case.state, State::PageReference | State::Way | State::Paused);
         self.trial.plan.safety.comeback.is_some()
-            && case.loss.is_drive()
-            && case.then.is_none()
+            && case.lost_drive().is_some()
             && is_motion
             && self.page_lives
     }
@@ -93,7 +93,7 @@ impl Stops {
         let plan = self.trial.plan.safety.comeback;
         self.may_hold(case)
             && plan.is_some_and(|plan| matches!(plan.end, ComebackEnd::MoveAgain { .. }))
-            && case.loss == Loss::DriveData
+            && case.lost_drive() == Some(Loss::DriveData)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use omnibase_cia402::ErrorCode;
 use omnibase_platform::{Pose2, Twist2};
+use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 use omnibase_robot::{Exchange, RequestKind};
 use omnibase_run::live::Operator;
@@ -19,6 +20,15 @@ use crate::trial::Without;
 const UNKNOWN: u32 = 2;
 /// What a drive that fails by itself says: over-current.
 pub(super) const OWN_FAULT: ErrorCode = ErrorCode(0x2310);
+/// How late a slow line is, s: later than any age allows.
+const SLOW_S: [f64; 2] = [0.6, 2.6];
+/// The fewest cycles without a carrier: one more than are tolerated.
+const SHORTEST_CARRIER: u64 = 5;
+/// Obstacles that block every way: so many, so far away and so large that the robot comes to rest between them and fits
+/// through nowhere.
+const RING: u32 = 12;
+const RING_M: f64 = 1.4;
+const RING_RADIUS_M: f64 = 0.3;
 /// How long a source that was lost speaks before and after a person enables it, cycles.
 const INSISTS: u32 = 10;
 
@@ -37,6 +47,14 @@ pub struct Stops {
     pub(super) lost: Option<(usize, Loss, u32)>,
     /// Cycles since all drives were left alone.
     pub(super) silent: Option<u32>,
+    /// After so many of them the carrier is there again.
+    carrier_back: Option<u32>,
+    /// The carrier was lost in this case.
+    pub(super) lost_carrier: bool,
+    /// Since when the line to the page is slow, and by how much what it says is late then, ns.
+    slow_line: Option<(u64, u64)>,
+    /// Obstacles stand around it.
+    is_blocked: bool,
     /// A drive that failed.
     pub(super) failed: Option<usize>,
     /// The joystick is there: it says so in every cycle.
@@ -58,6 +76,10 @@ impl Stops {
             is_dead: false,
             lost: None,
             silent: None,
+            carrier_back: None,
+            lost_carrier: false,
+            slow_line: None,
+            is_blocked: false,
             failed: None,
             has_joystick: false,
         };
@@ -90,7 +112,10 @@ impl Stops {
             blocking: Blocking::NotConcerned,
             comeback: Comeback::NotConcerned,
         };
-        let has_more = !matches!(loss, Loss::Category0 | Loss::Killed | Loss::CableCut | Loss::SupplyCut);
+        let has_more = !matches!(
+            loss,
+            Loss::Category0 | Loss::Killed | Loss::CableCut | Loss::CarrierLost | Loss::SupplyCut
+        );
         if has_more && self.random.below(2) == 0 {
             let on_top = ON_TOP[self.random.below(ON_TOP.len())];
             // Two lost drives are no other case than one, and one that was lost already can't be lost.
@@ -111,7 +136,10 @@ impl Stops {
 
     /// Awake, enabled and holding.
     fn make_ready(&mut self) {
-        self.failed = None;
+        (self.failed, self.lost_carrier, self.slow_line) = (None, false, None);
+        if std::mem::take(&mut self.is_blocked) {
+            self.block(None);
+        }
         if self.is_dead || self.trial.next_exchange != Exchange::Complete {
             self.is_dead = false;
             self.bring_back();
@@ -149,7 +177,7 @@ impl Stops {
 
     /// What was lost on the bus is there again.
     pub(super) fn bring_back(&mut self) {
-        (self.lost, self.silent) = (None, None);
+        (self.lost, self.silent, self.carrier_back) = (None, None, None);
         let wheels = self.trial.back_in_op();
         if wheels != 0 {
             self.trial.next_exchange = Exchange::Restarted { wheels };
@@ -237,9 +265,9 @@ impl Stops {
                 let is_harder = on_top.severity(policy) > case.loss.severity(policy);
                 let allowed_s = at_s + self.allowed_s(on_top);
                 // What a lost drive leaves unbraked rolls out, whatever comes on top.
-                if case.loss.leaves_unbraked() {
+                if case.loss.leaves_unbraked(policy) {
                     case.allowed_s = case.allowed_s.max(allowed_s);
-                } else if is_harder || is_unnoticed || on_top.leaves_unbraked() {
+                } else if is_harder || is_unnoticed || on_top.leaves_unbraked(policy) {
                     case.allowed_s = allowed_s;
                     noticed_s = at_s + self.noticed_s(on_top);
                 }
@@ -289,6 +317,11 @@ impl Stops {
                 self.say(Client::Page(0), Ask::Gone);
             }
             Loss::PageSilent => (self.speaking, self.page_lives) = (None, false),
+            Loss::LineSlow => {
+                let delay_s = SLOW_S[0] + (SLOW_S[1] - SLOW_S[0]) * self.random.share();
+                self.slow_line = Some((self.trial.time().now_ns, (delay_s * 1e9) as u64));
+            }
+            Loss::WayBlocked => self.block(Some(self.trial.pose())),
             Loss::Category0 => self.say(Client::Command, stop(StopCategory::RemoveTorque)),
             Loss::Category1 => self.say(Client::Command, stop(StopCategory::RampThenRemove)),
             Loss::Category2 => self.say(Client::Command, stop(StopCategory::RampAndHold)),
@@ -296,6 +329,11 @@ impl Stops {
             Loss::Emergency => self.say(Client::Page(1), Ask::EmergencyStop),
             Loss::Killed => (self.is_dead, self.silent) = (true, Some(0)),
             Loss::CableCut => self.silent = Some(0),
+            Loss::CarrierLost => {
+                let longest = WATCHDOG_NS / self.trial.plan.bus.cycle_ns - SHORTEST_CARRIER - 1;
+                let cycles = SHORTEST_CARRIER + self.random.below(longest as usize) as u64;
+                (self.silent, self.carrier_back, self.lost_carrier) = (Some(0), Some(cycles as u32), true);
+            }
             Loss::DriveFault => {
                 let wheels = self.trial.plan.drives.len();
                 let lost = self.lost.map(|(wheel, ..)| wheel);
@@ -328,7 +366,7 @@ impl Stops {
     /// A source that was lost speaks again, as if nothing had been: it drives nothing until a person enables it.
     fn insist(&mut self, client: Client) -> Blocking {
         let has_stick = matches!(client, Client::Joystick | Client::Page(_));
-        self.page_lives = true;
+        (self.page_lives, self.slow_line) = (true, None);
         if !has_stick {
             return Blocking::NotConcerned;
         }
@@ -359,7 +397,29 @@ impl Stops {
 
     fn say(&mut self, client: Client, ask: Ask) {
         let now_ns = self.trial.time().now_ns;
-        self.operator.hear(now_ns, Command { client, ticket: 0, ask, stamp: Stamp::Here });
+        let stamp = match self.slow_line.filter(|_| client == Client::Page(0)) {
+            // What was said before the line became slow was in time.
+            Some((since_ns, delay_ns)) => Stamp::Told(since_ns.max(now_ns.saturating_sub(delay_ns))),
+            None => Stamp::Here,
+        };
+        self.operator.hear(now_ns, Command { client, ticket: 0, ask, stamp });
+    }
+
+    /// Obstacles all around a place, too near to each other for the robot; or none of them.
+    fn block(&mut self, around: Option<Pose2>) {
+        for index in 0..RING {
+            let kind = match around {
+                Some(Pose2 { x_m, y_m, .. }) => {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(RING)).sin_cos();
+                    let centre_m = [x_m + RING_M * cos, y_m + RING_M * sin];
+                    let obstacle = Obstacle { centre_m, radius_m: RING_RADIUS_M, velocity_m_s: [0.0; 2] };
+                    RequestKind::SetObstacle { index, obstacle }
+                }
+                None => RequestKind::RemoveObstacle { index },
+            };
+            self.say(Client::Command, Ask::Robot(kind));
+        }
+        self.is_blocked = around.is_some();
     }
 
     pub(super) fn run(&mut self, cycles: u32) {
@@ -388,6 +448,12 @@ impl Stops {
             self.trial.next_exchange = Exchange::Lost;
             if *cycles == watchdog {
                 self.trial.watchdogs_expire();
+            }
+            if self.carrier_back.is_some_and(|back| *cycles >= back) {
+                (self.silent, self.carrier_back) = (None, None);
+                if self.lost.is_none() {
+                    self.trial.next_exchange = Exchange::Complete;
+                }
             }
         }
     }
