@@ -178,16 +178,15 @@ impl Beside {
     }
 
     /// How far they are on their way, all together, and the first that failed. Those that weren't heard in this cycle
-    /// count as resting, and as not ready.
+    /// aren't ready, and rest only where they did when they were heard last.
     pub(crate) fn standing(&self, exchange: Exchange) -> (Standing, Option<usize>) {
         let mut all = Standing::NOTHING_MOVES;
         let mut failed = None;
         for (device, part) in self.all.iter().enumerate() {
             let one = part.peripheral.standing();
-            let is_heard = exchange.has_inputs_of_device(device);
-            all.is_ready &= one.is_ready && is_heard;
-            all.rests &= one.rests || !is_heard;
-            all.stands &= one.stands || !is_heard;
+            all.is_ready &= one.is_ready && exchange.has_inputs_of_device(device);
+            all.rests &= one.rests;
+            all.stands &= one.stands;
             failed = failed.or(one.failed.then_some(device));
         }
         (Standing { failed: failed.is_some(), ..all }, failed)
