@@ -6,6 +6,8 @@
 mod profile;
 mod watch;
 
+use std::fmt::Write;
+
 use omnibase_cia402::{
     ControlWord, DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets,
     Wanted,
@@ -543,8 +545,13 @@ impl Peripheral for Axis {
         self.enabling.acknowledge();
     }
 
-    fn problem(&self) -> Option<String> {
-        let wrong = self.watch.wrong().map(|wrong| wrong.text(&self.plan));
-        wrong.or_else(|| self.enabling.problem().map(|problem| problem.to_string()))
+    fn tell_problem(&self, words: &mut dyn Write) -> bool {
+        // What is too long for its room is cut.
+        let _ = match (self.watch.wrong(), self.enabling.problem()) {
+            (Some(wrong), _) => wrong.tell(&self.plan, words),
+            (None, Some(problem)) => write!(words, "{problem}"),
+            (None, None) => return false,
+        };
+        true
     }
 }

@@ -1,5 +1,6 @@
 //! The cycle's part of the signals beside the drives: read, aged, told, written.
 
+use std::fmt::Write;
 use std::ops::Range;
 
 use super::sources::Sources;
@@ -192,9 +193,9 @@ impl Beside {
         (Standing { failed: failed.is_some(), ..all }, failed)
     }
 
-    /// What is wrong with each of them, in words; not for the cycle, for it allocates.
-    pub(crate) fn problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
-        self.all.iter().enumerate().filter_map(|(device, part)| Some((device, part.peripheral.problem()?)))
+    /// Says what is wrong with one of them, in words, and whether anything is.
+    pub(crate) fn tell_problem(&self, device: usize, words: &mut dyn Write) -> bool {
+        self.all.get(device).is_some_and(|part| part.peripheral.tell_problem(words))
     }
 
     /// From signals to process data. A robot that lets go of its drives lets go of the outputs: nothing that was asked

@@ -105,3 +105,19 @@ fn a_motion_ends_with_the_page_that_asked_for_it() {
         });
     });
 }
+
+#[test]
+fn what_is_wrong_with_an_axis_is_told_by_its_name_and_once() {
+    let text = format!("{TEXT}{CIRCLE}").replace("following_error = 0.005", "following_error = 0.000_01");
+    let text = RobotText { text, ..RobotText::default() };
+    let run = played_by(text, 9.0, |hands| {
+        hands.ask(0.5, BY, Ask::Robot(RequestKind::Enable), TAKEN);
+        hands.ask(1.5, BY, lift(AxisAsk::Home), TAKEN);
+        hands.ask(4.5, BY, to(0.3), TAKEN);
+        hands.at(6.0, |_, snapshot| assert_eq!(snapshot.phase, Phase::Fault));
+        hands.ask(6.5, BY, Ask::Robot(RequestKind::Acknowledge), TAKEN);
+    });
+    let events: Vec<&str> = run.ran.summary.events.iter().map(|event| &*event.text).collect();
+    let told: Vec<_> = events.iter().filter(|text| text.starts_with("lift: ")).collect();
+    assert!(told.len() == 1 && told[0].contains("from its set point"), "{events:?}");
+}
