@@ -216,9 +216,9 @@ fn is_socket(path: &PathBuf) -> bool {
 }
 
 /// A simulated robot that a stick leads, without a page; `first` is done before by a process of the same number.
-fn start_without_page(runtime: &Path, first: &str) -> Child {
+fn start_without_page(runtime: &Path, first: &str) -> WithoutPage {
     let stick = stick_recording::recording(runtime, &[(100, 1, 130)]);
-    let mut robot = Command::new("sh")
+    let robot = Command::new("sh")
         .args(["-c", &format!("{first} exec \"$0\" \"$@\"")])
         .args([env!("CARGO_BIN_EXE_omnibase"), "run", ROBOT, "--json", "--joystick"])
         .arg(stick)
@@ -227,17 +227,23 @@ fn start_without_page(runtime: &Path, first: &str) -> Child {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
+    let mut robot = WithoutPage(robot);
     let began = Instant::now();
     while omnibase(runtime, &["get", "phase"]).0 != Some(0) {
         assert!(began.elapsed() < Duration::from_secs(60), "it answers");
-        assert!(robot.try_wait().unwrap().is_none(), "it runs");
+        assert!(robot.0.try_wait().unwrap().is_none(), "it runs");
     }
     robot
 }
 
-fn kill(mut robot: Child) {
-    robot.kill().unwrap();
-    robot.wait().unwrap();
+/// A robot without a page, killed when it is dropped.
+struct WithoutPage(Child);
+
+impl Drop for WithoutPage {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 #[test]
@@ -246,7 +252,7 @@ fn a_robot_without_a_page_that_died_leaves_no_socket_behind() {
     let runtime = runtime.path();
     let robot = start_without_page(runtime, "");
     assert_eq!(left(runtime).iter().filter(|path| is_socket(path)).count(), 1);
-    kill(robot);
+    drop(robot);
     let (code, _, error) = omnibase(runtime, &["call", "emergency_stop"]);
     assert!(code == Some(1) && error.contains("no robot runs"), "{error}");
     assert_eq!(left(runtime), [] as [PathBuf; 0]);
@@ -261,12 +267,11 @@ fn a_robot_takes_nothing_from_another_one_of_its_processs_number() {
     // As one of another container that shares the folder.
     let first = r#"cd "$XDG_RUNTIME_DIR/omnibase"; touch $$.socket $$.json process-$$.json $$.new;"#;
     let robot = start_without_page(runtime, first);
-    let number = robot.id();
+    let number = robot.0.id();
     for name in ["{}.socket", "{}.json", "process-{}.json", "{}.new"] {
         let path = runtime.join("omnibase").join(name.replace("{}", &number.to_string()));
         assert_eq!(std::fs::metadata(&path).map(|found| found.len()).ok(), Some(0), "{name}");
     }
-    kill(robot);
 }
 
 #[test]
@@ -305,5 +310,5 @@ fn a_robot_that_takes_nobody_any_more_holds_up_no_command() {
         );
     }
     // Meanwhile another one is reached.
-    kill(start_without_page(runtime.path(), ""));
+    drop(start_without_page(runtime.path(), ""));
 }

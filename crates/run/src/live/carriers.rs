@@ -252,8 +252,9 @@ impl Live {
             self.seen(|seen| push_kept(&mut seen.answers, KEPT, (ticket, refused)));
             return Some(ticket);
         }
-        // However much is asked: a stop finds room.
-        if sending.commands.slots() <= KEPT_FOR_STOPS && !ask.stops() {
+        // However much is asked: a stop finds room, and however many stops of axes, one of the robot.
+        let kept = if ask.stops_axis() { KEPT_FOR_STOPS / 2 } else { KEPT_FOR_STOPS };
+        if sending.commands.slots() <= kept && !ask.stops() {
             return None;
         }
         match &ask {
