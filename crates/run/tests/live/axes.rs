@@ -133,7 +133,7 @@ fn its_stop_is_heard_however_much_is_asked_and_nothing_that_was_asked_before_beg
         hands.at(7.003, |_, snapshot| assert_eq!(seen(snapshot).1, AxisState::Stopping));
         hands.at(9.0, move |live, snapshot| {
             assert_eq!(seen(snapshot).1, AxisState::Holding);
-            (0..20).for_each(|_| drop(live.send(Client::Page(2), pause())));
+            (0..20).for_each(|_| assert!(live.send(Client::Page(2), pause()).is_some()));
         });
         hands.ask(9.0, BY, to(0.1), Answer::Refused(Refusal::Stopped));
         hands.ask(9.0, BY, lift(AxisAsk::Stop), TAKEN);
