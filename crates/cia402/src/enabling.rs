@@ -260,6 +260,11 @@ impl Enabling {
         self.position_origin_counts
     }
 
+    /// In profile position mode: whether the drive acknowledged this set point.
+    pub fn is_acknowledged(&self, position_counts: i32) -> bool {
+        !self.announcing && self.announced_counts == Some(position_counts)
+    }
+
     /// A person saw the problem: resets a fault, leaves a quick stop, and goes where the requests want.
     ///
     /// If the cause is still there, the next cycles stop the drive again.

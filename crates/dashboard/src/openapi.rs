@@ -77,13 +77,13 @@ pub fn description() -> Value {
             } },
             "/api/live": { "get": {
                 "summary": "A WebSocket: calls in, their answers and thirty times a second what the robot does out",
-                "responses": { "101": { "description": "It is one now" } },
+                "responses": live_answers(),
                 "x-client-messages": call, "x-server-messages": { "anyOf": [seen, result] },
             } },
             "/api/inputs": { "get": {
                 "summary": "A WebSocket for programs that may command: what they know in, the robot's clock and what became of it fifty times a second out",
                 "security": [{ "token": [] }],
-                "responses": { "101": { "description": "It is one now" } },
+                "responses": socket_answers(),
                 "x-client-messages": sent, "x-server-messages": news,
             } },
         },
@@ -100,17 +100,46 @@ fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
 
 /// What comes back to who reads: what was asked for, or why not.
 fn answers(content: &Value) -> Value {
-    let result = json!({ "schema": { "$ref": "#/components/schemas/CallResult" } });
-    let words = json!({ "schema": { "type": "string" } });
+    let mut all = refusals();
+    all["200"] = json!({ "description": "Done", "content": content });
+    all["503"] = json!({ "description": "Too much is computed already", "content": said_no() });
+    all
+}
+
+/// What comes back to who may not, or asks too much.
+fn refusals() -> Value {
+    let mut either = said_no();
+    either["text/plain"] = words()["text/plain"].clone();
     json!({
-        "200": { "description": "Done", "content": content },
-        "403": { "description": "Not with this token, or not from there", "content": { "text/plain": words } },
-        "429": {
-            "description": "Asked too often, or with too many wrong tokens",
-            "content": { "application/json": result, "text/plain": words },
-        },
-        "503": { "description": "Too much is computed already", "content": { "application/json": result } },
+        "403": { "description": "Not with this token, or not from there", "content": words() },
+        "429": { "description": "Asked too often, or with too many wrong tokens", "content": either },
     })
+}
+
+fn said_no() -> Value {
+    json!({ "application/json": { "schema": { "$ref": "#/components/schemas/CallResult" } } })
+}
+
+fn words() -> Value {
+    json!({ "text/plain": { "schema": { "type": "string" } } })
+}
+
+/// What comes back to who asks for a WebSocket.
+fn socket_answers() -> Value {
+    let mut all = refusals();
+    all["101"] = json!({ "description": "It is one now" });
+    all["400"] =
+        json!({ "description": "No WebSocket was asked for, or of another version", "content": words() });
+    all["426"] =
+        json!({ "description": "This connection can't become one, as of HTTP/1.0", "content": words() });
+    all
+}
+
+/// What comes back to a page.
+fn live_answers() -> Value {
+    let mut all = socket_answers();
+    all["503"] = json!({ "description": "Too many look on without the token", "content": said_no() });
+    all
 }
 
 /// What comes back to who calls.
@@ -122,7 +151,7 @@ fn call_answers(result: &Value) -> Value {
     all["400"] = json!({ "description": "It can't be read", "content": either });
     all["408"] = json!({ "description": "The body didn't come in time", "content": json });
     all["409"] = json!({ "description": "Refused, and why", "content": json });
-    all["413"] = json!({ "description": "The body is too long", "content": { "text/plain": { "schema": { "type": "string" } } } });
+    all["413"] = json!({ "description": "The body is too long", "content": words() });
     all
 }
 

@@ -8,6 +8,7 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("", "text/html; charset=utf-8", include_str!("page/page.html")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
+    ("beside.js", "text/javascript; charset=utf-8", include_str!("page/beside.js")),
     ("fault.js", "text/javascript; charset=utf-8", include_str!("page/fault.js")),
     ("link.js", "text/javascript; charset=utf-8", include_str!("page/link.js")),
     ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),

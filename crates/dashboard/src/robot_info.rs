@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use omnibase_robot::Registry;
 use omnibase_robot::check::ReadFile;
-use omnibase_robot::config::{ReferenceTable, Source};
+use omnibase_robot::config::{AxisMode, DevicePlan, OutputPlan, ReferenceTable, Source};
+use omnibase_robot::signals::column_name;
 use omnibase_robot::stages::Reference;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
@@ -39,6 +40,7 @@ pub(crate) struct Facts<'a> {
     simulated: bool,
     cycle_s: f64,
     wheels: Vec<WheelFacts<'a>>,
+    devices: Vec<DeviceFacts<'a>>,
     limits: LimitFacts,
     controllers: Vec<&'a str>,
     footprint: &'a [[f64; 2]],
@@ -55,6 +57,67 @@ struct WheelFacts<'a> {
     position_m: [f64; 2],
     rolling: [f64; 2],
     radius_m: f64,
+}
+
+/// A SubDevice that drives no wheel.
+#[derive(Serialize, JsonSchema)]
+struct DeviceFacts<'a> {
+    name: &'a str,
+    /// What it may be told.
+    outputs: Vec<OutputFacts>,
+    /// The axis that its drive moves.
+    axis: Option<AxisFacts<'a>>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct OutputFacts {
+    /// Its full name, as `lamps.green`.
+    name: String,
+    unit: String,
+    /// Where it stands among the columns.
+    column: String,
+    /// The least and the greatest value that it can have, where that is known.
+    range: Option<[f64; 2]>,
+    /// It is either 0 or 1.
+    is_switch: bool,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct AxisFacts<'a> {
+    /// Unit of its position.
+    unit: &'static str,
+    /// Where its position stands among the columns.
+    column: String,
+    /// The least and the greatest position.
+    range: [f64; 2],
+    /// Modes in which it may be moved.
+    modes: &'a [AxisMode],
+    /// Whether it can find its home.
+    finds_home: bool,
+}
+
+impl<'a> DeviceFacts<'a> {
+    fn of(plan: &'a DevicePlan) -> Self {
+        let column = |name: &str, unit: &str| format!("{}/{}", plan.name, column_name(name, unit));
+        let output = |output: &OutputPlan| {
+            let range = output.coding.map(|coding| coding.values());
+            OutputFacts {
+                name: format!("{}.{}", plan.name, output.name),
+                unit: output.unit.clone(),
+                column: column(&output.name, &output.unit),
+                range,
+                is_switch: range == Some([0.0, 1.0]) && output.coding.is_some_and(|coding| coding.bits == 1),
+            }
+        };
+        let axis = plan.axis.as_ref().map(|axis| AxisFacts {
+            unit: axis.unit.name(),
+            column: column("position", axis.unit.name()),
+            range: axis.limits.position,
+            modes: &axis.modes,
+            finds_home: axis.homing.is_some(),
+        });
+        DeviceFacts { name: &plan.name, outputs: plan.output.iter().map(output).collect(), axis }
+    }
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -84,6 +147,7 @@ impl RobotInfo {
                     radius_m: wheel.radius_m,
                 })
                 .collect(),
+            devices: plan.devices.iter().map(DeviceFacts::of).collect(),
             limits: LimitFacts {
                 speed_m_s: plan.limits.speed_m_s,
                 turn_speed_rad_s: plan.limits.turn_speed_rad_s,

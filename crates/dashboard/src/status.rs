@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use omnibase_measure::timing::TimingSeen;
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{
-    Course, CycleRecord, DriveMeasurement, DriveProgress, Exchange, LimitedBy, Phase, SafetyReason,
+    Course, CycleRecord, DriveMeasurement, DriveProgress, Exchange, LimitedBy, MAX_WHEELS, Phase,
+    SafetyReason,
 };
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
@@ -41,6 +42,10 @@ pub struct StatusMessage {
     pub stop_reason: &'static str,
     /// Which drive that is about, in the order of the robot's file; nothing where it is about none.
     pub stop_drive: Option<u64>,
+    /// Which SubDevice without a wheel that is about, in the order of the robot's file; nothing where it is about none.
+    pub stop_device: Option<u64>,
+    /// What is wrong with the axis about which it stopped, with its name; empty where it is about none.
+    pub axis_problem: String,
     /// The number of the reference; 0 for the robot file's own.
     pub reference: u32,
     /// Where that began: x m, y m, heading rad.
@@ -214,6 +219,8 @@ impl StatusMessage {
                 record.stop_reason.text()
             },
             stop_drive: stop_drive(record),
+            stop_device: stop_device(record),
+            axis_problem: snapshot.axis_problem.to_string(),
             reference: snapshot.reference,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
             goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
@@ -290,6 +297,12 @@ fn stop_drive(record: &CycleRecord) -> Option<u64> {
     Some(record.stop_where).filter(|place| is_about_one && *place < record.measurements.wheels as u64)
 }
 
+/// Places beyond the wheels are those of SubDevices without one.
+fn stop_device(record: &CycleRecord) -> Option<u64> {
+    let is_about_one = matches!(record.stop_reason, SafetyReason::Axis | SafetyReason::DeviceLost);
+    record.stop_where.checked_sub(MAX_WHEELS as u64).filter(|_| is_about_one)
+}
+
 fn drives(record: &CycleRecord, errors: &DriveErrors) -> Vec<DriveSeen> {
     let state = |progress| match progress {
         DriveProgress::Unknown => "unknown",
@@ -347,6 +360,21 @@ mod tests {
             record.stop_reason = reason;
             assert_eq!(stop_drive(&record), None, "{reason:?}");
         }
+    }
+
+    #[test]
+    fn a_subdevice_without_a_wheel_is_told_by_its_own_place() {
+        let mut record = CycleRecord { stop_where: MAX_WHEELS as u64 + 1, ..CycleRecord::default() };
+        record.measurements.wheels = 3;
+        for reason in [SafetyReason::Axis, SafetyReason::DeviceLost] {
+            record.stop_reason = reason;
+            assert_eq!((stop_drive(&record), stop_device(&record)), (None, Some(1)), "{reason:?}");
+        }
+        // The place of an input.
+        record.stop_reason = SafetyReason::StopInput;
+        assert_eq!(stop_device(&record), None);
+        (record.stop_reason, record.stop_where) = (SafetyReason::DeviceLost, 2);
+        assert_eq!((stop_drive(&record), stop_device(&record)), (Some(2), None));
     }
 
     #[test]

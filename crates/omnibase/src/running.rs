@@ -5,18 +5,22 @@
 
 use crate::token;
 use anyhow::Context;
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant, SystemTime};
 
 /// The longest wait for a robot of this machine to take a connection.
 const CONNECT: Duration = Duration::from_millis(500);
+/// Between two attempts at a socket at which too many wait already.
+const AGAIN: Duration = Duration::from_millis(10);
 
 /// What is known of a running robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -54,16 +58,38 @@ impl Place {
     fn answers(&self) -> bool {
         match self {
             Place::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
-            Place::Socket(path) => UnixStream::connect(path).is_ok(),
+            Place::Socket(path) => connect(path, CONNECT).is_ok(),
         }
     }
 }
 
-/// Where this process' socket belongs, in a folder that nobody else can enter; what a dead one left there is removed.
+/// A connection to a robot's socket. A robot that hangs takes none once enough of them wait: that isn't waited for longer
+/// than this.
+pub fn connect(socket: &Path, longest: Duration) -> io::Result<UnixStream> {
+    let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+    let stream = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    let address = SocketAddrUnix::new(socket)?;
+    let until = Instant::now() + longest;
+    loop {
+        match rustix::net::connect(&stream, &address) {
+            Err(Errno::AGAIN) if Instant::now() < until => std::thread::sleep(AGAIN),
+            connected => break connected?,
+        }
+    }
+    let stream = UnixStream::from(stream);
+    stream.set_nonblocking(false)?;
+    Ok(stream)
+}
+
+/// Where a robot's socket belongs, in a folder that nobody else can enter.
 pub fn socket() -> anyhow::Result<PathBuf> {
-    let path = made()?.join(format!("{}.socket", std::process::id()));
-    let _ = fs::remove_file(&path);
-    Ok(path)
+    Ok(made()?.join(format!("{}.socket", unique()?)))
+}
+
+/// A name that no other process gives: the number of one that died comes again, and is another's in another container.
+fn unique() -> anyhow::Result<String> {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+    Ok(format!("{}-{:x}", std::process::id(), now.as_nanos()))
 }
 
 /// The folder where robots are announced, made where it isn't there.
@@ -78,35 +104,34 @@ pub struct RunningRobot {
     path: PathBuf,
     place: Place,
     /// Locked.
-    _file: fs::File,
+    file: fs::File,
 }
 
 impl RunningRobot {
-    /// Says it.
+    /// Says it; of a socket before it is made, so that none is left of which nobody knows.
     pub fn announce(robot: &str, place: Place, token: &str) -> anyhow::Result<Self> {
         let folder = made()?;
         let path = folder.join(match &place {
-            Place::Address(address) => format!("{}.json", address.port()),
-            Place::Socket(_) => format!("process-{}.json", std::process::id()),
+            Place::Address(address) => PathBuf::from(format!("{}.json", address.port())),
+            Place::Socket(socket) => socket.with_extension("json"),
         });
         // Nobody sees it before it is locked.
-        let unseen = folder.join(format!("{}.new", std::process::id()));
-        let _ = fs::remove_file(&unseen);
+        let unseen = folder.join(format!("{}.new", unique()?));
         let mut file = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&unseen)?;
         file.lock()?;
         let found = Found { robot: robot.to_owned(), place: place.clone(), token: token.to_owned() };
         file.write_all(serde_json::to_string(&found)?.as_bytes())?;
         fs::rename(&unseen, &path)?;
-        Ok(RunningRobot { path, place, _file: file })
+        Ok(RunningRobot { path, place, file })
     }
 }
 
 impl Drop for RunningRobot {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.path);
         if let Place::Socket(socket) = &self.place {
             let _ = fs::remove_file(socket);
         }
+        remove(&self.path, &self.file);
     }
 }
 
@@ -131,12 +156,18 @@ fn lives(path: &Path) -> bool {
     if file.try_lock_shared().is_err() {
         return true;
     }
+    // Of its socket nobody else has the name.
+    let _ = fs::remove_file(path.with_extension("socket"));
+    remove(path, &file);
+    false
+}
+
+/// Removes what a robot said, unless another one says something there by now.
+fn remove(path: &Path, file: &fs::File) {
     let is_same = |there: fs::Metadata| file.metadata().is_ok_and(|here| here.ino() == there.ino());
     if fs::metadata(path).is_ok_and(is_same) {
-        // A socket that a process left may belong to a later one of the same number: that one removes it.
         let _ = fs::remove_file(path);
     }
-    false
 }
 
 /// The folder where nobody but this user can announce a robot; `None` where there is none yet.

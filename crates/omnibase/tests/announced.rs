@@ -1,9 +1,13 @@
 //! Which robot a command reaches where several run, or ran, on this machine.
 
+mod stick_recording;
+
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
-use std::path::Path;
+use std::os::fd::AsFd;
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, chown, symlink};
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
@@ -199,4 +203,112 @@ fn a_robot_writes_its_token_where_nobody_else_reads_it_or_nowhere() {
         assert!(said.contains("expected a folder of this user alone") && said.contains(found), "{said}");
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "{found}");
     }
+}
+
+/// What stands in the folder where robots are announced.
+fn left(runtime: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(runtime.join("omnibase")).unwrap();
+    entries.map(|entry| entry.unwrap().path()).collect()
+}
+
+fn is_socket(path: &PathBuf) -> bool {
+    std::fs::metadata(path).unwrap().file_type().is_socket()
+}
+
+/// A simulated robot that a stick leads, without a page; `first` is done before by a process of the same number.
+fn start_without_page(runtime: &Path, first: &str) -> WithoutPage {
+    let stick = stick_recording::recording(runtime, &[(100, 1, 130)]);
+    let robot = Command::new("sh")
+        .args(["-c", &format!("{first} exec \"$0\" \"$@\"")])
+        .args([env!("CARGO_BIN_EXE_omnibase"), "run", ROBOT, "--json", "--joystick"])
+        .arg(stick)
+        .env("XDG_RUNTIME_DIR", runtime)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut robot = WithoutPage(robot);
+    let began = Instant::now();
+    while omnibase(runtime, &["get", "phase"]).0 != Some(0) {
+        assert!(began.elapsed() < Duration::from_secs(60), "it answers");
+        assert!(robot.0.try_wait().unwrap().is_none(), "it runs");
+    }
+    robot
+}
+
+/// A robot without a page, killed when it is dropped.
+struct WithoutPage(Child);
+
+impl Drop for WithoutPage {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_robot_without_a_page_that_died_leaves_no_socket_behind() {
+    let runtime = tempfile::tempdir().unwrap();
+    let runtime = runtime.path();
+    let robot = start_without_page(runtime, "");
+    assert_eq!(left(runtime).iter().filter(|path| is_socket(path)).count(), 1);
+    drop(robot);
+    let (code, _, error) = omnibase(runtime, &["call", "emergency_stop"]);
+    assert!(code == Some(1) && error.contains("no robot runs"), "{error}");
+    assert_eq!(left(runtime), [] as [PathBuf; 0]);
+}
+
+#[test]
+fn a_robot_takes_nothing_from_another_one_of_its_processs_number() {
+    let runtime = tempfile::tempdir().unwrap();
+    let runtime = runtime.path();
+    std::fs::create_dir(runtime.join("omnibase")).unwrap();
+    set_mode(&runtime.join("omnibase"), 0o700);
+    // As one of another container that shares the folder.
+    let first = r#"cd "$XDG_RUNTIME_DIR/omnibase"; touch $$.socket $$.json process-$$.json $$.new;"#;
+    let robot = start_without_page(runtime, first);
+    let number = robot.0.id();
+    for name in ["{}.socket", "{}.json", "process-{}.json", "{}.new"] {
+        let path = runtime.join("omnibase").join(name.replace("{}", &number.to_string()));
+        assert_eq!(std::fs::metadata(&path).map(|found| found.len()).ok(), Some(0), "{name}");
+    }
+}
+
+#[test]
+fn a_robot_that_takes_nobody_any_more_holds_up_no_command() {
+    let runtime = tempfile::tempdir().unwrap();
+    let folder = runtime.path().join("omnibase");
+    std::fs::create_dir(&folder).unwrap();
+    set_mode(&folder, 0o700);
+    let socket = folder.join("hung.socket");
+    let listener = UnixListener::bind(&socket).unwrap();
+    // One waits; there is room for no more.
+    rustix::net::listen(listener.as_fd(), 0).unwrap();
+    let _waiting = std::os::unix::net::UnixStream::connect(&socket).unwrap();
+    let path = folder.join("hung.json");
+    let text = format!(r#"{{"robot": "hung", "socket": "{}", "token": ""}}"#, socket.display());
+    std::fs::write(&path, text).unwrap();
+    let file = std::fs::File::open(path).unwrap();
+    file.lock().unwrap();
+    for command in [&["call", "emergency_stop"][..], &["send", "gate", "open=1"]] {
+        let mut asking = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(command)
+            .env("XDG_RUNTIME_DIR", runtime.path())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let began = Instant::now();
+        while asking.try_wait().unwrap().is_none() && began.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let _ = asking.kill();
+        let output = asking.wait_with_output().unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            output.status.code() == Some(1) && error.contains("no robot answers"),
+            "{command:?}: {error}"
+        );
+    }
+    // Meanwhile another one is reached.
+    drop(start_without_page(runtime.path(), ""));
 }

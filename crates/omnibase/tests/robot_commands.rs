@@ -506,6 +506,7 @@ fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
         .args(["--record", &recording])
         .current_dir(root())
         .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     // Some turns, on virtual time.
@@ -515,6 +516,9 @@ fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
     }
     assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
     let ended = run.wait_with_output().unwrap();
+    let says = String::from_utf8(ended.stderr).unwrap();
+    let words = ["has no end", "faster than it would be", "Ctrl-C", "--limit-mb and --files"];
+    assert!(words.iter().all(|word| says.contains(word)), "{says}");
     let summary: Value = serde_json::from_slice(&ended.stdout).unwrap();
     assert!(summary["cycles"].as_u64().unwrap() > 16_000, "two turns and more: {}", summary["cycles"]);
     assert!(summary["events"].to_string().contains("a stop was asked for"), "{}", summary["events"]);

@@ -2,6 +2,8 @@
 
 mod pose;
 
+use std::fmt::Write;
+
 use omnibase_platform::Twist2;
 use omnibase_trajectory::LimitsError;
 
@@ -18,9 +20,9 @@ use crate::registry::{Registry, StageError};
 use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_PROCESS_BYTES,
-    Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer, RequestKind,
-    SafetyReason, Setpoint, StopCategory, WheelCommand,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_DEVICES,
+    MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer,
+    RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
 use crate::speed_loop::SpeedLoops;
 use crate::stages::{
@@ -210,7 +212,15 @@ impl Robot {
 
     /// What is wrong with each SubDevice without a wheel, in words; not for the cycle, for it allocates.
     pub fn device_problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
-        self.beside.problems()
+        (0..MAX_DEVICES).filter_map(|device| {
+            let mut words = String::new();
+            self.tell_device_problem(device, &mut words).then_some((device, words))
+        })
+    }
+
+    /// Says what is wrong with a SubDevice without a wheel, in words, and whether anything is.
+    pub fn tell_device_problem(&self, device: usize, words: &mut dyn Write) -> bool {
+        self.beside.tell_problem(device, words)
     }
 
     /// Devices: from process data to measurements.

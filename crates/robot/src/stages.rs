@@ -3,6 +3,8 @@
 //! None of them may allocate, wait, log or panic in the methods that run in a cycle, and each must give the same
 //! outputs for the same inputs: that is what makes a record replayable.
 
+use std::fmt::Write;
+
 use omnibase_cia402::{Mode, Wanted};
 use omnibase_platform::{Pose2, PoseGrowth};
 
@@ -93,9 +95,10 @@ pub trait Peripheral: Send {
     /// Somebody saw what was wrong: faults may be reset.
     fn acknowledge(&mut self) {}
 
-    /// What is wrong with it, in words, for reports; never called in a cycle.
-    fn problem(&self) -> Option<String> {
-        None
+    /// Says what is wrong with it, in words, and whether anything is; it is asked in the cycle too.
+    fn tell_problem(&self, words: &mut dyn Write) -> bool {
+        let _ = words;
+        false
     }
 }
 

@@ -176,10 +176,12 @@ impl Conductor {
                 return Some(RequestKind::Track);
             }
             Part::Tracking if phase == Phase::Holding => {
-                let refused = last.request.is_some() && last.answer != RequestAnswer::Taken;
+                // Who still held before the cycle was refused the way; what is refused on it was somebody else's.
+                let held = last.phase == Phase::Holding;
+                let refused = held && last.request.is_some() && last.answer != RequestAnswer::Taken;
                 self.finished = last.stop_reason == SafetyReason::None && !refused;
                 self.stopped_by = match last.answer {
-                    RequestAnswer::Blocked => SafetyReason::WayBlocked,
+                    RequestAnswer::Blocked if refused => SafetyReason::WayBlocked,
                     _ => last.stop_reason,
                 };
                 self.part = Part::Settling { until_ns: now_ns + SETTLE_NS };

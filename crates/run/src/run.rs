@@ -6,7 +6,7 @@ use std::time::Instant;
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_record::run::RunSink;
-use omnibase_robot::signals::{CycleTime, Phase, SafetyReason};
+use omnibase_robot::signals::{CycleTime, MAX_WHEELS, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
 
@@ -136,6 +136,8 @@ struct Cycle<'a> {
     tracking: Tracking,
     bus: BusFigures,
     drive_errors: DriveErrors,
+    /// What is wrong with the axis about which the robot stopped.
+    axis_problem: Words,
     subdevices: Vec<SubDeviceFigures>,
     datagrams: Vec<DatagramFigures>,
     timing: Timing,
@@ -177,6 +179,7 @@ impl<'a> Cycle<'a> {
             tracking: Tracking::default(),
             bus: BusFigures::default(),
             drive_errors: DriveErrors::default(),
+            axis_problem: Words::default(),
             subdevices: Vec::new(),
             datagrams: Vec::new(),
             timing: Timing::default(),
@@ -259,6 +262,7 @@ impl<'a> Cycle<'a> {
             self.live.iter_mut().for_each(|live| live.drive_said(wheel, error));
         }
         self.drive_errors.look(self.last.measurements.present());
+        self.look_at_axes();
         let phase = self.robot.phase();
         if let Some(words) = self.live.as_mut().and_then(|live| live.acyclic().step(session, phase)) {
             self.happened_by(self.time.now_ns, words, Some(Client::Command));
@@ -346,6 +350,7 @@ impl<'a> Cycle<'a> {
             phase: self.robot.phase(),
             beside,
             drive_errors: self.drive_errors,
+            axis_problem: self.axis_problem,
             settings,
             stick: self.robot.stick_shape(),
             obstacles: *self.robot.obstacles(),
@@ -355,6 +360,24 @@ impl<'a> Cycle<'a> {
             overruns: self.overruns,
             ..Snapshot::default()
         });
+    }
+
+    /// Tells once, by its name, what is wrong with the axis about which the robot stopped.
+    fn look_at_axes(&mut self) {
+        let before = std::mem::take(&mut self.axis_problem);
+        if self.last.stop_reason != SafetyReason::Axis {
+            return;
+        }
+        let device = (self.last.stop_where as usize).saturating_sub(MAX_WHEELS);
+        let name = self.plan.devices.get(device).map_or("?", |device| device.name.as_str());
+        let mut words = Words::new(format_args!("{name}: "));
+        if !self.robot.tell_device_problem(device, &mut words) {
+            return;
+        }
+        self.axis_problem = words;
+        if before.is_empty() {
+            self.happened(self.last.time.now_ns, words);
+        }
     }
 
     fn record(&mut self, beside: &CycleExtras) {

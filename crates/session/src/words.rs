@@ -16,10 +16,17 @@ pub struct Words {
 impl Words {
     /// What `arguments` say.
     pub fn new(arguments: fmt::Arguments<'_>) -> Self {
-        let mut words = Words { bytes: [0; MOST_BYTES], length: 0 };
+        let mut words = Words::default();
         // Cut, not failed: an event that is too long still says who it is about.
         let _ = words.write_fmt(arguments);
         words
+    }
+}
+
+impl Default for Words {
+    /// None.
+    fn default() -> Self {
+        Words { bytes: [0; MOST_BYTES], length: 0 }
     }
 }
 

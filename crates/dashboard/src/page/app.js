@@ -1,5 +1,6 @@
 // The page: what is seen goes to its places, what is pressed goes to the robot.
 
+import { Beside } from "./beside.js";
 import { faultWords } from "./fault.js";
 import { AGAIN_MS, Link, OLD_MS, post, read } from "./link.js";
 import { Obstacles } from "./obstacles.js";
@@ -21,6 +22,7 @@ const sticks = new Sticks(link, {
 });
 const stop = new StopButton(by("stop"), link);
 const warning = new Warning();
+const beside = new Beside(by("beside"), { ask, halt, value });
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
 let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "";
 
@@ -151,11 +153,13 @@ async function begin() {
   by("truth-key").hidden = !facts.simulated;
   who = me ? `you are ${me}` : may === "stop" ? "all sessions taken: you may look, and stop" : "you may look, and stop";
   columns = new Map(facts.columns.map((name, n) => [name, n]));
+  beside.build(facts.devices);
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
     if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
   }
   // Whoever sees the robot may stop it.
-  for (const button of [by("stop"), by("give-up"), ...document.querySelectorAll("[data-stop]")]) button.disabled = false;
+  const stops = document.querySelectorAll("[data-stop], [data-stops-axis]");
+  for (const button of [by("stop"), by("give-up"), ...stops]) button.disabled = false;
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
   savedPaths(facts.saved_paths);
@@ -236,6 +240,7 @@ function draw() {
   by("view").dataset.obstacles = seen.obstacles.length;
   showPose(pose("state"));
   showDrives(seen);
+  beside.show();
   settings.show(seen.settings, me !== null);
   const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
   by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
@@ -284,8 +289,8 @@ function showBanner(seen) {
     : !seen ? ["", "", ""]
     : seen.emergency_stop ? ["Emergency stop is set: nothing moves until it is released.", "", "release"]
     : seen.moves_again_in_s != null ? [`It moves again by itself in ${seen.moves_again_in_s.toFixed(1)} s: keep away from it, or stop it.${warning.isHeard ? "" : " No sound: touch this page once."}`, "", ""]
-    : seen.phase === "fault" ? [`Fault: ${faultWords(seen, facts.wheels)}`, "", "mend"]
-    : seen.phase === "quick stopping" ? [`Quick stop: ${faultWords(seen, facts.wheels)}`, "", ""]
+    : seen.phase === "fault" ? [`Fault: ${faultWords(seen, facts)}`, "", "mend"]
+    : seen.phase === "quick stopping" ? [`Quick stop: ${faultWords(seen, facts)}`, "", ""]
     : link.isOld ? [`The line is slow (${seconds(link.delay_ms)}): whatever begins a motion is refused. Stops are heard, late.`, "warn", ""]
     : isBlocked ? ["The stick was lost: enable it again to drive.", "", "enable-stick"]
     : seen.joystick === "blocked" ? [JOYSTICK.blocked, "warn", "enable-joystick"]

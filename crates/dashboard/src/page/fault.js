@@ -29,7 +29,7 @@ function ailment({ state, error }) {
 }
 
 /** Why the robot stopped: which drives by their names in the robot's file, what they say, what to do. */
-export function faultWords({ drives, stop_drive, stop_reason }, wheels) {
+export function faultWords({ drives, stop_drive, stop_device, axis_problem, stop_reason }, { wheels, devices }) {
   const name = (n) => `${wheels[n]?.name ?? `drive ${n + 1}`} (${wheels[n]?.device ?? "?"})`;
   // The one about which the robot stopped comes first: others may have followed it.
   const order = drives.map((_, n) => n).sort((a, b) => (b === stop_drive) - (a === stop_drive));
@@ -39,6 +39,9 @@ export function faultWords({ drives, stop_drive, stop_reason }, wheels) {
     if (what) said.set(what, { names: [...(said.get(what)?.names ?? []), name(n)], todo });
   }
   const reason = stop_reason || "the drives were stopped";
-  if (!said.size) return `${stop_drive == null ? "" : `${name(stop_drive)}: `}${reason}.`;
-  return [...said].map(([what, { names, todo }]) => `${names.join(", ")}: ${what}. ${todo}`).join(" ");
+  const beside = axis_problem || (stop_device == null ? "" : `${devices[stop_device]?.name ?? "?"}: ${reason}`);
+  const about = stop_drive == null ? "" : `${name(stop_drive)}: `;
+  if (!said.size) return `${beside || about + reason}.`;
+  const ailing = [...said].map(([what, { names, todo }]) => `${names.join(", ")}: ${what}. ${todo}`);
+  return [...(beside ? [`${beside}.`] : []), ...ailing].join(" ");
 }

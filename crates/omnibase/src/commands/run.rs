@@ -112,6 +112,9 @@ pub fn run(
     let stages = Robot::build(&robot.plan, registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
     let files = arguments.recording.files(&robot, &source.text.folder)?;
+    if way.machine.is_some() && !is_operated && stages.reference_duration_s().is_none() {
+        note(endless(files.as_ref()));
+    }
     let mut page = arguments.page(files.as_ref())?;
     let (recorder, recording) = arguments.recorder(&robot, known, files, page.as_ref())?.unzip();
     let progress = Progress::default();
@@ -315,6 +318,16 @@ impl Arguments {
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
     }
+}
+
+/// What to know of a motion without an end on virtual time.
+fn endless(files: Option<&RunFiles>) -> String {
+    let words = "warning: the motion has no end, and time is virtual: it goes on, faster than it would be, until Ctrl-C";
+    let is_bounded = |files: &RunFiles| files.rotation.is_some_and(|rotation| rotation.files.is_some());
+    let grows = files.is_some_and(|files| !is_bounded(files));
+    let bound =
+        if grows { "; its recording grows as fast, unless --limit-mb and --files bound it" } else { "" };
+    format!("{words}{bound}")
 }
 
 /// An error of the command line's own where it isn't right.

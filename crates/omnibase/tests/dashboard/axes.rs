@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use crate::robot::Robot;
+use crate::{browser, opened, press};
 
 const WITH_LIFT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm_lift.toml");
 
@@ -36,4 +37,71 @@ fn an_axis_is_homed_moved_and_seen_by_command_and_call() {
     assert_eq!(code, Some(0));
     robot.wait("it rests", |robot| robot.value("lift/state") == 1.0);
     assert!(robot.value("lift/position_m") < 0.59);
+}
+
+#[test]
+fn an_axis_is_homed_moved_and_stopped_and_its_failure_told_on_the_page() {
+    let robot = Robot::start_file(WITH_LIFT, &[]);
+    let Some(mut page) = browser(1600, 1000) else { return };
+    page.tamper();
+    page.open(&robot.url());
+    opened(&mut page);
+    let state = "document.querySelector('[data-axis=lift] .state').textContent";
+    let place = "document.querySelector('[data-axis=lift] output').textContent";
+    page.wait(&format!("{state} === 'off' && {place} === 'not homed'"));
+    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
+    let button = |words: &str| {
+        let all = "[...document.querySelectorAll('[data-axis=lift] button')]";
+        format!("void ({all}.find((one) => one.textContent === '{words}').id = 'axis-{words}')")
+    };
+    ["Home", "Move", "Stop"].iter().for_each(|words| drop(page.value(&button(words))));
+    let to =
+        |metres: f64| format!("void (document.querySelector('[data-axis=lift] input').value = '{metres}')");
+    // Refused in words.
+    page.value(&to(0.3));
+    page.click("#axis-Move");
+    page.wait("document.getElementById('said').textContent.includes('home it first')");
+    press(&mut page, "#axis-Home", &format!("{state} === 'homing'"));
+    page.wait(&format!("{state} === 'holding' && Math.abs(parseFloat({place})) < 1e-3"));
+    page.picture("axis");
+    press(&mut page, "#axis-Move", &format!("{state} === 'moving'"));
+    page.wait(&format!("Math.abs(parseFloat({place}) - 0.3) < 1e-3 && {state} === 'holding'"));
+    page.value(&to(0.6));
+    press(&mut page, "#axis-Move", &format!("{state} === 'moving'"));
+    press(&mut page, "#axis-Stop", &format!("{state} === 'holding'"));
+    assert!((0.3..0.6).contains(&robot.value("lift/position_m")));
+    // Out of its limits.
+    page.value(&to(0.7));
+    page.click("#axis-Move");
+    assert_eq!(page.value("document.querySelector('[data-axis=lift] input').validity.rangeOverflow"), true);
+    page.change(
+        "seen.phase = 'fault'; seen.stop_reason = 'an axis failed'; seen.stop_device = 1; \
+         seen.axis_problem = 'lift: its torque was 3.500 N·m, at most 3 N·m'",
+    );
+    let banner = "document.getElementById('banner-is').textContent";
+    page.wait(&format!("{banner} === 'Fault: lift: its torque was 3.500 N·m, at most 3 N·m.'"));
+    page.change(
+        "seen.phase = 'fault'; seen.stop_reason = 'a SubDevice was lost'; seen.stop_device = 0; seen.axis_problem = ''",
+    );
+    page.wait(&format!("{banner} === 'Fault: buttons: a SubDevice was lost.'"));
+}
+
+#[test]
+fn who_looks_on_without_the_token_may_stop_an_axis_and_no_more() {
+    let robot = Robot::start_file(WITH_LIFT, &[]);
+    let Some(mut page) = browser(390, 844) else { return };
+    page.open(&robot.at);
+    page.wait("document.querySelectorAll('[data-axis=lift] button').length === 3");
+    page.wait("document.getElementById('link').textContent.startsWith('you may look')");
+    let enabled = page.value(
+        "[...document.querySelectorAll('#beside :is(button, input)')].filter((one) => !one.disabled) \
+         .map((one) => one.textContent)",
+    );
+    assert_eq!(enabled, json!(["Stop"]));
+    for call in [json!({ "do": "enable" }), json!({ "do": "home_axis", "name": "lift" })] {
+        robot.wait("it is done", |robot| robot.call(&call).1["done"] == true);
+    }
+    robot.wait("it looks for its home", |robot| robot.value("lift/state") == 3.0);
+    page.click("[data-stops-axis=lift]");
+    robot.wait("it stops", |robot| robot.value("lift/state") != 3.0);
 }

@@ -183,17 +183,31 @@ pub struct RunRecorder {
     thread: JoinHandle<Result<Writers, RecorderError>>,
     count: Arc<Count>,
     kept: KeptFiles,
-    describe: mpsc::Sender<(String, String)>,
+    describe: mpsc::Sender<Described>,
+}
+
+/// What becomes known of a run while it is recorded.
+#[derive(Clone, Debug)]
+enum Described {
+    /// A key and its text.
+    Key(String, String),
+    /// From this time of the run on, ns, nothing needs a key any more.
+    Over(String, u64),
 }
 
 /// Adds to the description of a run that is being recorded; not for the cycle, for it allocates.
 #[derive(Clone, Debug)]
-pub struct RunDescriber(mpsc::Sender<(String, String)>);
+pub struct RunDescriber(mpsc::Sender<Described>);
 
 impl RunDescriber {
     /// Adds a key and its text; a key that is there already is replaced. Nothing happens where the recording is over.
     pub fn describe(&self, key: String, text: String) {
-        let _ = self.0.send((key, text));
+        let _ = self.0.send(Described::Key(key, text));
+    }
+
+    /// From this time of the run on nothing needs a key any more: files that begin later don't carry it.
+    pub fn forget(&self, key: String, since_ns: u64) {
+        let _ = self.0.send(Described::Over(key, since_ns));
     }
 }
 
@@ -306,10 +320,21 @@ fn words(panic: &(dyn std::any::Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".to_owned())
 }
 
+/// Tells the files what became known.
+fn tell(described: &mpsc::Receiver<Described>, writers: &mut Writers) -> Result<(), RecorderError> {
+    for told in described.try_iter() {
+        match told {
+            Described::Key(key, text) => writers.describe(&key, &text)?,
+            Described::Over(key, since_ns) => writers.forget(key, since_ns),
+        }
+    }
+    Ok(())
+}
+
 /// Writes entries until the sink is gone and the ring is empty, and counts the cycles in `written`; the open files.
 fn drain(
     mut ring: Consumer<u64>,
-    described: &mpsc::Receiver<(String, String)>,
+    described: &mpsc::Receiver<Described>,
     mut writers: Writers,
     written: &AtomicU64,
 ) -> Result<Writers, RecorderError> {
@@ -318,10 +343,10 @@ fn drain(
     loop {
         // Asked first: what was pushed before the sink went is seen below.
         let ended = ring.is_abandoned();
-        for (key, text) in described.try_iter() {
-            writers.describe(&key, &text)?;
-        }
+        tell(described, &mut writers)?;
         while take(&mut ring, HEADER, &mut words) {
+            // What was described before a cycle stands in its file, however many of them wait here.
+            tell(described, &mut writers)?;
             let (head, time_ns) = (words[0], words[1]);
             let (count, length) = ((head >> 8 & 0xFF_FFFF) as usize, (head >> 32) as usize);
             // Header and content were committed together.

@@ -39,6 +39,8 @@ pub(super) struct Writers {
     /// What they are told, with what became known meanwhile.
     files: RunFiles,
     schema: RunSchema,
+    /// Keys that nothing needs any more, and from which time of the run on, ns.
+    over: Vec<(String, u64)>,
     kept: KeptFiles,
     /// The number of the open files, from 1.
     number: u32,
@@ -57,12 +59,21 @@ impl Writers {
             }
         }
         let (mcap, columns) = (None, None);
-        let mut writers = Writers { files, schema, kept, number: 0, cycles: 0, mcap, columns };
+        let mut writers =
+            Writers { files, schema, over: Vec::new(), kept, number: 0, cycles: 0, mcap, columns };
         writers.open_next()?;
         Ok(writers)
     }
 
     pub(super) fn row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RecorderError> {
+        let description = &mut self.files.description;
+        self.over.retain(|(key, since_ns)| {
+            let is_over = time_ns >= *since_ns;
+            if is_over {
+                description.remove(key);
+            }
+            !is_over
+        });
         self.make_room(|writers| writers.length_with_row(raw.len()))?;
         if let Some((path, mcap)) = &mut self.mcap {
             mcap.write_row(time_ns, values, raw)
@@ -84,6 +95,11 @@ impl Writers {
         // The files that follow say it too.
         self.files.description.insert(key.to_owned(), text.to_owned());
         Ok(())
+    }
+
+    /// Files that begin with a cycle from this time on don't say a key any more.
+    pub(super) fn forget(&mut self, key: String, since_ns: u64) {
+        self.over.push((key, since_ns));
     }
 
     pub(super) fn event(&mut self, event: &RunEvent) -> Result<(), RecorderError> {

@@ -6,6 +6,8 @@
 mod profile;
 mod watch;
 
+use std::fmt::Write;
+
 use omnibase_cia402::{
     ControlWord, DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets,
     Wanted,
@@ -101,7 +103,7 @@ enum Task {
     /// In csp, on the way to a position.
     Stream { to: f64 },
     /// In pp, on the way to a position.
-    Plan { to: f64, since_ns: u64, is_acknowledged: bool },
+    Plan { to: f64, since_ns: u64 },
     /// In pv, at a speed.
     Run { speed: f64 },
     /// In hm. `was_attained`: the drive showed a home before it was asked to look for one.
@@ -285,14 +287,15 @@ impl Axis {
                     self.task = Task::Rest;
                 }
             }
-            Task::Plan { to, since_ns, is_acknowledged } => {
+            Task::Plan { to, since_ns } => {
                 let is_there = (here - *to).abs() <= self.plan.limits.following_error;
                 let acknowledges = shows && status.contains(StatusWord::SETPOINT_ACKNOWLEDGED);
-                let was_acknowledged = std::mem::replace(is_acknowledged, *is_acknowledged || acknowledges);
+                // Not the one before it.
+                let is_acknowledged = self.enabling.is_acknowledged(self.plan.scale.counts(*to));
                 let is_reached = is_there && status.contains(StatusWord::TARGET_REACHED);
-                if was_acknowledged && !acknowledges && is_reached {
+                if is_acknowledged && !acknowledges && is_reached {
                     self.rest();
-                } else if !*is_acknowledged && now_ns.saturating_sub(*since_ns) > ACKNOWLEDGE_NS {
+                } else if !is_acknowledged && now_ns.saturating_sub(*since_ns) > ACKNOWLEDGE_NS {
                     self.watch.fail(Wrong::NotAcknowledged);
                 }
             }
@@ -359,7 +362,7 @@ impl Axis {
     fn start(&mut self, now_ns: u64) {
         let Some(next) = self.next.take() else { return };
         self.task = match next {
-            Task::Plan { to, .. } => Task::Plan { to, since_ns: now_ns, is_acknowledged: false },
+            Task::Plan { to, .. } => Task::Plan { to, since_ns: now_ns },
             Task::Home { .. } => {
                 self.is_homed = false;
                 Task::Home { since_ns: now_ns, was_attained: None }
@@ -510,7 +513,7 @@ impl Peripheral for Axis {
                 }
                 match mode {
                     AxisMode::Csp => Task::Stream { to: position },
-                    AxisMode::Pp => Task::Plan { to: position, since_ns: now_ns, is_acknowledged: false },
+                    AxisMode::Pp => Task::Plan { to: position, since_ns: now_ns },
                     // No mode of positions.
                     AxisMode::Pv => return RequestAnswer::Refused,
                 }
@@ -529,6 +532,10 @@ impl Peripheral for Axis {
 
     fn lost(&mut self) {
         self.is_lost = true;
+        if self.task != Task::Rest || !self.profile.rests() {
+            // It may have begun to move since it was heard to stand.
+            self.stood = 0;
+        }
         // It may have lost its supply, and its count with it.
         self.is_homed &= self.plan.encoder == EncoderName::Absolute;
     }
@@ -538,8 +545,13 @@ impl Peripheral for Axis {
         self.enabling.acknowledge();
     }
 
-    fn problem(&self) -> Option<String> {
-        let wrong = self.watch.wrong().map(|wrong| wrong.text(&self.plan));
-        wrong.or_else(|| self.enabling.problem().map(|problem| problem.to_string()))
+    fn tell_problem(&self, words: &mut dyn Write) -> bool {
+        // What is too long for its room is cut.
+        let _ = match (self.watch.wrong(), self.enabling.problem()) {
+            (Some(wrong), _) => wrong.tell(&self.plan, words),
+            (None, Some(problem)) => write!(words, "{problem}"),
+            (None, None) => return false,
+        };
+        true
     }
 }

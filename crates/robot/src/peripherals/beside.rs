@@ -1,5 +1,6 @@
 //! The cycle's part of the signals beside the drives: read, aged, told, written.
 
+use std::fmt::Write;
 use std::ops::Range;
 
 use super::sources::Sources;
@@ -178,24 +179,23 @@ impl Beside {
     }
 
     /// How far they are on their way, all together, and the first that failed. Those that weren't heard in this cycle
-    /// count as resting, and as not ready.
+    /// aren't ready, and rest only where they did when they were heard last.
     pub(crate) fn standing(&self, exchange: Exchange) -> (Standing, Option<usize>) {
         let mut all = Standing::NOTHING_MOVES;
         let mut failed = None;
         for (device, part) in self.all.iter().enumerate() {
             let one = part.peripheral.standing();
-            let is_heard = exchange.has_inputs_of_device(device);
-            all.is_ready &= one.is_ready && is_heard;
-            all.rests &= one.rests || !is_heard;
-            all.stands &= one.stands || !is_heard;
+            all.is_ready &= one.is_ready && exchange.has_inputs_of_device(device);
+            all.rests &= one.rests;
+            all.stands &= one.stands;
             failed = failed.or(one.failed.then_some(device));
         }
         (Standing { failed: failed.is_some(), ..all }, failed)
     }
 
-    /// What is wrong with each of them, in words; not for the cycle, for it allocates.
-    pub(crate) fn problems(&self) -> impl Iterator<Item = (usize, String)> + '_ {
-        self.all.iter().enumerate().filter_map(|(device, part)| Some((device, part.peripheral.problem()?)))
+    /// Says what is wrong with one of them, in words, and whether anything is.
+    pub(crate) fn tell_problem(&self, device: usize, words: &mut dyn Write) -> bool {
+        self.all.get(device).is_some_and(|part| part.peripheral.tell_problem(words))
     }
 
     /// From signals to process data. A robot that lets go of its drives lets go of the outputs: nothing that was asked

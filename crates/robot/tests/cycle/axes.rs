@@ -453,3 +453,59 @@ fn a_robot_isnt_enabled_in_a_cycle_in_which_an_axis_wasnt_heard() {
     let last = cycles(None).unwrap();
     assert_eq!(cycles(Some(last)), Some(last + 1));
 }
+
+#[test]
+fn an_axis_that_isnt_heard_keeps_its_torque_until_it_was_seen_to_stand() {
+    const WITHOUT: Exchange = Exchange::Without { wheels: 0, devices: 1 << DEVICE };
+    let moving = || {
+        let mut drive = Drive::new(0);
+        assert_eq!(drive.ask(AxisAsk::Run { speed: 0.15 }), RequestAnswer::Taken);
+        drive.run(1000);
+        drive
+    };
+    // One exchange in the middle of a stop that somebody asked for; the base stands.
+    let mut drive = moving();
+    drive.step(Some(RequestKind::Stop(StopCategory::RampThenRemove)));
+    drive.run(20);
+    drive.bench.exchange = WITHOUT;
+    drive.run(1);
+    drive.bench.exchange = Exchange::Complete;
+    while drive.bench.robot.phase() == Phase::Stopping {
+        drive.run(1);
+    }
+    assert_eq!((drive.bench.robot.phase(), drive.pv_speed_m_s), (Phase::Disabled, 0.0));
+    // Lost for good: nobody knows when it stands, so its drive is told to stop quickly, and loses its torque at last.
+    let mut drive = moving();
+    drive.bench.exchange = WITHOUT;
+    drive.run(4900);
+    assert_eq!((drive.bench.robot.phase(), drive.status), (Phase::Stopping, 0x237));
+    drive.run(200);
+    assert_eq!((drive.bench.robot.phase(), drive.told().0 & 0x8F), (Phase::QuickStopping, 0x02));
+    drive.run(5000);
+    let record = drive.bench.robot.record();
+    assert_eq!((record.phase, record.stop_reason), (Phase::Fault, SafetyReason::DeviceLost));
+    // One that stood when it was heard last stands.
+    let mut drive = Drive::new(0);
+    drive.run(10);
+    drive.bench.exchange = WITHOUT;
+    drive.run(100);
+    assert_eq!(drive.bench.robot.phase(), Phase::Fault);
+}
+
+#[test]
+fn what_the_drive_acknowledged_before_doesnt_count_for_the_next_set_point() {
+    let to = |position| AxisAsk::Move { position, mode: AxisMode::Pp };
+    for cycles in 0..8 {
+        let mut drive = Drive::new(0);
+        drive.ask(to(0.5));
+        drive.run(cycles);
+        drive.ask(to(0.4));
+        drive.acknowledges = false;
+        drive.run(1200);
+        let problems: Vec<_> = drive.bench.robot.device_problems().collect();
+        assert!(
+            problems.iter().any(|(_, why)| why.contains("doesn't acknowledge")),
+            "{cycles}: {problems:?}"
+        );
+    }
+}

@@ -252,8 +252,9 @@ impl Live {
             self.seen(|seen| push_kept(&mut seen.answers, KEPT, (ticket, refused)));
             return Some(ticket);
         }
-        // However much is asked: a stop finds room.
-        if sending.commands.slots() <= KEPT_FOR_STOPS && !ask.stops() {
+        // However much is asked: a stop finds room, and however many stops of axes, one of the robot.
+        let kept = if ask.stops_axis() { KEPT_FOR_STOPS / 2 } else { KEPT_FOR_STOPS };
+        if sending.commands.slots() <= kept && !ask.stops() {
             return None;
         }
         match &ask {
@@ -314,7 +315,11 @@ impl Live {
         if let Some((describer, text)) = told {
             describer.describe(reference_key(number), text);
         }
-        let ticket = self.send(asker, Ask::Load { number, reference })?;
+        let Some(ticket) = self.send(asker, Ask::Load { number, reference }) else {
+            drop(references);
+            self.forget_references([number]);
+            return None;
+        };
         references.insert(number, Loaded { table: Arc::new(table), ticket });
         Some((number, ticket))
     }
@@ -343,7 +348,7 @@ impl Live {
         else {
             return;
         };
-        let _over = if answer.is_done() {
+        let over = if answer.is_done() {
             // It takes the place of all before it.
             let kept = references.split_off(&number);
             std::mem::replace(&mut *references, kept)
@@ -352,6 +357,13 @@ impl Live {
         };
         // Freed where nobody waits for it.
         drop(references);
+        self.forget_references(over.into_keys());
+    }
+
+    /// What is recorded from now on follows none of these.
+    fn forget_references(&self, numbers: impl IntoIterator<Item = u32>) {
+        let Some(describer) = lock(&self.shared.describer).clone() else { return };
+        numbers.into_iter().for_each(|number| describer.forget(reference_key(number), self.clock_ns()));
     }
 
     /// Whether what was asked then is young enough to change the machine.

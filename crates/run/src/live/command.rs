@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use omnibase_platform::Twist2;
 use omnibase_robot::RequestKind;
-use omnibase_robot::signals::{Frame, RequestAnswer};
+use omnibase_robot::signals::{AxisAsk, Frame, RequestAnswer};
 use omnibase_robot::stages::Reference;
 
 use super::stamp::Stamp;
@@ -104,6 +104,11 @@ impl Ask {
                 | Ask::Robot(RequestKind::Stop(_))
                 | Ask::Stick(StickWish::Released | StickWish::Lost | StickWish::Withdrawn)
         )
+    }
+
+    /// Whether it stops an axis.
+    pub(super) fn stops_axis(&self) -> bool {
+        matches!(self, Ask::Robot(RequestKind::Axis { ask: AxisAsk::Stop, .. }))
     }
 }
 

@@ -248,6 +248,9 @@ impl Operator {
                 self.answer(ticket, Answer::Done);
             }
             Ask::Robot(RequestKind::Stop(category)) => self.stop_asked(category, client, ticket),
+            Ask::Robot(RequestKind::Axis { device, ask: AxisAsk::Stop }) => {
+                self.stop_axis(device, client, ticket);
+            }
             Ask::Robot(RequestKind::Velocity { .. }) => {
                 self.answer(ticket, Answer::Refused(Refusal::NotAStick));
             }
@@ -276,10 +279,10 @@ impl Operator {
             self.drop_waiting(|waiting| begins(&waiting.kind));
             return self.send(client, ticket, RequestKind::Stop(category), u64::MAX);
         }
-        if let Some(kind) = self.authors.next_end() {
+        if let Some((client, ticket, kind)) = self.authors.next_end() {
             // A way back is looked after meanwhile.
             self.comeback.iter_mut().for_each(|(_, conductor)| conductor.watch(last, phase));
-            return self.send(Client::Command, 0, kind, u64::MAX);
+            return self.send(client, ticket, kind, u64::MAX);
         }
         if let Some(client) = self.driver(phase) {
             let others_turn = self.cycle.is_multiple_of(SHARE_OF_OTHERS) && !self.waiting.is_empty();
@@ -428,6 +431,18 @@ impl Operator {
     fn stop_asked(&mut self, category: StopCategory, client: Client, ticket: u64) {
         self.ask_to_let_go();
         self.stop_with(category, client, ticket);
+    }
+
+    /// Somebody stops an axis: what was asked of it before must not begin after it.
+    fn stop_axis(&mut self, device: u32, client: Client, ticket: u64) {
+        self.drop_waiting(
+            |waiting| matches!(waiting.kind, RequestKind::Axis { device: of, .. } if of == device),
+        );
+        match self.authors.stop(device, client, ticket) {
+            Ok(Some(before)) => self.answer(before, Answer::Done),
+            Ok(None) => {}
+            Err(()) => self.answer(ticket, Answer::Robot(RequestAnswer::Refused)),
+        }
     }
 
     /// The most severe stop counts.

@@ -9,6 +9,7 @@ use omnibase_robot::{MOST_SETTINGS, StickShape};
 use crate::channels::CycleExtras;
 use crate::drive_errors::DriveErrors;
 use omnibase_measure::timing::TimingSeen;
+use omnibase_session::Words;
 
 /// The latest of everything.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +22,8 @@ pub struct Snapshot {
     pub beside: CycleExtras,
     /// Which errors the drives have.
     pub drive_errors: DriveErrors,
+    /// What is wrong with the axis about which the robot stopped, with its name; no words where it is about none.
+    pub axis_problem: Words,
     /// What may be set, each at its index.
     pub settings: [Option<Gain>; MOST_SETTINGS],
     /// How its stick is shaped.
@@ -58,6 +61,7 @@ impl Default for Snapshot {
             phase: Phase::default(),
             beside: CycleExtras::default(),
             drive_errors: DriveErrors::default(),
+            axis_problem: Words::default(),
             settings: [None; MOST_SETTINGS],
             stick: StickShape::default(),
             obstacles: Default::default(),

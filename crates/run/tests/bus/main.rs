@@ -2,6 +2,7 @@
 
 mod axes;
 mod bench;
+mod beside;
 mod clocks;
 mod disturbances;
 mod lost;

@@ -12,7 +12,7 @@ use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::AxisMode;
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::{AxisAsk, Batch, Frame, Heard, StopCategory};
+use omnibase_robot::signals::{AxisAsk, Batch, Frame, Heard, MAX_SIGNALS, StopCategory};
 use omnibase_run::Ran;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Ask, Client, Live, StickWish, live};
@@ -236,12 +236,33 @@ fn programs_that_send_a_thousand_times_a_second() {
     assert!(hand.source_counts()[0].heard > 4000, "{:?}", hand.source_counts());
 }
 
+const LIFT: &str = include_str!("../../../../robots/bmm_lift.toml");
+
+/// A robot with a lift, homed at first and then asked in these cycles while the base drives; what is seen of it at last.
+fn lifted(
+    text: &str,
+    asks: &[(u64, AxisAsk)],
+    mut deeds: Vec<(u64, Deed)>,
+) -> (Ran, Observed, [f64; MAX_SIGNALS]) {
+    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
+    let axis = |&(cycle, ask): &(u64, AxisAsk)| (cycle, RequestKind::Axis { device: 1, ask });
+    let others = [(200, RequestKind::Enable), (600, RequestKind::Axis { device: 1, ask: AxisAsk::Home })];
+    let all = asks.iter().map(axis).chain(others).chain([(3300, RequestKind::Track)]);
+    deeds.extend(all.map(|(cycle, kind)| {
+        let live = hand.clone();
+        let send = move || assert!(live.send(Client::Command, Ask::Robot(kind)).is_some());
+        (cycle, Deed::Do(Box::new(send)))
+    }));
+    deeds.push((5000, Deed::Stop));
+    deeds.sort_by_key(|(cycle, _)| *cycle);
+    let extras = Extras { deeds, live: Some(end), ..Extras::default() };
+    let (ran, seen) = watched(&robot_of(text, &[]), extras);
+    (ran, seen, hand.snapshot().record.signals.inputs)
+}
+
 #[test]
 fn an_axis_that_is_homed_moved_and_lost_beside_the_drives() {
-    let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
-    let mut deeds = hands(&hand);
     let asks = [
-        (600, AxisAsk::Home),
         (3200, AxisAsk::Move { position: 0.1, mode: AxisMode::Csp }),
         (3600, AxisAsk::Move { position: 0.05, mode: AxisMode::Pp }),
         (4300, AxisAsk::Stop),
@@ -249,19 +270,20 @@ fn an_axis_that_is_homed_moved_and_lost_beside_the_drives() {
         // Refused: it is outside.
         (4500, AxisAsk::Move { position: 7.0, mode: AxisMode::Csp }),
     ];
-    deeds.extend(asks.map(|(cycle, ask)| {
-        let live = hand.clone();
-        let send = move || {
-            let ask = Ask::Robot(RequestKind::Axis { device: 1, ask });
-            assert!(live.send(Client::Joystick, ask).is_some());
-        };
-        (cycle, Deed::Do(Box::new(send)))
-    }));
-    deeds.push((4700, Deed::Break(4, Fault::PowerOff)));
-    deeds.sort_by_key(|(cycle, _)| *cycle);
-    let robot = robot_of(include_str!("../../../../robots/bmm_lift.toml"), &[]);
-    let (_, seen) = watched(&robot, Extras { deeds, live: Some(end), ..Extras::default() });
+    let (_, seen, inputs) = lifted(LIFT, &asks, vec![(4700, Deed::Break(4, Fault::PowerOff))]);
     allocates_nothing("an axis", &seen, 4900);
+    // Its position, and that it was homed.
+    assert!(inputs[1] > 0.055 && inputs[6] == 1.0, "{inputs:?}");
+}
+
+#[test]
+fn an_axis_that_fails_and_is_told_of() {
+    let text = LIFT.replace("following_error = 0.005", "following_error = 0.000_01");
+    let asks = [(3400, AxisAsk::Move { position: 0.3, mode: AxisMode::Csp })];
+    let (ran, seen, _) = lifted(&text, &asks, Vec::new());
+    allocates_nothing("an axis that fails", &seen, 4900);
+    let events = &ran.summary.events;
+    assert!(events.iter().any(|event| event.text.starts_with("lift: it was ")), "{events:?}");
 }
 
 /// A pipe that nobody empties, so that its writer waits for ever.

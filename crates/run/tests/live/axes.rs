@@ -105,3 +105,38 @@ fn a_motion_ends_with_the_page_that_asked_for_it() {
         });
     });
 }
+
+#[test]
+fn what_is_wrong_with_an_axis_is_told_by_its_name_and_once() {
+    let text = format!("{TEXT}{CIRCLE}").replace("following_error = 0.005", "following_error = 0.000_01");
+    let text = RobotText { text, ..RobotText::default() };
+    let run = played_by(text, 9.0, |hands| {
+        hands.ask(0.5, BY, Ask::Robot(RequestKind::Enable), TAKEN);
+        hands.ask(1.5, BY, lift(AxisAsk::Home), TAKEN);
+        hands.ask(4.5, BY, to(0.3), TAKEN);
+        hands.at(6.0, |_, snapshot| assert_eq!(snapshot.phase, Phase::Fault));
+        hands.ask(6.5, BY, Ask::Robot(RequestKind::Acknowledge), TAKEN);
+    });
+    let events: Vec<&str> = run.ran.summary.events.iter().map(|event| &*event.text).collect();
+    let told: Vec<_> = events.iter().filter(|text| text.starts_with("lift: ")).collect();
+    assert!(told.len() == 1 && told[0].contains("from its set point"), "{events:?}");
+}
+
+#[test]
+fn its_stop_is_heard_however_much_is_asked_and_nothing_that_was_asked_before_begins_after_it() {
+    let pause = || Ask::Robot(RequestKind::Pause);
+    played(11.0, |hands| {
+        hands.ask(6.0, BY, to(0.6), TAKEN);
+        hands.between(6.5, 7.5, move |live, _| while live.send(Client::Page(2), pause()).is_some() {});
+        hands.at(7.0, |_, snapshot| assert_eq!(seen(snapshot).1, AxisState::Moving));
+        hands.send(7.0, BY, lift(AxisAsk::Stop));
+        hands.at(7.003, |_, snapshot| assert_eq!(seen(snapshot).1, AxisState::Stopping));
+        hands.at(9.0, move |live, snapshot| {
+            assert_eq!(seen(snapshot).1, AxisState::Holding);
+            (0..20).for_each(|_| assert!(live.send(Client::Page(2), pause()).is_some()));
+        });
+        hands.ask(9.0, BY, to(0.1), Answer::Refused(Refusal::Stopped));
+        hands.ask(9.0, BY, lift(AxisAsk::Stop), TAKEN);
+        hands.between(9.001, 9.5, |_, snapshot| assert_eq!(seen(snapshot).1, AxisState::Holding));
+    });
+}

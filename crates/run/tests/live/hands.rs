@@ -1,13 +1,14 @@
 //! People's hands on a robot that runs in virtual time: what they do at which second, and what they see then.
 
 use std::cell::{Cell, RefCell};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
 use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
-use omnibase_record::run::{OnFull, RecordedRun, RunFiles, RunRecorder};
+use omnibase_record::run::{OnFull, RecordedRun, Rotation, RunFiles, RunRecorder};
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::StopCategory;
 use omnibase_robot::stages::Reference;
@@ -47,6 +48,8 @@ pub struct Hands {
     is_pulled: Rc<Cell<bool>>,
     /// The terminals of the SubDevices without a wheel.
     pub panels: Vec<IoPanel>,
+    /// The recording is in files of so many bytes at most.
+    pub file_bytes: Option<u64>,
 }
 
 /// The cable to the simulated robot, which hands can pull.
@@ -162,7 +165,10 @@ pub struct Played {
     pub last: Snapshot,
     pub live: Live,
     pub replayed: Replayed,
+    /// The recording, or its first file.
     pub recorded: RecordedRun,
+    /// Its other files.
+    pub later_files: Vec<RecordedRun>,
     pub stop: &'static AtomicBool,
 }
 
@@ -188,6 +194,7 @@ pub fn played_with(
     let Simulated { segment, machine, panels, .. } = simulated::robot(&robot.plan).unwrap();
     let mut hands = Hands { panels, ..Hands::default() };
     prepare(&mut hands);
+    let file_bytes = hands.file_bytes;
     let (live, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);
     let (link, clock) = in_process(segment);
     let link = Cable { link, is_pulled: hands.is_pulled.clone() };
@@ -195,10 +202,12 @@ pub fn played_with(
     let clock = Watched { clock, live: live.clone(), hands: Rc::new(RefCell::new(hands)), until_s, stop };
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    let path = std::env::temp_dir().join(format!("omnibase-live-{}-{number}.mcap", std::process::id()));
+    let folder = std::env::temp_dir().join(format!("omnibase-live-{}-{number}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
     let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
     let files = RunFiles {
-        mcap: Some(path.clone()),
+        mcap: Some(folder.join("run.mcap")),
+        rotation: file_bytes.map(|file_bytes| Rotation { file_bytes, files: None }),
         description: omnibase_run::describe::description(&robot),
         ..RunFiles::default()
     };
@@ -216,9 +225,12 @@ pub fn played_with(
     };
     let ran = run(link, clock, setup, &mut |warning| panic!("{warning}")).unwrap();
     assert!(recorder.finish().failure.is_none());
-    let bytes = std::fs::read(&path).unwrap();
-    std::fs::remove_file(&path).unwrap();
-    let recorded = RecordedRun::read(&bytes).unwrap();
+    let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let read = |path: PathBuf| RecordedRun::read(&std::fs::read(path).unwrap()).unwrap();
+    let mut later_files: Vec<_> = paths.into_iter().map(read).collect();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let recorded = later_files.remove(0);
     let replayed = replay(&recorded, registry).unwrap();
-    Played { ran, last: live.snapshot(), live, replayed, recorded, stop }
+    Played { ran, last: live.snapshot(), live, replayed, recorded, later_files, stop }
 }

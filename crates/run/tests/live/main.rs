@@ -3,6 +3,7 @@
 mod axes;
 mod comeback;
 mod driving;
+mod files;
 mod hands;
 mod inputs;
 mod limits;

@@ -4,7 +4,7 @@ use super::{Line, Which};
 use crate::Outcome;
 use crate::every::Every;
 use crate::progress::note;
-use crate::running::Place;
+use crate::running::{self, Place};
 use anyhow::Context;
 use serde_json::{Map, Value, json};
 use std::io::{self, BufRead, ErrorKind, Read, Write};
@@ -164,7 +164,7 @@ impl Connection {
                 (Stream::Tcp(stream), address.to_string())
             }
             Place::Socket(path) => {
-                let stream = UnixStream::connect(path)?;
+                let stream = running::connect(path, super::LONGEST)?;
                 stream.set_read_timeout(Some(super::LONGEST))?;
                 (Stream::Unix(stream), "localhost".to_owned())
             }

@@ -199,8 +199,9 @@ impl Options {
 fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
     let socket = running::socket()?;
     let name = about.robot.plan.name.clone();
+    let running = RunningRobot::announce(&name, Place::Socket(socket.clone()), "")?;
     let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
-    dashboard.keep(RunningRobot::announce(&name, Place::Socket(socket), "")?);
+    dashboard.keep(running);
     Ok(dashboard)
 }
 

@@ -1,5 +1,7 @@
 //! What an axis must not do, whoever moves it.
 
+use std::fmt::{self, Write};
+
 use crate::config::AxisPlan;
 use crate::signals::CycleTime;
 
@@ -28,28 +30,29 @@ pub(super) enum Wrong {
 }
 
 impl Wrong {
-    /// In words; it allocates.
-    pub(super) fn text(self, plan: &AxisPlan) -> String {
+    /// In words.
+    pub(super) fn tell(self, plan: &AxisPlan, words: &mut dyn Write) -> fmt::Result {
         let (limits, unit) = (&plan.limits, plan.unit.name());
         match self {
             Wrong::Lags(found) => {
-                format!(
-                    "it was {found:.4} {unit} from its set point, at most {} {unit}",
-                    limits.following_error
-                )
+                let most = limits.following_error;
+                write!(words, "it was {found:.4} {unit} from its set point, at most {most} {unit}")
             }
             Wrong::TooFast(found) => {
-                format!("its speed was {found:.4} {unit}/s, at most {} {unit}/s", limits.speed)
+                write!(words, "its speed was {found:.4} {unit}/s, at most {} {unit}/s", limits.speed)
             }
             Wrong::TooStrong(found) => {
-                format!("its torque was {found:.3} N·m, at most {} N·m", limits.torque_nm)
+                write!(words, "its torque was {found:.3} N·m, at most {} N·m", limits.torque_nm)
             }
             Wrong::Outside(found) => {
                 let [least, greatest] = limits.position;
-                format!("it moved outwards at {found:.4} {unit}, its limits are {least} to {greatest} {unit}")
+                let limits = format_args!("its limits are {least} to {greatest} {unit}");
+                write!(words, "it moved outwards at {found:.4} {unit}, {limits}")
             }
-            Wrong::NotAcknowledged => "its drive doesn't acknowledge the set point (pp, bit 12)".to_owned(),
-            Wrong::DoesntHalt => "its drive doesn't halt (bit 8)".to_owned(),
+            Wrong::NotAcknowledged => {
+                words.write_str("its drive doesn't acknowledge the set point (pp, bit 12)")
+            }
+            Wrong::DoesntHalt => words.write_str("its drive doesn't halt (bit 8)"),
         }
     }
 }

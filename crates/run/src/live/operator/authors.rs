@@ -1,4 +1,4 @@
-//! Who set which output, and moved which axis: what a page asked for ends with it.
+//! Who set which output, and moved which axis: what a page asked for ends with it. And whose axis shall stop.
 
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{AxisAsk, MAX_DEVICES, MAX_SIGNALS};
@@ -10,6 +10,8 @@ use crate::live::command::Client;
 pub(super) struct Authors {
     outputs: Works<MAX_SIGNALS>,
     axes: Works<MAX_DEVICES>,
+    /// Who asked last that an axis stops, and by which ticket.
+    stops: [Option<(Client, u64)>; MAX_DEVICES],
 }
 
 impl Authors {
@@ -30,10 +32,23 @@ impl Authors {
         self.axes.gone(client);
     }
 
-    /// What to ask because somebody is gone, one a cycle: axes first.
-    pub(super) fn next_end(&mut self) -> Option<RequestKind> {
-        let axis = self.axes.next().map(|device| RequestKind::Axis { device, ask: AxisAsk::Stop });
-        axis.or_else(|| self.outputs.next().map(|index| RequestKind::ResetOutput { index }))
+    /// Somebody stops an axis: that waits for nothing else; the ticket of who asked for it before. An error where there is
+    /// no such axis.
+    pub(super) fn stop(&mut self, device: u32, client: Client, ticket: u64) -> Result<Option<u64>, ()> {
+        let stop = self.stops.get_mut(device as usize).ok_or(())?;
+        Ok(stop.replace((client, ticket)).map(|(_, ticket)| ticket))
+    }
+
+    /// What to ask because somebody wants it, or is gone, one a cycle: axes first.
+    pub(super) fn next_end(&mut self) -> Option<(Client, u64, RequestKind)> {
+        let stop = |device| RequestKind::Axis { device, ask: AxisAsk::Stop };
+        let asked = self.stops.iter_mut().zip(0..).find_map(|(asked, device)| Some((asked.take()?, device)));
+        if let Some(((client, ticket), device)) = asked {
+            return Some((client, ticket, stop(device)));
+        }
+        let left = self.axes.next().map(stop);
+        let left = left.or_else(|| self.outputs.next().map(|index| RequestKind::ResetOutput { index }));
+        left.map(|kind| (Client::Command, 0, kind))
     }
 }
 

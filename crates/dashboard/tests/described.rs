@@ -1,0 +1,102 @@
+//! What the WebSockets' addresses answer is what the API's description names: no less, and no more.
+
+mod bench;
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
+
+use bench::{Bench, Page, TOKEN};
+use serde_json::Value;
+
+const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                       Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+/// At once an address may ask less often.
+const FLOOD: usize = 500;
+
+/// Status and content type of the answer to a request, and its body.
+fn answer(line: &mut BufReader<TcpStream>) -> (u16, Option<String>, Vec<u8>) {
+    let mut head = Vec::new();
+    let mut next = || {
+        let mut text = String::new();
+        line.read_line(&mut text).unwrap();
+        text.trim_end().to_owned()
+    };
+    loop {
+        let text = next();
+        if text.is_empty() {
+            break;
+        }
+        head.push(text.to_ascii_lowercase());
+    }
+    let field = |name: &str| {
+        let found = head.iter().find_map(|text| text.strip_prefix(name)?.strip_prefix(": "));
+        found.map(|value| value.split(';').next().unwrap_or_default().to_owned())
+    };
+    let status = head[0].split(' ').nth(1).unwrap().parse().unwrap();
+    let mut body = vec![0; field("content-length").map_or(0, |length| length.parse().unwrap())];
+    line.read_exact(&mut body).unwrap();
+    (status, field("content-type"), body)
+}
+
+fn asked(to: SocketAddr, requests: &str) -> BufReader<TcpStream> {
+    let mut stream = TcpStream::connect(to).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    stream.write_all(requests.as_bytes()).unwrap();
+    BufReader::new(stream)
+}
+
+fn request(path: &str, version: &str, host: &str, more: &str) -> String {
+    format!("GET {path} HTTP/{version}\r\nHost: {host}\r\n{more}\r\n")
+}
+
+/// Every answer of an address that can be had, in a server of its own.
+fn answers(path: &str, token: Option<&str>) -> (Value, Vec<(u16, Option<String>)>) {
+    let bench = Bench::new();
+    let to = bench.dashboard.address;
+    let token = token.map_or(String::new(), |token| format!("Authorization: Bearer {token}\r\n"));
+    let upgrade = format!("{token}{UPGRADE}");
+    let once = |text: String| {
+        let (status, kind, _) = answer(&mut asked(to, &text));
+        (status, kind)
+    };
+    let described = request("/api/openapi.json", "1.1", "127.0.0.1", "");
+    let (_, _, described) = answer(&mut asked(to, &described));
+    let mut all = vec![
+        once(request(path, "1.1", "127.0.0.1", &upgrade)),
+        once(request(path, "1.1", "127.0.0.1", &token)),
+        once(request(path, "1.0", "127.0.0.1", &upgrade)),
+        once(request(path, "1.1", "somebody.example", &upgrade)),
+    ];
+    if path == "/api/live" {
+        let lookers: Vec<_> = (0..32).map(|_| Page::looking(to)).collect();
+        all.push(once(request(path, "1.1", "127.0.0.1", UPGRADE)));
+        drop(lookers);
+    }
+    let flood = request("/api/planned", "1.1", "127.0.0.1", &token).repeat(FLOOD);
+    let mut line = asked(to, &flood);
+    while answer(&mut line).0 != 429 {}
+    all.push(once(request(path, "1.1", "127.0.0.1", &upgrade)));
+    (serde_json::from_slice(&described).unwrap(), all)
+}
+
+#[test]
+fn the_websockets_answer_as_the_description_says_and_it_names_nothing_else() {
+    for (path, token) in [("/api/live", None), ("/api/inputs", Some(TOKEN))] {
+        let (description, answers) = answers(path, token);
+        let described = &description["paths"][path]["get"]["responses"];
+        for (status, kind) in &answers {
+            let one = &described[status.to_string()];
+            assert!(one["description"].is_string(), "{path}: {status} isn't described");
+            let is_of_kind = match kind {
+                Some(kind) => one["content"].get(kind).is_some(),
+                None => one.get("content").is_none(),
+            };
+            assert!(is_of_kind, "{path}: {status} is {kind:?}, described: {one}");
+        }
+        let found: BTreeSet<_> = answers.iter().map(|(status, _)| status.to_string()).collect();
+        let named: BTreeSet<_> = described.as_object().unwrap().keys().cloned().collect();
+        assert_eq!(found, named, "{path}");
+    }
+}
