@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, doctor, exchange, export, joystick, kinematics, live, new, replay, report, run, scan, sdo,
-    sii, simulate,
+    check, decode, doctor, exchange, export, joystick, kinematics, live, margins, new, replay, report, run,
+    scan, sdo, sii, simulate,
 };
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use omnibase_robot::Registry;
@@ -25,6 +25,7 @@ pub enum Command {
     Run(Box<run::Arguments>),
     Check(check::Arguments),
     Kinematics(kinematics::Arguments),
+    Margins(margins::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),

@@ -9,6 +9,7 @@ pub mod export;
 pub mod joystick;
 pub mod kinematics;
 pub mod live;
+pub mod margins;
 pub mod new;
 pub mod replay;
 pub mod report;
@@ -33,6 +34,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Run(arguments) => run::run(arguments, registry, output),
         Command::Check(arguments) => check::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
+        Command::Margins(arguments) => margins::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
         Command::Export(arguments) => export::run(arguments, output),

@@ -85,12 +85,16 @@ pub struct Margins {
 }
 
 impl Margins {
+    /// Those of a loop that nothing disturbs: the greatest that are told.
+    pub const ALL: Margins = Margins { is_stable: true, sensitivity: 0.0, gain_db: 60.0, phase_deg: 180.0 };
+
     /// Whether 6 dB and 30° are left.
     pub fn suffice(&self) -> bool {
         self.is_stable && self.sensitivity <= MOST_SENSITIVE
     }
 
-    fn worse(self, other: Margins) -> Margins {
+    /// The worse of both in each.
+    pub fn worse(self, other: Margins) -> Margins {
         Margins {
             is_stable: self.is_stable && other.is_stable,
             sensitivity: self.sensitivity.max(other.sensitivity),
@@ -161,20 +165,27 @@ impl TorqueLoop {
         if self.integral_1_s > 0.0 { 3.0 } else { 2.0 }
     }
 
-    /// Every corner of what the loop has to bear.
-    pub fn plants(&self) -> Vec<Plant> {
+    /// The stiffnesses of the range that are looked at, N/m.
+    pub fn stiffnesses_n_m(&self) -> Vec<f64> {
         let [soft, stiff] = self.stiffness_n_m;
         let steps = (STIFFNESSES - 1) as f64;
-        let stiffness = |index: usize| soft * (stiff / soft).powf(index as f64 / steps);
+        (0..STIFFNESSES).map(|index| soft * (stiff / soft).powf(index as f64 / steps)).collect()
+    }
+
+    /// The platforms that are looked at: the heaviest, the lightest and one between.
+    pub fn bodies(&self) -> [f64; 3] {
         let [light, heavy] = self.body;
+        [heavy, light, (light * heavy).sqrt()]
+    }
+
+    /// Every corner of what the loop has to bear.
+    pub fn plants(&self) -> Vec<Plant> {
+        let stiffnesses = self.stiffnesses_n_m();
         let mut plants = Vec::new();
-        for body in [heavy, light, (light * heavy).sqrt()] {
+        for body in self.bodies() {
             for damping_ratio in [self.damping_ratio, 1.0_f64.max(self.damping_ratio)] {
-                plants.extend((0..STIFFNESSES).map(|index| Plant {
-                    body,
-                    stiffness_n_m: stiffness(index),
-                    damping_ratio,
-                }));
+                let of = |stiffness_n_m: &f64| Plant { body, stiffness_n_m: *stiffness_n_m, damping_ratio };
+                plants.extend(stiffnesses.iter().map(of));
             }
         }
         plants
@@ -189,7 +200,7 @@ impl TorqueLoop {
             response.iter().zip(&law).map(|(plant, law)| gains.damping * plant * law).collect();
         let turned_rad: f64 = open.windows(2).map(|pair| ((1.0 + pair[1]) / (1.0 + pair[0])).arg()).sum();
         let least = open.iter().map(|at| (1.0 + at).norm()).fold(f64::INFINITY, f64::min);
-        let (mut gain_db, mut phase_deg) = (60.0_f64, 180.0_f64);
+        let Margins { mut gain_db, mut phase_deg, .. } = Margins::ALL;
         for pair in open.windows(2) {
             let (from, to) = (pair[0], pair[1]);
             if from.im * to.im <= 0.0 && from.re < 0.0 {
@@ -211,8 +222,7 @@ impl TorqueLoop {
 
     /// The worst of what gains leave over all plants.
     pub fn worst(&self, gains: &LoopGains) -> Margins {
-        let none = Margins { is_stable: true, sensitivity: 0.0, gain_db: 60.0, phase_deg: 180.0 };
-        self.plants().iter().fold(none, |worst, plant| worst.worse(self.margins(gains, plant)))
+        self.plants().iter().fold(Margins::ALL, |worst, plant| worst.worse(self.margins(gains, plant)))
     }
 
     /// The gains that hold the platform most stiffly against a force, K·Kp, with margins on every plant.
@@ -262,38 +272,4 @@ fn is_stable(turned_rad: f64, quarter_turns: f64) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn bmm() -> TorqueLoop {
-        TorqueLoop {
-            period_s: 1e-3,
-            lag_s: 0.5e-3,
-            speed_filter_1_s: 400.0,
-            shares: 1.5,
-            wheel_kg: 2.0,
-            body: [57.0, 510.0],
-            stiffness_n_m: [1e5, 4e6],
-            damping_ratio: 0.1,
-            integral_1_s: 0.0,
-        }
-    }
-
-    #[test]
-    fn prints_designs() {
-        for (range, damping_ratio) in
-            [([1e5, 4e6], 0.1), ([1e5, 4e6], 0.3), ([1e6, 4e6], 0.1), ([1e6, 4e6], 0.3)]
-        {
-            for integral_1_s in [0.0, 0.3, 1.0] {
-                let axis = TorqueLoop { stiffness_n_m: range, damping_ratio, integral_1_s, ..bmm() };
-                let start = std::time::Instant::now();
-                let gains = axis.design();
-                println!(
-                    "{range:?} {damping_ratio} {integral_1_s}: {gains:?} {:?} {:?}",
-                    gains.map(|g| axis.worst(&g)),
-                    start.elapsed()
-                );
-            }
-        }
-    }
-}
+mod tests;

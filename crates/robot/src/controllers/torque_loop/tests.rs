@@ -1,0 +1,119 @@
+use super::*;
+
+/// `robots/bmm.toml`, along x and y and about the vertical: three wheels at 120°, Σb² = 1.5 and p1² + 2p².
+fn bmm() -> [TorqueLoop; 2] {
+    let along = TorqueLoop {
+        period_s: 1e-3,
+        lag_s: 0.5e-3,
+        speed_filter_1_s: 400.0,
+        shares: 1.5,
+        wheel_kg: 2.0,
+        body: [70.0 / 3.0, 210.0],
+        stiffness_n_m: [1e5, 4e6],
+        damping_ratio: 0.1,
+        integral_1_s: 0.5,
+    };
+    [along.clone(), TorqueLoop { shares: 0.38 * 0.38 + 2.0 * 0.4 * 0.4, body: [7.0 / 3.0, 21.0], ..along }]
+}
+
+/// `robots/mecanum.toml` with the mass of its simulation: four wheels, Σb² = 4 and 4·(0.24 + 0.21)².
+fn mecanum() -> [TorqueLoop; 2] {
+    let [along, _] = bmm();
+    let turn = TorqueLoop { shares: 4.0 * 0.45 * 0.45, body: [4.0 / 3.0, 12.0], ..along.clone() };
+    [TorqueLoop { shares: 4.0, body: [20.0, 180.0], ..along }, turn]
+}
+
+/// How much faster the wheels move after 20 s than in the first second, by time: the equations in steps of a hundredth of a
+/// period, the law cycle by cycle.
+fn growth(axis: &TorqueLoop, gains: &LoopGains, plant: &Plant) -> f64 {
+    const STEPS: usize = 100;
+    let (period_s, step_s) = (axis.period_s, axis.period_s / STEPS as f64);
+    let (wheel, spring) = (axis.shares * axis.wheel_kg, axis.shares * plant.stiffness_n_m);
+    let damper = plant.damping_ratio * 2.0 * (spring * wheel).sqrt();
+    let part = |filter_1_s: f64| 1.0 - (-filter_1_s * period_s).exp();
+    let (speed_part, low_pass_part) = (part(axis.speed_filter_1_s), part(gains.filter_1_s));
+    // A wheel that stands a millimetre off, with its body.
+    let (mut way, mut way_speed, mut body, mut body_speed) = (1e-3, 0.0_f64, 1e-3, 0.0);
+    let (mut way_before, mut measured, mut low_passed, mut learnt, mut force) = (way, 0.0, 0.0, 0.0, 0.0);
+    let mut commands = [0.0; 2];
+    let (mut first, mut last) = (0.0_f64, 0.0_f64);
+    for cycle in 0..20_000 {
+        measured += speed_part * ((way - way_before) / period_s - measured);
+        way_before = way;
+        low_passed += low_pass_part * (measured + gains.kp_1_s * way - low_passed);
+        learnt += axis.integral_1_s * period_s * low_passed;
+        let acts = commands[0];
+        commands = [commands[1], -gains.damping * (low_passed + learnt)];
+        for _ in 0..STEPS {
+            force += step_s / axis.lag_s * (acts - force);
+            let tread = spring * (way - body) + damper * (way_speed - body_speed);
+            way_speed += step_s / wheel * (force - tread);
+            body_speed += step_s / plant.body * tread;
+            way += step_s * way_speed;
+            body += step_s * body_speed;
+        }
+        match cycle {
+            0..1000 => first = first.max(way_speed.abs()),
+            19_000.. => last = last.max(way_speed.abs()),
+            _ if way_speed.abs() > 1e3 => return f64::INFINITY,
+            _ => {}
+        }
+    }
+    last / first
+}
+
+#[test]
+fn margins_by_frequency_are_those_by_time() {
+    for axis in bmm().into_iter().chain(mecanum()) {
+        let gains = axis.design().expect("gains");
+        let plants = axis.plants();
+        let gain_db = |plant: &&Plant| axis.margins(&gains, plant).gain_db;
+        let worst =
+            plants.iter().min_by(|one, other| gain_db(one).total_cmp(&gain_db(other))).expect("plants");
+        // The softest and the stiffest tread too, on the lightest platform and the heaviest.
+        let corners = [worst, &plants[0], &plants[9], &plants[20], &plants[29]];
+        for plant in corners {
+            let limit = 10_f64.powf(gain_db(&plant) / 20.0);
+            let times = |factor: f64| LoopGains { damping: factor * gains.damping, ..gains };
+            for (factor, is_stable) in [(1.0, true), (0.93 * limit, true), (1.07 * limit, false)] {
+                let grown = growth(&axis, &times(factor), plant);
+                let told = axis.margins(&times(factor), plant);
+                assert_eq!(told.is_stable, is_stable, "{factor} times K on {plant:?} of {axis:?}");
+                assert_eq!(grown < 1.0, is_stable, "{factor} times K on {plant:?} of {axis:?}: {grown}");
+            }
+        }
+    }
+}
+
+#[test]
+fn designed_gains_leave_6_db_and_30_degrees_on_every_tread() {
+    for axis in bmm().into_iter().chain(mecanum()) {
+        let mut stiffest = 0.0;
+        for (soft, damping_ratio) in [(1e5, 0.1), (3e5, 0.3), (2e6, 0.3)] {
+            let axis = TorqueLoop { stiffness_n_m: [soft, 4e6], damping_ratio, ..axis.clone() };
+            let gains = axis.design().expect("gains");
+            let worst = axis.worst(&gains);
+            assert!(worst.is_stable && worst.sensitivity <= MOST_SENSITIVE, "{worst:?} of {gains:?}");
+            assert!(worst.gain_db >= 6.0 && worst.phase_deg >= 30.0, "{worst:?} of {gains:?}");
+            assert!(gains.damping >= axis.body[1] * gains.kp_1_s, "{gains:?}");
+            // More that is known is never less stiffness.
+            assert!(gains.damping * gains.kp_1_s >= stiffest, "{gains:?} of {axis:?}");
+            stiffest = gains.damping * gains.kp_1_s;
+        }
+    }
+}
+
+#[test]
+fn the_gain_at_which_6_db_are_left_is_the_known_one() {
+    let [along, _] = bmm();
+    let axis = TorqueLoop { integral_1_s: 0.0, ..along };
+    // Measured speed alone; known from the same transfer functions at 400 000 frequencies.
+    for (stiffness_n_m, damping_ratio, known) in [(1e6, 0.3, 1446.0), (1e5, 0.1, 434.0)] {
+        let gains = LoopGains { damping: 300.0, kp_1_s: 0.0, filter_1_s: 1e6 };
+        let plant = Plant { body: 170.0, stiffness_n_m, damping_ratio };
+        let left_db = axis.margins(&gains, &plant).gain_db;
+        let damping = gains.damping * 10_f64.powf((left_db - 20.0 * 2_f64.log10()) / 20.0);
+        // The product looks at 260 frequencies, and draws straight lines between them.
+        assert!((damping / known - 1.0).abs() < 0.04, "{damping} N·s/m for {plant:?}, not {known}");
+    }
+}
