@@ -1,8 +1,6 @@
 //! The gains of a law of torque for a robot: designed by what its file says of treads, wheels and delay, or given and checked.
 
-use std::f64::consts::PI;
-
-use super::torque_loop::{LoopGains, MOST_SENSITIVE, TorqueLoop};
+use super::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TorqueLoop};
 use crate::config::{ControllerTable, Problem, RobotPlan};
 use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Made, StageError, given};
@@ -69,7 +67,7 @@ impl TorqueDesign {
         for (axis, (one, designed)) in loops.iter().zip(designed).enumerate() {
             match chosen(table, axis, one, designed) {
                 Ok(found) => gains[axis] = found,
-                Err(problem) => problems.push(problem),
+                Err(StageError(found)) => problems.extend(found),
             }
         }
         if problems.is_empty() { Ok(TorqueDesign { loops, gains }) } else { Err(StageError(problems)) }
@@ -95,7 +93,7 @@ fn chosen(
     axis: usize,
     one: &TorqueLoop,
     designed: Option<LoopGains>,
-) -> Result<LoopGains, Problem> {
+) -> Made<LoopGains> {
     let damping_key = if axis == 2 { "turn_damping_n_m_s_rad" } else { "damping_n_s_m" };
     let damping = if axis == 2 { table.turn_damping_n_m_s_rad } else { table.damping_n_s_m };
     let kp_1_s = table.kp_1_s.map(|kp_1_s| kp_1_s[axis]);
@@ -111,13 +109,13 @@ fn chosen(
                  {}: say more of the tread",
                 one.damping_ratio
             );
-            Problem::refused("tread_stiffness_n_m", reason)
+            Problem::refused("tread_stiffness_n_m", reason).into()
         });
     };
-    let part = |given: Option<f64>, designed: Option<f64>| {
+    let part = |given: Option<f64>, designed: Option<f64>| -> Made<f64> {
         given
             .or(designed)
-            .ok_or_else(|| Problem::missing(key, format!("nothing can be designed along {name}")))
+            .ok_or_else(|| Problem::missing(key, format!("nothing can be designed along {name}")).into())
     };
     let gains = LoopGains {
         damping: part(damping, designed.map(|gains| gains.damping))?,
@@ -131,14 +129,13 @@ fn chosen(
     if damping < one.body[1] * kp_1_s {
         let reason =
             format!("{found}: K must be at least the greatest mass times Kp, {:.0}", one.body[1] * kp_1_s);
-        return Err(Problem::refused(key, reason));
+        return Err(Problem::refused(key, reason).into());
     }
     if !worst.suffice() {
         let leaves = if worst.is_stable {
+            let Margins { sensitivity, gain_db, phase_deg, .. } = worst;
             format!(
-                "leave {:.1} dB and {:.0}°",
-                worst.gain_db,
-                2.0 * (0.5 / worst.sensitivity).asin() * 180.0 / PI
+                "leave {gain_db:.1} dB, {phase_deg:.0}° and a peak of the sensitivity of {sensitivity:.2}"
             )
         } else {
             "don't hold".to_owned()
@@ -148,11 +145,11 @@ fn chosen(
             format!("; K = {damping:.0}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
         });
         let reason = format!(
-            "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; a peak of the \
-             sensitivity of at most {MOST_SENSITIVE} is asked for, 6 dB and 30°{designed}",
+            "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; at most \
+             {MOST_SENSITIVE} is asked for, which is 6 dB and 30°{designed}",
             one.damping_ratio
         );
-        return Err(Problem::refused(key, reason));
+        return Err(Problem::refused(key, reason).into());
     }
     Ok(gains)
 }

@@ -36,10 +36,10 @@ fn a_stiffer_tread_a_heavier_wheel_and_a_faster_drive_allow_more_gain() {
 #[test]
 fn gains_without_margins_are_refused_with_what_they_leave() {
     for (keys, setting, told) in [
-        ("damping_n_s_m = 4000", "controller.damping_n_s_m", "6 dB and 30° is asked for; K = "),
-        ("turn_damping_n_m_s_rad = 800", "controller.turn_damping_n_m_s_rad", "is asked for; K = "),
+        ("damping_n_s_m = 4000", "controller.damping_n_s_m", "which is 6 dB and 30°; K = "),
+        ("turn_damping_n_m_s_rad = 800", "controller.turn_damping_n_m_s_rad", "which is 6 dB and 30°; K = "),
         ("kp_1_s = [15, 15, 15]", "controller.kp_1_s", "K must be at least the greatest mass times Kp"),
-        ("torque_filter_1_s = 400", "controller.torque_filter_1_s", "is asked for; K = "),
+        ("torque_filter_1_s = 400", "controller.torque_filter_1_s", "which is 6 dB and 30°; K = "),
         ("tread_stiffness_n_m = [4e6, 1e5]", "controller.tread_stiffness_n_m", "in this order"),
         ("torque_lag_us = 100000", "controller.tread_stiffness_n_m", "no gains leave 6 dB and 30° along x"),
     ] {
