@@ -480,7 +480,8 @@ impl Robot {
             Phase::Holding | Phase::Tracking | Phase::Stopping => {
                 let controller = &mut self.controllers[self.active];
                 controller.limit_wheels(&self.settings.wheel_limits());
-                if record.measurements.is_held_back() {
+                let is_heard = matches!(record.exchange, Exchange::Complete);
+                if record.measurements.is_held_back() || !is_heard {
                     controller.limited_by_drives();
                 }
                 let (inputs, mut outputs) = self.beside.open(&record.signals);

@@ -41,7 +41,7 @@ fn ride(case: &Case) -> Ridden {
 fn the_laws_hold_on_every_tread_for_which_they_are_designed() {
     for (law, stiffness_n_m, damping_ratio, rms_m) in HOLD {
         let ridden = ride(&case(law, stiffness_n_m, damping_ratio));
-        assert!(ridden.ringing < 0.001, "{ridden:?}");
+        assert!(ridden.ringing < 0.01, "{ridden:?}");
         assert!(ridden.greatest_torque_n_m < 18.0, "{ridden:?}");
         assert!(ridden.stopped == SafetyReason::None && ridden.run.finished, "{ridden:?}");
         assert!(ridden.run.believed_rms_m < rms_m && ridden.run.true_final_m < 1e-3, "{ridden:?}");

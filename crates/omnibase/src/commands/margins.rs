@@ -289,8 +289,9 @@ fn per_force(gains: &LoopGains) -> f64 {
 }
 
 fn worst_of_bodies(one: &TorqueLoop, gains: &LoopGains, stiffness_n_m: f64, damping_ratio: f64) -> Margins {
-    let of = |body| one.margins(gains, &Plant { body, stiffness_n_m, damping_ratio });
-    one.bodies().into_iter().map(of).fold(Margins::ALL, Margins::worse)
+    let of = |(shares, body)| one.margins(gains, &Plant { shares, body, stiffness_n_m, damping_ratio });
+    let corners = one.directions().iter().flat_map(|shares| one.bodies().map(|body| (*shares, body)));
+    corners.map(of).fold(Margins::ALL, Margins::worse)
 }
 
 fn cell(found: &Margins) -> String {

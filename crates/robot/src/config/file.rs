@@ -250,9 +250,12 @@ pub struct ControllerTable {
     pub kind: Option<String>,
     /// Other control laws, to which a running robot can be switched.
     pub others: Option<Vec<String>>,
-    /// Kp of x, y and heading, 1/s; default: the law's own, or designed.
+    /// Kp of x, y and heading of a law of speed, 1/s; default: the law's own.
     #[schemars(inner(range(min = 0.0)))]
     pub kp_1_s: Option<[f64; 3]>,
+    /// Kp of x, y and heading of the law of torque, 1/s; default: designed.
+    #[schemars(inner(range(min = 0.1)))]
+    pub torque_kp_1_s: Option<[f64; 3]>,
     /// K of x and y, N·s/m; default: designed.
     #[schemars(range(min = 0.0))]
     pub damping_n_s_m: Option<f64>,
@@ -279,13 +282,13 @@ pub struct ControllerTable {
     pub torque_filter_1_s: Option<f64>,
     /// Least and greatest stiffness of one wheel's tread along the floor, N/m: the gains are designed for all between;
     /// default: 1e5 to 4e6.
-    #[schemars(inner(range(min = 1e3, max = 1e9)))]
+    #[schemars(inner(range(min = 1e4, max = 1e8)))]
     pub tread_stiffness_n_m: Option<[f64; 2]>,
     /// Least damping of such a tread over that which is critical for its wheel's moment of inertia; default: 0.1.
-    #[schemars(range(min = 0.01, max = 10.0))]
+    #[schemars(range(min = 0.05, max = 10.0))]
     pub tread_damping_ratio: Option<f64>,
     /// Moment of inertia of a wheel with its rotor, seen at the wheel (the rotor's times gear ratio squared), kg·m²; default: 2 kg
-    /// at the wheel's radius.
+    /// or 1/35 of `mass_kg` at the wheel's radius, whichever is less.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub wheel_inertia_kg_m2: Option<f64>,
     /// Time constant with which a drive's torque follows its command, us; default: 500.

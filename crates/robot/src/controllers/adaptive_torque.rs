@@ -30,7 +30,7 @@ const NOISE_M_S: f64 = 1e-4;
 
 /// Its name and keys.
 pub(super) fn kind() -> Kind {
-    let gains = ["kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "torque_filter_1_s"];
+    let gains = ["torque_kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "torque_filter_1_s"];
     let treads = ["tread_stiffness_n_m", "tread_damping_ratio", "wheel_inertia_kg_m2", "torque_lag_us"];
     let estimates = ["mass_bounds_kg", "inertia_bounds_kg_m2", "friction_max_n"];
     let may_be_given = [gains.as_slice(), &treads, &estimates].into_iter().flatten().copied().map(optional);

@@ -4,7 +4,7 @@
 //! measured speeds: three linear equations a cycle in θ = (m, J, c_spin, c_roller). A Kalman filter with θ as a random walk
 //! solves them (L. Ljung, *System Identification*, 1999, section 11.2). Unlike a gradient on the tracking error it needs no
 //! error of the path, and feeds nothing back into the loop but what feeds forward. An equation that is far off (a wheel
-//! that slips, a push) counts by the square of its distance less (Huber).
+//! that slips, a push) counts less by the square of how far.
 
 use super::friction::WheelForces;
 

@@ -9,8 +9,10 @@ use crate::registry::{Made, StageError, given};
 const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// And its least damping.
 const TREAD_DAMPING_RATIO: f64 = 0.1;
-/// A wheel with its rotor and gear where the file doesn't say, as a mass at its rim, kg.
+/// A wheel with its rotor and gear where the file doesn't say, as a mass at its rim: this, kg, or such a part of the first
+/// estimate of the mass, whichever is less.
 const WHEEL_KG: f64 = 2.0;
+const WHEEL_SHARE: f64 = 1.0 / 35.0;
 /// Time constant of a drive's torque where the file doesn't say, s.
 const TORQUE_LAG_S: f64 = 0.5e-3;
 /// Bounds of an estimate without bounds of its own, over its first value.
@@ -45,23 +47,31 @@ impl TorqueDesign {
         }
         let radius_m =
             plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
-        let wheel_kg = table.wheel_inertia_kg_m2.map_or(WHEEL_KG, |inertia| inertia / (radius_m * radius_m));
-        let axis = |axis: usize, body: [f64; 2]| TorqueLoop {
+        let assumed_kg = WHEEL_KG.min(WHEEL_SHARE * given(table.mass_kg, "mass_kg")?);
+        let wheel_kg =
+            table.wheel_inertia_kg_m2.map_or(assumed_kg, |inertia| inertia / (radius_m * radius_m));
+        let product = |one: usize, other: usize| -> f64 {
+            plan.kinematics.matrix().iter().map(|row| row[one] * row[other]).sum()
+        };
+        // Of the matrix [[Σbx², Σbx·by], [Σbx·by, Σby²]] the eigenvalues: no direction has less or more.
+        let mean = 0.5 * (product(0, 0) + product(1, 1));
+        let apart = (0.5 * (product(0, 0) - product(1, 1))).hypot(product(0, 1));
+        let axis = |shares: [f64; 2], body: [f64; 2]| TorqueLoop {
             period_s: plan.bus.cycle_ns as f64 * 1e-9,
             lag_s: table.torque_lag_us.map_or(TORQUE_LAG_S, |lag_us| lag_us * 1e-6),
             speed_filter_1_s: plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S),
-            shares: plan.kinematics.matrix().iter().map(|row| row[axis] * row[axis]).sum(),
+            shares,
             wheel_kg,
             body,
             stiffness_n_m,
             damping_ratio: table.tread_damping_ratio.unwrap_or(TREAD_DAMPING_RATIO),
             integral_1_s: INTEGRAL_1_S,
         };
-        let loops = [axis(0, mass_kg), axis(1, mass_kg), axis(2, inertia_kg_m2)];
-        let [along, across, turn] = &loops;
-        let along_gains = along.design();
-        let across_gains = if across == along { along_gains } else { across.design() };
-        let designed = [along_gains, across_gains, turn.design()];
+        let along = axis([mean - apart, mean + apart], mass_kg);
+        let turn = axis([product(2, 2); 2], inertia_kg_m2);
+        let (along_gains, turn_gains) = (along.design(), turn.design());
+        let loops = [along.clone(), along, turn];
+        let designed = [along_gains, along_gains, turn_gains];
         let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0 }; 3];
         let mut problems = Vec::new();
         for (axis, (one, designed)) in loops.iter().zip(designed).enumerate() {
@@ -96,18 +106,23 @@ fn chosen(
 ) -> Made<LoopGains> {
     let damping_key = if axis == 2 { "turn_damping_n_m_s_rad" } else { "damping_n_s_m" };
     let damping = if axis == 2 { table.turn_damping_n_m_s_rad } else { table.damping_n_s_m };
-    let kp_1_s = table.kp_1_s.map(|kp_1_s| kp_1_s[axis]);
+    let kp_1_s = table.torque_kp_1_s.map(|kp_1_s| kp_1_s[axis]);
     let filter_1_s = table.torque_filter_1_s;
     let name = ["x", "y", "the heading"][axis];
-    let given =
-        [damping.map(|_| damping_key), kp_1_s.map(|_| "kp_1_s"), filter_1_s.map(|_| "torque_filter_1_s")];
+    let given = [
+        damping.map(|_| damping_key),
+        kp_1_s.map(|_| "torque_kp_1_s"),
+        filter_1_s.map(|_| "torque_filter_1_s"),
+    ];
     let Some(key) = given.into_iter().flatten().next() else {
         return designed.ok_or_else(|| {
             let [soft, stiff] = one.stiffness_n_m;
             let reason = format!(
                 "no gains leave 6 dB and 30° along {name} from {soft:.1e} to {stiff:.1e} N/m with a damping of at least \
-                 {}: say more of the tread",
-                one.damping_ratio
+                 {}, a cycle of {} us and a lag of {} us: say more of the tread, or make it faster",
+                one.damping_ratio,
+                1e6 * one.period_s,
+                1e6 * one.lag_s
             );
             Problem::refused("tread_stiffness_n_m", reason).into()
         });
@@ -125,10 +140,12 @@ fn chosen(
     let worst = one.worst(&gains);
     let LoopGains { damping, kp_1_s, filter_1_s } = gains;
     let found =
-        format!("K = {damping:.0}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
+        format!("K = {damping:.1}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
     if damping < one.body[1] * kp_1_s {
-        let reason =
-            format!("{found}: K must be at least the greatest mass times Kp, {:.0}", one.body[1] * kp_1_s);
+        let reason = format!(
+            "{found}: K must be at least the greatest mass (or moment of inertia) times Kp, {:.1}",
+            one.body[1] * kp_1_s
+        );
         return Err(Problem::refused(key, reason).into());
     }
     if !worst.suffice() {
@@ -142,7 +159,9 @@ fn chosen(
         };
         let [soft, stiff] = one.stiffness_n_m;
         let designed = designed.map_or(String::new(), |LoopGains { damping, kp_1_s, filter_1_s }| {
-            format!("; K = {damping:.0}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
+            // No more than was looked at.
+            let damping = (10.0 * damping).floor() / 10.0;
+            format!("; K = {damping}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
         });
         let reason = format!(
             "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; at most \

@@ -14,10 +14,10 @@ use std::f64::consts::PI;
 
 /// The greatest peak of the sensitivity: 6 dB and 30°.
 pub const MOST_SENSITIVE: f64 = 1.93;
-/// Stiffnesses of the range that are looked at.
-const STIFFNESSES: usize = 10;
-/// Frequencies that are looked at: the width of the sharpest resonance has four of them.
-const FREQUENCIES: usize = 260;
+/// Stiffnesses of the range that are looked at, in each of its decades.
+const STIFFNESSES_A_DECADE: f64 = 8.0;
+/// Frequencies that are looked at: the width of a resonance with a damping of 0.05, the least that a file may say, has four.
+const FREQUENCIES: usize = 520;
 /// The lowest of them, rad/s: slower than anything that the law does.
 const SLOWEST_RAD_S: f64 = 0.02;
 /// From which the design chooses.
@@ -35,8 +35,9 @@ pub struct TorqueLoop {
     pub lag_s: f64,
     /// The filter of the measured speed, 1/s.
     pub speed_filter_1_s: f64,
-    /// Σb² over the wheels.
-    pub shares: f64,
+    /// Least and greatest Σb² over the wheels, by the direction in which the axis lies: where a law closes its loop in odom the
+    /// platform stands in any.
+    pub shares: [f64; 2],
     /// One wheel with rotor and gear, as a mass at its rim, kg.
     pub wheel_kg: f64,
     /// Least and greatest mass (or moment of inertia) of the platform.
@@ -63,6 +64,8 @@ pub struct LoopGains {
 /// One tread on one platform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
+    /// Σb² over the wheels.
+    pub shares: f64,
     /// Mass (or moment of inertia) of the platform.
     pub body: f64,
     /// Stiffness of one tread, N/m.
@@ -135,8 +138,8 @@ impl TorqueLoop {
 
     /// From force to the way of the wheels, by frequency, with hold, delay and lag.
     fn response(&self, plant: &Plant, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
-        let wheel = self.shares * self.wheel_kg;
-        let spring = self.shares * plant.stiffness_n_m;
+        let wheel = plant.shares * self.wheel_kg;
+        let spring = plant.shares * plant.stiffness_n_m;
         let damper = plant.damping_ratio * 2.0 * (spring * wheel).sqrt();
         frequencies
             .iter()
@@ -168,8 +171,9 @@ impl TorqueLoop {
     /// The stiffnesses of the range that are looked at, N/m.
     pub fn stiffnesses_n_m(&self) -> Vec<f64> {
         let [soft, stiff] = self.stiffness_n_m;
-        let steps = (STIFFNESSES - 1) as f64;
-        (0..STIFFNESSES).map(|index| soft * (stiff / soft).powf(index as f64 / steps)).collect()
+        let steps = ((stiff / soft).log10() * STIFFNESSES_A_DECADE).ceil();
+        let of = |step: u32| soft * (stiff / soft).powf(f64::from(step) / steps.max(1.0));
+        (0..=steps as u32).map(of).collect()
     }
 
     /// The platforms that are looked at: the heaviest, the lightest and one between.
@@ -178,14 +182,27 @@ impl TorqueLoop {
         [heavy, light, (light * heavy).sqrt()]
     }
 
+    /// The directions that differ: one where the wheels share alike in all.
+    pub fn directions(&self) -> &[f64] {
+        let [least, greatest] = &self.shares;
+        if greatest - least < 1e-9 * greatest { &self.shares[..1] } else { &self.shares }
+    }
+
     /// Every corner of what the loop has to bear.
     pub fn plants(&self) -> Vec<Plant> {
         let stiffnesses = self.stiffnesses_n_m();
         let mut plants = Vec::new();
-        for body in self.bodies() {
-            for damping_ratio in [self.damping_ratio, 1.0_f64.max(self.damping_ratio)] {
-                let of = |stiffness_n_m: &f64| Plant { body, stiffness_n_m: *stiffness_n_m, damping_ratio };
-                plants.extend(stiffnesses.iter().map(of));
+        for shares in self.directions() {
+            for body in self.bodies() {
+                for damping_ratio in [self.damping_ratio, 1.0_f64.max(self.damping_ratio)] {
+                    let of = |stiffness_n_m: &f64| Plant {
+                        shares: *shares,
+                        body,
+                        stiffness_n_m: *stiffness_n_m,
+                        damping_ratio,
+                    };
+                    plants.extend(stiffnesses.iter().map(of));
+                }
             }
         }
         plants
@@ -227,7 +244,7 @@ impl TorqueLoop {
 
     /// The gains that hold the platform most stiffly against a force, K·Kp, with margins on every plant.
     ///
-    /// Beside the margins K > m·Kp for the heaviest platform: then what the law loses in a cycle exceeds what its own
+    /// Beside the margins K ≥ m·Kp for the heaviest platform: then what the law loses in a cycle exceeds what its own
     /// correction puts in, whatever it has learnt (J.-J. E. Slotine and W. Li, *Applied Nonlinear Control*, 1991, section 9.2).
     pub fn design(&self) -> Option<LoopGains> {
         let frequencies = self.frequencies();

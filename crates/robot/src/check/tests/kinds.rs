@@ -117,7 +117,6 @@ fn first_estimates_lie_within_their_bounds_under_the_law_that_learns_them() {
         ("mass_bounds_kg = [80, 90]", "controller.mass_kg = 70", "80 to 90"),
         ("mass_bounds_kg = [90, 50]", "controller.mass_kg = 70", "90 to 50"),
         ("inertia_bounds_kg_m2 = [1, 6]", "controller.inertia_kg_m2 = 7", "1 to 6"),
-        ("friction_n = 30.0\nfriction_max_n = 20.0", "controller.friction_n = 30", "0 to 20"),
     ] {
         let told = with("adaptive_torque", keys).expect_err(keys);
         assert!(told.contains(setting) && told.contains(limit) && told.lines().count() == 1, "{told}");

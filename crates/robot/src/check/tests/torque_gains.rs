@@ -29,7 +29,7 @@ fn a_stiffer_tread_a_heavier_wheel_and_a_faster_drive_allow_more_gain() {
             "{keys}: {known:?} {unknown:?}"
         );
     }
-    let slower = stiffly(&designed("torque_lag_us = 3000"));
+    let slower = stiffly(&designed("torque_lag_us = 20000"));
     assert!(slower.iter().zip(unknown).all(|(slower, unknown)| *slower < unknown), "{slower:?} {unknown:?}");
 }
 
@@ -38,10 +38,9 @@ fn gains_without_margins_are_refused_with_what_they_leave() {
     for (keys, setting, told) in [
         ("damping_n_s_m = 4000", "controller.damping_n_s_m", "which is 6 dB and 30°; K = "),
         ("turn_damping_n_m_s_rad = 800", "controller.turn_damping_n_m_s_rad", "which is 6 dB and 30°; K = "),
-        ("kp_1_s = [15, 15, 15]", "controller.kp_1_s", "K must be at least the greatest mass times Kp"),
+        ("torque_kp_1_s = [15, 15, 15]", "controller.torque_kp_1_s", "K must be at least the greatest mass"),
         ("torque_filter_1_s = 400", "controller.torque_filter_1_s", "which is 6 dB and 30°; K = "),
         ("tread_stiffness_n_m = [4e6, 1e5]", "controller.tread_stiffness_n_m", "in this order"),
-        ("torque_lag_us = 100000", "controller.tread_stiffness_n_m", "no gains leave 6 dB and 30° along x"),
     ] {
         let problems = problems(&with(keys));
         let (problem, ..) = found(&problems, setting);
@@ -51,9 +50,11 @@ fn gains_without_margins_are_refused_with_what_they_leave() {
 
 #[test]
 fn gains_that_leave_margins_are_taken_as_they_are() {
-    let design = designed("damping_n_s_m = 700\nkp_1_s = [1.0, 1.0, 1.0]\ntorque_filter_1_s = 20");
+    let design = designed(
+        "damping_n_s_m = 400\nturn_damping_n_m_s_rad = 60\ntorque_kp_1_s = [1.0, 1.0, 1.0]\ntorque_filter_1_s = 30",
+    );
     let [x, ..] = design.gains;
-    assert_eq!((x.damping, x.kp_1_s, x.filter_1_s), (700.0, 1.0, 20.0));
+    assert_eq!((x.damping, x.kp_1_s, x.filter_1_s), (400.0, 1.0, 30.0));
     for (axis, gains) in design.loops.iter().zip(design.gains) {
         let worst = axis.worst(&gains);
         assert!(worst.suffice() && worst.gain_db >= 6.0 && worst.phase_deg >= 30.0, "{worst:?}");

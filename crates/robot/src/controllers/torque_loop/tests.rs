@@ -6,21 +6,24 @@ fn bmm() -> [TorqueLoop; 2] {
         period_s: 1e-3,
         lag_s: 0.5e-3,
         speed_filter_1_s: 400.0,
-        shares: 1.5,
+        shares: [1.5; 2],
         wheel_kg: 2.0,
         body: [70.0 / 3.0, 210.0],
         stiffness_n_m: [1e5, 4e6],
         damping_ratio: 0.1,
         integral_1_s: 0.5,
     };
-    [along.clone(), TorqueLoop { shares: 0.38 * 0.38 + 2.0 * 0.4 * 0.4, body: [7.0 / 3.0, 21.0], ..along }]
+    [
+        along.clone(),
+        TorqueLoop { shares: [0.38 * 0.38 + 2.0 * 0.4 * 0.4; 2], body: [7.0 / 3.0, 21.0], ..along },
+    ]
 }
 
 /// `robots/mecanum.toml` with the mass of its simulation: four wheels, Σb² = 4 and 4·(0.24 + 0.21)².
 fn mecanum() -> [TorqueLoop; 2] {
     let [along, _] = bmm();
-    let turn = TorqueLoop { shares: 4.0 * 0.45 * 0.45, body: [4.0 / 3.0, 12.0], ..along.clone() };
-    [TorqueLoop { shares: 4.0, body: [20.0, 180.0], ..along }, turn]
+    let turn = TorqueLoop { shares: [4.0 * 0.45 * 0.45; 2], body: [4.0 / 3.0, 12.0], ..along.clone() };
+    [TorqueLoop { shares: [4.0; 2], body: [20.0, 180.0], ..along }, turn]
 }
 
 /// How much faster the wheels move after 20 s than in the first second, by time: the equations in steps of a hundredth of a
@@ -28,7 +31,7 @@ fn mecanum() -> [TorqueLoop; 2] {
 fn growth(axis: &TorqueLoop, gains: &LoopGains, plant: &Plant) -> f64 {
     const STEPS: usize = 100;
     let (period_s, step_s) = (axis.period_s, axis.period_s / STEPS as f64);
-    let (wheel, spring) = (axis.shares * axis.wheel_kg, axis.shares * plant.stiffness_n_m);
+    let (wheel, spring) = (plant.shares * axis.wheel_kg, plant.shares * plant.stiffness_n_m);
     let damper = plant.damping_ratio * 2.0 * (spring * wheel).sqrt();
     let part = |filter_1_s: f64| 1.0 - (-filter_1_s * period_s).exp();
     let (speed_part, low_pass_part) = (part(axis.speed_filter_1_s), part(gains.filter_1_s));
@@ -110,10 +113,20 @@ fn the_gain_at_which_6_db_are_left_is_the_known_one() {
     // Measured speed alone; known from the same transfer functions at 400 000 frequencies.
     for (stiffness_n_m, damping_ratio, known) in [(1e6, 0.3, 1446.0), (1e5, 0.1, 434.0)] {
         let gains = LoopGains { damping: 300.0, kp_1_s: 0.0, filter_1_s: 1e6 };
-        let plant = Plant { body: 170.0, stiffness_n_m, damping_ratio };
+        let plant = Plant { shares: 1.5, body: 170.0, stiffness_n_m, damping_ratio };
         let left_db = axis.margins(&gains, &plant).gain_db;
         let damping = gains.damping * 10_f64.powf((left_db - 20.0 * 2_f64.log10()) / 20.0);
         // The product looks at 260 frequencies, and draws straight lines between them.
         assert!((damping / known - 1.0).abs() < 0.04, "{damping} N·s/m for {plant:?}, not {known}");
     }
+}
+
+#[test]
+fn wheels_that_share_unlike_by_direction_get_margins_in_every_direction() {
+    let [along, _] = bmm();
+    let alike = TorqueLoop { shares: [2.5; 2], ..along.clone() };
+    let unlike = TorqueLoop { shares: [0.5, 2.5], ..along };
+    let (gains, safer) = (alike.design().expect("a design"), unlike.design().expect("a design"));
+    assert!(!unlike.worst(&gains).suffice(), "what holds in one direction doesn't in the other: {gains:?}");
+    assert!(unlike.worst(&safer).suffice() && safer.damping * safer.kp_1_s < gains.damping * gains.kp_1_s);
 }
