@@ -8,7 +8,7 @@ use std::time::Instant;
 fn main() {
     let seconds: f64 = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(3600.0);
     println!(
-        "| robot | law | m̂ at start | turn s | ran s | believed RMS mm | max mm | m̂ 60 s, least, most, end (truth) | Ĵ least, most | k̂ most | hottest motor % | times real time | |"
+        "| robot | law | m̂ at start | turn s | ran s | believed RMS mm | max mm | m̂ 60 s, least, most, end (truth) | Ĵ least, most | d̂ most N | hottest motor % | times real time | |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (robot, text) in [("bmm", robots::BMM), ("mecanum", robots::MECANUM)] {

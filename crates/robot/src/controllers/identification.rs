@@ -149,10 +149,10 @@ impl Identification {
             acceleration[0].hypot(acceleration[1]) > LEAST_ACCELERATION[0],
             acceleration[2].abs() > LEAST_ACCELERATION[1],
         ];
-        for axis in 0..3 {
+        for (axis, along) in acceleration.into_iter().enumerate() {
             let mut row = [0.0; PARAMETERS];
             let mass = if axis == 2 { 1 } else { 0 };
-            row[mass] = acceleration[axis];
+            row[mass] = along;
             row[2] = self.past.friction[0][axis];
             row[3] = self.past.friction[1][axis];
             let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
