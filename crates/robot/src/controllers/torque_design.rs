@@ -74,8 +74,15 @@ impl TorqueDesign {
         let designed = [along_gains, along_gains, turn_gains];
         let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0 }; 3];
         let mut problems = Vec::new();
+        // x and y differ in nothing but a Kp that the file gives.
+        let is_one = table.torque_kp_1_s.is_none_or(|[x, y, _]| x == y);
+        let names = if is_one { ["x and y", "", "the heading"] } else { ["x", "y", "the heading"] };
         for (axis, (one, designed)) in loops.iter().zip(designed).enumerate() {
-            match chosen(table, axis, one, designed) {
+            if axis == 1 && is_one {
+                gains[1] = gains[0];
+                continue;
+            }
+            match chosen(table, (axis, names[axis]), one, designed) {
                 Ok(found) => gains[axis] = found,
                 Err(StageError(found)) => problems.extend(found),
             }
@@ -100,7 +107,7 @@ fn bounds(what: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64
 /// An axis's gains: as designed, but for what the file gives.
 fn chosen(
     table: &ControllerTable,
-    axis: usize,
+    (axis, name): (usize, &str),
     one: &TorqueLoop,
     designed: Option<LoopGains>,
 ) -> Made<LoopGains> {
@@ -108,7 +115,6 @@ fn chosen(
     let damping = if axis == 2 { table.turn_damping_n_m_s_rad } else { table.damping_n_s_m };
     let kp_1_s = table.torque_kp_1_s.map(|kp_1_s| kp_1_s[axis]);
     let filter_1_s = table.torque_filter_1_s;
-    let name = ["x", "y", "the heading"][axis];
     let given = [
         damping.map(|_| damping_key),
         kp_1_s.map(|_| "torque_kp_1_s"),
@@ -151,9 +157,7 @@ fn chosen(
     if !worst.suffice() {
         let leaves = if worst.is_stable {
             let Margins { sensitivity, gain_db, phase_deg, .. } = worst;
-            format!(
-                "leave {gain_db:.1} dB, {phase_deg:.0}° and a peak of the sensitivity of {sensitivity:.2}"
-            )
+            format!("leave {gain_db:.1} dB and {phase_deg:.0}° with a sensitivity of {sensitivity:.2}")
         } else {
             "don't hold".to_owned()
         };
@@ -164,8 +168,8 @@ fn chosen(
             format!("; K = {damping}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
         });
         let reason = format!(
-            "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; at most \
-             {MOST_SENSITIVE} is asked for, which is 6 dB and 30°{designed}",
+            "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; a \
+             sensitivity of at most {MOST_SENSITIVE} is asked for, which is 6 dB and 30°{designed}",
             one.damping_ratio
         );
         return Err(Problem::refused(key, reason).into());

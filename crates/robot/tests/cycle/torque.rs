@@ -3,7 +3,7 @@
 use omnibase_platform::Twist2;
 use omnibase_robot::config::TorqueLimitTold;
 use omnibase_robot::signals::{Batch, Frame, RequestAnswer, SafetyReason};
-use omnibase_robot::{CycleRecord, Phase, Registry, RequestKind};
+use omnibase_robot::{CycleRecord, Exchange, Phase, Registry, RequestKind};
 
 use super::support::{BMM, Bench, MECANUM, plan};
 
@@ -270,4 +270,20 @@ fn nothing_is_learnt_while_a_drive_holds_back_by_a_limit_of_its_own() {
     };
     assert!(!learnt(&mut bench, true));
     assert!(learnt(&mut bench, false));
+}
+
+#[test]
+fn no_mass_is_learnt_while_every_tenth_exchange_is_lost() {
+    let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 8.0\n";
+    let mut bench = Bench::new(plan(&(with_law(BMM, "adaptive_torque") + circle)));
+    bench.enable();
+    let learnt = |record: &CycleRecord| [record.estimates[0], record.estimates[1]];
+    let first = learnt(bench.step(Some(RequestKind::Track)));
+    for cycle in 0..1500_u32 {
+        bench.exchange = if cycle.is_multiple_of(10) { Exchange::Lost } else { Exchange::Complete };
+        bench.step(None);
+    }
+    let record = bench.robot.record();
+    assert_eq!((record.phase, learnt(record)), (Phase::Tracking, first));
+    assert_ne!(learnt(bench.run(500)), first);
 }
