@@ -277,13 +277,13 @@ fn no_mass_is_learnt_while_every_tenth_exchange_is_lost() {
     let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 8.0\n";
     let mut bench = Bench::new(plan(&(with_law(BMM, "adaptive_torque") + circle)));
     bench.enable();
-    let learnt = |record: &CycleRecord| [record.estimates[0], record.estimates[1]];
+    let learnt = |record: CycleRecord| [record.estimates[0], record.estimates[1]];
     let first = learnt(bench.step(Some(RequestKind::Track)));
     for cycle in 0..1500_u32 {
         bench.exchange = if cycle.is_multiple_of(10) { Exchange::Lost } else { Exchange::Complete };
         bench.step(None);
     }
     let record = bench.robot.record();
-    assert_eq!((record.phase, learnt(record)), (Phase::Tracking, first));
+    assert_eq!((record.phase, learnt(*record)), (Phase::Tracking, first));
     assert_ne!(learnt(bench.run(500)), first);
 }
