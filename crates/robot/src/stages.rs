@@ -245,8 +245,8 @@ pub trait Controller: Send {
         let _ = limits;
     }
 
-    /// A drive holds back what it was told by a limit of its own (bit 11 of its status word): how the platform moves says
-    /// nothing of the machine then. Told before the update of each such cycle.
+    /// A drive holds back what it was told by a limit of its own (bit 11 of its status word), or some drive wasn't heard: how the
+    /// platform moves says nothing of the machine then. Told before the update of each such cycle.
     fn limited_by_drives(&mut self) {}
 
     /// What comes in beside the drives, and what it tells other SubDevices; before each update. An output that isn't set

@@ -36,8 +36,8 @@ impl TorqueDesign {
     /// Where its keys contradict each other, gains that are given leave no margins, or no gains would.
     pub fn new(plan: &RobotPlan) -> Made<Self> {
         let table = &plan.controller;
-        let mass_kg = bounds("mass", table.mass_kg, table.mass_bounds_kg)?;
-        let inertia_kg_m2 = bounds("inertia", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?;
+        let mass_kg = bounds("mass_kg", table.mass_kg, table.mass_bounds_kg)?;
+        let inertia_kg_m2 = bounds("inertia_kg_m2", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?;
         let stiffness_n_m = table.tread_stiffness_n_m.unwrap_or(TREAD_STIFFNESS_N_M);
         if stiffness_n_m[0] > stiffness_n_m[1] {
             let [low, high] = stiffness_n_m;
@@ -92,8 +92,7 @@ impl TorqueDesign {
 }
 
 /// Between what a first estimate and its like may lie.
-fn bounds(what: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
-    let key = if what == "mass" { "mass_kg" } else { "inertia_kg_m2" };
+fn bounds(key: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
     let first = given(first, key)?;
     let [low, high] = bounds.unwrap_or(BOUNDS.map(|factor| factor * first));
     if (low..=high).contains(&first) {

@@ -60,3 +60,13 @@ fn gains_that_leave_margins_are_taken_as_they_are() {
         assert!(worst.suffice() && worst.gain_db >= 6.0 && worst.phase_deg >= 30.0, "{worst:?}");
     }
 }
+
+#[test]
+fn a_light_robots_wheels_are_taken_to_be_light() {
+    let plan = |mass_kg: &str| {
+        let text = with("").replace("mass_kg = 70.0            #", &format!("mass_kg = {mass_kg} #"));
+        RobotPlan::from_toml(&text, &Registry::with_built_in(), &no_files).expect("a plan")
+    };
+    let wheel_kg = |mass_kg| TorqueDesign::new(&plan(mass_kg)).expect("a design").loops[0].wheel_kg;
+    assert_eq!((wheel_kg("35.0"), wheel_kg("140.0")), (1.0, 2.0));
+}

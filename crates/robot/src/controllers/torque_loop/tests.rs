@@ -130,3 +130,21 @@ fn wheels_that_share_unlike_by_direction_get_margins_in_every_direction() {
     assert!(!unlike.worst(&gains).suffice(), "what holds in one direction doesn't in the other: {gains:?}");
     assert!(unlike.worst(&safer).suffice() && safer.damping * safer.kp_1_s < gains.damping * gains.kp_1_s);
 }
+
+#[test]
+fn between_the_stiffnesses_that_were_looked_at_nothing_hides() {
+    let [along, turn] = bmm().map(|axis| TorqueLoop { damping_ratio: 0.05, ..axis });
+    for axis in [along, turn] {
+        let gains = axis.design().expect("a design");
+        // A hundred swings of the lightest damping that a file may say, none at a place of the design's.
+        for step in 0..100 {
+            let stiffness_n_m = 1e5 * 40.0_f64.powf((f64::from(step) + 0.37) / 100.0);
+            let between = TorqueLoop { stiffness_n_m: [stiffness_n_m; 2], ..axis.clone() };
+            let worst = between.worst(&gains);
+            assert!(
+                worst.is_stable && worst.sensitivity < 1.05 * MOST_SENSITIVE,
+                "{stiffness_n_m}: {worst:?}"
+            );
+        }
+    }
+}
