@@ -290,6 +290,7 @@ fn stop_drive(record: &CycleRecord) -> Option<u64> {
         SafetyReason::WheelSpeed
             | SafetyReason::WheelTorque
             | SafetyReason::Oscillation
+            | SafetyReason::WheelSlip
             | SafetyReason::Drive
             | SafetyReason::DeviceLost
     );
@@ -347,6 +348,7 @@ mod tests {
             SafetyReason::WheelSpeed,
             SafetyReason::WheelTorque,
             SafetyReason::Oscillation,
+            SafetyReason::WheelSlip,
         ] {
             record.stop_reason = reason;
             assert_eq!(stop_drive(&record), Some(1), "{reason:?}");

@@ -345,6 +345,8 @@ impl Check {
             wheel_torque_margin_nm: table.wheel_torque_margin_nm,
             wheel_torque_time_ns: ns(table.wheel_torque_time_ms, 50),
             oscillation_share: table.oscillation_share.unwrap_or(0.15),
+            slip_m: table.slip_m.unwrap_or(0.01),
+            slip_stop: stop(table.slip_stop, StopName::Category1),
             enable_input,
             stop_input,
             input_stop,

@@ -1,8 +1,6 @@
 //! Control laws.
 
 mod adaptive_torque;
-mod friction;
-mod identification;
 mod speed;
 mod torque_design;
 mod torque_loop;
@@ -16,6 +14,7 @@ use crate::signals::{Commands, Quantity};
 pub use adaptive_torque::AdaptiveTorque;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
 pub use torque_design::TorqueDesign;
+pub(crate) use torque_design::{ESTIMATE_BOUNDS, wheel_kg};
 pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until

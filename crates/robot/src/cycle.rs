@@ -10,6 +10,7 @@ use omnibase_trajectory::LimitsError;
 use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
+use crate::grip::Grip;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
 use crate::lifecycle::{Change, Lifecycle, Outcome};
@@ -20,7 +21,7 @@ use crate::registry::{Registry, StageError};
 use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, Heard, LimitedBy, MAX_DEVICES,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, GripReport, Heard, LimitedBy, MAX_DEVICES,
     MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer,
     RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
@@ -35,6 +36,7 @@ use pose::Counted;
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
     beside: Beside,
+    grip: Grip,
     estimator: Box<dyn Estimator>,
     limiter: Limiter,
     /// Never empty; the present one is `active`.
@@ -85,6 +87,7 @@ impl Robot {
             devices,
             beside,
             guard: Guard::new(&plan.guard, &plan.limits, period_s, &estimator.growth()),
+            grip: Grip::new(plan),
             estimator,
             limiter,
             controllers,
@@ -117,6 +120,7 @@ impl Robot {
 
         self.read(exchange, image);
         self.beside.read(&time, exchange, image, &mut self.record.signals);
+        self.record.grip = self.feel();
         self.record.state = self.estimate();
         self.guard.advance(&self.record.time, &self.record.state);
         self.settings.settle(&self.record);
@@ -130,7 +134,7 @@ impl Robot {
         self.write(image);
 
         self.record.controller = self.active as u64;
-        self.record.estimates = self.controllers[self.active].estimates();
+        self.record.force_n = self.controllers[self.active].force_n();
         self.record.stop_reason = self.lifecycle.reason();
         self.record.stop_where = self.lifecycle.where_index();
         self.record.course = self.motion.course();
@@ -244,16 +248,28 @@ impl Robot {
         self.counted.remember(&self.record);
     }
 
+    /// Grip: what the wheels' torques did.
+    fn feel(&mut self) -> GripReport {
+        let record = &self.record;
+        let drives = matches!(record.phase, Phase::Tracking | Phase::Stopping)
+            && record.setpoint.status == ReferenceStatus::Moving;
+        self.grip.look(&record.time, (record.exchange, &record.measurements), drives)
+    }
+
     /// Estimator: from measurements to the platform's state.
     fn estimate(&mut self) -> PlatformState {
         let record = &self.record;
+        let mut unread_rad = self.counted.take_unread(record.exchange);
+        for (wheel, unread_rad) in unread_rad.iter_mut().enumerate() {
+            *unread_rad += self.grip.unread_rad(wheel);
+        }
         let state = self.estimator.update(&Observation {
             time: &record.time,
             exchange: record.exchange,
             measurements: &record.measurements,
             inputs: self.beside.inputs(&record.signals),
             wished: &record.wished,
-            unread_rad: &self.counted.take_unread(record.exchange),
+            unread_rad: &unread_rad,
         });
         if self.estimator.sees_beyond_wheels() {
             return state;
@@ -481,7 +497,8 @@ impl Robot {
                 let controller = &mut self.controllers[self.active];
                 controller.limit_wheels(&self.settings.wheel_limits());
                 let is_heard = matches!(record.exchange, Exchange::Complete);
-                if record.measurements.is_held_back() || !is_heard {
+                controller.knows(&record.grip.dynamics);
+                if record.measurements.is_held_back() || record.grip.slips() || !is_heard {
                     controller.limited_by_drives();
                 }
                 let (inputs, mut outputs) = self.beside.open(&record.signals);
@@ -519,6 +536,7 @@ impl Robot {
             },
             is_way_blocked: self.lifecycle.phase() == Phase::Tracking && self.motion.is_blocked(),
             guard: &record.guard,
+            grip: &record.grip,
             commands: &record.commands,
             wheel_limits: self.settings.wheel_limits(),
         })

@@ -21,6 +21,7 @@ mod cycle;
 pub mod devices;
 pub mod estimators;
 mod events;
+mod grip;
 pub mod guard;
 mod image;
 pub mod layouts;

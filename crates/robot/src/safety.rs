@@ -142,6 +142,12 @@ impl SafetyChain {
         Some((SafetyAction::QuickStop, SafetyReason::Oscillation, wheel as u64))
     }
 
+    /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
+    fn slip(&self, view: &SafetyView<'_>) -> Objection {
+        let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > self.plan.slip_m)?;
+        Some((SafetyAction::Stop(self.plan.slip_stop), SafetyReason::WheelSlip, wheel as u64))
+    }
+
     fn reference_speed(&self, view: &SafetyView<'_>) -> Objection {
         let twist = &view.wished.twist_in_odom;
         let fast = twist.speed_m_s() > REFERENCE_MARGIN * self.limits.speed_m_s
@@ -265,7 +271,7 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 14] = [
+        let checks: [(bool, Check); 15] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
@@ -274,6 +280,7 @@ impl Safety for SafetyChain {
             (is_powered, Self::wheel_speed),
             (torque_counts, Self::wheel_torque),
             (torque_counts, Self::oscillation),
+            (is_held, Self::slip),
             (is_tracking, Self::reference_speed),
             (is_held, Self::tracking),
             (is_tracking, Self::fence),

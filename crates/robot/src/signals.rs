@@ -4,6 +4,7 @@ mod axis;
 mod columns;
 mod commands;
 mod exchange;
+mod grip;
 mod guard;
 mod inputs;
 mod measurements;
@@ -21,6 +22,7 @@ pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,
 };
 pub use exchange::{CycleTime, Exchange};
+pub use grip::{Dynamics, GripReport};
 pub use guard::{GuardReport, LimitedBy};
 pub(crate) use inputs::Told;
 pub use inputs::{

@@ -10,7 +10,7 @@ use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, Inputs,
+    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, GripReport, GuardReport, Inputs,
     MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity, Request, RequestAnswer, Setpoint,
     Signals, WheelCommand,
 };
@@ -149,8 +149,8 @@ pub struct Observation<'a> {
     pub inputs: Inputs<'a>,
     /// What was wished in the cycle before.
     pub wished: &'a Setpoint,
-    /// By how much each wheel may have rolled, rad, while its drive was off and counted nothing; 0 for all but the cycle
-    /// in which it counts again. What is believed is that much less certain.
+    /// By how much each wheel may have rolled, rad, without moving the platform as it says: while its drive was off and
+    /// counted nothing (told in the cycle in which it counts again), or while it slips. What is believed is that much less certain.
     pub unread_rad: &'a [f64; MAX_WHEELS],
 }
 
@@ -245,8 +245,8 @@ pub trait Controller: Send {
         let _ = limits;
     }
 
-    /// A drive holds back what it was told by a limit of its own (bit 11 of its status word), or some drive wasn't heard: how the
-    /// platform moves says nothing of the machine then. Told before the update of each such cycle.
+    /// A drive holds back what it was told by a limit of its own (bit 11 of its status word), some wheel slips, or some drive
+    /// wasn't heard: how the platform moves says nothing of the machine then. Told before the update of each such cycle.
     fn limited_by_drives(&mut self) {}
 
     /// What comes in beside the drives, and what it tells other SubDevices; before each update. An output that isn't set
@@ -269,9 +269,14 @@ pub trait Controller: Send {
         let _ = (index, value);
     }
 
-    /// What it estimates (mass kg, inertia kg·m², force N), 0 for what it doesn't.
-    fn estimates(&self) -> [f64; 3] {
-        [0.0; 3]
+    /// Mass, inertia and friction as the wheels' torques tell them by now; before each update.
+    fn knows(&mut self, dynamics: &Dynamics) {
+        let _ = dynamics;
+    }
+
+    /// The force beside those of its model that it found, N.
+    fn force_n(&self) -> f64 {
+        0.0
     }
 }
 
@@ -306,6 +311,8 @@ pub struct SafetyView<'a> {
     pub is_way_blocked: bool,
     /// What held the motion back between fence and obstacles.
     pub guard: &'a GuardReport,
+    /// What the wheels' torques tell of platform and floor.
+    pub grip: &'a GripReport,
     /// What the controller wants to tell the wheels.
     pub commands: &'a Commands,
     /// What the wheels may do now: at most what the robot's file says.

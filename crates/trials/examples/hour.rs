@@ -26,11 +26,11 @@ fn main() {
                 let machine = trial.machine.clone();
                 let run = Run::track(&mut trial, &mut |record| {
                     for axis in 0..3 {
-                        least[axis] = least[axis].min(record.estimates[axis]);
-                        most[axis] = most[axis].max(record.estimates[axis]);
+                        least[axis] = least[axis].min(record.estimates()[axis]);
+                        most[axis] = most[axis].max(record.estimates()[axis]);
                     }
                     if record.time.now_ns > 60_000_000_000 {
-                        minute.get_or_insert(record.estimates[0]);
+                        minute.get_or_insert(record.estimates()[0]);
                     }
                     if record.time.index % 1000 == 0 {
                         let load = machine
@@ -51,7 +51,7 @@ fn main() {
                     minute.unwrap_or(0.0),
                     least[0],
                     most[0],
-                    trial.robot.record().estimates[0],
+                    trial.robot.record().estimates()[0],
                     trial.machine.lock().body().mass_kg(),
                     least[1],
                     most[1],

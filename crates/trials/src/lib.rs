@@ -4,7 +4,7 @@
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
-//! - [`grip`]: treads that give way and slippery floors.
+//! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -17,6 +17,7 @@ pub mod grip;
 pub mod robots;
 mod run;
 mod servo_box;
+pub mod slip;
 pub mod stops;
 mod trial;
 

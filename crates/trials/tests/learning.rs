@@ -17,7 +17,7 @@ fn the_mass_is_known_within_a_minute() {
             let mut trial = trial(text, factor, EXCITING);
             let run = Run::track(&mut trial, &mut |_| {});
             let truth = trial.machine.lock().body().mass_kg();
-            let learnt = trial.robot.record().estimates[0];
+            let learnt = trial.robot.record().estimates()[0];
             println!("{robot} from {factor}: {learnt:.1} kg of {truth:.1}, {run:?}");
             assert!(run.finished && run.cycles <= 60_500);
             assert!((learnt - truth).abs() < 0.1 * truth, "{robot} from {factor}: {learnt} kg of {truth}");

@@ -22,7 +22,7 @@ fn a_robot_too_weak_for_its_path_stops_and_says_so() {
         assert_eq!(trial.robot.record().stop_reason, SafetyReason::TrackingError, "{law}");
         let record = trial.run(8000);
         assert_eq!(record.phase, Phase::Fault, "{law}");
-        let estimates = record.estimates;
+        let estimates = record.estimates();
         assert!(estimates.iter().all(|estimate| *estimate < 600.0), "{law}: {estimates:?}");
     }
 }
@@ -35,7 +35,7 @@ fn a_robot_that_was_held_fast_comes_back_within_its_speed() {
         let text = robots::loaded(robots::BMM, law, 1.0, safety);
         let mut trial = Trial::new(plan_of(&text));
         trial.enable();
-        let at_start = trial.robot.record().estimates;
+        let at_start = trial.robot.record().estimates();
         // More than the motors' 21 N·m on two wheels hold.
         trial.machine.lock().set_push(Wrench { fx_n: -480.0, fy_n: 0.0, moment_n_m: 0.0 });
         while trial.pose().x_m > -0.5 {
@@ -56,7 +56,7 @@ fn a_robot_that_was_held_fast_comes_back_within_its_speed() {
             truly_m_s = truly_m_s.max((x_m - x_before_m) / 1e-3);
             x_before_m = x_m;
         }
-        let estimates = trial.robot.record().estimates;
+        let estimates = trial.robot.record().estimates();
         println!("{law}: back at {back_m_s} m/s, truly {truly_m_s} m/s, {estimates:?} after {at_start:?}");
         // 2 % for the inner loops.
         assert!((0.3..1.02).contains(&truly_m_s), "{law}: truly {truly_m_s} m/s");

@@ -205,6 +205,8 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         wheel_torque_margin_nm,
         wheel_torque_time_ns,
         oscillation_share,
+        slip_m,
+        slip_stop,
         enable_input,
         stop_input,
         input_stop,
@@ -267,6 +269,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
                 "{oscillation_share} of the torque limit to and fro, five times; quick stop of the drives"
             ),
         ),
+        ("slip", format!("{slip_m} m of a wheel; {}", then(slip_stop))),
         ("fence_stop", then(fence_stop).to_owned()),
         ("enable_input", input(enable_input)),
         ("stop_input", input(stop_input)),

@@ -399,6 +399,10 @@ pub struct SafetyPlan {
     pub wheel_torque_time_ns: u64,
     /// Swings of a torque reach at least so far, as a part of its limit.
     pub oscillation_share: f64,
+    /// How far a wheel may slip at a time, m.
+    pub slip_m: f64,
+    /// What further leads to.
+    pub slip_stop: StopCategory,
     /// The input, by its place, without which nothing is enabled.
     pub enable_input: Option<usize>,
     /// The input, by its place, that stops.

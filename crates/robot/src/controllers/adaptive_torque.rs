@@ -4,24 +4,23 @@
 //! Slotine and Li (*Applied Nonlinear Control*, 1991, section 9.2), made fit for a machine:
 //! - K is the whole gain, and it, Kp and the low-pass come from the loop of wheel, tread and delay (`torque_design.rs`). What
 //!   is learnt feeds forward and never changes the gain;
-//! - mass, inertia and the friction of wheels and rollers are learnt from what wrenches did (`identification.rs`), which closes
+//! - mass, inertia and the friction of wheels and rollers are learnt from what wrenches did (`grip.rs`), which closes
 //!   no loop; a slow force d̂' = −i·K·low-pass(η) takes what no model tells, and the loop's margins count with it;
 //! - mass and friction are fed forward for the instant at which the torque acts;
 //! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
 //! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
-//! - nothing is learnt at rest, nor while torques are saturated, here or by a drive, nor d̂ from an η within the measurement's
-//!   noise; estimates stay within their bounds.
+//! - d̂ learns nothing at rest, while a wheel slips or torques are saturated, here or by a drive, nor from an η within the
+//!   measurement's noise, and stays within its bounds.
 
-use omnibase_platform::{Kinematics, Twist2, Wrench2};
+use omnibase_platform::{Kinematics, Twist2};
 
-use super::friction::WheelFriction;
-use super::identification::{Identification, Seen};
 use super::torque_design::{INTEGRAL_1_S, TorqueDesign};
 use super::torque_loop::LoopGains;
 use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
 use crate::config::{Limits, RobotPlan, WheelLimits};
+use crate::grip::friction::WheelFriction;
 use crate::registry::{Kind, Made, given, needed, optional};
-use crate::signals::{Commands, CycleTime, PlatformState, Quantity, ReferenceStatus, Setpoint};
+use crate::signals::{Commands, CycleTime, Dynamics, PlatformState, Quantity, ReferenceStatus, Setpoint};
 use crate::stages::{Controller, Gain};
 
 /// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
@@ -50,8 +49,7 @@ pub struct AdaptiveTorque {
     /// The greatest Kp that the design allows, 1/s.
     greatest_kp_1_s: [f64; 3],
     friction_max_n: f64,
-    start: Identification,
-    identification: Identification,
+    dynamics: Dynamics,
     /// What no model tells, in odom, N and N·m.
     force: [f64; 3],
     friction: WheelFriction,
@@ -76,9 +74,11 @@ impl AdaptiveTorque {
         let design = TorqueDesign::new(plan)?;
         let friction = WheelFriction::new(&plan.kinematics);
         let friction_max_n = table.friction_max_n.unwrap_or(100.0);
-        let mass = (given(table.mass_kg, "mass_kg")?, design.loops[0].body);
-        let inertia = (given(table.inertia_kg_m2, "inertia_kg_m2")?, design.loops[2].body);
-        let start = Identification::new(mass, inertia, friction_max_n, friction.lever_m());
+        let dynamics = Dynamics {
+            mass_kg: given(table.mass_kg, "mass_kg")?,
+            inertia_kg_m2: given(table.inertia_kg_m2, "inertia_kg_m2")?,
+            ..Dynamics::default()
+        };
         Ok(AdaptiveTorque {
             lever_m: friction.lever_m(),
             friction,
@@ -89,8 +89,7 @@ impl AdaptiveTorque {
             greatest_kp_1_s: design.gains.map(|gains| gains.kp_1_s),
             gains: design.gains,
             friction_max_n,
-            identification: start.clone(),
-            start,
+            dynamics,
             force: [0.0; 3],
         })
     }
@@ -125,13 +124,16 @@ impl Controller for AdaptiveTorque {
     }
 
     fn reset(&mut self) {
-        self.identification = self.start.clone();
         self.force = [0.0; 3];
         self.before = None;
     }
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {
         self.limits.wheel_torque_nm = limits.torque_nm;
+    }
+
+    fn knows(&mut self, dynamics: &Dynamics) {
+        self.dynamics = *dynamics;
     }
 
     fn limited_by_drives(&mut self) {
@@ -158,37 +160,27 @@ impl Controller for AdaptiveTorque {
         });
         let led = self.led(acceleration, period_s);
         self.before = Some(Before { eta, acceleration });
-        let (mass_kg, friction_n) = (self.identification.mass_kg(), self.identification.friction_n());
-        let inertia = [mass_kg, mass_kg, self.identification.inertia_kg_m2()];
-        let force: [f64; 3] = std::array::from_fn(|axis| {
-            inertia[axis] * led[axis] - self.gains[axis].damping * eta[axis] + self.force[axis]
-        });
+        let force: [f64; 3] =
+            std::array::from_fn(|axis| self.force[axis] - self.gains[axis].damping * eta[axis]);
         let lead_s = LEAD_PERIODS * period_s;
         let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
         let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
         let friction_per_newton = self.friction.per_newton(axes(&wished_in_body));
         let mut wrench_in_body = wrench(force).rotated(-heading_rad);
-        for (force_n, [fx_n, fy_n, torque_nm]) in friction_n.iter().zip(friction_per_newton) {
-            wrench_in_body.fx_n += force_n * fx_n;
-            wrench_in_body.fy_n += force_n * fy_n;
-            wrench_in_body.torque_nm += force_n * torque_nm;
+        let led_in_body = axes(&Twist2::new(led[0], led[1], led[2]).rotated(-heading_rad));
+        let moved = (1.0, self.dynamics.wrench(led_in_body, wished_speed[2]));
+        let [spin_n, roller_n] = self.dynamics.friction_n;
+        let rubbed = [spin_n, roller_n].into_iter().zip(friction_per_newton);
+        for (factor, [fx_n, fy_n, torque_nm]) in rubbed.chain([moved]) {
+            wrench_in_body.fx_n += factor * fx_n;
+            wrench_in_body.fy_n += factor * fy_n;
+            wrench_in_body.torque_nm += factor * torque_nm;
         }
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
         let is_held_back = std::mem::take(&mut self.is_held_back);
         let moves = setpoint.status == ReferenceStatus::Moving;
         let is_obeyed = commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back;
-        let in_odom = |[x, y, turn]: [f64; 3]| axes(&Twist2::new(x, y, turn).rotated(heading_rad));
-        let Wrench2 { fx_n, fy_n, torque_nm } = wrench_in_body.rotated(heading_rad);
-        self.identification.learn(&Seen {
-            speed,
-            speed_age_s: age_s,
-            wrench: [fx_n, fy_n, torque_nm],
-            friction_per_newton: friction_per_newton.map(in_odom),
-            is_obeyed,
-            moves,
-            period_s,
-        });
         if moves && is_obeyed {
             self.observe(&eta, period_s);
         }
@@ -207,8 +199,8 @@ impl Controller for AdaptiveTorque {
         }
     }
 
-    fn estimates(&self) -> [f64; 3] {
+    fn force_n(&self) -> f64 {
         let [fx_n, fy_n, _] = self.force;
-        [self.identification.mass_kg(), self.identification.inertia_kg_m2(), fx_n.hypot(fy_n)]
+        fx_n.hypot(fy_n)
     }
 }

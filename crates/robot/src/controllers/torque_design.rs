@@ -16,7 +16,7 @@ const WHEEL_SHARE: f64 = 1.0 / 35.0;
 /// Time constant of a drive's torque where the file doesn't say, s.
 const TORQUE_LAG_S: f64 = 0.5e-3;
 /// Bounds of an estimate without bounds of its own, over its first value.
-const BOUNDS: [f64; 2] = [1.0 / 3.0, 3.0];
+pub(crate) const ESTIMATE_BOUNDS: [f64; 2] = [1.0 / 3.0, 3.0];
 /// How fast the law's slow force follows what its error asks for, 1/s.
 pub(super) const INTEGRAL_1_S: f64 = 0.5;
 
@@ -45,11 +45,7 @@ impl TorqueDesign {
                 Problem::refused("tread_stiffness_n_m", "least and greatest stiffness, in this order");
             return Err(Problem { value: Some(format!("{low} to {high}")), ..problem }.into());
         }
-        let radius_m =
-            plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
-        let assumed_kg = WHEEL_KG.min(WHEEL_SHARE * given(table.mass_kg, "mass_kg")?);
-        let wheel_kg =
-            table.wheel_inertia_kg_m2.map_or(assumed_kg, |inertia| inertia / (radius_m * radius_m));
+        let wheel_kg = wheel_kg(plan, given(table.mass_kg, "mass_kg")?);
         let product = |one: usize, other: usize| -> f64 {
             plan.kinematics.matrix().iter().map(|row| row[one] * row[other]).sum()
         };
@@ -91,10 +87,17 @@ impl TorqueDesign {
     }
 }
 
+/// A wheel of a platform with its rotor and gear, as a mass at its rim, kg.
+pub(crate) fn wheel_kg(plan: &RobotPlan, mass_kg: f64) -> f64 {
+    let radius_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
+    let assumed_kg = WHEEL_KG.min(WHEEL_SHARE * mass_kg);
+    plan.controller.wheel_inertia_kg_m2.map_or(assumed_kg, |inertia| inertia / (radius_m * radius_m))
+}
+
 /// Between what a first estimate and its like may lie.
 fn bounds(key: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64; 2]> {
     let first = given(first, key)?;
-    let [low, high] = bounds.unwrap_or(BOUNDS.map(|factor| factor * first));
+    let [low, high] = bounds.unwrap_or(ESTIMATE_BOUNDS.map(|factor| factor * first));
     if (low..=high).contains(&first) {
         return Ok([low, high]);
     }

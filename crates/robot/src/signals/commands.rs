@@ -147,6 +147,8 @@ pub enum SafetyReason {
     Axis,
     /// What was followed stands in odom, and nobody knows any more where the platform stands there.
     PoseUnknown,
+    /// A wheel slipped further than is tolerated.
+    WheelSlip,
 }
 
 coded!(SafetyReason {
@@ -171,6 +173,7 @@ coded!(SafetyReason {
     Oscillation = 20,
     Axis = 19,
     PoseUnknown = 21,
+    WheelSlip = 22,
 });
 
 impl SafetyReason {
@@ -198,6 +201,7 @@ impl SafetyReason {
             SafetyReason::Oscillation => "a wheel's torque swung to and fro: its control loop rang",
             SafetyReason::Axis => "an axis failed",
             SafetyReason::PoseUnknown => "nobody knows any more where the platform stands",
+            SafetyReason::WheelSlip => "a wheel slipped further than is tolerated",
         }
     }
 }

@@ -4,7 +4,7 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
-    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GuardReport, LimitedBy,
+    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GripReport, GuardReport, LimitedBy,
     MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
     ReferenceStatus, Request, RequestAnswer, SafetyAction, SafetyReason, Setpoint, SignalLayout, SignalName,
     SignalShape, Signals, SourceName,
@@ -76,8 +76,10 @@ pub struct CycleRecord {
     pub controller: u64,
     /// What the controller wants.
     pub commands: Commands,
-    /// What the controller estimates: mass kg, inertia kg·m², force N.
-    pub estimates: [f64; 3],
+    /// What the wheels' torques tell of platform and floor.
+    pub grip: GripReport,
+    /// The force that the controller found beside those of its model, N.
+    pub force_n: f64,
     /// What safety allows.
     pub allowed: Allowed,
     /// What the drives are sent, raw, wheel by wheel.
@@ -188,6 +190,11 @@ impl CycleRecord {
         topics
     }
 
+    /// What is learnt of the platform: mass kg, inertia kg·m², and the force beside those of the controller's model N.
+    pub fn estimates(&self) -> [f64; 3] {
+        [self.grip.dynamics.mass_kg, self.grip.dynamics.inertia_kg_m2, self.force_n]
+    }
+
     /// An empty record of a robot.
     fn of(layout: &RecordLayout) -> CycleRecord {
         let mut record = CycleRecord::default();
@@ -294,9 +301,15 @@ impl CycleRecord {
         v.option("guard.obstacle_distance", "m", &mut self.guard.obstacle_distance_m);
         v.u64("guard.obstacle", "", &mut self.guard.nearest_obstacle);
         v.code("guard.limited_by", &mut self.guard.limited_by, LimitedBy::code, LimitedBy::from_code);
-        v.f64("estimate.mass", "kg", &mut self.estimates[0]);
-        v.f64("estimate.inertia", "kg·m²", &mut self.estimates[1]);
-        v.f64("estimate.force", "N", &mut self.estimates[2]);
+        v.f64("estimate.mass", "kg", &mut self.grip.dynamics.mass_kg);
+        v.f64("estimate.inertia", "kg·m²", &mut self.grip.dynamics.inertia_kg_m2);
+        v.f64("estimate.spin_friction", "N", &mut self.grip.dynamics.friction_n[0]);
+        v.f64("estimate.roller_friction", "N", &mut self.grip.dynamics.friction_n[1]);
+        v.f64("estimate.mass_moment.x", "kg·m", &mut self.grip.dynamics.mass_moment_kg_m[0]);
+        v.f64("estimate.mass_moment.y", "kg·m", &mut self.grip.dynamics.mass_moment_kg_m[1]);
+        v.option("estimate.floor_friction", "", &mut self.grip.friction);
+        v.option("estimate.floor_friction_sigma", "", &mut self.grip.friction_sigma);
+        v.f64("estimate.force", "N", &mut self.force_n);
         v.u64("command.controller", "", &mut self.controller);
         v.code("command.quantity", &mut self.commands.quantity, Quantity::code, Quantity::from_code);
         v.f64("command.saturation", "", &mut self.commands.saturation);
@@ -308,6 +321,8 @@ impl CycleRecord {
         for wheel in 0..self.measurements.wheels.min(MAX_WHEELS) {
             v.prefix = Name::wheel(wheel);
             v.drive(&mut self.measurements.drives[wheel]);
+            v.f64("slip", "m/s", &mut self.grip.slip_m_s[wheel]);
+            v.f64("slipped", "m", &mut self.grip.slipped_m[wheel]);
             v.f64("command", "rad/s or N·m", &mut self.commands.values[wheel]);
             v.f64("allowed", "rad/s or N·m", &mut self.allowed.commands.values[wheel]);
             v.bytes(&INPUTS, &mut self.inputs[wheel]);

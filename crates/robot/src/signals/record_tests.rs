@@ -20,7 +20,12 @@ fn full(wheels: usize) -> CycleRecord {
         phase: Phase::QuickStopping,
         stop_reason: SafetyReason::Drive,
         stop_where: 2,
-        estimates: [70.0, 7.0, 20.0],
+        grip: GripReport {
+            dynamics: Dynamics { mass_kg: 70.0, inertia_kg_m2: 7.0, friction_n: [3.0, 4.0], mass_moment_kg_m: [1.0, 2.0] },
+            friction: Some(0.3),
+            ..GripReport::default()
+        },
+        force_n: 20.0,
         ..Default::default()
     };
     record.state.odom_from_body = Pose2::new(1.0, 2.0, 3.0);

@@ -263,10 +263,11 @@ fn nothing_is_learnt_while_a_drive_holds_back_by_a_limit_of_its_own() {
     let learnt = |bench: &mut Bench, is_limited| {
         bench.limit_drive(2, is_limited);
         bench.step(None);
-        let before = bench.robot.record().estimates;
+        let learnt = |record: &CycleRecord| (record.grip.dynamics, record.force_n);
+        let before = learnt(bench.robot.record());
         bench.run(500);
         assert_eq!(bench.robot.phase(), Phase::Tracking);
-        bench.robot.record().estimates != before
+        learnt(bench.robot.record()) != before
     };
     assert!(!learnt(&mut bench, true));
     assert!(learnt(&mut bench, false));
@@ -277,7 +278,7 @@ fn no_mass_is_learnt_while_every_tenth_exchange_is_lost() {
     let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 8.0\n";
     let mut bench = Bench::new(plan(&(with_law(BMM, "adaptive_torque") + circle)));
     bench.enable();
-    let learnt = |record: CycleRecord| [record.estimates[0], record.estimates[1]];
+    let learnt = |record: CycleRecord| [record.estimates()[0], record.estimates()[1]];
     let first = learnt(bench.step(Some(RequestKind::Track)));
     for cycle in 0..1500_u32 {
         bench.exchange = if cycle.is_multiple_of(10) { Exchange::Lost } else { Exchange::Complete };

@@ -1,7 +1,7 @@
 //! Each control law follows paths; limits hold in every cycle; what is learnt stays bounded and becomes true.
 
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Frame, Quantity, SafetyReason, StopCategory};
+use omnibase_robot::signals::{Dynamics, Frame, Quantity, SafetyReason, StopCategory};
 use omnibase_robot::{CycleRecord, Phase, RequestKind};
 
 use crate::support::{BMM, Bench, MECANUM, Random, plan};
@@ -262,11 +262,12 @@ fn the_adaptive_law_learns_the_mass_and_stays_bounded() {
     let (mut least, mut most) = ([f64::MAX; 3], [f64::MIN; 3]);
     let run = track(&mut bench, &mut |record| {
         if record.time.now_ns > 60_000_000_000 && after_minute.is_none() {
-            after_minute = Some(record.estimates[0]);
+            after_minute = Some(record.grip.dynamics.mass_kg);
         }
-        for (axis, estimate) in record.estimates.iter().enumerate() {
-            least[axis] = least[axis].min(*estimate);
-            most[axis] = most[axis].max(*estimate);
+        let Dynamics { mass_kg, inertia_kg_m2, .. } = record.grip.dynamics;
+        for (axis, estimate) in [mass_kg, inertia_kg_m2, record.force_n].into_iter().enumerate() {
+            least[axis] = least[axis].min(estimate);
+            most[axis] = most[axis].max(estimate);
         }
         assert_eq!(record.commands.quantity, Quantity::Torque);
     });
@@ -277,21 +278,21 @@ fn the_adaptive_law_learns_the_mass_and_stays_bounded() {
 }
 
 #[test]
-fn nothing_is_learnt_while_saturated() {
+fn no_force_is_learnt_while_saturated() {
     let text =
         controlled(BMM, "adaptive_torque", CIRCLE).replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 0.4");
     let mut bench = Bench::new(plan(&text));
     bench.enable();
     bench.step(Some(RequestKind::Track));
-    let mut before = bench.robot.record().estimates;
+    let mut before = bench.robot.record().force_n;
     let mut saturated = 0;
     for _ in 0..4000 {
         let record = bench.step(None);
         if record.phase == Phase::Tracking && record.commands.saturation < 1.0 {
             saturated += 1;
-            assert_eq!(record.estimates, before);
+            assert_eq!(record.force_n, before);
         }
-        before = record.estimates;
+        before = record.force_n;
     }
     assert!(saturated > 500, "{saturated}");
 }
@@ -352,7 +353,7 @@ fn the_adaptive_law_learns_the_inertia_too() {
     );
     let mut bench = Bench::new(plan(&text));
     let mut learnt = 0.0;
-    track(&mut bench, &mut |record| learnt = record.estimates[1]);
+    track(&mut bench, &mut |record| learnt = record.estimates()[1]);
     println!("learnt {learnt:.2} kg·m² of 14");
     assert!((learnt - 14.0).abs() < 2.8, "{learnt}");
 }

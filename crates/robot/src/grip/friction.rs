@@ -8,21 +8,18 @@
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 
 /// Speed below which dry friction is taken to grow in proportion, m/s: a command near rest must not jump.
-const DRY_M_S: f64 = 0.005;
-
-/// A force in N on each wheel: against spin, and against the rollers.
-pub(super) type WheelForces = [f64; 2];
+pub(crate) const DRY_M_S: f64 = 0.005;
 
 /// The wheels' rows, in body axes.
 #[derive(Clone, Debug)]
-pub(super) struct WheelFriction {
+pub(crate) struct WheelFriction {
     spin: [[f64; 3]; MAX_WHEELS],
     roller: [[f64; 3]; MAX_WHEELS],
     wheels: usize,
 }
 
 impl WheelFriction {
-    pub(super) fn new(kinematics: &Kinematics) -> Self {
+    pub(crate) fn new(kinematics: &Kinematics) -> Self {
         let mut friction = WheelFriction {
             spin: [[0.0; 3]; MAX_WHEELS],
             roller: [[0.0; 3]; MAX_WHEELS],
@@ -42,7 +39,7 @@ impl WheelFriction {
     }
 
     /// The wrenches of 1 N on every wheel at a twist, both in body axes: against spin, and against the rollers.
-    pub(super) fn per_newton(&self, twist: [f64; 3]) -> [[f64; 3]; 2] {
+    pub(crate) fn per_newton(&self, twist: [f64; 3]) -> [[f64; 3]; 2] {
         let sum = |rows: &[[f64; 3]; MAX_WHEELS]| {
             rows[..self.wheels].iter().fold([0.0; 3], |sum, row| {
                 let speed: f64 = row.iter().zip(twist).map(|(part, speed)| part * speed).sum();
@@ -54,7 +51,7 @@ impl WheelFriction {
     }
 
     /// Mean distance of the wheels' lines of force from the centre, m: by what a force becomes a moment.
-    pub(super) fn lever_m(&self) -> f64 {
+    pub(crate) fn lever_m(&self) -> f64 {
         let square: f64 = self.spin[..self.wheels].iter().map(|row| row[2] * row[2]).sum();
         let along: f64 = self.spin[..self.wheels].iter().map(|row| row[0] * row[0] + row[1] * row[1]).sum();
         (square / along).sqrt()

@@ -1,0 +1,308 @@
+//! What the wheels' torques do on the floor: how heavy the platform is, how much it rubs, and which wheel slips.
+//!
+//! The twist that forces alone explain, v̂' = M⁻¹·(Bᵀ·f − friction) in body axes, is drawn slowly to what the wheels that grip show. A
+//! wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a floor gives to a slipping wheel brakes its
+//! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push or a slope does the opposite, for then the wheel's
+//! force is against it. How far ahead counts depends on how well mass and friction are known by then.
+
+pub(crate) mod friction;
+mod identification;
+
+use omnibase_platform::{Kinematics, PerWheel, Wrench2};
+
+use crate::config::{RobotPlan, find_object};
+use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
+use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
+use friction::{DRY_M_S, WheelFriction};
+use identification::{Identification, Seen};
+
+/// Standard gravity, m/s² (ISO 80000-3).
+pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
+/// Low-pass on the rims' speeds and torques, 1/s: counts are coarse, treads swing.
+const FILTER_1_S: f64 = 400.0;
+/// How fast v̂ is drawn to what the wheels show, 1/s: forces that nothing tells (slopes, pushes) shift it by 1/8 s of
+/// their acceleration.
+const DRAWN_1_S: f64 = 8.0;
+/// A rim that is less ahead than this may be creep, tread, or a slope of 3 %, m/s.
+const LEAST_SLIP_M_S: f64 = 0.05;
+/// So many standard deviations of v̂ come on top.
+const SIGMAS: f64 = 3.0;
+/// For how long it must be ahead, ns; and what slips grips again after as long below half of it.
+const LASTING_NS: u64 = 10_000_000;
+/// Longer than this v̂ is no witness without the wheel, ns.
+const LONGEST_NS: u64 = 2_000_000_000;
+/// Less than this is no force, N.
+const LEAST_N: f64 = 1.0;
+/// Mass and inertia where the file says nothing of them, kg and kg·m², and how uncertain they are then and else, over
+/// themselves.
+const UNKNOWN: (f64, f64) = (100.0, 10.0);
+const UNKNOWN_SHARE: f64 = 1.0;
+const KNOWN_SHARE: f64 = 0.5;
+/// Bounds where the file gives none, over the first estimate.
+const UNKNOWN_BOUNDS: [f64; 2] = [0.01, 100.0];
+/// Friction of all wheels where the file gives no bound, N.
+const FRICTION_MAX_N: f64 = 100.0;
+/// One look at a slipping wheel tells the floor's friction so well, over itself; and for how long such an error stays, s.
+const LOOK_SHARE: f64 = 0.2;
+const LOOK_S: f64 = 0.05;
+/// What such a look is worth less after a second of slipping on.
+const WALK_1_S: f64 = 0.1;
+
+/// The watch.
+#[derive(Clone, Debug)]
+pub(crate) struct Grip {
+    kinematics: Kinematics,
+    friction: WheelFriction,
+    identification: Identification,
+    /// Whether every drive tells its torque: without that nothing is known.
+    is_told: bool,
+    /// A wheel with its rotor as a mass at its rim, kg.
+    wheel_kg: f64,
+    /// Periods since the last complete exchange: its increments span them all.
+    periods: u32,
+    wheels: [Wheel; MAX_WHEELS],
+    /// v̂ in body axes; `None` before the first measurement.
+    body: Option<[f64; 3]>,
+    /// The acceleration over the floor that forces explain.
+    acceleration: [f64; 3],
+    /// What the wheels showed last.
+    shown: [f64; 3],
+    /// Standard deviations of v̂.
+    sigma: [f64; 3],
+    /// `None` before any wheel slipped.
+    floor: Option<Floor>,
+}
+
+/// What is known of one wheel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wheel {
+    /// Its rim, behind the low-pass, m/s; what it gains in a second; and its motor's force there, N.
+    rim_m_s: f64,
+    gains_m_s2: f64,
+    force_n: f64,
+    /// How far its rim is ahead of v̂, m/s.
+    ahead_m_s: f64,
+    slips: bool,
+    /// For how long it says the opposite of `slips`, and for how long it slips, ns.
+    doubted_ns: u64,
+    since_ns: u64,
+    /// By how much it slipped, this time, and a cycle before, m.
+    way_m: f64,
+    way_before_m: f64,
+}
+
+/// The floor's friction.
+#[derive(Clone, Copy, Debug)]
+struct Floor {
+    coefficient: f64,
+    variance: f64,
+}
+
+impl Grip {
+    pub(crate) fn new(plan: &RobotPlan) -> Self {
+        let table = &plan.controller;
+        let friction = WheelFriction::new(&plan.kinematics);
+        let (unknown_kg, unknown_kg_m2) = UNKNOWN;
+        let is_known = table.mass_kg.is_some() && table.inertia_kg_m2.is_some();
+        let (share, factors) =
+            if is_known { (KNOWN_SHARE, ESTIMATE_BOUNDS) } else { (UNKNOWN_SHARE, UNKNOWN_BOUNDS) };
+        let first = |given: Option<f64>, unknown: f64, bounds: Option<[f64; 2]>| {
+            let first = given.unwrap_or(unknown);
+            (first, bounds.unwrap_or(factors.map(|factor| factor * first)))
+        };
+        let mass = first(table.mass_kg, unknown_kg, table.mass_bounds_kg);
+        let inertia = first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2);
+        let most_n = table.friction_max_n.unwrap_or(FRICTION_MAX_N);
+        Grip {
+            identification: Identification::new(mass, inertia, share, most_n, friction.lever_m()),
+            friction,
+            is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
+            wheel_kg: wheel_kg(plan, mass.0),
+            kinematics: plan.kinematics.clone(),
+            periods: 0,
+            wheels: [Wheel::default(); MAX_WHEELS],
+            body: None,
+            acceleration: [0.0; 3],
+            shown: [0.0; 3],
+            sigma: [0.0; 3],
+            floor: None,
+        }
+    }
+
+    /// Takes in a cycle; `drives` where the platform is meant to move.
+    pub(crate) fn look(
+        &mut self,
+        time: &CycleTime,
+        (exchange, measurements): (Exchange, &Measurements),
+        drives: bool,
+    ) -> GripReport {
+        self.periods = self.periods.saturating_add(1);
+        self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
+        self.predict(time.period_s());
+        if self.is_told && exchange == Exchange::Complete {
+            let span_s = f64::from(std::mem::take(&mut self.periods)) * time.period_s();
+            if measurements.present().iter().all(|drive| drive.is_finite()) {
+                self.compare(measurements, span_s, drives);
+                self.judge(span_s);
+            } else {
+                self.forget();
+            }
+        }
+        self.report()
+    }
+
+    /// How far the wheels may have rolled in this cycle, rad, without moving the platform: the ways of a slip add up.
+    pub(crate) fn unread_rad(&self, wheel: usize) -> f64 {
+        let Some(radius_m) = self.kinematics.wheels().get(wheel).map(|wheel| wheel.radius_m) else { return 0.0 };
+        let Wheel { slips, way_m, way_before_m, .. } = self.wheels[wheel];
+        if slips { (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m } else { 0.0 }
+    }
+
+    /// Nothing is known of the motion before the next measurement.
+    fn forget(&mut self) {
+        self.body = None;
+        self.wheels = [Wheel::default(); MAX_WHEELS];
+    }
+
+    /// v̂ goes on by what forces give it.
+    fn predict(&mut self, period_s: f64) {
+        let [ax, ay, gain] = self.acceleration;
+        if let Some([vx, vy, turn]) = self.body {
+            // Its axes turn with it.
+            let gains = [ax + turn * vy, ay - turn * vx, gain];
+            self.body = Some([vx + period_s * gains[0], vy + period_s * gains[1], turn + period_s * gains[2]]);
+        }
+    }
+
+    /// Compares v̂ with what the wheels show, and learns by the way.
+    fn compare(&mut self, measurements: &Measurements, span_s: f64, drives: bool) {
+        let present = measurements.present();
+        let count = present.len().min(self.kinematics.wheel_count());
+        let keep = if self.body.is_some() { (-FILTER_1_S * span_s).exp() } else { 0.0 };
+        let (mut speeds_rad_s, mut torques_nm) = (PerWheel::from_fn(count, |_| 0.0), PerWheel::from_fn(count, |_| 0.0));
+        let rims = self.wheels.iter_mut().zip(self.kinematics.wheels());
+        for (at, ((wheel, rim), drive)) in rims.zip(present).enumerate() {
+            let before_m_s = wheel.rim_m_s;
+            wheel.rim_m_s = keep * before_m_s + (1.0 - keep) * rim.radius_m * drive.increment_rad / span_s;
+            wheel.gains_m_s2 = if self.body.is_some() { (wheel.rim_m_s - before_m_s) / span_s } else { 0.0 };
+            wheel.force_n = keep * wheel.force_n + (1.0 - keep) * drive.torque_nm / rim.radius_m;
+            (speeds_rad_s[at], torques_nm[at]) = (wheel.rim_m_s / rim.radius_m, wheel.force_n * rim.radius_m);
+        }
+        let shown = axes(&self.kinematics.twist(&speeds_rad_s).twist_in_base);
+        let [gx, gy, gain] = match self.body {
+            Some(_) => std::array::from_fn(|axis| (shown[axis] - self.shown[axis]) / span_s),
+            None => [0.0; 3],
+        };
+        self.shown = shown;
+        let [vx, vy, turn_rad_s] = shown;
+        let Wrench2 { fx_n, fy_n, torque_nm } = self.kinematics.wrench(&torques_nm);
+        let seen = Seen {
+            acceleration: [gx - turn_rad_s * vy, gy + turn_rad_s * vx, gain],
+            turn_rad_s,
+            wrench: [fx_n, fy_n, torque_nm],
+            friction_per_newton: self.friction.per_newton(shown),
+            is_trusted: !self.wheels[..count].iter().any(|wheel| wheel.slips) && !measurements.is_held_back(),
+            moves: drives,
+            period_s: span_s,
+        };
+        self.identification.learn(&seen);
+        let dynamics = self.identification.dynamics();
+        let rubs = |axis: usize| {
+            let [spin_n, roller_n] = dynamics.friction_n;
+            spin_n * seen.friction_per_newton[0][axis] + roller_n * seen.friction_per_newton[1][axis]
+        };
+        self.acceleration =
+            dynamics.acceleration(std::array::from_fn(|axis| seen.wrench[axis] - rubs(axis)), turn_rad_s);
+        // What mass and friction may be off shows in v̂ until it is drawn away again.
+        let doubts_n = self.identification.doubts_n(&Seen { acceleration: self.acceleration, ..seen });
+        let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;
+        let drawn = 1.0 - (-DRAWN_1_S * span_s).exp();
+        for ((sigma, doubt_n), inertia) in self.sigma.iter_mut().zip(doubts_n).zip([mass_kg, mass_kg, inertia_kg_m2]) {
+            *sigma += span_s * doubt_n / inertia - drawn * *sigma;
+        }
+        let body = *self.body.get_or_insert(shown);
+        let mut gripping_rad_s = PerWheel::from_fn(count, |_| 0.0);
+        let rows = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
+        for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rows).enumerate() {
+            let floor_m_s: f64 = row.iter().zip(body).map(|(row, speed)| row * speed).sum();
+            wheel.ahead_m_s = wheel.rim_m_s - floor_m_s;
+            if !wheel.slips {
+                gripping_rad_s[at] = wheel.ahead_m_s / rim.radius_m;
+            }
+        }
+        let toward = axes(&self.kinematics.twist(&gripping_rad_s).twist_in_base);
+        self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
+    }
+
+    /// Which wheels slip by now.
+    fn judge(&mut self, span_s: f64) {
+        let span_ns = (span_s * 1e9) as u64;
+        let [sx, sy, sh] = self.sigma;
+        let along_m_s = sx.max(sy);
+        let Dynamics { mass_kg, friction_n: [spin_n, _], .. } = self.identification.dynamics();
+        let rows = self.kinematics.matrix();
+        let load_n = mass_kg * GRAVITY_M_S2 / rows.len() as f64;
+        let mut is_over = false;
+        for (wheel, row) in self.wheels.iter_mut().zip(rows) {
+            let sigma_m_s = row[0].hypot(row[1]) * along_m_s + row[2].abs() * sh;
+            let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
+            let rubs_n = spin_n * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
+            let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;
+            // Its motor's direction: what a spinning wheel gives the floor is small.
+            let driven_n = wheel.force_n - rubs_n;
+            let is_ahead = driven_n.abs() > LEAST_N && wheel.ahead_m_s * driven_n.signum() > least_m_s;
+            let is_doubted = match wheel.slips {
+                false => is_ahead,
+                true => wheel.ahead_m_s.abs() < 0.5 * least_m_s,
+            };
+            let step_m = wheel.ahead_m_s.abs() * span_s;
+            if wheel.slips {
+                wheel.since_ns += span_ns;
+                wheel.way_m += step_m;
+                if wheel.ahead_m_s.abs() > least_m_s {
+                    self.floor = Some(Floor::seen(self.floor, force_n.abs() / load_n, span_s));
+                }
+                is_over |= wheel.since_ns > LONGEST_NS;
+            } else if is_ahead {
+                wheel.way_m += step_m;
+            } else {
+                wheel.way_m = 0.0;
+            }
+            wheel.doubted_ns = if is_doubted { wheel.doubted_ns + span_ns } else { 0 };
+            if wheel.doubted_ns >= LASTING_NS {
+                wheel.slips = !wheel.slips;
+                (wheel.doubted_ns, wheel.since_ns) = (0, 0);
+                if !wheel.slips {
+                    wheel.way_m = 0.0;
+                }
+            }
+        }
+        if is_over {
+            self.forget();
+        }
+    }
+
+    fn report(&self) -> GripReport {
+        GripReport {
+            dynamics: self.identification.dynamics(),
+            slip_m_s: self.wheels.map(|wheel| wheel.ahead_m_s),
+            slipped_m: self.wheels.map(|wheel| if wheel.slips { wheel.way_m } else { 0.0 }),
+            friction: self.floor.map(|floor| floor.coefficient),
+            friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),
+        }
+    }
+}
+
+impl Floor {
+    /// After a slipping wheel was given such a part of its load.
+    fn seen(before: Option<Floor>, coefficient: f64, span_s: f64) -> Floor {
+        let looked = (LOOK_SHARE * coefficient).powi(2);
+        let Some(Floor { coefficient: mean, variance }) = before else {
+            return Floor { coefficient, variance: looked };
+        };
+        // What the last look told grows old: floors differ by place.
+        let variance = variance + WALK_1_S * looked * span_s;
+        let share = variance / (variance + looked * (LOOK_S / span_s).max(1.0));
+        Floor { coefficient: mean + share * (coefficient - mean), variance: variance - share * variance }
+    }
+}

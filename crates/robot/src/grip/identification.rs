@@ -1,0 +1,294 @@
+//! Mass, inertia, centre of mass and friction from what wrenches did: the platform's equation of motion, read backwards.
+//!
+//! In body axes, with the centre of mass at c, F = M(c)·a + (−ω²·m·c, 0) + c_spin·w_spin + c_roller·w_roller (B. Siciliano and
+//! others, *Robotics*, 2009, section 7.2: linear in its parameters), both sides behind one low-pass: three linear equations a
+//! cycle in θ = (m, J, c_spin, c_roller, m·cx, m·cy). A Kalman filter with θ as a random walk solves them (L. Ljung, *System
+//! Identification*, 1999, section 11.2). Unlike a gradient on the tracking error it needs no error of the path, and feeds
+//! nothing back into the loop but what feeds forward. An equation that is far off (a wheel that slips, a push) counts less
+//! by the square of how far.
+
+use crate::signals::Dynamics;
+
+/// The low-pass on both sides, 1/s: slower than treads swing, faster than platforms speed up.
+const LOW_PASS_1_S: f64 = 20.0;
+/// After so many of its time constants nothing is left of what was before.
+const FORGOTTEN: f64 = 3.0;
+/// What one equation may be off, N, and for how long such an error stays, s.
+const NOISE_N: f64 = 4.0;
+const NOISE_S: f64 = 0.1;
+/// From where an equation counts less, N.
+const FAR_N: f64 = 25.0;
+/// Mass, inertia and centre are learnt only above these, m/s² and rad/s² (and rad²/s²): below, the little of friction that
+/// no model tells would look like mass.
+const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
+/// Uncertainty at start of each friction, N, and of the centre of mass, over the wheels' lever.
+const FIRST_N: f64 = 10.0;
+const FIRST_CENTRE: f64 = 0.25;
+/// What each may change by in the root of a second, likewise.
+const WALK_SHARE: f64 = 0.01;
+const WALK_N: f64 = 0.2;
+/// A platform at rest may be loaded and unloaded: after so long what was known of its mass is forgotten, s.
+const LOADED_S: f64 = 10.0;
+/// The centre of mass lies within this part of the wheels' lever.
+const MOST_CENTRE: f64 = 0.6;
+
+/// Mass, inertia, the friction of wheels and rollers, and mass times the centre's place.
+const PARAMETERS: usize = 6;
+/// Those that a load changes.
+const LOADS: [usize; 4] = [0, 1, 4, 5];
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub(super) struct Identification {
+    theta: [f64; PARAMETERS],
+    covariance: [[f64; PARAMETERS]; PARAMETERS],
+    /// Variances: the most of each, and what it gains in a second.
+    most: [f64; PARAMETERS],
+    walk_1_s: [f64; PARAMETERS],
+    bounds: [[f64; 2]; 4],
+    /// By what a force becomes a moment, m.
+    lever_m: f64,
+    past: Past,
+    /// For how long all that is behind the low-pass may be learnt from, s.
+    trusted_s: f64,
+}
+
+/// What the equations are made of, behind the low-pass: the wrench, and what each parameter makes of it, by axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Past {
+    wrench: [f64; 3],
+    rows: [[f64; PARAMETERS]; 3],
+}
+
+/// What was seen in a cycle, in body axes.
+pub(super) struct Seen {
+    /// The acceleration of base_link over the floor, m/s² and rad/s².
+    pub(super) acceleration: [f64; 3],
+    pub(super) turn_rad_s: f64,
+    /// The wrench that the motors' torques made, as old as the acceleration.
+    pub(super) wrench: [f64; 3],
+    /// Wrenches of 1 N on every wheel against its spin and its rollers.
+    pub(super) friction_per_newton: [[f64; 3]; 2],
+    /// Whether the wheels grip and their torques are told; what they did otherwise is distrusted until the low-pass has
+    /// forgotten it.
+    pub(super) is_trusted: bool,
+    /// Whether the platform is under way: at rest friction has no direction.
+    pub(super) moves: bool,
+    pub(super) period_s: f64,
+}
+
+impl Seen {
+    /// What each parameter makes of the wrench.
+    fn rows(&self) -> [[f64; PARAMETERS]; 3] {
+        let ([ax, ay, turn], [spin, roller]) = (self.acceleration, self.friction_per_newton);
+        let square = self.turn_rad_s * self.turn_rad_s;
+        [
+            [ax, 0.0, spin[0], roller[0], -square, -turn],
+            [ay, 0.0, spin[1], roller[1], turn, -square],
+            [0.0, turn, spin[2], roller[2], ay, -ax],
+        ]
+    }
+}
+
+impl Identification {
+    /// From first estimates with their bounds, uncertain by `first_share` of themselves.
+    pub(super) fn new(
+        mass: (f64, [f64; 2]),
+        inertia: (f64, [f64; 2]),
+        first_share: f64,
+        friction_max_n: f64,
+        lever_m: f64,
+    ) -> Self {
+        let friction = [0.0, friction_max_n];
+        let scales = |share: f64, newton: f64, centre: f64| {
+            let moment = centre * lever_m * mass.0;
+            [share * mass.0, share * inertia.0, newton, newton, moment, moment]
+        };
+        let most = scales(first_share, FIRST_N, FIRST_CENTRE).map(|deviation| deviation * deviation);
+        let mut covariance = [[0.0; PARAMETERS]; PARAMETERS];
+        for (index, most) in most.into_iter().enumerate() {
+            covariance[index][index] = most;
+        }
+        Identification {
+            theta: [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0],
+            covariance,
+            most,
+            walk_1_s: scales(WALK_SHARE, WALK_N, WALK_SHARE).map(|deviation| deviation * deviation),
+            bounds: [mass.1, inertia.1, friction, friction],
+            lever_m,
+            past: Past::default(),
+            // It begins at rest: there is nothing to forget.
+            trusted_s: f64::INFINITY,
+        }
+    }
+
+    pub(super) fn dynamics(&self) -> Dynamics {
+        let [mass_kg, inertia_kg_m2, spin_n, roller_n, x, y] = self.theta;
+        Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
+    }
+
+    /// What forces of a motion may be off by, one standard deviation, N and N·m.
+    pub(super) fn doubts_n(&self, seen: &Seen) -> [f64; 3] {
+        seen.rows().map(|row| {
+            let spread = self.spread(&row);
+            row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>().max(0.0).sqrt()
+        })
+    }
+
+    fn spread(&self, row: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
+        std::array::from_fn(|index| {
+            self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
+        })
+    }
+
+    /// Learns from a cycle.
+    pub(super) fn learn(&mut self, seen: &Seen) {
+        let told = [seen.acceleration, seen.wrench, seen.friction_per_newton[0], seen.friction_per_newton[1]];
+        if !(told.as_flattened().iter().all(|number| number.is_finite()) && seen.turn_rad_s.is_finite()) {
+            (self.past, self.trusted_s) = (Past::default(), 0.0);
+            return;
+        }
+        self.trusted_s = if seen.is_trusted { self.trusted_s + seen.period_s } else { 0.0 };
+        let keep = (-LOW_PASS_1_S * seen.period_s).exp();
+        let low_pass = |old: &mut f64, new: f64| *old = keep * *old + (1.0 - keep) * new;
+        self.past.wrench.iter_mut().zip(seen.wrench).for_each(|(old, new)| low_pass(old, new));
+        let (rows, new) = (self.past.rows.as_flattened_mut(), seen.rows());
+        rows.iter_mut().zip(new.as_flattened()).for_each(|(old, new)| low_pass(old, *new));
+        if !seen.moves {
+            for index in LOADS {
+                self.grow(index, self.most[index] * seen.period_s / LOADED_S);
+            }
+        } else if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
+            let Past { wrench, rows } = self.past;
+            let along = rows[0][0].hypot(rows[1][0]) > LEAST_ACCELERATION[0];
+            let turns = [rows[2][1], rows[0][4]].iter().any(|turn| turn.abs() > LEAST_ACCELERATION[1]);
+            for (axis, (mut row, wrench)) in rows.into_iter().zip(wrench).enumerate() {
+                let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
+                let shows = if axis == 2 { [false, turns, along] } else { [along, false, turns] };
+                for (index, shows) in [(0, shows[0]), (1, shows[1]), (4, shows[2]), (5, shows[2])] {
+                    if !shows {
+                        row[index] = 0.0;
+                    }
+                }
+                let lever = if axis == 2 { self.lever_m } else { 1.0 };
+                self.take(&row, wrench - told, lever, seen.period_s);
+            }
+            for index in 0..PARAMETERS {
+                self.grow(index, self.walk_1_s[index] * seen.period_s);
+            }
+            self.bound();
+        }
+    }
+
+    fn grow(&mut self, index: usize, variance: f64) {
+        let grown = self.covariance[index][index] + variance;
+        self.covariance[index][index] = grown.min(self.most[index].max(self.covariance[index][index]));
+    }
+
+    fn bound(&mut self) {
+        for (theta, [low, high]) in self.theta.iter_mut().zip(self.bounds) {
+            *theta = theta.clamp(low, high);
+        }
+        let [mass_kg, inertia_kg_m2, ..] = self.theta;
+        // Of a body whose inertia about its own centre is some of all.
+        let most = (MOST_CENTRE * self.lever_m * mass_kg).min((0.5 * mass_kg * inertia_kg_m2).sqrt());
+        let moment = self.theta[4].hypot(self.theta[5]);
+        if moment > most {
+            self.theta[4] *= most / moment;
+            self.theta[5] *= most / moment;
+        }
+    }
+
+    /// One equation, `off` by how much the wrench exceeds what θ tells.
+    fn take(&mut self, row: &[f64; PARAMETERS], off: f64, lever: f64, period_s: f64) {
+        let far = (off / (FAR_N * lever)).powi(2).max(1.0);
+        let noise = (NOISE_N * lever).powi(2) * NOISE_S / period_s * far;
+        let spread = self.spread(row);
+        let whole: f64 = noise + row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>();
+        if !(whole.is_finite() && whole > 0.0 && off.is_finite()) {
+            return;
+        }
+        for index in 0..PARAMETERS {
+            self.theta[index] += spread[index] / whole * off;
+            for other in 0..PARAMETERS {
+                self.covariance[index][other] -= spread[index] * spread[other] / whole;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 1e-3;
+
+    /// A platform whose speeds follow the wrenches that `Seen` tells; what is learnt after so many seconds. `push_n` acts beside them.
+    fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; PARAMETERS] {
+        let (mass_kg, inertia_kg_m2, friction_n) = (173.0, 11.3, [4.0, 7.0]);
+        let [cx, cy] = [0.08, -0.05];
+        let mut one = Identification::new((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0]), 0.5, 100.0, 0.4);
+        let wished = |t: f64| [0.4 * (0.9 * t).sin(), 0.3 * (0.5 * t).cos(), 0.5 * (0.7 * t).sin()];
+        for cycle in 0..(seconds / PERIOD_S) as u32 {
+            let t = f64::from(cycle) * PERIOD_S;
+            let [vx, vy, turn] = wished(t);
+            let (before, after) = (wished(t - 1e-6), wished(t + 1e-6));
+            let [gx, gy, gain] = std::array::from_fn(|axis| (after[axis] - before[axis]) / 2e-6);
+            let (ax, ay) = (gx - turn * vy, gy + turn * vx);
+            // The spin resists along x and about the vertical, the rollers along y.
+            let spin = [2.0 * vx.signum(), 0.0, 1.2 * turn.signum()];
+            let roller = [0.0, 2.0 * vy.signum(), 0.0];
+            // By Newton and Euler for the centre of mass itself, its inertia by Steiner.
+            let (cax, cay) = (ax - gain * cy - turn * turn * cx, ay + gain * cx - turn * turn * cy);
+            let own_kg_m2 = inertia_kg_m2 - mass_kg * (cx * cx + cy * cy);
+            let rubs: [f64; 3] = std::array::from_fn(|axis| friction_n[0] * spin[axis] + friction_n[1] * roller[axis]);
+            let wrench = [
+                mass_kg * cax + rubs[0] + push_n(t),
+                mass_kg * cay + rubs[1],
+                own_kg_m2 * gain + mass_kg * (cx * cay - cy * cax) + rubs[2],
+            ];
+            one.learn(&Seen {
+                acceleration: [ax, ay, gain],
+                turn_rad_s: turn,
+                wrench,
+                friction_per_newton: [spin, roller],
+                is_trusted: trusted(t),
+                moves: true,
+                period_s: PERIOD_S,
+            });
+        }
+        one.theta
+    }
+
+    fn off([mass_kg, inertia_kg_m2, spin_n, roller_n, x, y]: [f64; PARAMETERS]) -> [f64; PARAMETERS] {
+        let centre = [x / (173.0 * 0.08) - 1.0, y / (173.0 * -0.05) - 1.0];
+        let [x, y] = centre;
+        [mass_kg / 173.0 - 1.0, inertia_kg_m2 / 11.3 - 1.0, spin_n / 4.0 - 1.0, roller_n / 7.0 - 1.0, x, y]
+    }
+
+    #[test]
+    fn mass_inertia_centre_and_friction_are_read_from_what_wrenches_did() {
+        let found = off(learnt(20.0, &|_| 0.0, &|_| true));
+        assert!(found.iter().all(|off| off.abs() < 0.03), "{found:?}");
+        // Half of the mass is made up for within two seconds.
+        let early = off(learnt(2.0, &|_| 0.0, &|_| true));
+        assert!(early[0].abs() < 0.1, "{early:?}");
+    }
+
+    #[test]
+    fn a_push_of_a_second_moves_the_mass_by_a_twentieth_at_most() {
+        let push = |t: f64| if (5.0..6.0).contains(&t) { 400.0 } else { 0.0 };
+        let (pushed, alone) = (learnt(6.0, &push, &|_| true), learnt(6.0, &|_| 0.0, &|_| true));
+        assert!((pushed[0] - alone[0]).abs() < 0.05 * 173.0, "{pushed:?} {alone:?}");
+        assert_ne!(pushed, alone);
+    }
+
+    #[test]
+    fn nothing_is_learnt_while_the_wheels_do_something_else_nor_from_what_is_no_number() {
+        let first = [85.0, 6.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(learnt(5.0, &|_| 0.0, &|_| false), first);
+        // A drive that holds back for a moment in every tenth of a second leaves nothing that could be trusted.
+        assert_eq!(learnt(5.0, &|_| 0.0, &|t| (10.0 * t).fract() > 0.1), first);
+        assert_eq!(learnt(5.0, &|_| f64::NAN, &|_| true)[0..1], first[0..1]);
+    }
+}

@@ -1,0 +1,158 @@
+//! Wheels that slip: when it is noticed, and where the platform is by then.
+
+use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
+
+use crate::robots::with_payload;
+use crate::{Run, Trial, plan_of};
+
+/// A slip that is looked at is longer than this, m: treads creep, and give way.
+pub const LEAST_M: f64 = 2e-3;
+
+/// A robot on a floor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// The robot's file.
+    pub robot: &'static str,
+    /// The control law.
+    pub law: &'static str,
+    /// What it follows: circle, square, eight or spiral.
+    pub path: &'static str,
+    /// How much faster than usual.
+    pub faster: f64,
+    /// Static friction of the floor; it slides with nine tenths of it.
+    pub friction: f64,
+    /// Payload, kg.
+    pub payload_kg: f64,
+    /// Where it stands on the platform, x, m.
+    pub off_centre_m: f64,
+    /// More of the robot's file, at its end.
+    pub more: String,
+}
+
+/// What it came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Slid {
+    /// Errors of the path.
+    pub run: Run,
+    /// The farthest that a wheel truly slipped at a time, m.
+    pub way_m: f64,
+    /// The fastest that a rim was believed to be ahead, m/s.
+    pub believed_m_s: f64,
+    /// After how many cycles the first true slip began that became longer than [`LEAST_M`].
+    pub began: Option<u64>,
+    /// After how many the first one was told, and how far the wheel had slipped by then, m.
+    pub told: Option<(u64, f64)>,
+    /// Greatest true torque at a wheel, N·m.
+    pub torque_nm: f64,
+    /// Why it stopped, where it did.
+    pub stopped: SafetyReason,
+    /// How far the truth was off then, m.
+    pub off_at_stop_m: f64,
+    /// The floor's friction as it was found.
+    pub friction: Option<f64>,
+}
+
+impl Case {
+    /// Its file.
+    pub fn text(&self) -> String {
+        let Case { faster, friction, payload_kg, .. } = self;
+        let quick = [("\nspeed_m_s = 1.0", 1.0), ("\nturn_speed_rad_s = 1.5", 1.5)]
+            .map(|(line, value)| (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster)));
+        let quicker =
+            [("\nacceleration_m_s2 = 1.5", 1.5), ("\nturn_acceleration_rad_s2 = 3.0", 3.0)].map(|(line, value)| {
+                (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster * faster))
+            });
+        let robot = quick.iter().chain(&quicker).fold(self.robot.to_owned(), |text, (from, to)| text.replace(from, to));
+        let mut text = with_payload(&robot, self.law, 1.0, *payload_kg);
+        text.push_str(&format!(
+            "payload_position_m = [{:?}, 0.0]\nstatic_friction = {friction:?}\nsliding_friction = {:?}\n",
+            self.off_centre_m,
+            0.9 * friction
+        ));
+        let s = |duration_s: f64| duration_s / faster;
+        let path = match self.path {
+            "circle" => format!("kind = \"circle\"\nradius_m = 0.5\nduration_s = {:?}", s(10.0)),
+            "eight" => format!("kind = \"eight\"\nhalf_length_m = 0.8\nduration_s = {:?}", s(15.0)),
+            "spiral" => format!("kind = \"spiral\"\nradius_m = 0.8\nturns = 2\nduration_s = {:?}", s(20.0)),
+            _ => format!(
+                "kind = \"path\"\npoints = [[0, 0, 0, 0], [{:?}, 2, 0, 0], [{:?}, 2, 2, 0], [{:?}, 0, 2, 0], [{:?}, 0, 0, 0]]",
+                s(5.0),
+                s(10.0),
+                s(15.0),
+                s(20.0)
+            ),
+        };
+        format!("{text}{}\n[reference]\n{path}\n", self.more)
+    }
+
+    /// Drives it.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or enabled.
+    pub fn ride(&self) -> Slid {
+        let mut trial = Trial::new(plan_of(&self.text()));
+        trial.enable();
+        let machine = trial.machine.clone();
+        let period_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
+        let mut slid = Slid::default();
+        let mut ways = [(0.0_f64, 0_u64); MAX_WHEELS];
+        let mut cycle = 0;
+        slid.run = Run::track(&mut trial, &mut |record| {
+            cycle += 1;
+            let machine = machine.lock();
+            for (wheel, (way_m, since)) in machine.body().wheels().iter().zip(&mut ways) {
+                if wheel.slip_m_s.abs() < 0.02 {
+                    (*way_m, *since) = (0.0, cycle);
+                } else {
+                    *way_m += period_s * wheel.slip_m_s.abs();
+                }
+                slid.way_m = slid.way_m.max(*way_m);
+                if *way_m > LEAST_M && slid.began.is_none() {
+                    slid.began = Some(*since);
+                }
+            }
+            let ahead = record.grip.slip_m_s.iter().fold(0.0_f64, |most, slip| most.max(slip.abs()));
+            slid.believed_m_s = slid.believed_m_s.max(ahead);
+            if record.grip.slips() && slid.told.is_none() {
+                let farthest_m = ways.iter().fold(0.0_f64, |most, (way_m, _)| most.max(*way_m));
+                slid.told = Some((cycle, farthest_m));
+            }
+            if slid.stopped == SafetyReason::None {
+                slid.stopped = record.stop_reason;
+            }
+            slid.friction = record.grip.friction;
+        });
+        slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));
+        slid
+    }
+
+    /// A row of the table.
+    pub fn row(&self, slid: &Slid) -> String {
+        let at = |cycles: Option<u64>| cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3));
+        let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
+        let end = match slid.stopped {
+            SafetyReason::None if slid.run.finished => "finished",
+            reason => reason.text(),
+        };
+        format!(
+            "| {} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
+            self.law,
+            self.path,
+            self.faster,
+            self.friction,
+            self.payload_kg,
+            self.off_centre_m,
+            1e3 * believed_rms_m,
+            1e3 * true_rms_m,
+            1e3 * true_final_m,
+            1e3 * slid.way_m,
+            1e3 * slid.believed_m_s,
+            at(slid.began),
+            at(slid.told.map(|(cycles, _)| cycles)),
+            slid.friction.map_or("-".to_owned(), |friction| format!("{friction:.3}")),
+        )
+    }
+}
+
+/// Heading of the table of [`Case::row`].
+pub const HEADING: &str = "| law | path | speed | friction | payload kg | at x m | believed RMS mm | true RMS mm | true final mm | longest slip mm | believed ahead mm/s | slips at s | told at s | friction found | end |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";
