@@ -302,6 +302,7 @@ impl Check {
         let wanted = |name: &Option<String>| name.clone().filter(|_| is_known);
         let enable_input = self.input(wanted(&table.enable_input).as_ref(), "enable_input", signals);
         let stop_input = self.input(wanted(&table.stop_input).as_ref(), "stop_input", signals);
+        let gyro_input = self.input(wanted(&table.gyro_input).as_ref(), "gyro_input", signals);
         let input_stop = self.input_stop(table);
         let ns = |ms: Option<u32>, default_ms: u32| u64::from(ms.unwrap_or(default_ms)) * 1_000_000;
         let stop = |name: Option<StopName>, default: StopName| match name.unwrap_or(default) {
@@ -347,6 +348,7 @@ impl Check {
             oscillation_share: table.oscillation_share.unwrap_or(0.15),
             slip_m: table.slip_m.unwrap_or(0.01),
             slip_stop: stop(table.slip_stop, StopName::Category1),
+            gyro_input,
             enable_input,
             stop_input,
             input_stop,

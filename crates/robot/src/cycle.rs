@@ -253,7 +253,9 @@ impl Robot {
         let record = &self.record;
         let drives = matches!(record.phase, Phase::Tracking | Phase::Stopping)
             && record.setpoint.status == ReferenceStatus::Moving;
-        self.grip.look(&record.time, (record.exchange, &record.measurements), drives)
+        let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
+        let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());
+        self.grip.look(&record.time, (record.exchange, &record.measurements), turn_rad_s, drives)
     }
 
     /// Estimator: from measurements to the platform's state.

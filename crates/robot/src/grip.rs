@@ -3,7 +3,7 @@
 //! The twist that forces alone explain, v̂' = M⁻¹·(Bᵀ·f − friction) in body axes, is drawn slowly to what the wheels that grip show. A
 //! wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a floor gives to a slipping wheel brakes its
 //! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push or a slope does the opposite, for then the wheel's
-//! force is against it. How far ahead counts depends on how well mass and friction are known by then.
+//! force is against it. How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s.
 
 pub(crate) mod friction;
 mod identification;
@@ -20,9 +20,9 @@ use identification::{Identification, Seen};
 pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
 /// Low-pass on the rims' speeds and torques, 1/s: counts are coarse, treads swing.
 const FILTER_1_S: f64 = 400.0;
-/// How fast v̂ is drawn to what the wheels show, 1/s: forces that nothing tells (slopes, pushes) shift it by 1/8 s of
+/// How fast v̂ is drawn to what the wheels show, 1/s: forces that nothing tells (slopes, pushes) shift it by 1/5 s of
 /// their acceleration.
-const DRAWN_1_S: f64 = 8.0;
+const DRAWN_1_S: f64 = 5.0;
 /// A rim that is less ahead than this may be creep, tread, or a slope of 3 %, m/s.
 const LEAST_SLIP_M_S: f64 = 0.05;
 /// So many standard deviations of v̂ come on top.
@@ -33,6 +33,8 @@ const LASTING_NS: u64 = 10_000_000;
 const LONGEST_NS: u64 = 2_000_000_000;
 /// Less than this is no force, N.
 const LEAST_N: f64 = 1.0;
+/// No wheel turns faster than its limit times this.
+const IMPOSSIBLE: f64 = 3.0;
 /// Mass and inertia where the file says nothing of them, kg and kg·m², and how uncertain they are then and else, over
 /// themselves.
 const UNKNOWN: (f64, f64) = (100.0, 10.0);
@@ -58,6 +60,8 @@ pub(crate) struct Grip {
     is_told: bool,
     /// A wheel with its rotor as a mass at its rim, kg.
     wheel_kg: f64,
+    /// A rim that is faster, or further ahead, is no measurement, m/s.
+    most_m_s: f64,
     /// Periods since the last complete exchange: its increments span them all.
     periods: u32,
     wheels: [Wheel; MAX_WHEELS],
@@ -112,12 +116,14 @@ impl Grip {
         };
         let mass = first(table.mass_kg, unknown_kg, table.mass_bounds_kg);
         let inertia = first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2);
+        let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         let most_n = table.friction_max_n.unwrap_or(FRICTION_MAX_N);
         Grip {
             identification: Identification::new(mass, inertia, share, most_n, friction.lever_m()),
             friction,
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, mass.0),
+            most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
             wheels: [Wheel::default(); MAX_WHEELS],
@@ -129,20 +135,26 @@ impl Grip {
         }
     }
 
-    /// Takes in a cycle; `drives` where the platform is meant to move.
+    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, `drives` where the platform is meant to move.
     pub(crate) fn look(
         &mut self,
         time: &CycleTime,
         (exchange, measurements): (Exchange, &Measurements),
+        turn_rad_s: Option<f64>,
         drives: bool,
     ) -> GripReport {
         self.periods = self.periods.saturating_add(1);
         self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
         self.predict(time.period_s());
+        if let (Some(body), Some(turn_rad_s)) = (&mut self.body, turn_rad_s) {
+            (body[2], self.sigma[2]) = (turn_rad_s, 0.0);
+        }
         if self.is_told && exchange == Exchange::Complete {
-            let span_s = f64::from(std::mem::take(&mut self.periods)) * time.period_s();
+            let periods = std::mem::take(&mut self.periods);
+            let span_s = f64::from(periods) * time.period_s();
+            let is_whole = periods == 1 && !measurements.is_held_back();
             if measurements.present().iter().all(|drive| drive.is_finite()) {
-                self.compare(measurements, span_s, drives);
+                self.compare(measurements, (span_s, is_whole), drives);
                 self.judge(span_s);
             } else {
                 self.forget();
@@ -160,7 +172,7 @@ impl Grip {
 
     /// Nothing is known of the motion before the next measurement.
     fn forget(&mut self) {
-        self.body = None;
+        (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -175,7 +187,7 @@ impl Grip {
     }
 
     /// Compares v̂ with what the wheels show, and learns by the way.
-    fn compare(&mut self, measurements: &Measurements, span_s: f64, drives: bool) {
+    fn compare(&mut self, measurements: &Measurements, (span_s, is_whole): (f64, bool), drives: bool) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
         let keep = if self.body.is_some() { (-FILTER_1_S * span_s).exp() } else { 0.0 };
@@ -200,8 +212,8 @@ impl Grip {
             acceleration: [gx - turn_rad_s * vy, gy + turn_rad_s * vx, gain],
             turn_rad_s,
             wrench: [fx_n, fy_n, torque_nm],
-            friction_per_newton: self.friction.per_newton(shown),
-            is_trusted: !self.wheels[..count].iter().any(|wheel| wheel.slips) && !measurements.is_held_back(),
+            friction_per_newton: self.friction.per_newton(shown, self.identification.dynamics().centre_m()),
+            is_trusted: is_whole && !self.wheels[..count].iter().any(|wheel| wheel.slips),
             moves: drives,
             period_s: span_s,
         };
@@ -221,17 +233,22 @@ impl Grip {
             *sigma += span_s * doubt_n / inertia - drawn * *sigma;
         }
         let body = *self.body.get_or_insert(shown);
+        let mut is_possible = true;
         let mut gripping_rad_s = PerWheel::from_fn(count, |_| 0.0);
         let rows = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
         for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rows).enumerate() {
             let floor_m_s: f64 = row.iter().zip(body).map(|(row, speed)| row * speed).sum();
             wheel.ahead_m_s = wheel.rim_m_s - floor_m_s;
+            is_possible &= wheel.rim_m_s.abs().max(wheel.ahead_m_s.abs()) < self.most_m_s;
             if !wheel.slips {
                 gripping_rad_s[at] = wheel.ahead_m_s / rim.radius_m;
             }
         }
         let toward = axes(&self.kinematics.twist(&gripping_rad_s).twist_in_base);
         self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
+        if !is_possible {
+            self.forget();
+        }
     }
 
     /// Which wheels slip by now.
@@ -239,14 +256,15 @@ impl Grip {
         let span_ns = (span_s * 1e9) as u64;
         let [sx, sy, sh] = self.sigma;
         let along_m_s = sx.max(sy);
-        let Dynamics { mass_kg, friction_n: [spin_n, _], .. } = self.identification.dynamics();
+        let dynamics = self.identification.dynamics();
         let rows = self.kinematics.matrix();
-        let load_n = mass_kg * GRAVITY_M_S2 / rows.len() as f64;
+        let mean_n = dynamics.mass_kg * GRAVITY_M_S2 / rows.len() as f64;
         let mut is_over = false;
-        for (wheel, row) in self.wheels.iter_mut().zip(rows) {
+        for (at, (wheel, row)) in self.wheels.iter_mut().zip(rows).enumerate() {
+            let load = self.friction.load(at, dynamics.centre_m());
             let sigma_m_s = row[0].hypot(row[1]) * along_m_s + row[2].abs() * sh;
             let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
-            let rubs_n = spin_n * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
+            let rubs_n = load * dynamics.friction_n[0] * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
             let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;
             // Its motor's direction: what a spinning wheel gives the floor is small.
             let driven_n = wheel.force_n - rubs_n;
@@ -260,7 +278,7 @@ impl Grip {
                 wheel.since_ns += span_ns;
                 wheel.way_m += step_m;
                 if wheel.ahead_m_s.abs() > least_m_s {
-                    self.floor = Some(Floor::seen(self.floor, force_n.abs() / load_n, span_s));
+                    self.floor = Some(Floor::seen(self.floor, force_n.abs() / (load * mean_n), span_s));
                 }
                 is_over |= wheel.since_ns > LONGEST_NS;
             } else if is_ahead {

@@ -2,11 +2,13 @@
 
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
 
+use omnibase_run::simulated;
+
 use crate::robots::with_payload;
 use crate::{Run, Trial, plan_of};
 
 /// A slip that is looked at is longer than this, m: treads creep, and give way.
-pub const LEAST_M: f64 = 2e-3;
+pub const LEAST_M: f64 = 10e-3;
 
 /// A robot on a floor.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,6 +66,17 @@ impl Case {
             });
         let robot = quick.iter().chain(&quicker).fold(self.robot.to_owned(), |text, (from, to)| text.replace(from, to));
         let mut text = with_payload(&robot, self.law, 1.0, *payload_kg);
+        // The platform itself was weighed.
+        let body = simulated::description(&plan_of(self.robot)).machine.body;
+        let (mass_kg, inertia_kg_m2) = (body.mass_kg, body.yaw_inertia_kg_m2);
+        let known = format!(
+            "mass_bounds_kg = [{:?}, {:?}]\ninertia_bounds_kg_m2 = [{:?}, {:?}]\n",
+            0.95 * mass_kg,
+            mass_kg + 200.0,
+            0.95 * inertia_kg_m2,
+            inertia_kg_m2 + 30.0
+        );
+        text = text.replace("\n\n[simulation]", &format!("\n{known}\n[simulation]"));
         text.push_str(&format!(
             "payload_position_m = [{:?}, 0.0]\nstatic_friction = {friction:?}\nsliding_friction = {:?}\n",
             self.off_centre_m,
@@ -73,7 +86,7 @@ impl Case {
         let path = match self.path {
             "circle" => format!("kind = \"circle\"\nradius_m = 0.5\nduration_s = {:?}", s(10.0)),
             "eight" => format!("kind = \"eight\"\nhalf_length_m = 0.8\nduration_s = {:?}", s(15.0)),
-            "spiral" => format!("kind = \"spiral\"\nradius_m = 0.8\nturns = 2\nduration_s = {:?}", s(20.0)),
+            "spiral" => format!("kind = \"spiral\"\nstep_m = 0.3\nturns = 2.5\nduration_s = {:?}", s(20.0)),
             _ => format!(
                 "kind = \"path\"\npoints = [[0, 0, 0, 0], [{:?}, 2, 0, 0], [{:?}, 2, 2, 0], [{:?}, 0, 2, 0], [{:?}, 0, 0, 0]]",
                 s(5.0),

@@ -207,6 +207,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         oscillation_share,
         slip_m,
         slip_stop,
+        gyro_input,
         enable_input,
         stop_input,
         input_stop,
@@ -223,6 +224,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
         Some(signal) => format!("{}; {}", signal.name, then(input_stop)),
         None => "none".to_owned(),
     };
+    let gyro = gyro_input.and_then(|place| inputs.get(place)).map_or("none", |signal| signal.name.as_str());
     let lost = match lost_device_stop {
         SafetyAction::Stop(category) => then(category),
         SafetyAction::QuickStop | SafetyAction::Pass => "quick stop of the drives",
@@ -270,6 +272,7 @@ fn safety(plan: &RobotPlan) -> Vec<(&'static str, String)> {
             ),
         ),
         ("slip", format!("{slip_m} m of a wheel; {}", then(slip_stop))),
+        ("gyro_input", gyro.to_owned()),
         ("fence_stop", then(fence_stop).to_owned()),
         ("enable_input", input(enable_input)),
         ("stop_input", input(stop_input)),

@@ -478,6 +478,9 @@ pub struct SafetyTable {
     pub slip_m: Option<f64>,
     /// What a wheel that slips further leads to; default: `category_1`.
     pub slip_stop: Option<StopName>,
+    /// An input, as `"imu.turn"`, that tells how fast the platform turns about the vertical, rad/s, to the left: slip is seen by it
+    /// too; default: none.
+    pub gyro_input: Option<String>,
     /// An input, as `"buttons.3"`, that must be there and not 0: without it nothing is enabled, and what is enabled
     /// stops; default: none.
     pub enable_input: Option<String>,

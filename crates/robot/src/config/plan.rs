@@ -403,6 +403,8 @@ pub struct SafetyPlan {
     pub slip_m: f64,
     /// What further leads to.
     pub slip_stop: StopCategory,
+    /// The input, by its place, that tells how fast the platform turns, rad/s.
+    pub gyro_input: Option<usize>,
     /// The input, by its place, without which nothing is enabled.
     pub enable_input: Option<usize>,
     /// The input, by its place, that stops.

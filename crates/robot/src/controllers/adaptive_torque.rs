@@ -165,7 +165,7 @@ impl Controller for AdaptiveTorque {
         let lead_s = LEAD_PERIODS * period_s;
         let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
         let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
-        let friction_per_newton = self.friction.per_newton(axes(&wished_in_body));
+        let friction_per_newton = self.friction.per_newton(axes(&wished_in_body), self.dynamics.centre_m());
         let mut wrench_in_body = wrench(force).rotated(-heading_rad);
         let led_in_body = axes(&Twist2::new(led[0], led[1], led[2]).rotated(-heading_rad));
         let moved = (1.0, self.dynamics.wrench(led_in_body, wished_speed[2]));

@@ -1,20 +1,25 @@
 //! What friction of the wheels costs at a speed: a feed-forward with two forces that are learnt.
 //!
 //! Every driven wheel resists in two ways: its spin (bearing, seals, rolling) against b·ξ, and the rollers that touch
-//! the floor against q·ξ, their own turning, with q = t − (u·t)/(a·u)·a and t ⟂ a. Both are dry friction, alike on all
-//! wheels, so with the platform's wished twist ξ in body axes the wrench that makes up for them is
-//! F = c_spin·Σ sat(b·ξ/v₀)·b + c_roller·Σ sat(q·ξ/v₀)·q. It depends on the wish alone: no feedback, nothing to ring.
+//! the floor against q·ξ, their own turning, with q = t − (u·t)/(a·u)·a and t ⟂ a. Both are dry friction, as each wheel's
+//! load is, so with the platform's twist ξ in body axes and a wheel's load over the mean n the wrench that makes up for them is
+//! F = c_spin·Σ n·sat(b·ξ/v₀)·b + c_roller·Σ n·sat(q·ξ/v₀)·q. It depends on the wish alone: no feedback, nothing to ring.
 
+use nalgebra::{Matrix3, Vector3};
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 
 /// Speed below which dry friction is taken to grow in proportion, m/s: a command near rest must not jump.
 pub(crate) const DRY_M_S: f64 = 0.005;
+/// The least load of a wheel over the mean: a place that was found isn't known to a millimetre.
+const LEAST_LOAD: f64 = 0.05;
 
 /// The wheels' rows, in body axes.
 #[derive(Clone, Debug)]
 pub(crate) struct WheelFriction {
     spin: [[f64; 3]; MAX_WHEELS],
     roller: [[f64; 3]; MAX_WHEELS],
+    /// The load on each wheel over the mean: what it has at all, and by metres of the centre of mass.
+    load: [[f64; 3]; MAX_WHEELS],
     wheels: usize,
 }
 
@@ -23,6 +28,7 @@ impl WheelFriction {
         let mut friction = WheelFriction {
             spin: [[0.0; 3]; MAX_WHEELS],
             roller: [[0.0; 3]; MAX_WHEELS],
+            load: loads(kinematics),
             wheels: kinematics.wheel_count(),
         };
         for (index, (wheel, row)) in kinematics.wheels().iter().zip(kinematics.matrix()).enumerate() {
@@ -38,12 +44,19 @@ impl WheelFriction {
         friction
     }
 
-    /// The wrenches of 1 N on every wheel at a twist, both in body axes: against spin, and against the rollers.
-    pub(crate) fn per_newton(&self, twist: [f64; 3]) -> [[f64; 3]; 2] {
+    /// The load on a wheel over the mean, with the centre of mass at a place, m: never none.
+    pub(crate) fn load(&self, wheel: usize, [x, y]: [f64; 2]) -> f64 {
+        let [always, by_x, by_y] = self.load[wheel];
+        (always + by_x * x + by_y * y).max(LEAST_LOAD)
+    }
+
+    /// The wrenches of 1 N on every wheel of mean load at a twist, in body axes, with the centre of mass at a place, m: against
+    /// spin, and against the rollers.
+    pub(crate) fn per_newton(&self, twist: [f64; 3], centre_m: [f64; 2]) -> [[f64; 3]; 2] {
         let sum = |rows: &[[f64; 3]; MAX_WHEELS]| {
-            rows[..self.wheels].iter().fold([0.0; 3], |sum, row| {
+            rows[..self.wheels].iter().enumerate().fold([0.0; 3], |sum, (wheel, row)| {
                 let speed: f64 = row.iter().zip(twist).map(|(part, speed)| part * speed).sum();
-                let sign = (speed / DRY_M_S).clamp(-1.0, 1.0);
+                let sign = self.load(wheel, centre_m) * (speed / DRY_M_S).clamp(-1.0, 1.0);
                 std::array::from_fn(|axis| sum[axis] + sign * row[axis])
             })
         };
@@ -58,6 +71,25 @@ impl WheelFriction {
     }
 }
 
+/// How a platform rests on its wheels: exact for three, and for more the least that differ (a stiff body on equal springs).
+fn loads(kinematics: &Kinematics) -> [[f64; 3]; MAX_WHEELS] {
+    let wheels = kinematics.wheels();
+    let place = |at: usize| {
+        let [x, y] = wheels[at].position_m;
+        Vector3::new(1.0, x, y)
+    };
+    let moments: Matrix3<f64> = (0..wheels.len()).map(|at| place(at) * place(at).transpose()).sum();
+    let mut loads = [[0.0; 3]; MAX_WHEELS];
+    for (at, load) in loads.iter_mut().enumerate().take(wheels.len()) {
+        // On one line nothing is known of how a platform rests across it.
+        *load = match moments.try_inverse() {
+            Some(inverse) => (wheels.len() as f64 * inverse * place(at)).into(),
+            None => [1.0, 0.0, 0.0],
+        };
+    }
+    loads
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,7 +101,7 @@ mod tests {
         let friction = WheelFriction::new(&kinematics);
         assert!((friction.lever_m() - 0.4).abs() < 1e-12);
         // Turning on the spot only the wheels spin: 3 N at 0.4 m.
-        let [spin, roller] = friction.per_newton([0.0, 0.0, 1.0]);
+        let [spin, roller] = friction.per_newton([0.0, 0.0, 1.0], [0.0; 2]);
         assert!(
             (spin[2] - 1.2).abs() < 1e-12 && roller.iter().all(|part| part.abs() < 1e-9),
             "{spin:?} {roller:?}"
@@ -78,7 +110,7 @@ mod tests {
         for step in 0..64 {
             let (sin, cos) = (f64::from(step) * 0.1).sin_cos();
             let twist = [0.5 * cos, 0.5 * sin, 0.7 * (sin - cos)];
-            for wrench in friction.per_newton(twist) {
+            for wrench in friction.per_newton(twist, [0.1, -0.05]) {
                 let power: f64 = wrench.iter().zip(twist).map(|(force, speed)| force * speed).sum();
                 assert!(power >= 0.0, "{twist:?}: {power}");
             }
@@ -86,14 +118,33 @@ mod tests {
     }
 
     #[test]
+    fn loads_bear_the_centre_of_mass() {
+        for wheels in [layout::omni(3, 0.4, 0.1, 0.3), layout::mecanum4(0.24, 0.21, 0.076)] {
+            let friction = WheelFriction::new(&Kinematics::new(wheels.clone()).unwrap());
+            let centre_m = [0.07, -0.04];
+            let count = wheels.len() as f64;
+            let mut rests = [0.0; 3];
+            for (at, wheel) in wheels.iter().enumerate() {
+                let load = friction.load(at, centre_m) / count;
+                let [x, y] = wheel.position_m;
+                rests = [rests[0] + load, rests[1] + load * x, rests[2] + load * y];
+            }
+            let off = [rests[0] - 1.0, rests[1] - centre_m[0], rests[2] - centre_m[1]];
+            assert!(off.iter().all(|off| off.abs() < 1e-12), "{off:?}");
+            // Far outside of its wheels a platform would fall: no load below none.
+            assert!((0..wheels.len()).all(|at| friction.load(at, [9.0, 9.0]) >= LEAST_LOAD));
+        }
+    }
+
+    #[test]
     fn rollers_of_a_mecanum_wheel_turn_when_it_drives_straight() {
         let friction = WheelFriction::new(&Kinematics::new(layout::mecanum4(0.24, 0.21, 0.076)).unwrap());
-        let [spin, roller] = friction.per_newton([0.3, 0.0, 0.0]);
+        let [spin, roller] = friction.per_newton([0.3, 0.0, 0.0], [0.0; 2]);
         // Straight ahead the axle alone turns: its rollers stand where they touch the floor.
         assert!((spin[0] - 4.0).abs() < 1e-12, "{spin:?}");
         assert!(roller.iter().all(|part| part.abs() < 1e-9), "{roller:?}");
         // Sideways both turn: the rollers by √2 of the speed.
-        let [spin, roller] = friction.per_newton([0.0, 0.3, 0.0]);
+        let [spin, roller] = friction.per_newton([0.0, 0.3, 0.0], [0.0; 2]);
         assert!(
             (spin[1] - 4.0).abs() < 1e-12 && (roller[1] - 4.0 * 2.0_f64.sqrt()).abs() < 1e-9,
             "{roller:?}"

@@ -13,8 +13,10 @@ use crate::signals::Dynamics;
 const LOW_PASS_1_S: f64 = 20.0;
 /// After so many of its time constants nothing is left of what was before.
 const FORGOTTEN: f64 = 3.0;
-/// What one equation may be off, N, and for how long such an error stays, s.
-const NOISE_N: f64 = 4.0;
+/// What one equation may be off, N, and for how long such an error stays, s; that of moments more, for a load that is thrown to
+/// and fro rubs unevenly.
+const NOISE_N: f64 = 5.0;
+const MOMENT_NOISE: f64 = 2.0;
 const NOISE_S: f64 = 0.1;
 /// From where an equation counts less, N.
 const FAR_N: f64 = 25.0;
@@ -23,7 +25,7 @@ const FAR_N: f64 = 25.0;
 const LEAST_ACCELERATION: [f64; 2] = [0.1, 0.15];
 /// Uncertainty at start of each friction, N, and of the centre of mass, over the wheels' lever.
 const FIRST_N: f64 = 10.0;
-const FIRST_CENTRE: f64 = 0.25;
+const FIRST_CENTRE: f64 = 0.5;
 /// What each may change by in the root of a second, likewise.
 const WALK_SHARE: f64 = 0.01;
 const WALK_N: f64 = 0.2;
@@ -127,11 +129,17 @@ impl Identification {
         Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
     }
 
-    /// What forces of a motion may be off by, one standard deviation, N and N·m.
+    /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
+    /// has nothing to lose.
     pub(super) fn doubts_n(&self, seen: &Seen) -> [f64; 3] {
+        let sigma = |row: &[f64; PARAMETERS]| {
+            row.iter().zip(self.spread(row)).map(|(row, spread)| row * spread).sum::<f64>().max(0.0).sqrt()
+        };
         seen.rows().map(|row| {
-            let spread = self.spread(&row);
-            row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>().max(0.0).sqrt()
+            let bounded = row.iter().zip(self.theta).zip(self.bounds);
+            let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
+            let centre = [0.0, 0.0, 0.0, 0.0, row[4], row[5]];
+            sigma(&row).min(lost_n.abs() + sigma(&centre))
         })
     }
 
@@ -170,7 +178,7 @@ impl Identification {
                         row[index] = 0.0;
                     }
                 }
-                let lever = if axis == 2 { self.lever_m } else { 1.0 };
+                let lever = if axis == 2 { MOMENT_NOISE * self.lever_m } else { 1.0 };
                 self.take(&row, wrench - told, lever, seen.period_s);
             }
             for index in 0..PARAMETERS {
@@ -185,7 +193,18 @@ impl Identification {
         self.covariance[index][index] = grown.min(self.most[index].max(self.covariance[index][index]));
     }
 
+    /// To the nearest that its bounds allow, as the covariance measures distance: what one parameter may not be, those that
+    /// belong with it make up for (D. Simon, *IET Control Theory and Applications* 4, 2010, section 2.3).
     fn bound(&mut self) {
+        for (index, [low, high]) in self.bounds.into_iter().enumerate() {
+            let off = self.theta[index].clamp(low, high) - self.theta[index];
+            let variance = self.covariance[index][index];
+            if off != 0.0 && variance > 0.0 {
+                for (theta, line) in self.theta.iter_mut().zip(&self.covariance) {
+                    *theta += line[index] / variance * off;
+                }
+            }
+        }
         for (theta, [low, high]) in self.theta.iter_mut().zip(self.bounds) {
             *theta = theta.clamp(low, high);
         }

@@ -16,6 +16,11 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
+    /// Where the centre of mass is, x and y in base_link, m.
+    pub fn centre_m(&self) -> [f64; 2] {
+        self.mass_moment_kg_m.map(|moment| moment / self.mass_kg)
+    }
+
     /// The wrench that an acceleration of base_link over the floor takes, in body axes, without friction.
     pub fn wrench(&self, [ax, ay, gain]: [f64; 3], turn_rad_s: f64) -> [f64; 3] {
         let Dynamics { mass_kg, inertia_kg_m2, mass_moment_kg_m: [x, y], .. } = *self;

@@ -226,6 +226,15 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench.ring(1, 10.0);
             bench
         }
+        SafetyReason::WheelSlip => {
+            let mut bench = enabled(BMM, "");
+            // Hardly any force, and yet the wheels speed up as if they moved all of it.
+            for (wheel, torque_nm) in [0.0, -0.3, 0.3].into_iter().enumerate() {
+                bench.lie_about_torque(wheel, torque_nm);
+            }
+            bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
+            bench
+        }
         SafetyReason::WayBlocked => {
             let mut bench = enabled(BMM, "[avoidance]\ngive_up_s = 1.0");
             bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
@@ -261,6 +270,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         | SafetyReason::StopInput
         | SafetyReason::EnableInput
         | SafetyReason::Axis
+        | SafetyReason::WheelSlip
         | SafetyReason::PoseUnknown => Some((Phase::Stopping, Phase::Fault)),
         SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
             Some((Phase::Stopping, Phase::Holding))
@@ -279,7 +289,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 21, "every reason has had its turn");
+    assert_eq!(seen, 22, "every reason has had its turn");
 }
 
 #[test]

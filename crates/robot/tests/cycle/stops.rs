@@ -76,7 +76,7 @@ fn a_wheel_too_fast_stops_as_the_file_says_in_every_phase() {
         ("category_2", Phase::Stopping, Phase::Holding, 0x0F),
     ];
     for (category, first, end, control) in cases {
-        let mut bench = pushed(&format!("wheel_speed_stop = \"{category}\""));
+        let mut bench = pushed(&format!("slip_m = 1e6\nwheel_speed_stop = \"{category}\""));
         push(&mut bench);
         bench.run(2);
         assert_eq!(found(&bench), (first, SafetyReason::WheelSpeed), "{category} while tracking");

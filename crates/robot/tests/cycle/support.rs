@@ -1,6 +1,6 @@
 //! A rigid body on ideal wheels and drives without delay, for tests of the cycle: not the simulator.
 
-use omnibase_platform::{Kinematics, PerWheel, Pose2, Twist2};
+use omnibase_platform::{Kinematics, PerWheel, Pose2, Twist2, Wrench2};
 use omnibase_robot::registry::Kind;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
@@ -52,8 +52,8 @@ pub struct Bench {
     pub twist_in_body: Twist2,
     pub mass_kg: f64,
     pub inertia_kg_m2: f64,
-    /// Coulomb friction against translation, N, and rotation, N·m.
-    pub friction: [f64; 2],
+    /// Dry friction of each wheel's axle, N·m.
+    pub friction_nm: f64,
     /// What the next exchanges will be.
     pub exchange: Exchange,
     pub index: u64,
@@ -92,7 +92,7 @@ impl Bench {
             twist_in_body: Twist2::default(),
             mass_kg: plan.simulation.mass_kg.unwrap_or(70.0),
             inertia_kg_m2: plan.simulation.inertia_kg_m2.unwrap_or(7.0),
-            friction: [20.0, 5.0],
+            friction_nm: 1.0,
             exchange: Exchange::Complete,
             index: 0,
             noise: None,
@@ -247,6 +247,14 @@ impl Bench {
         self.input(wheel, 0x6077, torque.round() as i64);
     }
 
+    /// What the wheels' dry friction does to the body, in odom.
+    fn rubs(&self, twist: Twist2, grip: f64) -> Wrench2 {
+        let in_body = twist.rotated(-self.pose.heading_rad);
+        let speeds_rad_s = self.kinematics.wheel_speeds_rad_s(in_body);
+        let torques = speeds_rad_s.map(|speed| -self.friction_nm * grip * (speed / 0.05).clamp(-1.0, 1.0));
+        self.kinematics.wrench(&torques).rotated(self.pose.heading_rad)
+    }
+
     fn move_body(&mut self, period_s: f64) {
         let wheels = self.servos.len();
         let running = (0..wheels).filter(|wheel| self.servos[*wheel].status & 0x6F == 0x27).count() == wheels;
@@ -259,7 +267,21 @@ impl Bench {
                 let counts = f64::from(scale(wheel).counts_per_revolution) * scale(wheel).gear_ratio;
                 command(self, 0x60FF, wheel) * std::f64::consts::TAU / counts
             });
+            let before = self.twist_in_body.rotated(self.pose.heading_rad);
             self.twist_in_body = self.kinematics.twist(&told).twist_in_base;
+            let twist = self.twist_in_body.rotated(self.pose.heading_rad);
+            let gains = Twist2::new(
+                (twist.vx_m_s - before.vx_m_s) / period_s,
+                (twist.vy_m_s - before.vy_m_s) / period_s,
+                (twist.w_rad_s - before.w_rad_s) / period_s,
+            );
+            let rubs = self.rubs(twist, 1.0);
+            let wrench = Wrench2::new(
+                self.mass_kg * gains.vx_m_s - rubs.fx_n,
+                self.mass_kg * gains.vy_m_s - rubs.fy_n,
+                self.inertia_kg_m2 * gains.w_rad_s - rubs.torque_nm,
+            );
+            self.torques = self.kinematics.wheel_torques_nm(wrench.rotated(-self.pose.heading_rad));
         } else {
             let torques = PerWheel::from_fn(wheels, |wheel| {
                 let drive = scale(wheel);
@@ -270,18 +292,19 @@ impl Bench {
             let mut twist = self.twist_in_body.rotated(self.pose.heading_rad);
             // Quick stop: the drives brake hard.
             let braking = (0..wheels).any(|wheel| self.servos[wheel].status & 0x6F == 0x07);
-            let grip = if braking { 20.0 } else { 1.0 };
-            let speed = twist.speed_m_s().max(1e-3);
-            let friction = self.friction.map(|friction| friction * grip);
-            twist.vx_m_s += period_s * (wrench.fx_n - friction[0] * twist.vx_m_s / speed) / self.mass_kg;
-            twist.vy_m_s += period_s * (wrench.fy_n - friction[0] * twist.vy_m_s / speed) / self.mass_kg;
-            let turning = (twist.w_rad_s / 1e-2).clamp(-1.0, 1.0);
-            twist.w_rad_s += period_s * (wrench.torque_nm - friction[1] * turning) / self.inertia_kg_m2;
+            let grip = if braking { 5.0 } else { 1.0 };
+            let rubs = self.rubs(twist, grip);
+            twist.vx_m_s += period_s * (wrench.fx_n + rubs.fx_n) / self.mass_kg;
+            twist.vy_m_s += period_s * (wrench.fy_n + rubs.fy_n) / self.mass_kg;
+            twist.w_rad_s += period_s * (wrench.torque_nm + rubs.torque_nm) / self.inertia_kg_m2;
             self.twist_in_body = twist.rotated(-self.pose.heading_rad);
         }
         self.wheel_speeds = self.kinematics.wheel_speeds_rad_s(self.twist_in_body);
         let heading = self.pose.heading_rad + self.twist_in_body.w_rad_s * period_s;
-        self.pose = Pose2 { heading_rad: heading, ..self.pose.moved_by(self.twist_in_body.over(period_s)) };
+        let moved = Pose2 { heading_rad: heading, ..self.pose.moved_by(self.twist_in_body.over(period_s)) };
+        // Its velocity over the floor stays as it is until a force changes it.
+        self.twist_in_body = self.twist_in_body.rotated(self.pose.heading_rad - heading);
+        self.pose = moved;
         for wheel in 0..wheels {
             let drive = scale(wheel);
             let counts = f64::from(drive.counts_per_revolution) * drive.gear_ratio / std::f64::consts::TAU;

@@ -136,6 +136,7 @@ fn a_lower_limit_reaches_the_drives_in_the_cycle_and_none_above_the_file() {
 fn cycles_until_stop(robot: &str, shows: impl Fn(u32) -> f64) -> Option<(u32, CycleRecord)> {
     let mut bench = Bench::new(plan(robot));
     bench.enable();
+    (0..3).for_each(|wheel| bench.lie_about_torque(wheel, 0.0));
     forward(&mut bench, 0.2, 300);
     for cycle in 0..400 {
         bench.lie_about_torque(2, shows(cycle));
@@ -149,7 +150,7 @@ fn cycles_until_stop(robot: &str, shows: impl Fn(u32) -> f64) -> Option<(u32, Cy
 
 #[test]
 fn a_torque_above_its_limit_stops_when_it_lasts() {
-    let limited = with_limit(BMM, 2.0) + "\n[safety]\noscillation_share = 1.0\n";
+    let limited = with_limit(BMM, 2.0) + "\n[safety]\noscillation_share = 1.0\nslip_m = 1e6\n";
     // 2 N·m and the margin of a twentieth of 7: 2.35.
     assert!(cycles_until_stop(&limited, |_| 2.34).is_none(), "noise of a sensor");
     let (cycle, record) = cycles_until_stop(&limited, |_| -2.37).expect("it lasts");
@@ -168,7 +169,7 @@ fn a_torque_above_its_limit_stops_when_it_lasts() {
 
 #[test]
 fn time_above_a_limit_counts_and_not_cycles() {
-    let slow = with_limit(BMM, 2.0).replace("cycle_us = 1000", "cycle_us = 4000");
+    let slow = with_limit(BMM, 2.0).replace("cycle_us = 1000", "cycle_us = 4000") + "\n[safety]\nslip_m = 1e6\n";
     assert_eq!(cycles_until_stop(&slow, |_| 5.0).unwrap().0, 13, "52 ms");
 }
 

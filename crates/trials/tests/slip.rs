@@ -1,0 +1,67 @@
+//! A wheel that slips is told, and stops the robot; what doesn't slip isn't said to.
+
+use omnibase_robot::signals::SafetyReason;
+use omnibase_trials::robots::{BMM, MECANUM};
+use omnibase_trials::slip::{Case, Slid};
+
+const LAWS: [&str; 3] = ["open_loop", "closed_loop_speed", "adaptive_torque"];
+
+fn case(robot: &'static str, law: &'static str, path: &'static str) -> Case {
+    let (faster, friction, payload_kg, off_centre_m) = (1.0, 0.5, 0.0, 0.0);
+    Case { robot, law, path, faster, friction, payload_kg, off_centre_m, more: String::new() }
+}
+
+/// Told within 50 ms, and stopped by its name within 50 mm of the truth.
+fn is_caught(slid: &Slid) -> bool {
+    let (began, told) = (slid.began.expect("it slips"), slid.told.expect("it is told").0);
+    let in_time = told.saturating_sub(began) <= 50;
+    in_time && slid.stopped == SafetyReason::WheelSlip && slid.run.true_final_m <= 0.05
+}
+
+#[test]
+fn the_square_twice_as_fast_is_stopped_by_its_name() {
+    for payload_kg in [0.0, 100.0] {
+        let case = Case { faster: 2.0, payload_kg, off_centre_m: 0.2, ..case(BMM, "adaptive_torque", "square") };
+        let slid = case.ride();
+        println!("{}", case.row(&slid));
+        assert!(is_caught(&slid), "{slid:?}");
+    }
+}
+
+#[test]
+fn the_square_on_a_slippery_floor_ends_near_the_truth() {
+    for law in ["closed_loop_speed", "adaptive_torque"] {
+        let case = Case { friction: 0.15, ..case(BMM, law, "square") };
+        let slid = case.ride();
+        println!("{}", case.row(&slid));
+        assert!(slid.run.finished && slid.run.true_final_m <= 0.015, "{slid:?}");
+    }
+}
+
+#[test]
+fn a_slippery_patch_under_the_circle_stops_the_robot() {
+    // About 0.3 s of the circle, a quarter of a turn in.
+    let more = "\n[[simulation.patch]]\ncentre_m = [0.5, 0.5]\nradius_m = 0.6\nstatic_friction = 0.08\n";
+    for law in LAWS {
+        for faster in [1.0, 2.0] {
+            let case = Case { faster, more: more.to_owned(), ..case(BMM, law, "circle") };
+            let slid = case.ride();
+            println!("{}", case.row(&slid));
+        }
+    }
+}
+
+#[test]
+fn what_grips_is_not_said_to_slip() {
+    for robot in [BMM, MECANUM] {
+        for law in LAWS {
+            for path in ["square", "circle", "eight", "spiral"] {
+                for (payload_kg, off_centre_m) in [(0.0, 0.0), (150.0, 0.0), (60.0, 0.15)] {
+                    let case = Case { payload_kg, off_centre_m, ..case(robot, law, path) };
+                    let slid = case.ride();
+                    assert_eq!((slid.told, slid.began), (None, None), "{}", case.row(&slid));
+                }
+            }
+        }
+    }
+}
