@@ -2,11 +2,12 @@
 //!
 //! - [`tracking`], [`truth`]: how far off the robot was, as it believed and in truth.
 //! - [`timing`], [`quantiles`]: how long cycles took, and what happened in the worst ones.
-//! - [`events`], [`summary`]: what happened, and all of it together.
+//! - [`events`], [`slips`], [`summary`]: what happened, and all of it together.
 #![forbid(unsafe_code)]
 
 pub mod events;
 pub mod quantiles;
+pub mod slips;
 pub mod summary;
 pub mod timing;
 pub mod tracking;

@@ -21,9 +21,9 @@ use crate::registry::{Registry, StageError};
 use crate::safety::{SafetyChain, input_forbids};
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, GripReport, Heard, LimitedBy, MAX_DEVICES,
-    MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer,
-    RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, GripReport, Heard, LimitedBy,
+    MAX_DEVICES, MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request,
+    RequestAnswer, RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
 use crate::speed_loop::SpeedLoops;
 use crate::stages::{

@@ -165,7 +165,9 @@ impl Grip {
 
     /// How far the wheels may have rolled in this cycle, rad, without moving the platform: the ways of a slip add up.
     pub(crate) fn unread_rad(&self, wheel: usize) -> f64 {
-        let Some(radius_m) = self.kinematics.wheels().get(wheel).map(|wheel| wheel.radius_m) else { return 0.0 };
+        let Some(radius_m) = self.kinematics.wheels().get(wheel).map(|wheel| wheel.radius_m) else {
+            return 0.0;
+        };
         let Wheel { slips, way_m, way_before_m, .. } = self.wheels[wheel];
         if slips { (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m } else { 0.0 }
     }
@@ -182,7 +184,8 @@ impl Grip {
         if let Some([vx, vy, turn]) = self.body {
             // Its axes turn with it.
             let gains = [ax + turn * vy, ay - turn * vx, gain];
-            self.body = Some([vx + period_s * gains[0], vy + period_s * gains[1], turn + period_s * gains[2]]);
+            self.body =
+                Some([vx + period_s * gains[0], vy + period_s * gains[1], turn + period_s * gains[2]]);
         }
     }
 
@@ -191,7 +194,8 @@ impl Grip {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
         let keep = if self.body.is_some() { (-FILTER_1_S * span_s).exp() } else { 0.0 };
-        let (mut speeds_rad_s, mut torques_nm) = (PerWheel::from_fn(count, |_| 0.0), PerWheel::from_fn(count, |_| 0.0));
+        let (mut speeds_rad_s, mut torques_nm) =
+            (PerWheel::from_fn(count, |_| 0.0), PerWheel::from_fn(count, |_| 0.0));
         let rims = self.wheels.iter_mut().zip(self.kinematics.wheels());
         for (at, ((wheel, rim), drive)) in rims.zip(present).enumerate() {
             let before_m_s = wheel.rim_m_s;
@@ -229,7 +233,9 @@ impl Grip {
         let doubts_n = self.identification.doubts_n(&Seen { acceleration: self.acceleration, ..seen });
         let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;
         let drawn = 1.0 - (-DRAWN_1_S * span_s).exp();
-        for ((sigma, doubt_n), inertia) in self.sigma.iter_mut().zip(doubts_n).zip([mass_kg, mass_kg, inertia_kg_m2]) {
+        for ((sigma, doubt_n), inertia) in
+            self.sigma.iter_mut().zip(doubts_n).zip([mass_kg, mass_kg, inertia_kg_m2])
+        {
             *sigma += span_s * doubt_n / inertia - drawn * *sigma;
         }
         let body = *self.body.get_or_insert(shown);

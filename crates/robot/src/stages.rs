@@ -10,9 +10,9 @@ use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, GripReport, GuardReport, Inputs,
-    MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity, Request, RequestAnswer, Setpoint,
-    Signals, WheelCommand,
+    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, GripReport,
+    GuardReport, Inputs, MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity, Request,
+    RequestAnswer, Setpoint, Signals, WheelCommand,
 };
 
 /// What a device is told in one cycle.

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_platform::Pose2;
 use omnibase_record::run::RunSink;
 use omnibase_robot::signals::{CycleTime, MAX_WHEELS, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
@@ -17,6 +18,7 @@ use crate::live::operator::{Note, Turn};
 use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
 use crate::simulated::Script;
 use omnibase_measure::events::{Event, Watch};
+use omnibase_measure::slips::{Slip, SlipWatch};
 use omnibase_measure::summary::Summary;
 use omnibase_measure::timing::{TimedCycle, Timing};
 use omnibase_measure::tracking::Tracking;
@@ -133,6 +135,7 @@ struct Cycle<'a> {
     conductor: Conductor,
     live: Option<LiveEnd>,
     watch: Watch,
+    slips: SlipWatch,
     tracking: Tracking,
     bus: BusFigures,
     drive_errors: DriveErrors,
@@ -176,6 +179,7 @@ impl<'a> Cycle<'a> {
             conductor: Conductor::new(plan.safety.comeback),
             live,
             watch: Watch::default(),
+            slips: SlipWatch::default(),
             tracking: Tracking::default(),
             bus: BusFigures::default(),
             drive_errors: DriveErrors::default(),
@@ -392,6 +396,16 @@ impl<'a> Cycle<'a> {
         }
         for text in self.watch.look(&self.last, phase).into_iter().flatten() {
             self.happened(now_ns, text.into());
+        }
+        let mut over = [None; MAX_WHEELS];
+        self.slips.look(&self.last, &mut |slip| over[slip.wheel] = Some(slip));
+        for slip in over.into_iter().flatten() {
+            let Slip { wheel, from: Pose2 { x_m, y_m, .. }, duration_s, way_m } = slip;
+            let name = self.plan.drives.get(wheel).map_or("?", |drive| drive.name.as_str());
+            let words = Words::new(format_args!(
+                "{name} slipped by {way_m:.3} m in {duration_s:.3} s, from ({x_m:.2}, {y_m:.2}) m on"
+            ));
+            self.happened(now_ns, words);
         }
     }
 

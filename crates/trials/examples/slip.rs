@@ -6,7 +6,6 @@ use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, HEADING};
 
 fn main() {
-    let more = std::env::args().nth(1).unwrap_or_default().replace("\\n", "\n");
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         println!("\n{name}\n\n{HEADING}");
         for law in ["open_loop", "closed_loop_speed", "adaptive_torque"] {
@@ -23,9 +22,21 @@ fn main() {
             ] {
                 for friction in [0.08, 0.15, 0.25, 0.5] {
                     for (payload_kg, off_centre_m) in [(0.0, 0.0), (100.0, 0.0), (100.0, 0.2)] {
-                        let more = more.clone();
-                        let case = Case { robot, law, path, faster, friction, payload_kg, off_centre_m, more };
-                        println!("{}", case.row(&case.ride()));
+                        for gyro in [false, true] {
+                            let more = String::new();
+                            let case = Case {
+                                robot,
+                                law,
+                                path,
+                                faster,
+                                friction,
+                                payload_kg,
+                                off_centre_m,
+                                gyro,
+                                more,
+                            };
+                            println!("{}", case.row(&case.ride()));
+                        }
                     }
                 }
             }

@@ -105,7 +105,9 @@ impl Case {
         let [believed, truly] = [summary.rms_error_m.believed, summary.rms_error_m.truth].map(millimetres);
         let end = millimetres(summary.final_error_m.truth);
         let mass = match self.law {
-            "adaptive_torque" => format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0]),
+            "adaptive_torque" => {
+                format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0])
+            }
             _ => "- | -".to_owned(),
         };
         let creep = if self.creep == Creep::MadeUpFor { "made up for" } else { "-" };

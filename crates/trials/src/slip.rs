@@ -10,6 +10,10 @@ use crate::{Run, Trial, plan_of};
 /// A slip that is looked at is longer than this, m: treads creep, and give way.
 pub const LEAST_M: f64 = 10e-3;
 
+/// What a robot's file says of a gyro.
+const GYRO: &str = "[[source]]\nname = \"gyro\"\nmax_age_ms = 20\n[[source.input]]\nname = \"turn\"\n\
+                    unit = \"rad/s\"\n[safety]\ngyro_input = \"gyro.turn\"\n";
+
 /// A robot on a floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
@@ -27,6 +31,8 @@ pub struct Case {
     pub payload_kg: f64,
     /// Where it stands on the platform, x, m.
     pub off_centre_m: f64,
+    /// Whether it has a gyro.
+    pub gyro: bool,
     /// More of the robot's file, at its end.
     pub more: String,
 }
@@ -58,13 +64,25 @@ impl Case {
     /// Its file.
     pub fn text(&self) -> String {
         let Case { faster, friction, payload_kg, .. } = self;
-        let quick = [("\nspeed_m_s = 1.0", 1.0), ("\nturn_speed_rad_s = 1.5", 1.5)]
-            .map(|(line, value)| (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster)));
-        let quicker =
-            [("\nacceleration_m_s2 = 1.5", 1.5), ("\nturn_acceleration_rad_s2 = 3.0", 3.0)].map(|(line, value)| {
-                (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster * faster))
-            });
-        let robot = quick.iter().chain(&quicker).fold(self.robot.to_owned(), |text, (from, to)| text.replace(from, to));
+        let quick = [("\nspeed_m_s = 1.0", 1.0), ("\nturn_speed_rad_s = 1.5", 1.5)].map(|(line, value)| {
+            (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster))
+        });
+        let quicker = [("\nacceleration_m_s2 = 1.5", 1.5), ("\nturn_acceleration_rad_s2 = 3.0", 3.0)].map(
+            |(line, value)| {
+                (
+                    line,
+                    format!(
+                        "{} = {:?}",
+                        line.split(" =").next().unwrap_or_default(),
+                        value * faster * faster
+                    ),
+                )
+            },
+        );
+        let robot = quick
+            .iter()
+            .chain(&quicker)
+            .fold(self.robot.to_owned(), |text, (from, to)| text.replace(from, to));
         let mut text = with_payload(&robot, self.law, 1.0, *payload_kg);
         // The platform itself was weighed.
         let body = simulated::description(&plan_of(self.robot)).machine.body;
@@ -95,7 +113,8 @@ impl Case {
                 s(20.0)
             ),
         };
-        format!("{text}{}\n[reference]\n{path}\n", self.more)
+        let gyro = if self.gyro { GYRO } else { "" };
+        format!("{text}{}\n[reference]\n{path}\n{gyro}", self.more)
     }
 
     /// Drives it.
@@ -104,6 +123,7 @@ impl Case {
     /// Where the robot can't be made or enabled.
     pub fn ride(&self) -> Slid {
         let mut trial = Trial::new(plan_of(&self.text()));
+        trial.gyro = self.gyro.then_some(0);
         trial.enable();
         let machine = trial.machine.clone();
         let period_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
@@ -141,15 +161,18 @@ impl Case {
 
     /// A row of the table.
     pub fn row(&self, slid: &Slid) -> String {
-        let at = |cycles: Option<u64>| cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3));
+        let at = |cycles: Option<u64>| {
+            cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3))
+        };
         let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
         let end = match slid.stopped {
             SafetyReason::None if slid.run.finished => "finished",
             reason => reason.text(),
         };
         format!(
-            "| {} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
+            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
             self.law,
+            if self.gyro { ", gyro" } else { "" },
             self.path,
             self.faster,
             self.friction,

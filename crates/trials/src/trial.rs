@@ -2,6 +2,7 @@
 
 use omnibase_ethercat_sim::device::Outputs;
 use omnibase_platform::Pose2;
+use omnibase_robot::signals::Heard;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
@@ -46,6 +47,8 @@ pub struct Trial {
     pub image: ImageBuffer,
     /// What the next exchange comes to; inputs stay as they were where it isn't complete.
     pub next_exchange: Exchange,
+    /// The source that a gyro without errors speaks through, where the robot has one: its only value is the turn, rad/s.
+    pub gyro: Option<usize>,
     servos: Vec<ServoBox>,
     /// Drives that take no part.
     away: Vec<Option<Without>>,
@@ -86,6 +89,7 @@ impl Trial {
             plan,
             machine,
             next_exchange: Exchange::Complete,
+            gyro: None,
             index: 0,
             pose_before: Pose2::default(),
             measured_pose: Pose2::default(),
@@ -114,7 +118,16 @@ impl Trial {
         {
             self.servos.iter_mut().for_each(|servo| servo.tick(due_ns));
         }
-        self.machine.lock().advance(now_ns);
+        let turn_rad_s = {
+            let mut machine = self.machine.lock();
+            machine.advance(now_ns);
+            machine.body().twist_in_body().w_rad_s
+        };
+        if let Some(source) = self.gyro {
+            let mut heard = Heard { instant_ns: self.time().now_ns, ..Heard::NOTHING };
+            heard.values[0] = turn_rad_s;
+            self.robot.hear(source, &heard);
+        }
         self.measured_pose = self.pose_before;
         let exchange = self.next_exchange;
         let images = self.image.inputs.iter_mut().zip(&self.image.outputs);

@@ -260,7 +260,8 @@ mod tests {
             // By Newton and Euler for the centre of mass itself, its inertia by Steiner.
             let (cax, cay) = (ax - gain * cy - turn * turn * cx, ay + gain * cx - turn * turn * cy);
             let own_kg_m2 = inertia_kg_m2 - mass_kg * (cx * cx + cy * cy);
-            let rubs: [f64; 3] = std::array::from_fn(|axis| friction_n[0] * spin[axis] + friction_n[1] * roller[axis]);
+            let rubs: [f64; 3] =
+                std::array::from_fn(|axis| friction_n[0] * spin[axis] + friction_n[1] * roller[axis]);
             let wrench = [
                 mass_kg * cax + rubs[0] + push_n(t),
                 mass_kg * cay + rubs[1],

@@ -71,8 +71,12 @@ mod tests {
 
     #[test]
     fn a_wrench_and_its_acceleration_are_one_anothers_inverse() {
-        let dynamics =
-            Dynamics { mass_kg: 170.0, inertia_kg_m2: 12.0, friction_n: [0.0; 2], mass_moment_kg_m: [9.0, -14.0] };
+        let dynamics = Dynamics {
+            mass_kg: 170.0,
+            inertia_kg_m2: 12.0,
+            friction_n: [0.0; 2],
+            mass_moment_kg_m: [9.0, -14.0],
+        };
         let acceleration = [0.7, -0.4, 1.9];
         let back = dynamics.acceleration(dynamics.wrench(acceleration, -0.8), -0.8);
         assert!(back.iter().zip(acceleration).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");

@@ -4,8 +4,8 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::{
-    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GripReport, GuardReport, LimitedBy,
-    MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
+    Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GripReport, GuardReport,
+    LimitedBy, MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
     ReferenceStatus, Request, RequestAnswer, SafetyAction, SafetyReason, Setpoint, SignalLayout, SignalName,
     SignalShape, Signals, SourceName,
 };

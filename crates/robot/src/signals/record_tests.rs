@@ -21,7 +21,12 @@ fn full(wheels: usize) -> CycleRecord {
         stop_reason: SafetyReason::Drive,
         stop_where: 2,
         grip: GripReport {
-            dynamics: Dynamics { mass_kg: 70.0, inertia_kg_m2: 7.0, friction_n: [3.0, 4.0], mass_moment_kg_m: [1.0, 2.0] },
+            dynamics: Dynamics {
+                mass_kg: 70.0,
+                inertia_kg_m2: 7.0,
+                friction_n: [3.0, 4.0],
+                mass_moment_kg_m: [1.0, 2.0],
+            },
             friction: Some(0.3),
             ..GripReport::default()
         },

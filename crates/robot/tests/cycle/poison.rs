@@ -9,8 +9,8 @@ use omnibase_robot::devices::Cia402Device;
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
 use omnibase_robot::signals::{
-    Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Frame, GripReport, PlatformState, Quantity, RequestAnswer,
-    SafetyReason, Setpoint,
+    Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Frame, GripReport, PlatformState,
+    Quantity, RequestAnswer, SafetyReason, Setpoint,
 };
 use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
 use omnibase_robot::{CycleRecord, Phase, Registry, RequestKind};

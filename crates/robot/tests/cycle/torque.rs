@@ -169,7 +169,8 @@ fn a_torque_above_its_limit_stops_when_it_lasts() {
 
 #[test]
 fn time_above_a_limit_counts_and_not_cycles() {
-    let slow = with_limit(BMM, 2.0).replace("cycle_us = 1000", "cycle_us = 4000") + "\n[safety]\nslip_m = 1e6\n";
+    let slow =
+        with_limit(BMM, 2.0).replace("cycle_us = 1000", "cycle_us = 4000") + "\n[safety]\nslip_m = 1e6\n";
     assert_eq!(cycles_until_stop(&slow, |_| 5.0).unwrap().0, 13, "52 ms");
 }
 
