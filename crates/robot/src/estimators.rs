@@ -19,6 +19,7 @@ pub fn register(registry: &mut Registry) {
     let keys = [
         "speed_filter_1_s",
         "creep",
+        "roller_resistance",
         "radius_share",
         "wheel_direction_sigma_rad",
         "wheel_position_sigma_m",

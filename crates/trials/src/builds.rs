@@ -12,6 +12,7 @@ use omnibase_robot::{Phase, RequestKind, RobotPlan};
 use omnibase_robot_sim::WheelParameters;
 
 use crate::approaches::{Matrix, Random, Vector, root, sigmas};
+use crate::framed::EIGHT_S;
 use crate::{Trial, robots};
 
 /// A robot on a path.
@@ -32,8 +33,9 @@ pub enum Wheels {
     Exact,
 }
 
-/// Time of a figure of eight, s.
-const EIGHT_S: f64 = 25.0;
+/// The creep that the simulated treads have ([`omnibase_robot_sim::Contact`]), as a line of `[estimator]`.
+pub const CREEP_TOLD: &str = "creep = 0.025";
+
 /// Places of a path at which robot and truth are compared: after each quarter of its time, the last a second later.
 pub const PLACES: usize = 4;
 
@@ -68,9 +70,9 @@ impl Place {
         self.error[0].hypot(self.error[1])
     }
 
-    /// Whether x, y or heading is off by more than three standard deviations.
-    pub fn is_outside(&self) -> bool {
-        self.error.iter().zip(&self.sigmas).any(|(error, sigma)| error.abs() > 3.0 * sigma)
+    /// Which of x, y and heading are off by more than three standard deviations; chance does so with 0.27 % of each.
+    pub fn outside(&self) -> [bool; 3] {
+        std::array::from_fn(|axis| self.error[axis].abs() > 3.0 * self.sigmas[axis])
     }
 }
 
@@ -90,15 +92,15 @@ impl Case {
         ["bmm", "mecanum"].iter().flat_map(|robot| paths.map(|path| Case { robot, path })).collect()
     }
 
-    /// The robot's plan, with these lines more in its file.
-    pub fn plan(&self, more: &str) -> RobotPlan {
+    /// The robot's plan, with these lines of `[estimator]` in its file.
+    pub fn plan(&self, estimator: &str) -> RobotPlan {
         let robot = if self.robot == "bmm" { robots::BMM } else { robots::MECANUM };
         let reference = match self.path {
             "circle" => robots::CIRCLE.to_owned(),
             "eight" => robots::eight(robot, EIGHT_S, EIGHT_S),
             _ => robots::SQUARE.to_owned(),
         };
-        crate::plan_of(&format!("{robot}{reference}\n{more}\n"))
+        crate::plan_of(&format!("{robot}{reference}\n[estimator]\n{estimator}\n"))
     }
 }
 
@@ -211,8 +213,8 @@ pub fn nees_band(robots: usize) -> [f64; 2] {
 pub struct Summary {
     /// Mean of the NEES.
     pub nees: f64,
-    /// Robots whose truth was outside of three standard deviations.
-    pub outside: usize,
+    /// Robots whose true x, y and heading were outside of three standard deviations.
+    pub outside: [usize; 3],
     /// Median of the distance between truth and belief, m.
     pub median_m: f64,
     /// Mean of the square of each error over its standard deviation: 1 where the covariance is right.
@@ -227,7 +229,7 @@ impl Summary {
         distances.sort_by(f64::total_cmp);
         Summary {
             nees: places.iter().map(|place| place.nees).sum::<f64>() / count,
-            outside: places.iter().filter(|place| place.is_outside()).count(),
+            outside: std::array::from_fn(|axis| places.iter().filter(|place| place.outside()[axis]).count()),
             median_m: distances.get(places.len() / 2).copied().unwrap_or_default(),
             squares: std::array::from_fn(|axis| {
                 places.iter().map(|place| (place.error[axis] / place.sigmas[axis]).powi(2)).sum::<f64>()

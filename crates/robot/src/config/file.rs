@@ -218,6 +218,9 @@ pub struct EstimatorTable {
     /// polyurethane; default: none.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub creep: Option<f64>,
+    /// Force against the turning of a wheel's rollers over its load, for that creep; default: 0.03.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub roller_resistance: Option<f64>,
     /// Standard deviation of each wheel's true rolling radius over the one that is given, for the covariance: tread, load
     /// and wear; default: 0.003.
     #[schemars(range(min = 1e-6, max = 0.1))]
