@@ -23,7 +23,8 @@ pub use dynamics::{DynamicsError, DynamicsModel, Friction};
 pub use kinematics::{Kinematics, MeasuredTwist};
 pub use layout::LayoutError;
 pub use odometry::{
-    CovarianceSettings, Odometry, OdometryError, OdometrySettings, OdometryState, PoseGrowth, Regime,
+    CovarianceSettings, GeometrySigmas, Odometry, OdometryError, OdometrySettings, OdometryState, PoseGrowth,
+    Regime,
 };
 pub use se2::{BodyStep, Pose2, Twist2, Wrench2, wrap_angle_rad};
 pub use wheel::{MAX_WHEELS, PerWheel, Wheel};

@@ -5,6 +5,7 @@
 
 mod covariance;
 mod encoder;
+mod geometry;
 pub mod regime;
 
 use nalgebra::Matrix3;
@@ -12,9 +13,10 @@ use nalgebra::Matrix3;
 use crate::kinematics::Kinematics;
 use crate::se2::{Pose2, Twist2};
 use crate::wheel::PerWheel;
-use covariance::RadiusErrors;
 pub use covariance::{CovarianceSettings, PoseGrowth};
 use encoder::Encoders;
+use geometry::GeometryErrors;
+pub use geometry::GeometrySigmas;
 use regime::Recogniser;
 pub use regime::{Regime, RegimeTolerances};
 
@@ -107,6 +109,9 @@ pub const MIN_PERIOD_S: f64 = 1e-6;
 /// After a longer silence the path in between is a guess, in s: call [`Odometry::resync`].
 pub const MAX_PERIOD_S: f64 = 10.0;
 
+/// A residual counts as slip as far as it is greater than so many standard deviations of what wrong wheels make.
+const EXPLAINED_SIGMAS: f64 = 3.0;
+
 /// Odometry of one platform: one call per cycle.
 #[derive(Clone, Debug)]
 pub struct Odometry {
@@ -114,9 +119,9 @@ pub struct Odometry {
     settings: OdometrySettings,
     encoders: Encoders,
     recogniser: Recogniser,
-    /// What is added at each step; what stays is in `radius_errors`.
+    /// What is added at each step; what stays is in `geometry_errors`.
     covariance: Matrix3<f64>,
-    radius_errors: RadiusErrors,
+    geometry_errors: GeometryErrors,
     state: OdometryState,
 }
 
@@ -131,7 +136,7 @@ impl Odometry {
             encoders: Encoders::new(settings.rad_per_count),
             recogniser: Recogniser::new(settings.regimes),
             covariance,
-            radius_errors: RadiusErrors::new(&kinematics),
+            geometry_errors: GeometryErrors::new(&kinematics, &settings.covariance.geometry),
             state: OdometryState {
                 odom_from_base: start,
                 turned_rad: 0.0,
@@ -155,7 +160,7 @@ impl Odometry {
 
     /// By how much motion may make its pose more uncertain.
     pub fn growth(&self) -> PoseGrowth {
-        self.radius_errors.growth(&self.kinematics, &self.settings.covariance)
+        self.geometry_errors.growth(&self.settings.covariance)
     }
 
     /// The next sample is an origin again: after a loss of samples, or a drive that was switched off.
@@ -172,7 +177,7 @@ impl Odometry {
     /// Puts the platform elsewhere (a person reset the fixed frame, a camera saw it); uncertainty starts anew.
     pub fn set_pose(&mut self, odom_from_base: Pose2) {
         self.covariance = self.settings.covariance.initial();
-        self.radius_errors.reset();
+        self.geometry_errors.reset();
         self.tell_covariance();
         self.state.odom_from_base = odom_from_base.wrapped();
         self.state.turned_rad = odom_from_base.heading_rad;
@@ -210,8 +215,7 @@ impl Odometry {
     }
 
     fn tell_covariance(&mut self) {
-        let staying = self.radius_errors.covariance(self.settings.covariance.radius_share);
-        self.state.covariance = array(&(self.covariance + staying));
+        self.state.covariance = array(&(self.covariance + self.geometry_errors.covariance()));
     }
 
     /// Takes one sample of raw encoder counts, `period_s` after the one before.
@@ -260,9 +264,10 @@ impl Odometry {
         let before = Pose2 { heading_rad: self.state.turned_rad, ..self.state.odom_from_base };
         let pose = before.moved_by(step);
 
-        self.covariance =
-            self.settings.covariance.grown(&self.covariance, (before, pose), (step, residual_m));
-        self.radius_errors.advance(increments_rad, (before, pose));
+        // Wheels that aren't quite as the layout says contradict each other without any slip.
+        let explained_m = EXPLAINED_SIGMAS * self.geometry_errors.advance(step, (before, pose));
+        let slip_m = (residual_m - explained_m).max(0.0);
+        self.covariance = self.settings.covariance.grown(&self.covariance, (before, pose), (step, slip_m));
         self.tell_covariance();
         self.state.turned_rad = pose.heading_rad;
         self.state.odom_from_base = pose.wrapped();

@@ -4,8 +4,8 @@ mod creep;
 
 use omnibase_platform::odometry::MAX_PERIOD_S;
 use omnibase_platform::{
-    CovarianceSettings, Kinematics, Odometry, OdometrySettings, OdometryState, PerWheel, Pose2, PoseGrowth,
-    Twist2,
+    CovarianceSettings, GeometrySigmas, Kinematics, Odometry, OdometrySettings, OdometryState, PerWheel,
+    Pose2, PoseGrowth, Twist2,
 };
 
 use crate::config::{EstimatorTable, Problem, RobotPlan};
@@ -19,7 +19,10 @@ pub fn register(registry: &mut Registry) {
     let keys = [
         "speed_filter_1_s",
         "creep",
+        "roller_resistance",
         "radius_share",
+        "wheel_direction_sigma_rad",
+        "wheel_position_sigma_m",
         "start_sigma_m",
         "start_sigma_rad",
         "way_sigma_m",
@@ -47,8 +50,8 @@ pub struct WheelOdometry {
     state: PlatformState,
 }
 
-/// How uncertainty grows, as a robot's file says.
-fn growth_settings(table: &EstimatorTable) -> CovarianceSettings {
+/// How uncertainty begins and grows, as a robot's file says.
+pub fn covariance_settings(table: &EstimatorTable) -> CovarianceSettings {
     let ready = CovarianceSettings::default();
     let variance = |sigma: Option<f64>, ready: f64| sigma.map_or(ready, |sigma| sigma * sigma);
     CovarianceSettings {
@@ -57,7 +60,11 @@ fn growth_settings(table: &EstimatorTable) -> CovarianceSettings {
         position_per_m: variance(table.way_sigma_m, ready.position_per_m),
         heading_per_m: variance(table.way_sigma_rad, ready.heading_per_m),
         heading_per_rad: variance(table.turn_sigma_rad, ready.heading_per_rad),
-        radius_share: table.radius_share.unwrap_or(ready.radius_share),
+        geometry: GeometrySigmas {
+            radius_share: table.radius_share.unwrap_or(ready.geometry.radius_share),
+            direction_rad: table.wheel_direction_sigma_rad.unwrap_or(ready.geometry.direction_rad),
+            position_m: table.wheel_position_sigma_m.unwrap_or(ready.geometry.position_m),
+        },
         ..ready
     }
 }
@@ -72,7 +79,7 @@ impl WheelOdometry {
         let speed_filter_rad_s = plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S);
         let settings = OdometrySettings {
             speed_filter_rad_s,
-            covariance: growth_settings(&plan.estimator),
+            covariance: covariance_settings(&plan.estimator),
             // The devices give angles already; raw counts aren't read here.
             ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
         };

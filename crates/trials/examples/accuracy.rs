@@ -1,4 +1,4 @@
-//! Prints the table of `docs/accuracy.md`: how accurately each control law follows circle and square, by robot.
+//! Prints the table of `docs/accuracy.md`: how accurately each control law follows circle, square and eight, by robot.
 //!
 //! `cargo run --release -p omnibase-trials --example accuracy`
 

@@ -18,6 +18,7 @@ use omnibase_robot::{
 };
 
 pub use drift::Drift;
+pub(crate) use drift::{Matrix, Vector, root, sigmas};
 pub use measure::{distance_to_circle_m, room_in_fence_m};
 pub use wheel::register_kinematic;
 pub use world::{Random, Source, World};

@@ -15,7 +15,7 @@ use crate::robots;
 pub struct Case {
     /// The robot: `bmm` or `mecanum`.
     pub robot: &'static str,
-    /// The path: `circle` or `square`.
+    /// The path: `circle`, `square` or `eight`.
     pub path: &'static str,
     /// The control law.
     pub law: &'static str,
@@ -56,6 +56,9 @@ impl Treads {
     }
 }
 
+/// Time of a figure of eight, s: a little more than the limit on turning asks for.
+pub(crate) const EIGHT_S: f64 = 25.0;
+
 /// All rows, in the table's order.
 pub fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
@@ -75,6 +78,10 @@ pub fn cases() -> Vec<Case> {
                 cases.push(Case { robot, path, law, estimate, treads, creep });
             }
         }
+        for creep in [Creep::Ignored, Creep::MadeUpFor] {
+            let (law, treads) = ("closed_loop_speed", Treads::Unknown);
+            cases.push(Case { robot, path: "eight", law, estimate: 1.0, treads, creep });
+        }
     }
     cases
 }
@@ -86,8 +93,12 @@ impl Case {
     /// Where the robot can't be made or brought up; an end before the reference's is in what comes back.
     pub fn run(&self) -> Ran {
         let text = if self.robot == "bmm" { robots::BMM } else { robots::MECANUM };
-        let reference = if self.path == "circle" { robots::CIRCLE } else { robots::SQUARE };
-        let mut text = robots::loaded(text, self.law, self.estimate, reference);
+        let reference = match self.path {
+            "circle" => robots::CIRCLE.to_owned(),
+            "eight" => robots::eight(text, EIGHT_S, EIGHT_S),
+            _ => robots::SQUARE.to_owned(),
+        };
+        let mut text = robots::loaded(text, self.law, self.estimate, &reference);
         if self.treads == Treads::Stiff {
             text = robots::on_stiff_treads(&text);
         }

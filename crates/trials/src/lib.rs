@@ -5,6 +5,7 @@
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
+//! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -12,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 pub mod approaches;
+pub mod builds;
 pub mod framed;
 pub mod grip;
 pub mod robots;

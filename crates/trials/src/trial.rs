@@ -6,7 +6,7 @@ use omnibase_robot::signals::Heard;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
-use omnibase_robot_sim::{Machine, SharedMachine};
+use omnibase_robot_sim::{Machine, MachineParameters, SharedMachine};
 use omnibase_run::simulated;
 
 use crate::servo_box::ServoBox;
@@ -64,11 +64,20 @@ impl Trial {
     /// # Panics
     /// Where the plan can't be built or simulated.
     pub fn new(plan: RobotPlan) -> Trial {
+        Trial::on_machine(plan, |_| {})
+    }
+
+    /// As [`Trial::new`], on a machine that isn't quite what the robot's file says.
+    ///
+    /// # Panics
+    /// Where the plan can't be built, or the machine can't be simulated.
+    pub fn on_machine(plan: RobotPlan, change: impl FnOnce(&mut MachineParameters)) -> Trial {
         let robot = match Robot::build(&plan, &Registry::with_built_in()) {
             Ok(robot) => robot,
             Err(error) => panic!("{error}"),
         };
         let mut description = simulated::description(&plan);
+        change(&mut description.machine);
         let machine = match Machine::new(&description.machine) {
             Ok(machine) => SharedMachine::new(machine),
             Err(error) => panic!("{error}"),

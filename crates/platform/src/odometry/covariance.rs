@@ -1,10 +1,9 @@
 //! How uncertain the pose is.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-use crate::kinematics::Kinematics;
-use crate::se2::{BodyStep, Pose2, Twist2};
-use crate::wheel::{MAX_WHEELS, PerWheel};
+use super::geometry::GeometrySigmas;
+use crate::se2::{BodyStep, Pose2};
 
 /// By how much motion makes the pose uncertain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,16 +16,16 @@ pub struct CovarianceSettings {
     pub position_per_m: f64,
     /// Added to each coordinate per radian turned, in m²/rad.
     pub position_per_rad: f64,
-    /// Added to each coordinate per metre of slip residual, in m²/m.
+    /// Added to each coordinate per metre of slip that contradicts the other wheels, in m²/m.
     pub position_per_slip: f64,
     /// Added to the heading per metre moved, in rad²/m.
     pub heading_per_m: f64,
     /// Added to the heading per radian turned, in rad²/rad.
     pub heading_per_rad: f64,
-    /// Added to the heading per metre of slip residual, in rad²/m.
+    /// Added to the heading per metre of slip that contradicts the other wheels, in rad²/m.
     pub heading_per_slip: f64,
-    /// Standard deviation of each wheel's true rolling radius, over the radius: an error that stays.
-    pub radius_share: f64,
+    /// How well the wheels are known: errors that stay.
+    pub geometry: GeometrySigmas,
 }
 
 /// By how much motion may make a pose uncertain at most: what a way must count with that is still to be driven.
@@ -45,7 +44,7 @@ pub struct PoseGrowth {
 }
 
 impl Default for PoseGrowth {
-    /// That of the default settings, on wheels whose radii are known exactly.
+    /// That of the default settings, on wheels that are known exactly.
     fn default() -> Self {
         PoseGrowth {
             variances: CovarianceSettings::default(),
@@ -70,14 +69,14 @@ impl Default for CovarianceSettings {
             heading_per_m: 1e-6,
             heading_per_rad: 1.5e-6,
             heading_per_slip: 1e-2,
-            radius_share: 1e-3,
+            geometry: GeometrySigmas::default(),
         }
     }
 }
 
 impl CovarianceSettings {
     /// The settings with their names, for checks.
-    pub(super) fn named(&self) -> [(&'static str, f64); 9] {
+    pub(super) fn named(&self) -> [(&'static str, f64); 11] {
         [
             ("initial_m2", self.initial_m2),
             ("initial_rad2", self.initial_rad2),
@@ -87,7 +86,9 @@ impl CovarianceSettings {
             ("heading_per_m", self.heading_per_m),
             ("heading_per_rad", self.heading_per_rad),
             ("heading_per_slip", self.heading_per_slip),
-            ("radius_share", self.radius_share),
+            ("radius_share", self.geometry.radius_share),
+            ("direction_rad", self.geometry.direction_rad),
+            ("position_m", self.geometry.position_m),
         ]
     }
 
@@ -104,15 +105,14 @@ impl CovarianceSettings {
         &self,
         covariance: &Matrix3<f64>,
         (from, to): (Pose2, Pose2),
-        (step, residual_m): (BodyStep, f64),
+        (step, slip_m): (BodyStep, f64),
     ) -> Matrix3<f64> {
         let carry = carry(from, to);
         let (way_m, turn_rad) = (step.distance_m(), step.angle_rad.abs());
-        let position = self.position_per_m * way_m
-            + self.position_per_rad * turn_rad
-            + self.position_per_slip * residual_m;
+        let position =
+            self.position_per_m * way_m + self.position_per_rad * turn_rad + self.position_per_slip * slip_m;
         let heading =
-            self.heading_per_m * way_m + self.heading_per_rad * turn_rad + self.heading_per_slip * residual_m;
+            self.heading_per_m * way_m + self.heading_per_rad * turn_rad + self.heading_per_slip * slip_m;
         let mut grown = carry * covariance * carry.transpose();
         grown[(0, 0)] += position;
         grown[(1, 1)] += position;
@@ -126,72 +126,4 @@ impl CovarianceSettings {
 fn carry(from: Pose2, to: Pose2) -> Matrix3<f64> {
     let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
     Matrix3::new(1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0)
-}
-
-/// What wrong radii make of the pose: an error that stays, so that it grows with the way and not with its root.
-#[derive(Clone, Debug)]
-pub(super) struct RadiusErrors {
-    wheels: usize,
-    /// The body's step for a radian of each wheel, in m and rad.
-    steps: [Vector3<f64>; MAX_WHEELS],
-    /// The error of the pose in odom for a radius that is wrong by itself, in m and rad.
-    errors: [Vector3<f64>; MAX_WHEELS],
-}
-
-impl RadiusErrors {
-    pub(super) fn new(kinematics: &Kinematics) -> RadiusErrors {
-        let wheels = kinematics.wheel_count();
-        let mut steps = [Vector3::zeros(); MAX_WHEELS];
-        for (wheel, slot) in steps.iter_mut().enumerate().take(wheels) {
-            let alone = PerWheel::from_fn(wheels, |at| if at == wheel { 1.0 } else { 0.0 });
-            let twist = kinematics.twist(&alone).twist_in_base;
-            *slot = Vector3::new(twist.vx_m_s, twist.vy_m_s, twist.w_rad_s);
-        }
-        RadiusErrors { wheels, steps, errors: [Vector3::zeros(); MAX_WHEELS] }
-    }
-
-    pub(super) fn reset(&mut self) {
-        self.errors = [Vector3::zeros(); MAX_WHEELS];
-    }
-
-    pub(super) fn advance(&mut self, increments_rad: &PerWheel, (from, to): (Pose2, Pose2)) {
-        let carry = carry(from, to);
-        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
-        for ((error, step), increment_rad) in
-            self.errors.iter_mut().zip(&self.steps).zip(increments_rad.iter())
-        {
-            let [x, y, turn] = [step[0], step[1], step[2]].map(|value| value * increment_rad);
-            *error = carry * *error + Vector3::new(cos * x - sin * y, sin * x + cos * y, turn);
-        }
-    }
-
-    /// Their part of the pose's covariance.
-    pub(super) fn covariance(&self, radius_share: f64) -> Matrix3<f64> {
-        let all = self.errors.iter().take(self.wheels);
-        all.fold(Matrix3::zeros(), |sum, error| sum + error * error.transpose())
-            * (radius_share * radius_share)
-    }
-
-    /// By how much they and all else may make a pose more uncertain.
-    pub(super) fn growth(&self, kinematics: &Kinematics, settings: &CovarianceSettings) -> PoseGrowth {
-        let turned = |twist: Twist2| kinematics.wheel_speeds_rad_s(twist);
-        let [ahead, aside, around] =
-            [Twist2::new(1.0, 0.0, 0.0), Twist2::new(0.0, 1.0, 0.0), Twist2::new(0.0, 0.0, 1.0)].map(turned);
-        let sum = |size: fn(&Vector3<f64>) -> f64, turned: &dyn Fn(usize) -> f64| {
-            let square = |wheel: usize| (size(&self.steps[wheel]) * turned(wheel)).powi(2);
-            settings.radius_share * (0..self.wheels).map(square).sum::<f64>().sqrt()
-        };
-        let way: fn(&Vector3<f64>) -> f64 = |step| step[0].hypot(step[1]);
-        let turn: fn(&Vector3<f64>) -> f64 = |step| step[2].abs();
-        // In the direction in which a wheel turns furthest.
-        let per_m = |wheel: usize| ahead[wheel].hypot(aside[wheel]);
-        let per_rad = |wheel: usize| around[wheel].abs();
-        PoseGrowth {
-            variances: *settings,
-            position_per_m: sum(way, &per_m),
-            position_per_rad: sum(way, &per_rad),
-            heading_per_m: sum(turn, &per_m),
-            heading_per_rad: sum(turn, &per_rad),
-        }
-    }
 }

@@ -218,10 +218,19 @@ pub struct EstimatorTable {
     /// polyurethane; default: none.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub creep: Option<f64>,
+    /// Force against the turning of a wheel's rollers over its load, for that creep; default: 0.03.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub roller_resistance: Option<f64>,
     /// Standard deviation of each wheel's true rolling radius over the one that is given, for the covariance: tread, load
-    /// and wear; default: 0.001.
+    /// and wear; default: 0.003.
     #[schemars(range(min = 1e-6, max = 0.1))]
     pub radius_share: Option<f64>,
+    /// Standard deviation of the direction in which each wheel is mounted, rad, likewise; default: 0.005.
+    #[schemars(range(min = 1e-6, max = 0.1))]
+    pub wheel_direction_sigma_rad: Option<f64>,
+    /// Standard deviation of each coordinate of the place where each wheel touches the floor, m, likewise; default: 0.002.
+    #[schemars(range(min = 1e-6, max = 0.1))]
+    pub wheel_position_sigma_m: Option<f64>,
     /// Standard deviation of each coordinate of the pose at start, or where it was set, m: how well the robot stands in the
     /// origin of odom; default: 0.0001.
     #[schemars(range(min = 1e-6, max = 10.0))]

@@ -10,8 +10,8 @@ use omnibase_robot::signals::PlatformState;
 
 use super::Random;
 
-type Matrix = [[f64; 3]; 3];
-type Vector = [f64; 3];
+pub(crate) type Matrix = [[f64; 3]; 3];
+pub(crate) type Vector = [f64; 3];
 
 /// How an error comes about.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ fn product(one: &Matrix, other: &Matrix) -> Matrix {
 }
 
 /// The lower root of a covariance (Cholesky); what rounding made negative counts as none.
-fn root(matrix: &Matrix) -> Matrix {
+pub(crate) fn root(matrix: &Matrix) -> Matrix {
     let mut root = [[0.0; 3]; 3];
     for i in 0..3 {
         for j in 0..=i {
@@ -130,7 +130,7 @@ fn root(matrix: &Matrix) -> Matrix {
 }
 
 /// The length of an error in standard deviations of a covariance with this root.
-fn sigmas(root: &Matrix, error: &Vector) -> f64 {
+pub(crate) fn sigmas(root: &Matrix, error: &Vector) -> f64 {
     let mut solved = [0.0; 3];
     for i in 0..3 {
         let rest = error[i] - (0..i).map(|k| root[i][k] * solved[k]).sum::<f64>();

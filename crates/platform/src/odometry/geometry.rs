@@ -1,0 +1,153 @@
+//! What wheels that aren't quite as their layout says make of the pose.
+//!
+//! A wheel's radius, direction and place are wrong by the same all the time, so that their errors p add up along the way
+//! and come back where it closes. The pose is off by J·p, to first order, with J = ∂pose/∂p integrated along the motion,
+//! and its covariance is J·Σ·Jᵀ.
+//!
+//! With R·ω = B·ξ (see [`Kinematics`]), a wheel's row b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u) shows its surface the way b·ξ. Where
+//! the wheel is another one, a step ξ is wrong by B⁺ times what each surface shows wrong, to first order:
+//!
+//! | error | a wheel's surface shows too much by |
+//! |---|---|
+//! | radius, by a share ρ | −ρ·b·ξ |
+//! | direction of the mounted wheel, by δ | δ·(−a_y·ξₓ + aₓ·ξ_y + (x·aₓ + y·a_y)·ξψ)/(a·u) |
+//! | place, by ε along the lever arm of its force | ε·ξψ/(a·u) |
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::PoseGrowth;
+use super::covariance::CovarianceSettings;
+use crate::kinematics::Kinematics;
+use crate::layout::unit;
+use crate::se2::{BodyStep, Pose2};
+use crate::wheel::{MAX_WHEELS, PerWheel};
+
+/// How well the wheels are where and what they are said to be: standard deviations of each wheel by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometrySigmas {
+    /// Of the true rolling radius, over the radius.
+    pub radius_share: f64,
+    /// Of the direction in which the wheel is mounted, in rad.
+    pub direction_rad: f64,
+    /// Of each coordinate of the place where it touches the ground, in m.
+    pub position_m: f64,
+}
+
+impl Default for GeometrySigmas {
+    /// Wheels as a workshop builds and measures them, without a drive that calibrates them.
+    fn default() -> Self {
+        GeometrySigmas { radius_share: 3e-3, direction_rad: 5e-3, position_m: 2e-3 }
+    }
+}
+
+/// How many errors a wheel has: radius, direction, lever arm.
+const ERRORS: usize = 3;
+
+/// A wheel's part in a wrong step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    /// The body's step per metre of the wheel's surface: a column of B⁺.
+    step: Vector3<f64>,
+    /// What its surface shows wrong at one standard deviation of each error, in m per unit of the step.
+    shown: [Vector3<f64>; ERRORS],
+    /// The share of its square that contradicts the other wheels: 1 − b·(column of B⁺); 0 with three wheels.
+    contradicts: f64,
+}
+
+/// The error of the pose in odom, in m and rad, at one standard deviation of each error of each wheel.
+#[derive(Clone, Debug)]
+pub(super) struct GeometryErrors {
+    wheels: usize,
+    parts: [Part; MAX_WHEELS],
+    errors: [[Vector3<f64>; ERRORS]; MAX_WHEELS],
+}
+
+impl GeometryErrors {
+    pub(super) fn new(kinematics: &Kinematics, sigmas: &GeometrySigmas) -> GeometryErrors {
+        let wheels = kinematics.wheel_count();
+        let mut parts = [Part::default(); MAX_WHEELS];
+        for (at, (part, wheel)) in parts.iter_mut().zip(kinematics.wheels()).enumerate() {
+            let turned =
+                PerWheel::from_fn(wheels, |other| if other == at { 1.0 / wheel.radius_m } else { 0.0 });
+            let (step, _) = kinematics.body_step(&turned);
+            part.step = Vector3::new(step.x_m, step.y_m, step.angle_rad);
+            let (u, a) = (unit(wheel.rolling_direction), unit(wheel.force_direction));
+            let cosine = a[0] * u[0] + a[1] * u[1];
+            let [x, y] = wheel.position_m;
+            let row = Vector3::from(kinematics.matrix()[at]);
+            part.contradicts = (1.0 - row.dot(&part.step)).max(0.0);
+            let across = Vector3::new(-a[1], a[0], x * a[0] + y * a[1]) / cosine;
+            part.shown = [
+                row * -sigmas.radius_share,
+                across * sigmas.direction_rad,
+                Vector3::new(0.0, 0.0, sigmas.position_m / cosine),
+            ];
+        }
+        GeometryErrors { wheels, parts, errors: [[Vector3::zeros(); ERRORS]; MAX_WHEELS] }
+    }
+
+    /// The pose is known anew; what is wrong with the wheels isn't.
+    pub(super) fn reset(&mut self) {
+        self.errors = [[Vector3::zeros(); ERRORS]; MAX_WHEELS];
+    }
+
+    /// Carries them along a step from one pose to the next, both in odom; the standard deviation, in m, of what they make
+    /// wheels contradict each other by in it.
+    pub(super) fn advance(&mut self, step: BodyStep, (from, to): (Pose2, Pose2)) -> f64 {
+        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
+        let step = Vector3::new(step.x_m, step.y_m, step.angle_rad);
+        let mut residual_m2 = 0.0;
+        for (part, errors) in self.parts.iter().zip(&mut self.errors).take(self.wheels) {
+            let [x, y, turn] = part.step.into();
+            let [x, y] = [cos * x - sin * y, sin * x + cos * y];
+            for (error, shown) in errors.iter_mut().zip(&part.shown) {
+                let shown_m = shown.dot(&step);
+                residual_m2 += part.contradicts * shown_m * shown_m;
+                // A wrong heading turns the way: that of the step's middle.
+                let half_turn = 0.5 * shown_m * turn;
+                let heading = error[2] - half_turn;
+                error[0] -= dy * heading + shown_m * x;
+                error[1] += dx * heading - shown_m * y;
+                error[2] = heading - half_turn;
+            }
+        }
+        residual_m2.sqrt()
+    }
+
+    /// Their part of the pose's covariance.
+    pub(super) fn covariance(&self) -> Matrix3<f64> {
+        let [mut xx, mut xy, mut xh, mut yy, mut yh, mut hh] = [0.0; 6];
+        for error in self.errors.iter().take(self.wheels).flatten() {
+            let [x, y, turn] = (*error).into();
+            (xx, xy, xh) = (xx + x * x, xy + x * y, xh + x * turn);
+            (yy, yh, hh) = (yy + y * y, yh + y * turn, hh + turn * turn);
+        }
+        Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh)
+    }
+
+    /// By how much they and all else may make a pose more uncertain.
+    ///
+    /// What a way of w metres and t radians adds to an error in any direction is no greater than |B⁺ᵢ|·|shown|, and that
+    /// no greater than w·|its part for x and y| + t·|its part for the heading|; lengths of vectors of such sums are no
+    /// greater than the sums of their lengths (Minkowski).
+    pub(super) fn growth(&self, variances: &CovarianceSettings) -> PoseGrowth {
+        let length = |size: fn(&Part, &Vector3<f64>) -> f64| {
+            let parts = self.parts.iter().take(self.wheels);
+            let squares =
+                parts.flat_map(|part| part.shown.iter().map(move |shown| size(part, shown).powi(2)));
+            squares.sum::<f64>().sqrt()
+        };
+        PoseGrowth {
+            variances: *variances,
+            position_per_m: length(|part, shown| way_of(&part.step) * way_of(shown)),
+            position_per_rad: length(|part, shown| way_of(&part.step) * shown[2]),
+            heading_per_m: length(|part, shown| part.step[2] * way_of(shown)),
+            heading_per_rad: length(|part, shown| part.step[2] * shown[2]),
+        }
+    }
+}
+
+fn way_of(step: &Vector3<f64>) -> f64 {
+    step[0].hypot(step[1])
+}
