@@ -117,5 +117,6 @@ fn a_crate_of_ones_own_drives_over_a_cable() {
     });
     assert!(run.status.success(), "{}", run.said);
     let believed_m = number(&run.json()["final_error_m"]["believed"]);
+    println!("{:.2} mm beside the end of the circle", believed_m * 1e3);
     assert!(believed_m < 0.005, "{believed_m} m beside the end of the circle");
 }
