@@ -58,6 +58,10 @@ fn a_crate_of_ones_own_is_checked_recorded_reported_and_replayed() {
     assert!(replayed.contains("the same to the bit"), "{replayed}");
     let page = fs::read_to_string(own().0.join("run.html")).unwrap();
     assert!(page.contains("pi_speed"), "the report names the law");
+    // A controller of one's own is one file of 40 lines and one line of registration.
+    let source = |path: &str| fs::read_to_string(own().0.join(path)).unwrap();
+    assert!(source("src/controller.rs").lines().count() <= 40);
+    assert_eq!(source("src/lib.rs").matches("registry.controllers.add(").count(), 1);
     // The program without these stages says what it lacks.
     let mut without = Command::new(env!("CARGO_BIN_EXE_omnibase"));
     without.args(["replay", "run.mcap"]).current_dir(&own().0);
