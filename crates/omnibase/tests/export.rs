@@ -68,6 +68,7 @@ fn tables_are_read_by_pandas_pyarrow_and_scipy_with_every_bit() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/read_tables.py");
     let read = successful(Command::new(python).arg(script).args(&tables)).unwrap();
     let read: serde_json::Value = serde_json::from_slice(&read).unwrap();
+    println!("{read}");
     assert_eq!(read["differing"], serde_json::json!([]));
     assert_eq!(read["names"], read["parquet_names"]);
     assert_eq!(read["names"].as_array().unwrap().len(), 19);
@@ -96,17 +97,20 @@ fn files_of_one_run_become_one_table() {
     assert!(files.len() > 2, "{files:?}");
     let table = folder.path().join("run.csv");
     let table = table.to_str().unwrap();
-    let export = |recordings: &[String]| {
+    let export = |recordings: &[String], every: &str| {
         let recordings: Vec<&str> = recordings.iter().map(String::as_str).collect();
         // What differs from run to run, and between files: nothing of these.
-        let to = ["--output", table, "--signals", "state.*", "cycle.*"];
+        let to = ["--output", table, "--every", every, "--signals", "state.*", "cycle.*"];
         omnibase(&[&["export"][..], &recordings, &to].concat())
             .map(|_| std::fs::read_to_string(table).unwrap())
     };
-    let joined = export(&files).unwrap();
-    assert!(joined == export(&[whole]).unwrap());
+    let whole = [whole];
+    for every in ["1cycle", "30ms"] {
+        let (joined, one) = (export(&files, every).unwrap(), export(&whole, every).unwrap());
+        assert!(joined == one, "{every}: {} lines of {}", joined.lines().count(), one.lines().count());
+    }
     files.reverse();
-    let refused = export(&files).unwrap_err();
+    let refused = export(&files, "1cycle").unwrap_err();
     assert!(refused.contains("expected the files of one run in their order"), "{refused}");
 }
 

@@ -56,6 +56,7 @@ fn chosen_signals_every_10_ms_take_a_twentieth_at_most_and_say_that_they_replay_
     let [(name, bytes)] = &files(&runs)[..] else { panic!("{:?}", files(&runs)) };
     assert!(name.starts_with("bmm-20") && name.ends_with("Z.mcap"), "{name}");
     let of_full = std::fs::metadata(full).unwrap().len();
+    println!("{bytes} of {of_full} bytes: a {:.1}th", of_full as f64 / *bytes as f64);
     assert!(bytes * 20 <= of_full, "{bytes} of {of_full} bytes");
     let chosen = runs.join(name);
     let chosen = chosen.to_str().unwrap();

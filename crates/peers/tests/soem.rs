@@ -75,6 +75,7 @@ fn the_shipped_robot_with_terminals() {
         soem::bring_up_terminals(python, Namespace::NEAR, 8, [1, 2], &[4, 5, 6, 7])
     })
     .unwrap();
+    println!("{report}");
     // All eight in OP, the contact that is closed read, and every working counter as SOEM expects it.
     assert!(report.contains("\"states\": [8, 8, 8, 8, 8, 8, 8, 8]"), "{report}");
     assert!(report.contains("\"input\": \"01\"") && report.contains("\"full_cycles\": 100"), "{report}");

@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     for (number, recording) in arguments.recording.iter().enumerate() {
         ensure!(recording != path, "`{}` would be written over what it is made of", path.display());
         let name = recording.display();
-        let next = read(recording, arguments)?;
+        let (next, every_ns) = read(recording, arguments)?;
         if let Some(why) = &next.truncated {
             note(format_args!("warning: `{name}` ends early ({why}); the table holds what is there"));
             is_whole = false;
@@ -58,8 +58,12 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             next.times_ns.first().is_none_or(|first| all.times_ns.last().is_none_or(|last| last < first)),
             "`{name}` begins before the end of the recording before it: expected the files of one run in their order"
         );
-        all.times_ns.extend(next.times_ns);
-        all.values.extend(next.values);
+        // Each file begins with a row; the table had one of the same step already where the file ended within it.
+        let step = |time_ns: &u64| every_ns.map(|every_ns| time_ns / every_ns);
+        let (before, first) = (all.times_ns.last().and_then(step), next.times_ns.first().and_then(step));
+        let surplus = usize::from(before.is_some() && before == first);
+        all.times_ns.extend(&next.times_ns[surplus..]);
+        all.values.extend(&next.values[surplus * all.schema.width()..]);
     }
     let file = File::create(path).with_context(|| format!("writing `{}`", path.display()))?;
     export::write(&all, format, BufWriter::new(file))
@@ -68,8 +72,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     Ok(if is_whole { Outcome::Done } else { Outcome::Failed })
 }
 
-/// What is wanted of a recording.
-fn read(recording: &Path, arguments: &Arguments) -> anyhow::Result<RecordedRun> {
+/// What is wanted of a recording, and the time from row to row, ns.
+fn read(recording: &Path, arguments: &Arguments) -> anyhow::Result<(RecordedRun, Option<u64>)> {
     let name = recording.display();
     let open = || File::open(recording).with_context(|| format!("reading `{name}`"));
     let mut selection = Selection { signals: arguments.signals.clone(), every_ns: None };
@@ -89,7 +93,7 @@ fn read(recording: &Path, arguments: &Arguments) -> anyhow::Result<RecordedRun> 
         let is_there = names.iter().any(|name| omnibase_record::run::fits(pattern, name));
         ensure!(is_there, "--signals {pattern}: `{name}` holds no signal of this name");
     }
-    Ok(run)
+    Ok((run, selection.every_ns))
 }
 
 /// The cycle of the recorded robot, ns.

@@ -7,6 +7,7 @@ mod line;
 mod old;
 mod robot;
 mod socket;
+mod sources;
 #[path = "../stick_recording/mod.rs"]
 mod stick_recording;
 mod stop;

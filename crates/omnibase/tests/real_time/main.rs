@@ -16,3 +16,4 @@ mod stick_recording;
 mod support;
 mod system_calls;
 mod watchdog;
+mod whole_file;

@@ -58,6 +58,10 @@ fn a_crate_of_ones_own_is_checked_recorded_reported_and_replayed() {
     assert!(replayed.contains("the same to the bit"), "{replayed}");
     let page = fs::read_to_string(own().0.join("run.html")).unwrap();
     assert!(page.contains("pi_speed"), "the report names the law");
+    // A controller of one's own is one file of 40 lines and one line of registration.
+    let source = |path: &str| fs::read_to_string(own().0.join(path)).unwrap();
+    assert!(source("src/controller.rs").lines().count() <= 40);
+    assert_eq!(source("src/lib.rs").matches("registry.controllers.add(").count(), 1);
     // The program without these stages says what it lacks.
     let mut without = Command::new(env!("CARGO_BIN_EXE_omnibase"));
     without.args(["replay", "run.mcap"]).current_dir(&own().0);
@@ -117,5 +121,6 @@ fn a_crate_of_ones_own_drives_over_a_cable() {
     });
     assert!(run.status.success(), "{}", run.said);
     let believed_m = number(&run.json()["final_error_m"]["believed"]);
+    println!("{:.2} mm beside the end of the circle", believed_m * 1e3);
     assert!(believed_m < 0.005, "{believed_m} m beside the end of the circle");
 }

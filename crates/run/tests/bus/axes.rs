@@ -216,6 +216,9 @@ fn an_axis_is_homed_and_moved_while_the_base_drives_as_well_as_alone_and_all_is_
     robot.rests();
     last.push(robot.truth_m());
     assert!((last[0] - 0.3).abs() < 2e-4 && (last[1] - 0.5).abs() < 2e-4, "{last:?}");
+    println!(
+        "from its set point at most {alone_m:.6} m alone, {beside_m:.6} m beside an axis at {last:?} m (0.3 by csp, 0.5 by pp)"
+    );
     // The same machine, the same commands: the axis takes nothing from the base.
     assert_eq!(beside_m, alone_m);
     assert!((1e-5..3e-3).contains(&alone_m), "{alone_m}");

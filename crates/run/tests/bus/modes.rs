@@ -68,6 +68,9 @@ fn two_equal_drives_run_one_by_torque_and_one_by_speed_and_all_is_computed_again
         bytes.iter().rev().fold(0_i64, |word, byte| word << 8 | i64::from(*byte))
     };
     assert_ne!(word(0, 10, 2), 0);
+    println!(
+        "from its set point at most: {by_speed_m:.6} m with all by speed, {mixed_m:.6} m with one by torque"
+    );
     assert!(
         (5e-4..1.1e-3).contains(&by_speed_m) && (mixed_m - by_speed_m).abs() < 1e-4,
         "by speed {by_speed_m} m, one by torque {mixed_m} m"

@@ -29,6 +29,7 @@ fn guilty(seen: &Observed) -> Vec<(usize, u64)> {
 fn allocates_nothing(what: &str, seen: &Observed, at_least: usize) {
     assert!(seen.allocations.len() >= at_least, "{what}: only {} cycles were seen", seen.allocations.len());
     assert_eq!(guilty(seen), [], "{what}: (cycle, allocations)");
+    println!("{what}: no allocation in {} cycles", seen.allocations.len());
 }
 
 #[test]

@@ -88,6 +88,10 @@ fn terminals_and_an_axis_beside_the_wheels_are_driven_set_stopped_and_replayed()
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
     let positions: Vec<f64> = run.recorded.column("/lift", "position_m").unwrap().collect();
     let (at_stop, at_end) = (positions[7000], positions[13_500]);
+    println!(
+        "the lift at {at_stop:.4} m when the input stops the robot, {at_end:.4} m at the end; {:?}",
+        run.replayed
+    );
     // Homed at 0, on its way up, and stopped with the wheels.
     assert!(at_stop > 0.1 && at_stop < 0.39, "{at_stop} m");
     assert!(at_end > at_stop && at_end < at_stop + 0.05, "{at_stop} m, then {at_end} m");

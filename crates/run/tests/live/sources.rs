@@ -73,6 +73,7 @@ fn a_thousand_a_second_are_heard_and_the_robot_stops_when_they_end() {
     assert_eq!((heard, late, out_of_order), (3900 + 2900, 0, 0));
     let column = run.recorded.column("/source", "heard").unwrap();
     let cycles = column.filter(|heard| *heard == 1.0).count() as u64;
+    println!("{heard} heard, in {cycles} cycles; {late} late, {out_of_order} out of order");
     assert!(cycles > heard * 95 / 100, "{cycles} cycles heard one of {heard}");
 }
 
@@ -129,6 +130,7 @@ fn what_is_late_overtaken_or_of_the_future_is_counted_and_never_seen() {
         }
     });
     let SourceCounts { heard, late, out_of_order } = run.live.source_counts()[0];
+    println!("{heard} heard, {late} late, {out_of_order} out of order or of the future");
     assert_eq!((heard, late, out_of_order), (6 * 280, 280, 2 * 280));
     let seen = counts.lock().unwrap();
     assert!(seen.iter().all(|count| count.is_nan() || *count >= 0.0), "what was refused was seen");

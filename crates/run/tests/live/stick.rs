@@ -132,6 +132,10 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
     });
     let x_m = run.last.record.state.odom_from_body.x_m;
     assert!((1.8..2.4).contains(&x_m), "{x_m} m");
+    // Told once, however often the stick says so while the robot comes to rest.
+    let events = run.live.events_after(0);
+    let told = events.iter().filter(|event| event.text.starts_with("let go of the stick")).count();
+    assert_eq!(told, 1, "{events:?}");
     assert!(run.ran.ended.is_ok(), "{:?}", run.ran.ended);
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
 }

@@ -103,11 +103,15 @@ impl Operator {
             }
             StickWish::Held { .. } => stick.wish = Some(wish),
             StickWish::Released => {
+                // The joystick repeats it while the robot comes to rest: told once.
+                let was_held = stick.is_held();
                 (stick.wish, stick.is_told) = (Some(wish), false);
                 // One of long ago doesn't tell that it is let go now.
                 stick.must_release &= stamp.within(now_ns, BEGINNING_AGE_NS).is_err();
                 if drives {
-                    self.say("let go of the stick", client);
+                    if was_held {
+                        self.say("let go of the stick", client);
+                    }
                     self.stop_with(StopCategory::RampAndHold, client, 0);
                 }
             }
