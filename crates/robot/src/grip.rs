@@ -44,6 +44,8 @@ const KNOWN_SHARE: f64 = 0.5;
 const UNKNOWN_BOUNDS: [f64; 2] = [0.01, 100.0];
 /// Friction of all wheels where the file gives no bound, N.
 const FRICTION_MAX_N: f64 = 100.0;
+/// Friction of wet ice: no floor has less.
+const LEAST_FRICTION: f64 = 0.01;
 /// One look at a slipping wheel tells the floor's friction so well, over itself; and for how long such an error stays, s.
 const LOOK_SHARE: f64 = 0.2;
 const LOOK_S: f64 = 0.05;
@@ -112,12 +114,14 @@ impl Grip {
             if is_known { (KNOWN_SHARE, ESTIMATE_BOUNDS) } else { (UNKNOWN_SHARE, UNKNOWN_BOUNDS) };
         let first = |given: Option<f64>, unknown: f64, bounds: Option<[f64; 2]>| {
             let first = given.unwrap_or(unknown);
+            // A law that takes no notice of them lets wrong ones pass.
+            let bounds = bounds.filter(|[low, high]| 0.0 < *low && (*low..=*high).contains(&first));
             (first, bounds.unwrap_or(factors.map(|factor| factor * first)))
         };
         let mass = first(table.mass_kg, unknown_kg, table.mass_bounds_kg);
         let inertia = first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2);
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
-        let most_n = table.friction_max_n.unwrap_or(FRICTION_MAX_N);
+        let most_n = table.friction_max_n.unwrap_or(FRICTION_MAX_N).max(0.0);
         Grip {
             identification: Identification::new(mass, inertia, share, most_n, friction.lever_m()),
             friction,
@@ -320,7 +324,7 @@ impl Grip {
 impl Floor {
     /// After a slipping wheel was given such a part of its load.
     fn seen(before: Option<Floor>, coefficient: f64, span_s: f64) -> Floor {
-        let looked = (LOOK_SHARE * coefficient).powi(2);
+        let looked = (LOOK_SHARE * coefficient.max(LEAST_FRICTION)).powi(2);
         let Some(Floor { coefficient: mean, variance }) = before else {
             return Floor { coefficient, variance: looked };
         };
