@@ -7,6 +7,7 @@
 
 pub(crate) mod friction;
 mod identification;
+pub(crate) mod loads;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
@@ -15,6 +16,7 @@ use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Seen};
+use loads::Loads;
 
 /// Standard gravity, m/s² (ISO 80000-3).
 pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
@@ -57,6 +59,7 @@ const WALK_1_S: f64 = 0.1;
 pub(crate) struct Grip {
     kinematics: Kinematics,
     friction: WheelFriction,
+    loads: Loads,
     identification: Identification,
     /// Whether every drive tells its torque: without that nothing is known.
     is_told: bool,
@@ -125,6 +128,7 @@ impl Grip {
         Grip {
             identification: Identification::new(mass, inertia, share, most_n, friction.lever_m()),
             friction,
+            loads: Loads::new(&plan.kinematics),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, mass.0),
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
@@ -271,7 +275,7 @@ impl Grip {
         let mean_n = dynamics.mass_kg * GRAVITY_M_S2 / rows.len() as f64;
         let mut is_over = false;
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(rows).enumerate() {
-            let load = self.friction.load(at, dynamics.centre_m());
+            let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = row[0].hypot(row[1]) * along_m_s + row[2].abs() * sh;
             let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
             let rubs_n = load * dynamics.friction_n[0] * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);

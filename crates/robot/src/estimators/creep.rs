@@ -3,10 +3,9 @@
 use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2};
 
 use crate::config::EstimatorTable;
+use crate::grip::GRAVITY_M_S2;
+use crate::grip::loads::Loads;
 use crate::signals::PlatformState;
-
-/// Standard gravity, m/s² (ISO 80000-3).
-const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// α of the filter through which the gained speed is seen, rad/s. It only shifts the slip by 30 ms; without it the noise
 /// of a difference of differences would stand in the pose.
@@ -116,25 +115,11 @@ impl Creep {
     }
 }
 
-/// The loads of wheels under a mass of 1 kg over the platform's centre, N: the least ones (least squares) where more than three
-/// share it; none less than a tenth of an even share.
+/// The loads of wheels under a mass of 1 kg over the platform's centre, N.
 fn loads_m_s2(kinematics: &Kinematics) -> PerWheel {
-    let wheels = kinematics.wheels();
-    let mean = |of: &dyn Fn(f64, f64) -> f64| {
-        let values = wheels.iter().map(|wheel| of(wheel.position_m[0], wheel.position_m[1]));
-        values.sum::<f64>() / wheels.len() as f64
-    };
-    let [x, y] = [mean(&|x, _| x), mean(&|_, y| y)];
-    let [xx, xy, yy] =
-        [mean(&|a, _| (a - x) * (a - x)), mean(&|a, b| (a - x) * (b - y)), mean(&|_, b| (b - y) * (b - y))];
-    // A plane over the wheels' places: even at their middle, sloping so that the loads' own middle is the centre.
-    let area = xx * yy - xy * xy;
-    let slope = [-(yy * x - xy * y) / area, -(xx * y - xy * x) / area];
-    let even = GRAVITY_M_S2 / wheels.len() as f64;
-    PerWheel::from_fn(wheels.len(), |at| {
-        let [x_m, y_m] = wheels[at].position_m;
-        even * (1.0 + slope[0] * (x_m - x) + slope[1] * (y_m - y)).max(0.1)
-    })
+    let loads = Loads::new(kinematics);
+    let count = kinematics.wheel_count();
+    PerWheel::from_fn(count, |at| GRAVITY_M_S2 / count as f64 * loads.of(at, [0.0; 2]))
 }
 
 #[cfg(test)]

@@ -5,21 +5,19 @@
 //! load is, so with the platform's twist ξ in body axes and a wheel's load over the mean n the wrench that makes up for them is
 //! F = c_spin·Σ n·sat(b·ξ/v₀)·b + c_roller·Σ n·sat(q·ξ/v₀)·q. It depends on the wish alone: no feedback, nothing to ring.
 
-use nalgebra::{Matrix3, Vector3};
 use omnibase_platform::{Kinematics, MAX_WHEELS};
+
+use super::loads::Loads;
 
 /// Speed below which dry friction is taken to grow in proportion, m/s: a command near rest must not jump.
 pub(crate) const DRY_M_S: f64 = 0.005;
-/// The least load of a wheel over the mean: a place that was found isn't known to a millimetre.
-const LEAST_LOAD: f64 = 0.05;
 
 /// The wheels' rows, in body axes.
 #[derive(Clone, Debug)]
 pub(crate) struct WheelFriction {
     spin: [[f64; 3]; MAX_WHEELS],
     roller: [[f64; 3]; MAX_WHEELS],
-    /// The load on each wheel over the mean: what it has at all, and by metres of the centre of mass.
-    load: [[f64; 3]; MAX_WHEELS],
+    loads: Loads,
     wheels: usize,
 }
 
@@ -28,7 +26,7 @@ impl WheelFriction {
         let mut friction = WheelFriction {
             spin: [[0.0; 3]; MAX_WHEELS],
             roller: [[0.0; 3]; MAX_WHEELS],
-            load: loads(kinematics),
+            loads: Loads::new(kinematics),
             wheels: kinematics.wheel_count(),
         };
         for (index, (wheel, row)) in kinematics.wheels().iter().zip(kinematics.matrix()).enumerate() {
@@ -44,19 +42,13 @@ impl WheelFriction {
         friction
     }
 
-    /// The load on a wheel over the mean, with the centre of mass at a place, m: never none.
-    pub(crate) fn load(&self, wheel: usize, [x, y]: [f64; 2]) -> f64 {
-        let [always, by_x, by_y] = self.load[wheel];
-        (always + by_x * x + by_y * y).max(LEAST_LOAD)
-    }
-
     /// The wrenches of 1 N on every wheel of mean load at a twist, in body axes, with the centre of mass at a place, m: against
     /// spin, and against the rollers.
     pub(crate) fn per_newton(&self, twist: [f64; 3], centre_m: [f64; 2]) -> [[f64; 3]; 2] {
         let sum = |rows: &[[f64; 3]; MAX_WHEELS]| {
             rows[..self.wheels].iter().enumerate().fold([0.0; 3], |sum, (wheel, row)| {
                 let speed: f64 = row.iter().zip(twist).map(|(part, speed)| part * speed).sum();
-                let sign = self.load(wheel, centre_m) * (speed / DRY_M_S).clamp(-1.0, 1.0);
+                let sign = self.loads.of(wheel, centre_m) * (speed / DRY_M_S).clamp(-1.0, 1.0);
                 std::array::from_fn(|axis| sum[axis] + sign * row[axis])
             })
         };
@@ -69,25 +61,6 @@ impl WheelFriction {
         let along: f64 = self.spin[..self.wheels].iter().map(|row| row[0] * row[0] + row[1] * row[1]).sum();
         (square / along).sqrt()
     }
-}
-
-/// How a platform rests on its wheels: exact for three, and for more the least that differ (a stiff body on equal springs).
-fn loads(kinematics: &Kinematics) -> [[f64; 3]; MAX_WHEELS] {
-    let wheels = kinematics.wheels();
-    let place = |at: usize| {
-        let [x, y] = wheels[at].position_m;
-        Vector3::new(1.0, x, y)
-    };
-    let moments: Matrix3<f64> = (0..wheels.len()).map(|at| place(at) * place(at).transpose()).sum();
-    let mut loads = [[0.0; 3]; MAX_WHEELS];
-    for (at, load) in loads.iter_mut().enumerate().take(wheels.len()) {
-        // On one line nothing is known of how a platform rests across it.
-        *load = match moments.try_inverse() {
-            Some(inverse) => (wheels.len() as f64 * inverse * place(at)).into(),
-            None => [1.0, 0.0, 0.0],
-        };
-    }
-    loads
 }
 
 #[cfg(test)]
@@ -114,25 +87,6 @@ mod tests {
                 let power: f64 = wrench.iter().zip(twist).map(|(force, speed)| force * speed).sum();
                 assert!(power >= 0.0, "{twist:?}: {power}");
             }
-        }
-    }
-
-    #[test]
-    fn loads_bear_the_centre_of_mass() {
-        for wheels in [layout::omni(3, 0.4, 0.1, 0.3), layout::mecanum4(0.24, 0.21, 0.076)] {
-            let friction = WheelFriction::new(&Kinematics::new(wheels.clone()).unwrap());
-            let centre_m = [0.07, -0.04];
-            let count = wheels.len() as f64;
-            let mut rests = [0.0; 3];
-            for (at, wheel) in wheels.iter().enumerate() {
-                let load = friction.load(at, centre_m) / count;
-                let [x, y] = wheel.position_m;
-                rests = [rests[0] + load, rests[1] + load * x, rests[2] + load * y];
-            }
-            let off = [rests[0] - 1.0, rests[1] - centre_m[0], rests[2] - centre_m[1]];
-            assert!(off.iter().all(|off| off.abs() < 1e-12), "{off:?}");
-            // Far outside of its wheels a platform would fall: no load below none.
-            assert!((0..wheels.len()).all(|at| friction.load(at, [9.0, 9.0]) >= LEAST_LOAD));
         }
     }
 
