@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn mass_inertia_centre_and_friction_are_read_from_what_wrenches_did() {
-        let found = off(learnt(20.0, &|_| 0.0, &|_| true));
+        let found = off(learnt(60.0, &|_| 0.0, &|_| true));
         assert!(found.iter().all(|off| off.abs() < 0.03), "{found:?}");
         // Half of the mass is made up for within two seconds.
         let early = off(learnt(2.0, &|_| 0.0, &|_| true));
