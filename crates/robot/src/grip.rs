@@ -33,6 +33,8 @@ const SIGMAS: f64 = 3.0;
 const LASTING_NS: u64 = 10_000_000;
 /// Longer than this v̂ is no witness without the wheel, ns.
 const LONGEST_NS: u64 = 2_000_000_000;
+/// After so many periods without a complete exchange v̂ begins anew.
+const LONGEST_GAP: u32 = 10;
 /// Less than this is no force, N.
 const LEAST_N: f64 = 1.0;
 /// No wheel turns faster than its limit times this.
@@ -159,6 +161,9 @@ impl Grip {
         }
         if self.is_told && exchange == Exchange::Complete {
             let periods = std::mem::take(&mut self.periods);
+            if periods > LONGEST_GAP {
+                self.forget();
+            }
             let span_s = f64::from(periods) * time.period_s();
             let is_whole = periods == 1 && !measurements.is_held_back();
             if measurements.present().iter().all(|drive| drive.is_finite()) {
@@ -262,6 +267,17 @@ impl Grip {
         self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
         if !is_possible {
             self.forget();
+        } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
+            self.rest();
+        }
+    }
+
+    /// Wheels that stand are held by dry friction, whatever their motors' torques.
+    fn rest(&mut self) {
+        (self.body, self.acceleration, self.sigma) = (Some(self.shown), [0.0; 3], [0.0; 3]);
+        for wheel in &mut self.wheels {
+            let Wheel { rim_m_s, gains_m_s2, force_n, way_before_m, .. } = *wheel;
+            *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_before_m, ..Wheel::default() };
         }
     }
 
@@ -282,7 +298,9 @@ impl Grip {
             let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;
             // Its motor's direction: what a spinning wheel gives the floor is small.
             let driven_n = wheel.force_n - rubs_n;
-            let is_ahead = driven_n.abs() > LEAST_N && wheel.ahead_m_s * driven_n.signum() > least_m_s;
+            // A motor that pushes the other way, or not at all, makes nothing slip.
+            let is_driven = driven_n.abs().min(wheel.force_n * driven_n.signum()) > LEAST_N;
+            let is_ahead = is_driven && wheel.ahead_m_s * driven_n.signum() > least_m_s;
             let is_doubted = match wheel.slips {
                 false => is_ahead,
                 true => wheel.ahead_m_s.abs() < 0.5 * least_m_s,

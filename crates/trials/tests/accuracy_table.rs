@@ -1,5 +1,5 @@
 //! The table of `docs/accuracy.md` is what the runs print, and keeps what is asked: believed RMS 0.5 mm, true final 3 mm;
-//! where the law of torque is told nothing of the treads its believed RMS is 2.5 mm.
+//! where the law of torque is told nothing of the treads its believed RMS is 4 mm.
 
 use omnibase_trials::framed::{Case, Creep, Treads, cases};
 
@@ -28,7 +28,7 @@ fn the_table_in_the_documents_is_what_the_runs_print_and_keeps_the_bounds() {
         assert!(ran.finished, "{row}");
         if case.law != "open_loop" {
             let is_soft = case.law == "adaptive_torque" && case.treads == Treads::Unknown;
-            let most_m = if is_soft { 2.5e-3 } else { 0.5e-3 };
+            let most_m = if is_soft { 4e-3 } else { 0.5e-3 };
             assert!(believed_m <= most_m && final_m <= 3e-3, "{row}");
         }
         figures.push((case, final_m, summary.rms_error_m.truth.expect("simulated")));
