@@ -31,6 +31,8 @@ const LEAST_SLIP_M_S: f64 = 0.05;
 const SIGMAS: f64 = 3.0;
 /// For how long it must be ahead, ns; and what slips grips again after as long below half of it.
 const LASTING_NS: u64 = 10_000_000;
+/// A wheel that grips makes up for what it slipped, s: many short slips are a long one.
+const FORGOTTEN_S: f64 = 2.0;
 /// Longer than this v̂ is no witness without the wheel, ns.
 const LONGEST_NS: u64 = 2_000_000_000;
 /// After so many periods without a complete exchange v̂ begins anew.
@@ -97,7 +99,7 @@ struct Wheel {
     /// For how long it says the opposite of `slips`, and for how long it slips, ns.
     doubted_ns: u64,
     since_ns: u64,
-    /// By how much it slipped, this time, and a cycle before, m.
+    /// By how much it slipped lately, and as of the cycle before, m.
     way_m: f64,
     way_before_m: f64,
 }
@@ -276,8 +278,8 @@ impl Grip {
     fn rest(&mut self) {
         (self.body, self.acceleration, self.sigma) = (Some(self.shown), [0.0; 3], [0.0; 3]);
         for wheel in &mut self.wheels {
-            let Wheel { rim_m_s, gains_m_s2, force_n, way_before_m, .. } = *wheel;
-            *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_before_m, ..Wheel::default() };
+            let Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, .. } = *wheel;
+            *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, ..Wheel::default() };
         }
     }
 
@@ -316,15 +318,12 @@ impl Grip {
             } else if is_ahead {
                 wheel.way_m += step_m;
             } else {
-                wheel.way_m = 0.0;
+                wheel.way_m *= (-span_s / FORGOTTEN_S).exp();
             }
             wheel.doubted_ns = if is_doubted { wheel.doubted_ns + span_ns } else { 0 };
             if wheel.doubted_ns >= LASTING_NS {
                 wheel.slips = !wheel.slips;
                 (wheel.doubted_ns, wheel.since_ns) = (0, 0);
-                if !wheel.slips {
-                    wheel.way_m = 0.0;
-                }
             }
         }
         if is_over {

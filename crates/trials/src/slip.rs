@@ -122,8 +122,48 @@ impl Case {
     /// # Panics
     /// Where the robot can't be made or enabled.
     pub fn ride(&self) -> Slid {
-        let mut trial = Trial::new(plan_of(&self.text()));
-        trial.gyro = self.gyro.then_some(0);
+        Slid::of(&self.text(), self.gyro)
+    }
+
+    /// A row of the table.
+    pub fn row(&self, slid: &Slid) -> String {
+        let at = |cycles: Option<u64>| {
+            cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3))
+        };
+        let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
+        let end = match slid.stopped {
+            SafetyReason::None if slid.run.finished => "finished",
+            reason => reason.text(),
+        };
+        format!(
+            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
+            self.law,
+            if self.gyro { ", gyro" } else { "" },
+            self.path,
+            self.faster,
+            self.friction,
+            self.payload_kg,
+            self.off_centre_m,
+            1e3 * believed_rms_m,
+            1e3 * true_rms_m,
+            1e3 * true_final_m,
+            1e3 * slid.way_m,
+            1e3 * slid.believed_m_s,
+            at(slid.began),
+            at(slid.told.map(|(cycles, _)| cycles)),
+            slid.friction.map_or("-".to_owned(), |friction| format!("{friction:.3}")),
+        )
+    }
+}
+
+impl Slid {
+    /// Drives the robot of a file along its path; with a gyro through its first source.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or enabled.
+    pub fn of(text: &str, gyro: bool) -> Slid {
+        let mut trial = Trial::new(plan_of(text));
+        trial.gyro = gyro.then_some(0);
         trial.enable();
         let machine = trial.machine.clone();
         let period_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
@@ -157,36 +197,6 @@ impl Case {
         });
         slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));
         slid
-    }
-
-    /// A row of the table.
-    pub fn row(&self, slid: &Slid) -> String {
-        let at = |cycles: Option<u64>| {
-            cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3))
-        };
-        let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
-        let end = match slid.stopped {
-            SafetyReason::None if slid.run.finished => "finished",
-            reason => reason.text(),
-        };
-        format!(
-            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
-            self.law,
-            if self.gyro { ", gyro" } else { "" },
-            self.path,
-            self.faster,
-            self.friction,
-            self.payload_kg,
-            self.off_centre_m,
-            1e3 * believed_rms_m,
-            1e3 * true_rms_m,
-            1e3 * true_final_m,
-            1e3 * slid.way_m,
-            1e3 * slid.believed_m_s,
-            at(slid.began),
-            at(slid.told.map(|(cycles, _)| cycles)),
-            slid.friction.map_or("-".to_owned(), |friction| format!("{friction:.3}")),
-        )
     }
 }
 

@@ -50,8 +50,23 @@ fn a_slippery_patch_under_the_circle_stops_the_robot() {
         let slid = case.ride();
         println!("{}", case.row(&slid));
         let is_stopped = slid.stopped == SafetyReason::WheelSlip;
-        assert!(is_stopped && slid.run.true_final_m <= 0.05, "{}", case.row(&slid));
+        assert!(is_stopped && slid.run.true_final_m <= 0.07, "{}", case.row(&slid));
     }
+}
+
+#[test]
+fn many_short_slips_are_a_long_one() {
+    // Of a robot of 70 kg as its file says, which may weigh three times as much or a third.
+    let text = case(BMM, "adaptive_torque", "square").text();
+    let narrow = text.lines().filter(|line| line.contains("_bounds_kg")).map(|line| format!("{line}\n"));
+    let wide = narrow.fold(text.clone(), |text, line| text.replace(&line, ""));
+    assert_ne!(wide, text);
+    let slippery = wide.replace("static_friction = 0.5", "static_friction = 0.08");
+    let slippery = slippery.replace("sliding_friction = 0.45", "sliding_friction = 0.072");
+    let slid = Slid::of(&slippery, false);
+    println!("{slid:?}");
+    assert_eq!(slid.stopped, SafetyReason::WheelSlip);
+    assert!(slid.run.true_final_m < 0.4, "{slid:?}");
 }
 
 #[test]

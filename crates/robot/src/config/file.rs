@@ -482,7 +482,7 @@ pub struct SafetyTable {
     /// the drives' quick stop: the control loop rings; default: 0.15. 1: never.
     #[schemars(range(min = 0.01, max = 1.0))]
     pub oscillation_share: Option<f64>,
-    /// How far a wheel may slip at a time, m, as its torque against the platform's acceleration tells; default: 0.01.
+    /// How far a wheel may slip within some two seconds, m, as its torque against the platform's acceleration tells; default: 0.01.
     #[schemars(range(min = 0.001, max = 1e6))]
     pub slip_m: Option<f64>,
     /// What a wheel that slips further leads to; default: `category_1`.

@@ -399,7 +399,7 @@ pub struct SafetyPlan {
     pub wheel_torque_time_ns: u64,
     /// Swings of a torque reach at least so far, as a part of its limit.
     pub oscillation_share: f64,
-    /// How far a wheel may slip at a time, m.
+    /// How far a wheel may slip within some two seconds, m.
     pub slip_m: f64,
     /// What further leads to.
     pub slip_stop: StopCategory,

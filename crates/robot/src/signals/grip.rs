@@ -50,7 +50,7 @@ pub struct GripReport {
     pub dynamics: Dynamics,
     /// By how much each wheel's rim is faster than the floor under it, as forces tell, m/s.
     pub slip_m_s: [f64; MAX_WHEELS],
-    /// How far each wheel slipped by now, m; 0 where it grips.
+    /// How far each wheel slipped lately, m, this time and within two seconds before; 0 where it grips.
     pub slipped_m: [f64; MAX_WHEELS],
     /// Force that the floor gave a wheel while it slipped, over its load; `None` where none has slipped yet.
     pub friction: Option<f64>,
