@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::{AxisMode, StopName};
+use omnibase_robot::config::{AxisMode, DriveMode, StopName};
 use omnibase_robot::signals::{Frame, StopCategory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,6 +50,13 @@ pub enum Call {
     Controller {
         /// Its name.
         name: String,
+    },
+    /// Command one wheel's drive by speeds or by torques from now on, while moving too.
+    DriveMode {
+        /// The wheel, by its name in the robot's file.
+        name: String,
+        /// How; without it by what the control law commands.
+        mode: Option<DriveMode>,
     },
     /// Change settings: all of them, or none.
     Set {
@@ -254,6 +261,7 @@ impl Call {
             | Call::EmergencyStop
             | Call::Release
             | Call::Controller { .. }
+            | Call::DriveMode { .. }
             | Call::Set { .. }
             | Call::Stick { .. }
             | Call::ReleaseStick

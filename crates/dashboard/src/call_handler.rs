@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{AxisMode, AxisPlan, Limits, ReferenceTable, Source};
+use omnibase_robot::config::{AxisMode, AxisPlan, DriveMode, Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{AxisAsk, Heard};
 use omnibase_robot::stages::Reference;
@@ -119,6 +119,7 @@ impl CallHandler {
             Call::Controller { name } => {
                 robot(RequestKind::SwitchController { index: self.controller(&name)? })
             }
+            Call::DriveMode { name, mode } => robot(self.drive_mode(&name, mode)?),
             Call::SetObstacle { index, centre_m, radius_m, velocity_m_s } => {
                 robot(RequestKind::SetObstacle {
                     index,
@@ -207,6 +208,16 @@ impl CallHandler {
         found
             .map(|index| index as u32)
             .ok_or_else(|| format!("controller: expected one of {}, found `{name}`", known()))
+    }
+
+    /// What commands a wheel's drive so, where there is one.
+    fn drive_mode(&self, name: &str, mode: Option<DriveMode>) -> Result<RequestKind, String> {
+        let drives = &self.about.robot.plan.drives;
+        let Some(wheel) = drives.iter().position(|drive| drive.name == name) else {
+            let names: Vec<&str> = drives.iter().map(|drive| drive.name.as_str()).collect();
+            return Err(format!("wheel: the robot's are {}, found `{name}`", listed(&names)));
+        };
+        Ok(RequestKind::SetDriveMode { wheel: wheel as u32, mode })
     }
 
     /// What sets an output, where it is there and can have the value.

@@ -456,30 +456,30 @@ impl Check {
     fn target_is_mapped(&mut self, drives: &[DrivePlan], controller: &str, quantity: Quantity) {
         for (index, drive) in drives.iter().enumerate() {
             let setting = |key: &str| format!("drive[{index}].{key}");
-            let (object, bits, what) = match drive.takes(quantity) {
-                Some(Quantity::Nothing) => continue,
-                Some(Quantity::Speed) => (0x60FF, 32, "the target speed"),
-                Some(Quantity::Torque) => (0x6071, 16, "the target torque"),
-                None => {
-                    let reason = format!("{controller} commands torques, and no speed follows from a torque");
-                    let problem = self.report(ProblemKind::Contradiction, &setting("mode"), reason);
-                    problem.value = Some("\"speed\"".into());
-                    problem.limit = Some("\"torque\", or a controller that commands speeds".into());
-                    continue;
+            let name = &drive.name;
+            for misfit in drive.misfits(drive.mode, quantity) {
+                match misfit {
+                    Misfit::NoSpeedOfATorque => {
+                        let reason =
+                            format!("{controller} commands torques, and no speed follows from a torque");
+                        let problem = self.report(ProblemKind::Contradiction, &setting("mode"), reason);
+                        problem.value = Some("\"speed\"".into());
+                        problem.limit = Some("\"torque\", or a controller that commands speeds".into());
+                    }
+                    Misfit::NoSpeedLoop => {
+                        let reason = format!(
+                            "{controller} commands speeds, and the cycle makes the torques of {name} of them by this loop"
+                        );
+                        self.add(Problem::missing(setting("speed_loop_gain_nm_s_rad"), reason));
+                    }
+                    Misfit::NotMapped { object, bits } => {
+                        let what = if object == 0x60FF { "the target speed" } else { "the target torque" };
+                        let reason =
+                            format!("{controller} needs {what} in the map of {name}, whole and at a byte");
+                        let problem = self.report(ProblemKind::Missing, &setting("outputs"), reason);
+                        problem.limit = Some(format!("{object:04X}:{bits}"));
+                    }
                 }
-            };
-            if drive.takes(quantity) != Some(quantity) && drive.speed_loop.is_none() {
-                let reason = format!(
-                    "{controller} commands speeds, and the cycle makes the torques of {} of them by this loop",
-                    drive.name
-                );
-                self.add(Problem::missing(setting("speed_loop_gain_nm_s_rad"), reason));
-            }
-            if !drives::is_mapped(&drive.outputs, object, bits) {
-                let reason =
-                    format!("{controller} needs {what} in the map of {}, whole and at a byte", drive.name);
-                let problem = self.report(ProblemKind::Missing, &setting("outputs"), reason);
-                problem.limit = Some(format!("{object:04X}:{bits}"));
             }
         }
     }

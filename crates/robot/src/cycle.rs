@@ -10,6 +10,7 @@ use omnibase_trajectory::LimitsError;
 use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
+use crate::drive_modes::DriveModes;
 use crate::grip::Grip;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
@@ -25,7 +26,6 @@ use crate::signals::{
     MAX_DEVICES, MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request,
     RequestAnswer, RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
 };
-use crate::speed_loop::SpeedLoops;
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
@@ -43,7 +43,7 @@ pub struct Robot {
     controllers: Vec<Box<dyn Controller>>,
     active: usize,
     blind_ramp: BlindRamp,
-    speed_loops: SpeedLoops,
+    drive_modes: DriveModes,
     safety: Box<dyn Safety>,
     lifecycle: Lifecycle,
     counted: Counted,
@@ -78,6 +78,7 @@ impl Robot {
         if controllers.is_empty() {
             return Err(Problem::missing("controller.kind", "there is no default control law").into());
         }
+        let commanded: Vec<Quantity> = controllers.iter().map(|controller| controller.quantity()).collect();
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
         let beside = Beside::new(plan, registry)?;
@@ -93,7 +94,7 @@ impl Robot {
             controllers,
             active: 0,
             blind_ramp: BlindRamp::new(plan),
-            speed_loops: SpeedLoops::new(plan),
+            drive_modes: DriveModes::new(plan, &commanded),
             safety,
             lifecycle: Lifecycle::new(plan.safety),
             counted: Counted::default(),
@@ -291,6 +292,17 @@ impl Robot {
                 return self.settings.set((&mut self.guard, controller), (index as usize, value), batch);
             }
             RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
+            RequestKind::SetDriveMode { wheel, mode } => {
+                return match self.lifecycle.phase() {
+                    Phase::Disabled | Phase::Holding | Phase::Tracking => {
+                        match self.drive_modes.set(wheel as usize, mode) {
+                            true => RequestAnswer::Taken,
+                            false => RequestAnswer::DriveMode,
+                        }
+                    }
+                    _ => RequestAnswer::WrongPhase,
+                };
+            }
             RequestKind::Velocity { twist, .. } => {
                 if !twist.is_finite() {
                     return RequestAnswer::Refused;
@@ -541,6 +553,7 @@ impl Robot {
             grip: &record.grip,
             commands: &record.commands,
             wheel_limits: self.settings.wheel_limits(),
+            has_torque_drives: self.drive_modes.has_torque_drives(),
         })
     }
 
@@ -577,13 +590,13 @@ impl Robot {
         let allowed = &self.record.allowed.commands;
         for (wheel, device) in self.devices.iter_mut().enumerate() {
             let command = match allowed.quantity {
-                Quantity::Nothing => self.speed_loops.idle(wheel, idle),
+                Quantity::Nothing => self.drive_modes.idle(wheel, idle),
                 Quantity::Speed | Quantity::Torque => {
                     let is_heard = self.record.exchange.has_inputs_of(wheel);
                     let measured = is_heard.then(|| &self.record.measurements.drives[wheel]);
                     let limits = self.settings.wheel_limits();
                     let commanded = (wheel, allowed.wheel(wheel));
-                    self.speed_loops.close(&self.record.time, commanded, measured, &limits)
+                    self.drive_modes.close(&self.record.time, commanded, measured, &limits)
                 }
             };
             let command = DriveCommand {
@@ -592,6 +605,8 @@ impl Robot {
                 command,
                 torque_limit_nm: self.settings.wheel_limits().torque_nm,
             };
+            let (inputs, mut told) = self.beside.open(&self.record.signals);
+            device.signals(&inputs, &mut told);
             let outputs = image.outputs(wheel);
             let progress = device.write(&self.record.time, &command, outputs);
             self.record.outputs[wheel] = ProcessBytes::of(outputs);

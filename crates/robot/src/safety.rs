@@ -3,7 +3,7 @@
 mod oscillation;
 mod torque_watch;
 
-use crate::config::{DriveMode, Limits, RobotPlan, SafetyPlan, WheelLimits};
+use crate::config::{Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
     Allowed, Commands, DriveProgress, Exchange, Frame, LimitedBy, MAX_WHEELS, Phase, Quantity, RequestKind,
     SafetyAction, SafetyReason, Signals, Stage, StopCategory,
@@ -23,8 +23,6 @@ pub struct SafetyChain {
     limits: Limits,
     plan: SafetyPlan,
     wheels: usize,
-    /// Some drive takes torques, whatever the control law commands.
-    has_torque_drives: bool,
     lost_in_a_row: u32,
     torques: TorqueWatch,
     oscillation: OscillationWatch,
@@ -47,7 +45,6 @@ impl SafetyChain {
             limits: plan.limits,
             plan: plan.safety,
             wheels: plan.drives.len(),
-            has_torque_drives: plan.drives.iter().any(|drive| drive.mode == Some(DriveMode::Torque)),
             lost_in_a_row: 0,
             torques: TorqueWatch::new(plan),
             oscillation: OscillationWatch::new(plan),
@@ -57,7 +54,7 @@ impl SafetyChain {
 
     /// There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
     fn is_by_torque(&self, view: &SafetyView<'_>) -> bool {
-        view.commands.quantity == Quantity::Torque || self.has_torque_drives
+        view.commands.quantity == Quantity::Torque || view.has_torque_drives
     }
 
     fn exchange(&self, view: &SafetyView<'_>) -> Objection {

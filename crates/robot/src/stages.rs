@@ -33,6 +33,11 @@ pub trait Device: Send {
     /// Reads the drive's process data of a complete exchange.
     fn read(&mut self, time: &CycleTime, inputs: &[u8]) -> DriveMeasurement;
 
+    /// What comes in beside the drives, and what it tells other SubDevices; before each writing.
+    fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        let _ = (inputs, outputs);
+    }
+
     /// Writes the drive's process data for the next exchange, and says how far the drive is.
     fn write(&mut self, time: &CycleTime, command: &DriveCommand, outputs: &mut [u8]) -> DriveProgress;
 
@@ -60,6 +65,11 @@ pub trait Peripheral: Send {
     fn read(&mut self, time: &CycleTime, bytes: &[u8], inputs: &mut [f64]) {
         let _ = (time, bytes);
         inputs.fill(f64::NAN);
+    }
+
+    /// What comes in beside the drives, and what it tells other SubDevices; before each writing.
+    fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        let _ = (inputs, outputs);
     }
 
     /// Writes its process data for the next exchange, which hold what it wrote last.
@@ -317,6 +327,8 @@ pub struct SafetyView<'a> {
     pub commands: &'a Commands,
     /// What the wheels may do now: at most what the robot's file says.
     pub wheel_limits: WheelLimits,
+    /// Some drive takes torques now, whatever the control law commands.
+    pub has_torque_drives: bool,
 }
 
 /// The last word on commands.

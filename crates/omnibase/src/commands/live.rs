@@ -75,6 +75,7 @@ pub struct Set {
   go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
   set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known
   controller name=adaptive_torque
+  drive_mode name=wheel_2 mode=torque      or speed; without a mode: what the control law commands
   teach, teach_end name=round              remember where it is driven; save it as a path
   teach by=points, teach_point             remember single poses; then teach_end
   load_saved name=round

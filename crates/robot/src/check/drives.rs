@@ -3,7 +3,7 @@
 use super::kind_keys::Given;
 use super::subdevices::{self, parameter};
 use super::{Check, ReadFile, torque_limit};
-use crate::config::find_object as find;
+use crate::config::is_mapped;
 use crate::config::*;
 use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry, Sort};
 use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
@@ -262,9 +262,4 @@ impl Drive<'_> {
         }
         parameters
     }
-}
-
-/// Whether an object lies whole and at a byte in the process data.
-pub(super) fn is_mapped(pdos: &[PdoPlan], object: u16, bits: u8) -> bool {
-    find(pdos, object, 0).is_some_and(|(bit, length)| length == bits && bit % 8 == 0)
 }

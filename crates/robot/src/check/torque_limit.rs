@@ -3,9 +3,8 @@
 use omnibase_ethercat::start_up::ReadBack;
 
 use super::Check;
-use super::drives::is_mapped;
 use crate::config::*;
-use crate::config::{TORQUE_LIMIT_OBJECTS, find_object as find};
+use crate::config::{TORQUE_LIMIT_OBJECTS, find_object as find, is_mapped};
 
 /// Whether the objects of the limit lie in the process data; every problem with where they lie is told.
 pub(super) fn told(

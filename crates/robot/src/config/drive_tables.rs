@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::drive_mode::DriveMode;
 use super::file::Parameters;
 
 /// One drive and its motor.
@@ -86,16 +87,6 @@ pub enum TurnDirection {
     Forward,
     /// Against it.
     Backward,
-}
-
-/// What a drive is commanded by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum DriveMode {
-    /// Speeds (csv).
-    Speed,
-    /// Torques (cst).
-    Torque,
 }
 
 /// The objects that hold a drive to a torque.

@@ -91,6 +91,11 @@ pub(crate) fn find(pdos: &[PdoPlan], index: u16, subindex: u8) -> Option<(u32, u
     None
 }
 
+/// Whether an object lies whole and at a byte in the process data.
+pub(crate) fn is_mapped(pdos: &[PdoPlan], object: u16, bits: u8) -> bool {
+    find(pdos, object, 0).is_some_and(|(bit, length)| length == bits && bit % 8 == 0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,8 +7,8 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
 use super::device_plan::{DevicePlan, signal_layout};
-use super::drive_tables::EncoderName;
-use super::drive_tables::{DriveMode, SpeedUnit, TurnDirection};
+use super::drive_mode::DriveMode;
+use super::drive_tables::{EncoderName, SpeedUnit, TurnDirection};
 use super::event_plan::EventPlan;
 use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, Synchronisation,
@@ -21,7 +21,7 @@ use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
-use crate::signals::{Quantity, RecordLayout, SafetyAction, SignalLayout, StopCategory};
+use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -265,19 +265,6 @@ pub struct SpeedLoopPlan {
     pub gain_nm_s_rad: f64,
     /// Time in which the integral gives as much again, s.
     pub integral_s: f64,
-}
-
-impl DrivePlan {
-    /// What it is commanded by under a law that commands so; `None` where nothing can be made of that.
-    pub fn takes(&self, commanded: Quantity) -> Option<Quantity> {
-        match (commanded, self.mode) {
-            (Quantity::Nothing, _) => Some(Quantity::Nothing),
-            (_, None) => Some(commanded),
-            (_, Some(DriveMode::Torque)) => Some(Quantity::Torque),
-            (Quantity::Speed, Some(DriveMode::Speed)) => Some(Quantity::Speed),
-            (Quantity::Torque, Some(DriveMode::Speed)) => None,
-        }
-    }
 }
 
 /// One SDO to write.

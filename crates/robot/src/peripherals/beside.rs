@@ -209,6 +209,12 @@ impl Beside {
     ) {
         if lets_go {
             self.asked = [None; MAX_SIGNALS];
+        }
+        for part in &mut self.all {
+            let mut outputs = Outputs::new(&self.layout, &mut self.told);
+            part.peripheral.signals(&Inputs::new(&self.layout, signals), &mut outputs);
+        }
+        if lets_go {
             self.told = Told::NOTHING;
         }
         for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {

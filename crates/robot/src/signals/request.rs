@@ -3,7 +3,7 @@
 use omnibase_platform::{Pose2, Twist2};
 
 use super::{AxisAsk, StopCategory, coded};
-use crate::config::AxisMode;
+use crate::config::{AxisMode, DriveMode};
 use crate::obstacle::Obstacle;
 
 /// The frame of a velocity command.
@@ -40,6 +40,13 @@ pub enum RequestKind {
     SwitchController {
         /// Its place in [`RobotPlan::controllers`](crate::RobotPlan::controllers).
         index: u32,
+    },
+    /// Command one drive by speeds or by torques from now on, while moving too.
+    SetDriveMode {
+        /// Its wheel.
+        wheel: u32,
+        /// How; `None`: by what the control law commands.
+        mode: Option<DriveMode>,
     },
     /// Change a setting.
     Set {
@@ -207,6 +214,9 @@ impl Request {
             RequestKind::Axis { device, ask: AxisAsk::Run { speed } } => {
                 (20, device.into(), [speed, 0.0, 0.0, 0.0, 0.0, 0.0])
             }
+            RequestKind::SetDriveMode { wheel, mode } => {
+                (21, wheel.into(), [code_of_drive_mode(mode), 0.0, 0.0, 0.0, 0.0, 0.0])
+            }
         };
         ([sort, argument, valid_until_ns], values)
     }
@@ -265,10 +275,28 @@ impl Request {
                     _ => AxisAsk::Run { speed: values[0] },
                 },
             },
+            21 => RequestKind::SetDriveMode {
+                wheel: argument.try_into().ok()?,
+                mode: drive_mode_of_code(values[0])?,
+            },
             _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
     }
+}
+
+/// The number by which a recording holds what a drive is commanded by.
+fn code_of_drive_mode(mode: Option<DriveMode>) -> f64 {
+    match mode {
+        None => 0.0,
+        Some(DriveMode::Speed) => 1.0,
+        Some(DriveMode::Torque) => 2.0,
+    }
+}
+
+fn drive_mode_of_code(code: f64) -> Option<Option<DriveMode>> {
+    let modes = [None, Some(DriveMode::Speed), Some(DriveMode::Torque)];
+    modes.into_iter().find(|mode| code_of_drive_mode(*mode) == code)
 }
 
 /// The mode of a number that a recording holds.
@@ -306,6 +334,8 @@ pub enum RequestAnswer {
     NotHomed,
     /// The axis looks for its home.
     Homing,
+    /// The drive can't follow every control law of the robot so.
+    DriveMode,
 }
 
 coded!(RequestAnswer {
@@ -322,4 +352,5 @@ coded!(RequestAnswer {
     EnableInput = 10,
     NotHomed = 11,
     Homing = 12,
+    DriveMode = 13,
 });

@@ -206,6 +206,10 @@ impl Answer {
                 "refused: nobody knows where the axis is: home it first (home_axis)"
             }
             Answer::Robot(RequestAnswer::Homing) => "refused: the axis looks for its home",
+            Answer::Robot(RequestAnswer::DriveMode) => {
+                "refused: the drive can't follow every control law of the robot's file so: its map, or its speed \
+                 loop's gain and integral time, are missing, or a law commands torques"
+            }
             Answer::Robot(RequestAnswer::Blocked) => {
                 "refused: an obstacle is too near to where the motion would begin or end"
             }

@@ -75,6 +75,7 @@ fn counts(ask: &Ask) -> Counts {
             | RequestKind::Velocity { .. } => Counts::Always,
             RequestKind::Set { .. }
             | RequestKind::SwitchController { .. }
+            | RequestKind::SetDriveMode { .. }
             | RequestKind::SetObstacle { .. }
             | RequestKind::RemoveObstacle { .. } => Counts::WhereKnown,
             RequestKind::Stop(_)

@@ -2,11 +2,12 @@
 
 use omnibase_cia402::Mode;
 use omnibase_ethercat_sim::{Fault, in_process};
-use omnibase_robot::signals::{Phase, SafetyAction, StopCategory};
+use omnibase_robot::config::DriveMode;
+use omnibase_robot::signals::{Phase, RequestAnswer, SafetyAction, StopCategory};
 use omnibase_robot::{CycleRecord, ImageBuffer, Registry, RequestKind, Robot, RobotPlan};
 use omnibase_run::{RobotText, simulated};
 
-use crate::bench::{BMM, Bench};
+use crate::bench::{self, BMM, Bench};
 
 const CIRCLE: &str = "[reference]\nkind = \"circle\"\nradius_m = 0.3\nduration_s = 8.0\n";
 
@@ -25,8 +26,9 @@ fn plan(by_torque: usize) -> RobotPlan {
     RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap().plan
 }
 
-/// How far the platform ever was from where its circle led it, m, and every cycle of it.
-fn circled(plan: &RobotPlan) -> (f64, Vec<CycleRecord>) {
+/// How far the platform ever was from where its circle led it, m, and every cycle of it, with more that is asked on the
+/// way.
+fn circled(plan: &RobotPlan, asked: &[(usize, RequestKind)]) -> (f64, Vec<CycleRecord>) {
     let (segment, machine) = simulated::segment(plan).unwrap();
     let (link, clock) = in_process(segment);
     let mut bench = Bench::with(plan, link, clock);
@@ -36,7 +38,7 @@ fn circled(plan: &RobotPlan) -> (f64, Vec<CycleRecord>) {
         let request = match cycle {
             1 => Some(RequestKind::Enable),
             1000 => Some(RequestKind::Track),
-            _ => None,
+            _ => asked.iter().find(|(at, _)| *at == cycle).map(|(_, kind)| *kind),
         };
         bench.cycle(request);
         let record = *bench.robot.record();
@@ -53,12 +55,21 @@ fn circled(plan: &RobotPlan) -> (f64, Vec<CycleRecord>) {
     panic!("{:?}", bench.robot.phase());
 }
 
+/// A robot of the plan computes all of it again to the bit.
+fn is_computed_again(plan: &RobotPlan, records: &[CycleRecord]) {
+    let mut robot = Robot::build(plan, &Registry::with_built_in()).unwrap();
+    let mut buffer = ImageBuffer::new(plan);
+    for record in records {
+        assert_eq!(robot.replay(record, &mut buffer), record, "cycle {}", record.time.index);
+    }
+}
+
 #[test]
 fn two_equal_drives_run_one_by_torque_and_one_by_speed_and_all_is_computed_again() {
-    let (by_speed_m, _) = circled(&plan(0));
+    let (by_speed_m, _) = circled(&plan(0), &[]);
     let plan = plan(1);
     assert_eq!(plan.drives[0].identity, plan.drives[1].identity, "the same product");
-    let (mixed_m, records) = circled(&plan);
+    let (mixed_m, records) = circled(&plan, &[]);
     let modes = [Mode::CyclicSynchronousTorque, Mode::CyclicSynchronousVelocity];
     let shown = records[2000].measurements.drives;
     assert_eq!([shown[0].mode_code, shown[1].mode_code], modes.map(Mode::code));
@@ -75,11 +86,76 @@ fn two_equal_drives_run_one_by_torque_and_one_by_speed_and_all_is_computed_again
         (5e-4..1.1e-3).contains(&by_speed_m) && (mixed_m - by_speed_m).abs() < 1e-4,
         "by speed {by_speed_m} m, one by torque {mixed_m} m"
     );
-    let mut robot = Robot::build(&plan, &Registry::with_built_in()).unwrap();
-    let mut buffer = ImageBuffer::new(&plan);
-    for record in &records {
-        assert_eq!(robot.replay(record, &mut buffer), record, "cycle {}", record.time.index);
+    is_computed_again(&plan, &records);
+}
+
+#[test]
+fn one_drive_changes_its_mode_while_the_robot_moves() {
+    let (by_speed_m, _) = circled(&plan(0), &[]);
+    let set = |wheel, mode| RequestKind::SetDriveMode { wheel, mode };
+    let asked = [
+        (3000, set(0, Some(DriveMode::Torque))),
+        (4000, set(1, Some(DriveMode::Torque))),
+        (5000, set(0, None)),
+        (6000, set(1, Some(DriveMode::Speed))),
+        (6100, set(3, None)),
+    ];
+    let (changed_m, records) = circled(&plan(0), &asked);
+    let answers = asked.map(|(cycle, _)| records[cycle].answer);
+    assert_eq!(answers[..4], [RequestAnswer::Taken; 4]);
+    assert_eq!(answers[4], RequestAnswer::DriveMode, "there is no fourth wheel");
+    let (speed, torque) = (Mode::CyclicSynchronousVelocity.code(), Mode::CyclicSynchronousTorque.code());
+    let shown = |cycle: usize| [0, 1, 2].map(|wheel| records[cycle].measurements.drives[wheel].mode_code);
+    assert_eq!(shown(2999), [speed; 3]);
+    assert_eq!(shown(3500), [torque, speed, speed]);
+    assert_eq!(shown(4500), [torque, torque, speed]);
+    assert_eq!(shown(5500), [speed, torque, speed]);
+    assert_eq!(shown(6500), [speed; 3]);
+    println!(
+        "from its set point at most: {by_speed_m:.6} m with all by speed, {changed_m:.6} m with changes on the way"
+    );
+    assert!(changed_m - by_speed_m < 5e-4, "by speed {by_speed_m} m, with changes {changed_m} m");
+    is_computed_again(&plan(0), &records);
+}
+
+#[test]
+fn a_mode_in_which_a_law_of_the_file_cant_be_followed_is_refused() {
+    let answer_of = |plan: &RobotPlan, mode| {
+        let mut bench = Bench::new(plan);
+        bench.enable();
+        bench.cycle(Some(RequestKind::SetDriveMode { wheel: 1, mode }));
+        bench.robot.record().answer
+    };
+    let without_loop = bench::plan(CIRCLE);
+    assert_eq!(answer_of(&without_loop, Some(DriveMode::Torque)), RequestAnswer::DriveMode);
+    assert_eq!(answer_of(&without_loop, Some(DriveMode::Speed)), RequestAnswer::Taken);
+    let with_torques = bench::plan_changed(CIRCLE, &["controller.others = [\"adaptive_torque\"]"]);
+    assert_eq!(answer_of(&with_torques, Some(DriveMode::Speed)), RequestAnswer::DriveMode);
+    // While it comes to rest nothing is changed.
+    let mut bench = Bench::new(&plan(0));
+    bench.enable();
+    bench.cycle(Some(RequestKind::Track));
+    bench.run(1000);
+    bench.cycle(Some(RequestKind::Stop(StopCategory::RampThenRemove)));
+    bench.cycle(Some(RequestKind::SetDriveMode { wheel: 1, mode: Some(DriveMode::Torque) }));
+    assert_eq!(bench.robot.record().answer, RequestAnswer::WrongPhase);
+}
+
+#[test]
+fn a_wheel_that_was_put_in_torque_and_isnt_heard_never_ramps_blindly() {
+    let mut plan = plan(0);
+    plan.safety.lost_device_stop = SafetyAction::Stop(StopCategory::RampThenRemove);
+    let mut bench = Bench::new(&plan);
+    bench.enable();
+    bench.cycle(Some(RequestKind::SetDriveMode { wheel: 0, mode: Some(DriveMode::Torque) }));
+    bench.cycle(Some(RequestKind::Track));
+    bench.run(1000);
+    bench.inject(2, Fault::PowerOff);
+    let is_moving = |bench: &Bench| bench.robot.phase() == Phase::Tracking;
+    while is_moving(&bench) {
+        bench.cycle(None);
     }
+    assert_eq!(bench.robot.phase(), Phase::QuickStopping);
 }
 
 #[test]
