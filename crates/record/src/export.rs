@@ -37,6 +37,12 @@ pub enum ExportError {
     /// Writing failed.
     #[error(transparent)]
     Io(#[from] io::Error),
+    /// The CSV library refuses.
+    #[error("CSV: {0}")]
+    Csv(#[from] ::csv::Error),
+    /// The library for MATLAB's format refuses.
+    #[error("MAT: {0}")]
+    Mat(#[from] mat5::Error),
     /// The Parquet library refuses.
     #[error("Parquet: {0}")]
     Parquet(#[from] ::parquet::errors::ParquetError),
@@ -62,7 +68,7 @@ pub enum ExportError {
 /// Writes the table of a run: its times in s as `time_s`, then every signal that was kept of it.
 pub fn write(run: &RecordedRun, format: TableFormat, output: impl Write + Send) -> Result<(), ExportError> {
     match format {
-        TableFormat::Csv => Ok(csv::write(run, output)?),
+        TableFormat::Csv => csv::write(run, output),
         TableFormat::Parquet => parquet::write(run, output),
         TableFormat::Mat => mat::write(run, output),
     }

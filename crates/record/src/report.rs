@@ -16,6 +16,7 @@
 //! | phases | `cycle.phase`, `allowed.action`, `command.saturation`, `allowed.saturation`, `exchange.result` |
 //! | timing | `timing.round_trip`, `timing.wake_up`, `timing.compute`, `cycle.period`, `bus.dc_phase`, with their unit (`_ns`) |
 //! | estimates | `state.slip_residual`, `estimate.mass`, `estimate.inertia` |
+//! | inputs, outputs and axes | all of each topic that has an `age`: it stands beside the drives |
 //!
 //! # Description
 //! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the body's
@@ -25,6 +26,7 @@
 //! `records_dropped` and `realtime_factor` stand in the summary. All of them may be missing.
 
 mod bands;
+mod beside;
 mod chart;
 mod configuration;
 mod curve;
@@ -74,7 +76,7 @@ pub fn html(run: &RecordedRun) -> String {
         for section in [Page::path, Page::errors, Page::speeds, Page::wheels] {
             html.push_str(&section(&page));
         }
-        for section in [Page::phases, Page::timing, Page::estimates] {
+        for section in [Page::phases, Page::beside, Page::timing, Page::estimates] {
             html.push_str(&section(&page));
         }
     }

@@ -3,6 +3,7 @@
 use super::chart::{self, Marked, Stretch};
 use super::curve;
 use super::text::escape;
+use std::borrow::Cow;
 use std::fmt::Write;
 
 /// A choice: its code, its name, its look.
@@ -39,10 +40,13 @@ pub(super) const EXCHANGES: [Choice; 4] = [
 /// Whether commands had to be scaled down.
 pub(super) const SATURATION: [Choice; 2] = [(0, "as wished", "band-off"), (1, "scaled down", "band-sat")];
 
+/// What is only on or off.
+pub(super) const SWITCH: [Choice; 2] = [(0, "off", "band-off"), (1, "on", "band-go")];
+
 /// A row of bands.
 pub(super) struct Band {
     /// Its name.
-    pub(super) name: &'static str,
+    pub(super) name: Cow<'static, str>,
     /// What there is to see.
     pub(super) choices: &'static [Choice],
     /// The code of each cycle.
@@ -121,13 +125,13 @@ pub(super) fn html(title: &str, times: &[f64], bands: &[Band]) -> String {
         }
         let entries: String = present.iter().map(|choice| chart::key(choice.2, "area", choice.1)).collect();
         if present.len() > 1 {
-            let name = escape(band.name);
+            let name = escape(&band.name);
             let _ = write!(legend, "<ul class=\"legend\"><li><b>{name}:</b></li>{entries}</ul>");
         }
         let _ = write!(
             rows,
             "<div class=\"band\"><svg role=\"img\" aria-label=\"{0}\">{pieces}{words}</svg><span>{0}</span></div>",
-            escape(band.name)
+            escape(&band.name)
         );
     }
     let mut axis = String::new();

@@ -1,6 +1,7 @@
 //! The sections of the page, each from the signals that it needs.
 
 use super::bands::{self, Band};
+use super::beside;
 use super::chart::{Line, Marked, TimeChart};
 use super::histogram::{self, Quantiles};
 use super::overhead::{self, Shape};
@@ -233,6 +234,12 @@ impl<'a> Page<'a> {
         self.chart(title, unit, vec![line])
     }
 
+    /// Inputs, outputs and axes, where the robot has any.
+    pub(super) fn beside(&self) -> String {
+        let html = beside::html(self.signals);
+        if html.is_empty() { html } else { section("beside", "Inputs, outputs and axes", &html) }
+    }
+
     /// What happened, in words.
     pub(super) fn events(&self) -> String {
         let run = self.signals.run();
@@ -268,19 +275,19 @@ impl<'a> Page<'a> {
 fn bands(signals: &Signals<'_>, tracking: &Tracking) -> Vec<Band> {
     let mut bands = Vec::new();
     if let Some(codes) = tracking.phase.clone() {
-        bands.push(Band { name: "Phase", choices: &bands::PHASES, codes });
+        bands.push(Band { name: "Phase".into(), choices: &bands::PHASES, codes });
     }
     if let Some(codes) = signals.column(&["allowed_action", "safety_action"]) {
-        bands.push(Band { name: "Safety", choices: &bands::ACTIONS, codes });
+        bands.push(Band { name: "Safety".into(), choices: &bands::ACTIONS, codes });
     }
     let factors = [signals.column(&["command_saturation"]), signals.column(&["allowed_saturation"])];
     if factors.iter().any(Option::is_some) {
         let is_scaled = |row: usize| factors.iter().flatten().any(|factor| factor[row] < 1.0);
         let codes = (0..signals.times_s.len()).map(|row| f64::from(u8::from(is_scaled(row)))).collect();
-        bands.push(Band { name: "Commands", choices: &bands::SATURATION, codes });
+        bands.push(Band { name: "Commands".into(), choices: &bands::SATURATION, codes });
     }
     if let Some(codes) = signals.column(&["exchange_result"]) {
-        bands.push(Band { name: "Frames", choices: &bands::EXCHANGES, codes });
+        bands.push(Band { name: "Frames".into(), choices: &bands::EXCHANGES, codes });
     }
     bands
 }

@@ -2,24 +2,25 @@
 
 use crate::run::RecordedRun;
 
-/// Ends of names that are units, and what their numbers are multiplied by to be in SI units. Longer ones first.
-const UNITS: [(&str, f64); 16] = [
-    ("_kg_m2", 1.0),
-    ("_rad_s2", 1.0),
-    ("_m_s2", 1.0),
-    ("_rad_s", 1.0),
-    ("_m_s", 1.0),
-    ("_mrad", 1e-3),
-    ("_rad", 1.0),
-    ("_mm", 1e-3),
-    ("_n_m", 1.0),
-    ("_nm", 1.0),
-    ("_kg", 1.0),
-    ("_ns", 1e-9),
-    ("_us", 1e-6),
-    ("_ms", 1e-3),
-    ("_s", 1.0),
-    ("_m", 1.0),
+/// Ends of names that are units, what their numbers are multiplied by to be in SI units, and those. Longer ones first.
+const UNITS: [(&str, f64, &str); 17] = [
+    ("_kg_m2", 1.0, "kg·m²"),
+    ("_rad_s2", 1.0, "rad/s²"),
+    ("_m_s2", 1.0, "m/s²"),
+    ("_rad_s", 1.0, "rad/s"),
+    ("_m_s", 1.0, "m/s"),
+    ("_mrad", 1e-3, "rad"),
+    ("_rad", 1.0, "rad"),
+    ("_mm", 1e-3, "m"),
+    ("_n_m", 1.0, "N·m"),
+    ("_nm", 1.0, "N·m"),
+    ("_kg", 1.0, "kg"),
+    ("_ns", 1e-9, "s"),
+    ("_us", 1e-6, "s"),
+    ("_ms", 1e-3, "s"),
+    ("_s", 1.0, "s"),
+    ("_m", 1.0, "m"),
+    ("_v", 1.0, "V"),
 ];
 
 /// Nothing that a robot measures; squares of what is larger would not be finite.
@@ -44,7 +45,7 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
     if rest.is_empty() {
         return Some(1.0);
     }
-    UNITS.iter().find(|(unit, _)| *unit == rest).map(|(_, factor)| *factor)
+    UNITS.iter().find(|(unit, ..)| *unit == rest).map(|(_, factor, _)| *factor)
 }
 
 /// Beginnings of the names of all signals that are shown, beside those of wheels.
@@ -69,8 +70,16 @@ const SHOWN: [&str; 18] = [
     "timing",
 ];
 
-/// Whether a report needs the signal.
-pub(super) fn is_shown(topic: &str, signal: &str) -> bool {
+/// Whether a topic with such signals stands beside the drives: only what may not be heard has an age.
+fn is_beside<'a>(mut signals: impl Iterator<Item = &'a str>) -> bool {
+    signals.any(|signal| factor(&plain("", signal), "age").is_some())
+}
+
+/// Whether a report needs the signal of a topic that has these.
+pub(super) fn is_shown(topic: &str, signal: &str, of_topic: &[String]) -> bool {
+    if is_beside(of_topic.iter().map(String::as_str)) {
+        return true;
+    }
     let name = plain(topic, signal);
     let own = plain("", signal);
     SHOWN.iter().any(|shown| name.starts_with(shown))
@@ -93,6 +102,24 @@ pub(super) struct WheelSignals {
     pub(super) speed: Option<Vec<f64>>,
     /// N·m.
     pub(super) torque: Option<Vec<f64>>,
+}
+
+/// One value of what stands beside the drives.
+pub(super) struct ValueBeside {
+    /// Its name, without a unit.
+    pub(super) name: String,
+    /// Of its values.
+    pub(super) unit: Option<&'static str>,
+    /// In SI units; not a number where it wasn't known.
+    pub(super) values: Vec<f64>,
+}
+
+impl ValueBeside {
+    /// Whether it is never anything but 0 and 1.
+    pub(super) fn is_on_or_off(&self) -> bool {
+        self.unit.is_none()
+            && self.values.iter().all(|value| !value.is_finite() || *value == 0.0 || *value == 1.0)
+    }
 }
 
 /// A pose in each cycle.
@@ -188,6 +215,33 @@ impl<'a> Signals<'a> {
             at += topic.signals.len();
         }
         wheels
+    }
+
+    /// Devices without a wheel and other programs, each with its values.
+    pub(super) fn beside(&self) -> Vec<(String, Vec<ValueBeside>)> {
+        let mut found = Vec::new();
+        let mut at = 0;
+        for topic in &self.run.schema.topics {
+            let names = topic.signals.iter().map(|signal| signal.name.as_str());
+            if is_beside(names.clone()) {
+                let values = names.enumerate().filter_map(|(place, name)| {
+                    let name = plain("", name);
+                    let unit = UNITS.iter().find(|(unit, ..)| name.ends_with(unit));
+                    let (name, factor) = unit
+                        .map_or((&*name, 1.0), |(unit, factor, _)| (name.trim_end_matches(unit), *factor));
+                    let values = || self.values(at + place, factor);
+                    let is_of_the_line = matches!(name, "age" | "instant");
+                    (!is_of_the_line).then(|| ValueBeside {
+                        name: name.to_owned(),
+                        unit: unit.map(|(.., unit)| *unit),
+                        values: values(),
+                    })
+                });
+                found.push((topic.name.trim_matches('/').to_owned(), values.collect()));
+            }
+            at += topic.signals.len();
+        }
+        found
     }
 
     /// What the description says under `key`; nothing where it says nothing.

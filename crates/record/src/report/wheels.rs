@@ -7,7 +7,7 @@ use super::text::{self, Unit, escape};
 use std::fmt::Write;
 
 /// Looks of wheels.
-const LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
+pub(super) const LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
 
 /// What wheels may, where the recording tells it.
 struct Limits {

@@ -42,8 +42,8 @@ pub enum Keep<'a> {
     All,
     /// When each complete cycle was, and the events.
     Times,
-    /// Signals for which this is so, by their topic and name; and nothing for replay.
-    Signals(fn(&str, &str) -> bool),
+    /// Signals for which this is so, by their topic, their name, and all names of the topic; and nothing for replay.
+    Signals(fn(&str, &str, &[String]) -> bool),
     /// Signals and rows of a selection; and nothing for replay.
     Chosen(&'a Selection),
 }
@@ -273,15 +273,15 @@ impl<'a> Reading<'a> {
             self.schemas.get(&schema).and_then(|data| protobuf::field_names(data)).unwrap_or_default();
         let at = self.run.schema.width();
         let (mut signals, mut fields) = (Vec::new(), Vec::new());
-        for name in names {
+        for name in &names {
             let is_kept = match self.keep {
                 Keep::All | Keep::Times => true,
-                Keep::Signals(is_kept) => is_kept(&topic, &name),
-                Keep::Chosen(selection) => selection.holds(&topic, &name),
+                Keep::Signals(is_kept) => is_kept(&topic, name, &names),
+                Keep::Chosen(selection) => selection.holds(&topic, name),
             };
             fields.push(is_kept.then_some(signals.len()));
             if is_kept {
-                signals.push(Signal { name });
+                signals.push(Signal { name: name.clone() });
             }
         }
         let width = signals.len();

@@ -143,7 +143,7 @@ fn an_hour_is_as_large_as_a_minute_and_keeps_its_extremes() {
 
 #[test]
 fn a_page_needs_no_more_of_a_recording_than_what_it_shows() {
-    let run = square(4, 3000);
+    let run = beside();
     let mut file = Cursor::new(Vec::new());
     let mut recording = McapRun::create(&mut file, &run.schema, &run.description).unwrap();
     for (row, time_ns) in run.values.chunks_exact(run.schema.width()).zip(&run.times_ns) {
@@ -154,6 +154,38 @@ fn a_page_needs_no_more_of_a_recording_than_what_it_shows() {
     let kept = RecordedRun::read_from(file.get_ref().as_slice(), report::SHOWN).unwrap();
     assert!(kept.schema.width() < run.schema.width() && kept.raw.is_empty(), "{:#?}", kept.schema);
     assert_eq!(html(&kept), html(&run));
+}
+
+/// A run with an axis, a terminal of two inputs and a gate that another program knows of.
+fn beside() -> RecordedRun {
+    let plain = square(4, 3000);
+    let mut run = RecordedRun { values: Vec::new(), ..plain.clone() };
+    run.schema.push("lift", ["age_s", "position_m", "set_point_m", "state"]);
+    run.schema.push("buttons", ["age_s", "stop", "released"]);
+    run.schema.push("gate", ["age_s", "instant_ns", "angle_rad"]);
+    for (cycle, row) in plain.values.chunks_exact(plain.schema.width()).enumerate() {
+        run.values.extend(row);
+        let part = cycle as f64 / 3000.0;
+        run.values.extend([0.0, 0.5 * part, 0.5 * part + 0.01, if cycle < 1000 { 1.0 } else { 2.0 }]);
+        run.values.extend([0.0, f64::from(u8::from(cycle >= 1500)), 1.0]);
+        run.values.extend([f64::INFINITY, 0.0, f64::NAN]);
+    }
+    run
+}
+
+#[test]
+fn what_stands_beside_the_drives_is_plotted() {
+    let page = html(&beside());
+    for caption in ["lift: position, set_point", "lift: state", "gate: angle", "Switched on and off"] {
+        assert!(page.contains(&format!("<figcaption>{caption}")), "{caption}");
+    }
+    // From 0 to 0.5 m in a drawing that holds 0.51 too: upwards, along the whole of it.
+    let rise = curve(&page, "lift: position", "w1");
+    assert!(rise.first().unwrap().1 > 900.0 && rise.last().unwrap().1 < 100.0, "{rise:?}");
+    let words = words(&page);
+    assert!(words.contains("buttons: stop") && words.contains("buttons: released"), "{words}");
+    assert!(!words.contains("lift: age") && !words.contains("instant"), "{words}");
+    assert!(!html(&square(4, 3000)).contains("id=\"beside\""), "nothing is said of what isn't there");
 }
 
 #[test]

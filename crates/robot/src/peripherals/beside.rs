@@ -3,6 +3,8 @@
 use std::fmt::Write;
 use std::ops::Range;
 
+use omnibase_cia402::Wanted;
+
 use super::sources::Sources;
 use crate::config::RobotPlan;
 use crate::image::ProcessImage;
@@ -214,7 +216,8 @@ impl Beside {
             let mut outputs = Outputs::new(&self.layout, &mut self.told);
             part.peripheral.signals(&Inputs::new(&self.layout, signals), &mut outputs);
         }
-        if lets_go {
+        // Drives are written in every phase; what they tell counts where the other stages are asked too.
+        if lets_go || leave.wanted != Wanted::OperationEnabled {
             self.told = Told::NOTHING;
         }
         for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {

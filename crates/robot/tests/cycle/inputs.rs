@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, Mutex};
 
+use omnibase_robot::devices::Cia402Device;
 use omnibase_robot::registry::{Key, Kind, PeripheralDefaults, needed};
 use omnibase_robot::signals::{
-    Commands, CycleTime, Inputs, Outputs, Phase, PlatformState, Quantity, RequestAnswer, SafetyAction,
-    SafetyReason, Setpoint, StopCategory,
+    Commands, CycleTime, DriveMeasurement, DriveProgress, Inputs, Outputs, Phase, PlatformState, Quantity,
+    RequestAnswer, SafetyAction, SafetyReason, Setpoint, StopCategory,
 };
-use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral};
+use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Observation, Peripheral};
 use omnibase_robot::{CycleRecord, Exchange, ImageBuffer, Registry, RequestKind, Robot};
 
 use crate::support::{Bench, kind, plan, plan_with};
@@ -271,6 +272,77 @@ fn a_users_kind_brings_its_maps_and_signals_and_no_number_isnt_believed() {
     bench.image.device_inputs[4][0] = 3;
     let signals = bench.step(None).signals;
     assert_eq!((signals.believed >> 3, signals.inputs[3]), (1, 3000.0));
+}
+
+/// A drive that says by a lamp when its supply is above 20 V.
+struct SaysSupply(Cia402Device);
+
+impl Device for SaysSupply {
+    fn read(&mut self, time: &CycleTime, inputs: &[u8]) -> DriveMeasurement {
+        self.0.read(time, inputs)
+    }
+    fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+        if inputs.value("supply.voltage").is_some_and(|volts| volts > 20.0) {
+            assert!(outputs.set("lamps.green", 1.0));
+        }
+    }
+    fn write(&mut self, time: &CycleTime, command: &DriveCommand, outputs: &mut [u8]) -> DriveProgress {
+        self.0.write(time, command, outputs)
+    }
+}
+
+/// A display beside the drives that shows whole volts.
+#[derive(Default)]
+struct Voltmeter(f64);
+
+impl Peripheral for Voltmeter {
+    fn signals(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) {
+        self.0 = inputs.value("supply.voltage").unwrap_or(0.0);
+    }
+    fn write(&mut self, _: &CycleTime, _: &[f64], bytes: &mut [u8]) {
+        bytes[0] = self.0.round() as u8;
+    }
+}
+
+#[test]
+fn drives_and_other_subdevices_see_inputs_and_drives_tell_outputs() {
+    let mut registry = Registry::with_built_in();
+    let (_, sgdv) = registry.devices.find(Some("sgdv")).unwrap();
+    let defaults = sgdv.defaults.clone();
+    let device = |plan: &_| Ok(SaysSupply(Cia402Device::new(plan)?));
+    registry.devices.add(kind("says_supply"), defaults, device);
+    let defaults = PeripheralDefaults {
+        outputs: vec![omnibase_robot::config::PdoPlan {
+            index: 0x1600,
+            entries: omnibase_robot::config::parse_map("7000.1:8").unwrap(),
+        }],
+        ..PeripheralDefaults::default()
+    };
+    registry.peripherals.add(kind("voltmeter"), defaults, |_| Ok(Voltmeter::default()));
+    let table = "[[device]]\nname = \"display\"\nposition = 7\nkind = \"voltmeter\"\n[platform]";
+    let text = IO.replace("[platform]", table).replace("device = \"sgdv\"", "device = \"says_supply\"");
+    let plan = plan_with(&text, &registry);
+    let mut bench = Bench::with_registry(plan.clone(), &registry);
+    bench.image.device_inputs[BUTTONS][0] = 0b01;
+    let mut records: Vec<CycleRecord> = Vec::new();
+    for cycle in 0..400_u16 {
+        // 30 V from cycle 200 on.
+        let counts: i16 = if cycle < 200 { 100 } else { 19660 };
+        bench.image.device_inputs[SUPPLY][1..3].copy_from_slice(&counts.to_le_bytes());
+        let request = (cycle == 1).then_some(RequestKind::Enable);
+        records.push(bench.step(request));
+        let shown = bench.image.device_outputs.last().unwrap()[0];
+        assert_eq!(shown, if cycle < 200 { 0 } else { 30 }, "cycle {cycle}");
+    }
+    assert_eq!([150, 300].map(|cycle: usize| records[cycle].signals.outputs[0]), [0.0, 1.0]);
+    // A robot that lets go of its drives lets go of the outputs.
+    bench.step(Some(RequestKind::Stop(StopCategory::RemoveTorque)));
+    assert_eq!(bench.run(2).signals.outputs[0], 0.0);
+    let mut again = Robot::build(&plan, &registry).unwrap();
+    let mut image = ImageBuffer::new(&plan);
+    for record in &records {
+        assert_eq!(again.replay(record, &mut image), record, "cycle {}", record.time.index);
+    }
 }
 
 /// One that is told what it shall do once.
