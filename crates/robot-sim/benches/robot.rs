@@ -44,6 +44,7 @@ fn parameters(count: usize) -> MachineParameters {
         floor: Floor::default(),
         wheels: (0..count).map(wheel).collect(),
         step_ns: DEFAULT_STEP_NS,
+        wires: Vec::new(),
     }
 }
 

@@ -30,6 +30,7 @@ pub mod robot;
 pub mod slide;
 pub mod tread;
 pub mod wheel;
+pub mod wiring;
 
 pub use body::{Body, BodyError, BodyParameters, Payload};
 pub use floor::{Contact, Floor, Patch, Place, Slope, Surface};
@@ -40,3 +41,4 @@ pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, Shar
 pub use slide::{SharedSlide, SlideParameters};
 pub use tread::Tread;
 pub use wheel::{Grip, WheelParameters, WheelState};
+pub use wiring::Wire;

@@ -5,6 +5,7 @@ use crate::floor::{Floor, Surface};
 use crate::motor::{Motor, MotorParameters};
 use crate::pose::{Pose, Twist};
 use crate::wheel::WheelParameters;
+use crate::wiring::{self, Wire};
 
 /// A wheel and the motor that drives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +29,8 @@ pub struct MachineParameters {
     pub wheels: Vec<WheelDrive>,
     /// Step of the integration; 50 to 250 us give good results.
     pub step_ns: u32,
+    /// How the drives are wired to the motors, in the order of the drives; empty: each to its own.
+    pub wires: Vec<Wire>,
 }
 
 /// The step of the integration by default.
@@ -50,6 +53,12 @@ pub enum MachineError {
         value: f64,
         /// What is allowed.
         must: &'static str,
+    },
+    /// Drives and motors don't belong together one to one.
+    #[error("the wires must lead from each of {wheels} drives to a motor of its own")]
+    Wires {
+        /// How many motors there are.
+        wheels: usize,
     },
     /// The step is too short to get anywhere or too long to be true.
     #[error("a step of {step_ns} ns; it must be between 1000 and 2000000 ns")]
@@ -90,6 +99,7 @@ pub struct Truth {
 pub struct Machine {
     body: Body,
     motors: Vec<Motor>,
+    wires: Vec<Wire>,
     torques_n_m: Vec<f64>,
     /// The greatest that each of them ever was, either way.
     greatest_n_m: Vec<f64>,
@@ -121,9 +131,11 @@ impl Machine {
         let mut body = Body::new(parameters.body, &wheels)?;
         body.set_payload(parameters.payload)?;
         body.set_floor(parameters.floor.clone())?;
+        let wheels = parameters.wheels.len();
         Ok(Self {
             body,
             motors,
+            wires: wiring::complete(&parameters.wires, wheels).ok_or(MachineError::Wires { wheels })?,
             torques_n_m: vec![0.0; parameters.wheels.len()],
             greatest_n_m: vec![0.0; parameters.wheels.len()],
             step_ns: u64::from(parameters.step_ns),
@@ -166,10 +178,11 @@ impl Machine {
         !(rested && settled && self.body.at_rest())
     }
 
-    /// Asks motor `index` for a torque at its shaft, until the next call; an index without a motor is ignored.
+    /// Asks the motor of drive `index` for a torque at its shaft, until the next call; an index without a drive is ignored.
     pub fn ask(&mut self, index: usize, torque_n_m: f64) {
-        if let Some(motor) = self.motors.get_mut(index) {
-            motor.ask(torque_n_m);
+        let Some(wire) = self.wires.get(index) else { return };
+        if let Some(motor) = self.motors.get_mut(wire.wheel) {
+            motor.ask(wire.motor_sign() * torque_n_m);
         }
     }
 
@@ -178,17 +191,19 @@ impl Machine {
         &self.greatest_n_m
     }
 
-    /// What the drive of motor `index` sees at the present instant; zeros for an index without a motor.
+    /// What drive `index` sees at the present instant; zeros for an index without a drive.
     pub fn shaft(&self, index: usize) -> Shaft {
-        let (Some(motor), Some(wheel)) = (self.motors.get(index), self.body.wheels().get(index)) else {
+        let Some(wire) = self.wires.get(index) else { return Shaft::default() };
+        let (Some(motor), Some(wheel)) = (self.motors.get(wire.wheel), self.body.wheels().get(wire.wheel))
+        else {
             return Shaft::default();
         };
-        let gear = motor.parameters().gear_ratio;
+        let gear = wire.encoder_sign() * motor.parameters().gear_ratio;
         let turned = wheel.angle_rad + wheel.speed_rad_s * self.since_grid_s();
         Shaft {
             angle_rad: gear * turned,
             speed_rad_s: gear * wheel.speed_rad_s,
-            torque_n_m: motor.torque_n_m(),
+            torque_n_m: wire.motor_sign() * motor.torque_n_m(),
         }
     }
 

@@ -206,6 +206,7 @@ fn machine(motor: MotorParameters) -> Machine {
         floor: Floor::default(),
         wheels: wheels.map(|wheel| WheelDrive { wheel, motor }).collect(),
         step_ns: DEFAULT_STEP_NS,
+        wires: Vec::new(),
     };
     Machine::new(&parameters).expect("a sound machine")
 }

@@ -39,6 +39,7 @@ fn description(contact: Contact) -> RobotSimDescription {
             wheel([0.5 * p, HALF_SQRT3 * p], [HALF_SQRT3, -0.5]),
         ],
         step_ns: DEFAULT_STEP_NS,
+        wires: Vec::new(),
     };
     let drives = (0..3).map(|wheel| DriveStation::new(DriveKind::Generic, wheel)).collect();
     RobotSimDescription { machine, drives }

@@ -16,6 +16,7 @@ mod subdevices;
 #[cfg(test)]
 mod tests;
 mod torque_limit;
+mod wires;
 
 use std::fmt::Display;
 

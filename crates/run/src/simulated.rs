@@ -20,7 +20,7 @@ use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Patch, Payload, Place,
     RobotSim, RobotSimDescription, SharedMachine, SharedSlide, Slope, Surface, Tread, Waves, WheelDrive,
-    WheelParameters,
+    WheelParameters, Wire,
 };
 
 /// Mass of a platform whose file gives none, kg: that of the BMM without batteries (thesis, chapter 1).
@@ -102,6 +102,7 @@ pub fn description(plan: &RobotPlan) -> RobotSimDescription {
             floor: floor(table),
             wheels: drives.map(|(index, (wheel, drive))| wheel_drive(table, index, wheel, drive)).collect(),
             step_ns: table.step_us.map_or(DEFAULT_STEP_NS, |step_us| step_us.saturating_mul(1000)),
+            wires: wires(plan),
         },
         drives: stations(plan),
     }
@@ -171,6 +172,25 @@ fn wheel_drive(table: &SimulationTable, index: usize, wheel: &Wheel, drive: &Dri
     let mut motor = motor(table, drive);
     motor.torque_ratio = torque_ratio(table, index);
     WheelDrive { wheel: parameters, motor }
+}
+
+/// How the robot's file says that the simulated drives are wired.
+fn wires(plan: &RobotPlan) -> Vec<Wire> {
+    let table = &plan.simulation;
+    let place = |name: &String| plan.drives.iter().position(|drive| drive.name == *name);
+    let named =
+        |names: &Option<Vec<String>>| names.iter().flatten().filter_map(place).collect::<Vec<usize>>();
+    let mut wires: Vec<Wire> = (0..plan.drives.len()).map(Wire::straight).collect();
+    if let [one, other] = named(&table.swapped_drives)[..] {
+        wires.swap(one, other);
+    }
+    for drive in named(&table.turned_drives) {
+        (wires[drive].turns_motor, wires[drive].turns_encoder) = (true, true);
+    }
+    for drive in named(&table.turned_encoders) {
+        wires[drive].turns_encoder ^= true;
+    }
+    wires
 }
 
 /// What a wheel's motor gives over what its current promises.
@@ -265,5 +285,28 @@ mod tests {
             let plan = RobotPlan::from_toml(&text, &registry, &|name| Err(name.to_owned())).unwrap();
             assert!(description(&plan).drives.iter().all(|station| station.kind == kind), "{like}");
         }
+    }
+
+    #[test]
+    fn the_file_says_what_is_wired_wrongly() {
+        let wires = |keys: &str| {
+            let text = format!("{}\n{keys}\n", include_str!("../../../robots/bmm.toml"));
+            let none = |name: &str| Err(name.to_owned());
+            description(&RobotPlan::from_toml(&text, &Registry::with_built_in(), &none).unwrap())
+                .machine
+                .wires
+        };
+        let straight = [0, 1, 2].map(Wire::straight);
+        assert_eq!(wires(""), straight);
+        assert_eq!(
+            wires("swapped_drives = [\"wheel_3\", \"wheel_1\"]"),
+            [straight[2], straight[1], straight[0]]
+        );
+        let turned = wires("turned_drives = [\"wheel_2\"]\nturned_encoders = [\"wheel_3\"]");
+        let [second, third] = [
+            Wire { turns_motor: true, turns_encoder: true, ..straight[1] },
+            Wire { turns_encoder: true, ..straight[2] },
+        ];
+        assert_eq!(turned, [straight[0], second, third]);
     }
 }

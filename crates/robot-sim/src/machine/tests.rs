@@ -25,6 +25,7 @@ fn parameters() -> MachineParameters {
             wheel([0.5 * p, HALF_SQRT3 * p], [HALF_SQRT3, -0.5]),
         ],
         step_ns: DEFAULT_STEP_NS,
+        wires: Vec::new(),
     }
 }
 
@@ -185,4 +186,34 @@ fn figures_without_meaning_are_refused() {
     let mut unbalanced = parameters();
     unbalanced.payload = Payload { mass_kg: 300.0, position_m: [1.0, 0.0], ..Payload::default() };
     assert!(matches!(Machine::new(&unbalanced), Err(MachineError::Body(BodyError::TipsOver { .. }))));
+}
+
+#[test]
+fn a_drive_turns_and_counts_what_its_wires_lead_to() {
+    let mut wires: Vec<Wire> = (0..3).map(Wire::straight).collect();
+    wires.swap(0, 1);
+    wires[0].turns_motor = true;
+    wires[2].turns_encoder = true;
+    let mut machine = Machine::new(&MachineParameters { wires, ..parameters() }).unwrap();
+    machine.ask(0, 2.0);
+    machine.ask(2, 2.0);
+    machine.advance(200_000_000);
+    let speeds: Vec<f64> = machine.body().wheels().iter().map(|wheel| wheel.speed_rad_s).collect();
+    // The first drive turns the second wheel backwards, and its encoder tells so; the third's counts against its motor.
+    assert!(speeds[1] < -0.1 && speeds[2] > 0.1, "{speeds:?}");
+    let seen: Vec<f64> = (0..3).map(|drive| machine.shaft(drive).speed_rad_s).collect();
+    assert_eq!(seen, [speeds[1], speeds[0], -speeds[2]]);
+    assert!(machine.shaft(0).torque_n_m > 1.9 && machine.motors()[1].torque_n_m() < -1.9);
+}
+
+#[test]
+fn wires_lead_from_each_drive_to_a_motor_of_its_own() {
+    let refused = |wheels: &[usize]| {
+        let wires = wheels.iter().copied().map(Wire::straight).collect();
+        Machine::new(&MachineParameters { wires, ..parameters() }).err()
+    };
+    for wheels in [&[0, 1][..], &[0, 1, 1], &[0, 1, 3]] {
+        assert_eq!(refused(wheels), Some(MachineError::Wires { wheels: 3 }), "{wheels:?}");
+    }
+    assert_eq!(refused(&[2, 0, 1]), None);
 }

@@ -15,6 +15,7 @@ pub(super) fn resolve(
 ) -> Option<Vec<EventPlan>> {
     check.simulation(table, drives.len());
     let drives: Vec<&str> = drives.iter().map(|drive| drive.name.as_deref().unwrap_or_default()).collect();
+    check.wires(table, &drives);
     let own = Events { tables: &table.event, list: "simulation.event", drives: &drives };
     let mut events = own.resolve(check, registry);
     if let Some(name) = &table.events_file {

@@ -76,6 +76,13 @@ pub struct SimulationTable {
     /// the file says; default: 1.
     #[schemars(inner(range(min = 0.0, max = 2.0)))]
     pub torque_ratio: Option<Vec<f64>>,
+    /// Drives whose wheels turn the wrong way: motor and encoder are both wired the other way round.
+    pub turned_drives: Option<Vec<String>>,
+    /// Drives whose encoders alone count the wrong way: against their motors.
+    pub turned_encoders: Option<Vec<String>>,
+    /// Two drives, each of which has the motor and the encoder of the other's wheel.
+    #[schemars(length(equal = 2))]
+    pub swapped_drives: Option<Vec<String>>,
     /// Amplitude of a motor's cogging torque, 0.5 to 5 % of the rated one, N·m; default: none.
     #[schemars(range(min = 0.0, max = 1e4))]
     pub cogging_nm: Option<f64>,

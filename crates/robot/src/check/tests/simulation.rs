@@ -108,6 +108,14 @@ fn patches_slopes_and_motors_are_refused_where_they_contradict_themselves() {
             "torque_ratio = [1.0, 0.5]",
             "simulation.torque_ratio = 2 values: one for each wheel (allowed: 3 values)",
         ),
+        (
+            "turned_drives = [\"wheel_4\"]",
+            "simulation.turned_drives = \"wheel_4\": no drive has this name; did you mean `wheel_3`? (allowed: wheel_1, wheel_2, wheel_3)",
+        ),
+        (
+            "swapped_drives = [\"wheel_1\", \"wheel_1\"]",
+            "simulation.swapped_drives = wheel_1, wheel_1: two drives change places (allowed: two different names)",
+        ),
         ("cogging_per_turn = 72", "simulation.cogging_nm: must be given"),
         ("torque_ripple_per_turn = 48", "simulation.torque_ripple: must be given"),
         ("slope_direction_rad = 1.0", "simulation.slope_rad: must be given: a level floor has no direction"),
