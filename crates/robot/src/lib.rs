@@ -38,6 +38,7 @@ pub mod signals;
 mod speed_loop;
 pub mod stages;
 pub mod stick_shape;
+mod traction;
 mod unread;
 
 pub use config::{Problem, RobotFile, RobotPlan};
