@@ -3,6 +3,7 @@
 mod axis;
 mod devices;
 mod drives;
+mod grip;
 mod guard;
 mod joystick;
 mod kind_keys;
@@ -154,6 +155,7 @@ impl Check {
         devices::room(self, &signals);
         let safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
+        let grip = grip::resolve(self, &file.grip, read_file);
         let controller = self.controller(file.controller, registry);
         let estimator = self.estimator(file.estimator, registry);
         let reference = self.reference(file.reference, registry, read_file);
@@ -181,6 +183,7 @@ impl Check {
             controller: controller?,
             reference: reference?,
             safety,
+            grip,
             joystick: file.joystick,
             guard: guard?,
             simulation: file.simulation,

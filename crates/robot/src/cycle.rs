@@ -30,6 +30,7 @@ use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
 use crate::stick_shape::StickShape;
+use crate::traction::Traction;
 use pose::Counted;
 
 /// A robot: its stages, and what they remember from cycle to cycle.
@@ -37,6 +38,7 @@ pub struct Robot {
     devices: Vec<Box<dyn Device>>,
     beside: Beside,
     grip: Grip,
+    traction: Traction,
     estimator: Box<dyn Estimator>,
     limiter: Limiter,
     /// Never empty; the present one is `active`.
@@ -89,6 +91,7 @@ impl Robot {
             beside,
             guard: Guard::new(&plan.guard, &plan.limits, period_s, &estimator.growth()),
             grip: Grip::new(plan),
+            traction: Traction::new(plan),
             estimator,
             limiter,
             controllers,
@@ -123,6 +126,7 @@ impl Robot {
         self.beside.read(&time, exchange, image, &mut self.record.signals);
         self.record.grip = self.feel();
         self.record.state = self.estimate();
+        self.carry();
         self.guard.advance(&self.record.time, &self.record.state);
         self.settings.settle(&self.record);
         self.record.answer = request.map_or(RequestAnswer::None, |request| self.take(&request));
@@ -134,6 +138,7 @@ impl Robot {
         self.advance();
         self.write(image);
 
+        self.record.traction = self.traction.report();
         self.record.controller = self.active as u64;
         self.record.force_n = self.controllers[self.active].force_n();
         self.record.stop_reason = self.lifecycle.reason();
@@ -257,6 +262,14 @@ impl Robot {
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());
         self.grip.look(&record.time, (record.exchange, &record.measurements), turn_rad_s, drives)
+    }
+
+    /// Traction: what the floor carries.
+    fn carry(&mut self) {
+        let record = &mut self.record;
+        record.traction = self.traction.look(&record.time, &record.grip, &record.state);
+        self.guard.keep_to(&self.traction.limits());
+        self.motion.keep_to(record.traction.share);
     }
 
     /// Estimator: from measurements to the platform's state.
@@ -479,7 +492,10 @@ impl Robot {
             }
             Phase::Stopping => guarded(Drive::Stop),
             // Fence and obstacles stand in odom, of which nothing is known: a person who sees the platform leads it.
-            Phase::Tracking if !self.record.state.pose_known => self.limiter.toward(wished.twist_in_odom),
+            Phase::Tracking if !self.record.state.pose_known => {
+                self.limiter.set_limits(&self.traction.limits());
+                self.limiter.toward(wished.twist_in_odom)
+            }
             Phase::Tracking if self.motion.velocity().is_some() => {
                 guarded(Drive::Toward(wished.twist_in_odom))
             }
@@ -512,7 +528,9 @@ impl Robot {
                 controller.limit_wheels(&self.settings.wheel_limits());
                 let is_heard = matches!(record.exchange, Exchange::Complete);
                 controller.knows(&record.grip.dynamics);
-                if record.measurements.is_held_back() || record.grip.slips() || !is_heard {
+                let is_capped = record.traction.is_capped();
+                let is_held_back = record.measurements.is_held_back() || is_capped;
+                if is_held_back || record.grip.slips() || !is_heard {
                     controller.limited_by_drives();
                 }
                 let (inputs, mut outputs) = self.beside.open(&record.signals);
@@ -521,7 +539,7 @@ impl Robot {
                 // What the drives' maps were checked for is the quantity that the law names.
                 let is_of_its_kind = commands.quantity == controller.quantity();
                 if is_of_its_kind {
-                    commands
+                    self.traction.cap(commands, (&record.setpoint, &record.grip))
                 } else {
                     Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
                 }

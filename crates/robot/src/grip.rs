@@ -82,7 +82,7 @@ pub(crate) struct Grip {
     shown: [f64; 3],
     /// Standard deviations of v̂.
     sigma: [f64; 3],
-    /// `None` before any wheel slipped.
+    /// `None` before any wheel slipped, in this run or one that is remembered.
     floor: Option<Floor>,
 }
 
@@ -143,7 +143,10 @@ impl Grip {
             acceleration: [0.0; 3],
             shown: [0.0; 3],
             sigma: [0.0; 3],
-            floor: None,
+            floor: plan
+                .grip
+                .remembered
+                .map(|floor| Floor { coefficient: floor.friction, variance: floor.friction_sigma.powi(2) }),
         }
     }
 

@@ -3,7 +3,9 @@
 //! Two layers. `shaping` makes a wish gentle: near a wall only the part that leads outwards is slowed, so that one
 //! slides along it, and around an obstacle. What counts is the check behind it: a cycle's motion is let through only if
 //! the stop after it (`braking`) is known to keep the footprint inside the fence and off every obstacle. Else the
-//! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction.
+//! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction. Where the floor
+//! turns out to carry less than was thought, the stop that was let through stays as hard as it was until a softer one is known
+//! to suffice.
 
 mod braking;
 mod retreat;
@@ -179,6 +181,14 @@ impl Guard {
         self.limited_by
     }
 
+    /// The limits to which motions keep from now on; no motion is let through whose stop needs more. What was let through before
+    /// keeps the stop that was promised with it.
+    pub(crate) fn keep_to(&mut self, limits: &Limits) {
+        if self.limits != *limits {
+            (self.limits, self.braking) = (*limits, Braking::new(limits, self.period_s));
+        }
+    }
+
     pub(crate) fn has_fence(&self) -> bool {
         self.fence.is_some()
     }
@@ -245,6 +255,7 @@ impl Guard {
         };
         let here = limiter.setpoint();
         if self.is_idle() {
+            limiter.set_limits(&self.limits);
             return limiter.toward(wish);
         }
         if !wish.is_finite() || !here.is_finite() || !state.is_finite() {
@@ -262,6 +273,7 @@ impl Guard {
         let mut cause = cause;
         for candidate in [shaped, half, straight, turning, Twist2::default()] {
             let mut tried = limiter.clone();
+            tried.set_limits(&self.limits);
             let next = tried.toward(candidate);
             match self.check([&here, &next], &now) {
                 Ok(()) => {

@@ -38,6 +38,7 @@ mod settings;
 pub mod signals;
 pub mod stages;
 pub mod stick_shape;
+mod traction;
 mod unread;
 
 pub use config::{Problem, RobotFile, RobotPlan};

@@ -58,6 +58,12 @@ impl Limiter {
         })
     }
 
+    /// Other limits from now on, while moving too: what lies beyond them is brought inside by braking. Impossible ones change
+    /// nothing.
+    pub(crate) fn set_limits(&mut self, limits: &Limits) {
+        let _ = self.twist.set_limits(&motion_limits(limits));
+    }
+
     /// Begins anew, at rest at a pose.
     pub fn reset(&mut self, pose: Pose2) {
         self.twist.restart(Twist2::default());

@@ -1,5 +1,6 @@
 //! What a tracking robot follows: its reference at a rate, a velocity command, or the straight way to a pose.
 
+mod foothold;
 mod headway;
 mod room;
 
@@ -12,6 +13,7 @@ use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
+use foothold::Foothold;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
 
@@ -42,6 +44,9 @@ pub(crate) struct Motion {
     pausing: Pausing,
     /// How fast the rate may change, and how fast that may, 1/s and 1/s².
     rate_limits: [f64; 2],
+    /// The part of the limits' accelerations that the floor carries.
+    share: f64,
+    foothold: Foothold,
     ahead: Ahead,
     room_had: RoomHad,
     /// How much more room to the fence than it must its place leaves, m.
@@ -133,17 +138,7 @@ impl Motion {
         (safety, guard): (&SafetyPlan, &GuardPlan),
         period_s: f64,
     ) -> Result<Self, LimitsError> {
-        let per_s = |most: f64, speed: f64| SHARE_OF_LIMITS * most / speed;
-        let rate_1_s = per_s(limits.acceleration_m_s2, limits.speed_m_s)
-            .min(per_s(limits.turn_acceleration_rad_s2, limits.turn_speed_rad_s));
-        let rate_1_s2 = per_s(limits.jerk_m_s3, limits.speed_m_s)
-            .min(per_s(limits.turn_jerk_rad_s3, limits.turn_speed_rad_s));
-        let of_rate = omnibase_trajectory::Limits {
-            speed_m_s: 1.0,
-            acceleration_m_s2: rate_1_s,
-            jerk_m_s3: rate_1_s2,
-            ..motion_limits(limits)
-        };
+        let rate_limits = rate_limits(limits, 1.0);
         Ok(Motion {
             reference,
             offered: None,
@@ -152,11 +147,13 @@ impl Motion {
             way: StraightMotion::default(),
             time_ns: 0.0,
             now_ns: 0,
-            rate: TwistLimiter::new(&of_rate, period_s)?,
+            rate: TwistLimiter::new(&limits_of_rate(limits, rate_limits), period_s)?,
             rate_now: 1.0,
             rate_change_1_s: 0.0,
             pausing: Pausing::No,
-            rate_limits: [rate_1_s, rate_1_s2],
+            rate_limits,
+            share: 1.0,
+            foothold: Foothold::NEW,
             ahead: Ahead::from(0.0),
             room_had: RoomHad::default(),
             spare_room_m: f64::INFINITY,
@@ -168,6 +165,22 @@ impl Motion {
             start_distance_m: safety.start_distance_m,
             start_heading_rad: safety.start_heading_rad,
         })
+    }
+
+    /// The part of the limits' accelerations that the floor carries: what is followed goes so much more slowly that it keeps to it.
+    pub(crate) fn keep_to(&mut self, share: f64) {
+        if share != self.share {
+            self.share = share;
+            self.rate_limits = rate_limits(&self.limits, share);
+            // They were possible with all of it.
+            let _ = self.rate.set_limits(&limits_of_rate(&self.limits, self.rate_limits));
+        }
+    }
+
+    /// The greatest rate of the reference from here on.
+    fn foothold(&mut self) -> f64 {
+        let time_s = self.time_s();
+        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.share))
     }
 
     pub(crate) fn course(&self) -> Course {
@@ -262,6 +275,8 @@ impl Motion {
     }
 
     fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
+        self.foothold = Foothold::NEW;
+        let rate = rate.min(self.foothold());
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
         self.ahead = Ahead::from(self.time_s());
         (self.rate_now, self.rate_change_1_s) = (rate, 0.0);
@@ -283,7 +298,7 @@ impl Motion {
         let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
         self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
         self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
-        self.rate_now = settings.rate(self.planned);
+        self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.share));
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
         self.headway.begin();
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
@@ -350,7 +365,7 @@ impl Motion {
     pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
         let wished = match self.course {
             Course::Way => {
-                let rate = settings.rate(self.planned);
+                let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.share));
                 let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
                 self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
                 self.at_rate(self.way.sample())
@@ -379,7 +394,7 @@ impl Motion {
         }
         let rate = match self.pausing {
             Pausing::Yes | Pausing::AtFence => 0.0,
-            Pausing::No => settings.rate(self.planned),
+            Pausing::No => settings.rate(self.planned).min(self.foothold()),
         };
         let left_s = self.reference.duration_s().map_or(f64::INFINITY, |end_s| end_s - self.time_s());
         self.time_ns += self.advance(time, [rate, guard.pace()], left_s);
@@ -449,5 +464,26 @@ impl Motion {
         if self.course == Course::Way && self.way.goes_on && is_there && self.way.is_over() {
             self.begin_reference(time, 0.0);
         }
+    }
+}
+
+/// How fast the rate of a reference may change, 1/s and 1/s², where the floor carries so much of the limits' accelerations.
+fn rate_limits(limits: &Limits, share: f64) -> [f64; 2] {
+    let per_s = |most: f64, speed: f64| SHARE_OF_LIMITS * most / speed;
+    [
+        share
+            * per_s(limits.acceleration_m_s2, limits.speed_m_s)
+                .min(per_s(limits.turn_acceleration_rad_s2, limits.turn_speed_rad_s)),
+        per_s(limits.jerk_m_s3, limits.speed_m_s)
+            .min(per_s(limits.turn_jerk_rad_s3, limits.turn_speed_rad_s)),
+    ]
+}
+
+fn limits_of_rate(limits: &Limits, [rate_1_s, rate_1_s2]: [f64; 2]) -> omnibase_trajectory::Limits {
+    omnibase_trajectory::Limits {
+        speed_m_s: 1.0,
+        acceleration_m_s2: rate_1_s,
+        jerk_m_s3: rate_1_s2,
+        ..motion_limits(limits)
     }
 }

@@ -15,6 +15,7 @@ mod record;
 mod record_tests;
 mod request;
 mod sources;
+mod traction;
 
 pub use axis::{AxisAsk, AxisState};
 pub use columns::column_name;
@@ -40,6 +41,7 @@ pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
 pub use sources::{
     Between, Carries, Heard, MAX_SOURCE_VALUES, MAX_SOURCES, PoseMeasurement, SourceName, VelocityMeasurement,
 };
+pub use traction::TractionReport;
 
 /// Bytes of process data that one drive can send or receive in a cycle.
 pub const MAX_PROCESS_BYTES: usize = 64;

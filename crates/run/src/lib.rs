@@ -16,6 +16,7 @@ pub mod channels;
 pub mod conductor;
 pub mod describe;
 pub mod drive_errors;
+pub mod floor_memory;
 pub mod live;
 pub mod replay;
 pub mod robot_text;

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use omnibase_robot::config::{Locations, ProblemKind, ReferenceTable, RobotFile, Source};
@@ -52,9 +53,16 @@ impl RobotText {
             source.replace_reference(reference.clone());
         }
         let effective = toml::to_string(&source.file).unwrap_or_else(|_| self.text.clone());
+        let memory = source.file.grip.memory.clone();
         let read = RefCell::new(BTreeMap::new());
         let read_file = |name: &str| {
-            let text = std::fs::read_to_string(self.folder.join(name)).map_err(|error| error.to_string())?;
+            let text = match std::fs::read_to_string(self.folder.join(name)) {
+                // Before its first run a robot remembers nothing.
+                Err(error) if error.kind() == ErrorKind::NotFound && memory.as_deref() == Some(name) => {
+                    String::new()
+                }
+                read => read.map_err(|error| error.to_string())?,
+            };
             read.borrow_mut().insert(format!("{FILE_KEY}{name}"), text.clone());
             Ok(text)
         };

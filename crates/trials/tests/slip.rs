@@ -83,3 +83,26 @@ fn what_grips_is_not_said_to_slip() {
         }
     }
 }
+
+/// A floor of which the robot's file tells as much as a sliding wheel gets.
+fn told(friction: f64) -> String {
+    format!("\n[grip]\nfriction = {:?}\ncentre_of_mass_height_m = 0.6\n", 0.9 * friction)
+}
+
+#[test]
+fn on_a_floor_that_is_told_nothing_slips_and_the_path_is_late_and_true() {
+    for (robot, law, friction, faster) in [
+        (BMM, "adaptive_torque", 0.5, 2.0),
+        (BMM, "closed_loop_speed", 0.5, 2.0),
+        (BMM, "adaptive_torque", 0.15, 1.0),
+        (BMM, "closed_loop_speed", 0.15, 2.0),
+        (MECANUM, "adaptive_torque", 0.5, 2.0),
+        (MECANUM, "closed_loop_speed", 0.5, 2.0),
+    ] {
+        let more = told(friction);
+        let case = Case { friction, faster, payload_kg: 100.0, more, ..case(robot, law, "square") };
+        let slid = case.ride();
+        println!("{}", case.row(&slid));
+        assert!(slid.run.finished && slid.run.true_final_m <= 0.015, "{}", case.row(&slid));
+    }
+}

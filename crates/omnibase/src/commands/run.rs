@@ -23,6 +23,7 @@ use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::channels::{Known, Rows};
+use omnibase_run::floor_memory;
 use omnibase_run::simulated::Script;
 use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
@@ -157,6 +158,17 @@ pub fn run(
         anyhow::Ok((ran?, share))
     })?;
     page.iter_mut().for_each(Page::keep);
+    // A try in simulation leaves what the real robot found.
+    let is_try = arguments.simulated && robot.plan.run.interface.is_some();
+    if let Some(name) = robot.plan.grip.memory.as_ref().filter(|_| !is_try) {
+        let path = source.text.folder.join(name);
+        if let Err(error) = floor_memory::keep(&path, &ran.last.grip) {
+            note(format_args!(
+                "warning: {}: what was found of the floor isn't kept: {error}",
+                path.display()
+            ));
+        }
+    }
     let mut summary: Summary = ran.summary;
     summary.cpu_share = arguments.interface.is_some().then_some(share);
     let mut lost = None;

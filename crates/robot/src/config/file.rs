@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::device_tables::DeviceTable;
 use super::drive_tables::DriveTable;
+use super::grip_tables::GripTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
@@ -68,6 +69,8 @@ pub struct RobotFile {
     pub reference: ReferenceTable,
     /// Watchdogs and stops.
     pub safety: SafetyTable,
+    /// What is known of the floor's friction.
+    pub grip: GripTable,
     /// The stick that drives by hand.
     pub joystick: JoystickTable,
     /// The fence that the whole footprint never crosses; default: none.

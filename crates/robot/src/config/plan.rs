@@ -13,6 +13,7 @@ use super::event_plan::EventPlan;
 use super::file::{
     ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, Synchronisation,
 };
+use super::grip_tables::GripPlan;
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
@@ -50,6 +51,8 @@ pub struct RobotPlan {
     pub reference: ReferenceTable,
     /// Watchdogs and stops.
     pub safety: SafetyPlan,
+    /// What is known of the floor's friction.
+    pub grip: GripPlan,
     /// The stick that drives by hand.
     pub joystick: JoystickTable,
     /// Footprint, fence and obstacles.

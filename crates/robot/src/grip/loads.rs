@@ -31,6 +31,12 @@ impl Loads {
         Loads { shares }
     }
 
+    /// By how much that load over the mean grows with each metre that the centre of mass is further along x and y, 1/m.
+    pub(crate) fn shift(&self, wheel: usize) -> [f64; 2] {
+        let [_, by_x, by_y] = self.shares[wheel];
+        [by_x, by_y]
+    }
+
     /// The load on a wheel over the mean, with the centre of mass at a place in base_link, m: never none.
     pub(crate) fn of(&self, wheel: usize, [x, y]: [f64; 2]) -> f64 {
         let [always, by_x, by_y] = self.shares[wheel];

@@ -534,3 +534,25 @@ fn where_nothing_of_the_fence_is_left_only_what_leads_inwards_passes() {
         assert!(!bench.guard.room_left(&Pose2::default()).is_enough(), "no goal is left");
     }
 }
+
+#[test]
+fn on_a_floor_that_carries_less_the_stop_is_longer_and_the_margin_holds() {
+    let softer = Limits { acceleration_m_s2: 0.3, turn_acceleration_rad_s2: 0.8, ..limits() };
+    // Known from the start, and found out at full speed, near to the fence or far from it.
+    for found_after_s in [0.0, 0.8, 1.4, 1.6, 1.8] {
+        let mut bench = Bench::oblong(square(1.5), &[]);
+        let (mut least_m, mut hardest, mut fastest) = (f64::INFINITY, 0.0_f64, 0.0_f64);
+        for cycle in 0..3000 {
+            if f64::from(cycle) * PERIOD_S >= found_after_s {
+                bench.guard.keep_to(&softer);
+            }
+            let setpoint = bench.stick(Twist2::new(0.8, 0.0, 0.3));
+            least_m = least_m.min(bench.room_m(&setpoint.odom_from_body));
+            hardest = hardest.max(setpoint.acceleration_in_odom.speed_m_s());
+            fastest = fastest.max(setpoint.twist_in_odom.speed_m_s());
+        }
+        assert!(least_m >= 0.05 - 1e-9, "{found_after_s}: {least_m}");
+        assert!(fastest > 0.4, "{found_after_s}: {fastest}");
+        assert!(found_after_s > 0.0 || hardest <= 0.3 + 1e-9, "{hardest}");
+    }
+}

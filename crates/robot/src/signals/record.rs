@@ -7,7 +7,7 @@ use super::{
     Allowed, Commands, Course, CycleTime, DriveMeasurement, DriveProgress, Exchange, GripReport, GuardReport,
     LimitedBy, MAX_DEVICE_BYTES, MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity,
     ReferenceStatus, Request, RequestAnswer, SafetyAction, SafetyReason, Setpoint, SignalLayout, SignalName,
-    SignalShape, Signals, SourceName,
+    SignalShape, Signals, SourceName, TractionReport,
 };
 
 const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
@@ -78,6 +78,8 @@ pub struct CycleRecord {
     pub commands: Commands,
     /// What the wheels' torques tell of platform and floor.
     pub grip: GripReport,
+    /// What the floor carries.
+    pub traction: TractionReport,
     /// The force that the controller found beside those of its model, N.
     pub force_n: f64,
     /// What safety allows.
@@ -310,6 +312,9 @@ impl CycleRecord {
         v.option("estimate.floor_friction", "", &mut self.grip.friction);
         v.option("estimate.floor_friction_sigma", "", &mut self.grip.friction_sigma);
         v.f64("estimate.force", "N", &mut self.force_n);
+        v.option("traction.friction", "", &mut self.traction.friction);
+        v.f64("traction.share", "", &mut self.traction.share);
+        v.f64("traction.factor", "", &mut self.traction.factor);
         v.u64("command.controller", "", &mut self.controller);
         v.code("command.quantity", &mut self.commands.quantity, Quantity::code, Quantity::from_code);
         v.f64("command.saturation", "", &mut self.commands.saturation);
