@@ -247,11 +247,11 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     };
     let Message { stamp_ms, call, .. } = message;
     // A program that asks and goes can't hold a stick.
-    let is_pad = matches!(
+    let is_stick = matches!(
         call,
         Call::Stick { .. } | Call::ReleaseStick | Call::LoseStick | Call::EnableStick | Call::Alive
     );
-    if is_pad {
+    if is_stick {
         let why = "a stick belongs to a page: expected a WebSocket at /api/live";
         return (StatusCode::CONFLICT, Json(CallResult::refused(why))).into_response();
     }

@@ -298,7 +298,7 @@ mod tests {
 
     /// A page drives, and then its server ends so; what the robot is asked in the cycle after it, and what is said.
     fn after(serve: impl FnOnce() -> Ended) -> (Option<RequestKind>, Option<&'static str>) {
-        let ages = Ages { pad_ns: u64::MAX, session_ns: u64::MAX };
+        let ages = Ages { stick_ns: u64::MAX, session_ns: u64::MAX };
         let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove, &[]);
         let page = live.begin_session().unwrap();
         let held = StickWish::Held { twist: Default::default(), frame: Default::default() };

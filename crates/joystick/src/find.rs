@@ -111,7 +111,7 @@ impl Installed {
 
     /// The path of the device that would be taken now.
     ///
-    /// A pad shows itself as several devices with the same ids, its motion sensors and its touchpad among them: only
+    /// A gamepad shows itself as several devices with the same ids, its motion sensors and its touchpad among them: only
     /// the one that has all that the map names fits.
     pub fn path(&self) -> Option<PathBuf> {
         if let Some(path) = &self.table.device {

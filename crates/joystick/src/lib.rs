@@ -1,4 +1,4 @@
-//! A stick or pad at the robot's computer, by Linux evdev: from its events to what a person wishes.
+//! The joystick at the robot's computer, a gamepad as well, by Linux evdev: from its events to what a person wishes.
 //!
 //! - [`event`]: [`RawEvent`], the kernel's `struct input_event`, from bytes that may be anything.
 //! - [`description`]: [`Description`], what a device is and has; [`State`], where its axes and buttons are.

@@ -95,11 +95,6 @@ impl Distribution {
         bins.retain(|bin| bin.count > 0);
         bins
     }
-
-    /// The distribution as lines of bars, `rows` and one at most, each with its bound and count.
-    pub fn bars(&self, rows: usize) -> Vec<String> {
-        bars(&self.bins(rows))
-    }
 }
 
 /// Bins as lines of bars, each with its bound and count.
@@ -145,10 +140,10 @@ mod tests {
         for value in [10_000, 10_000, 20_000, 30_000, 900_000] {
             distribution.record(value);
         }
-        let bars = distribution.bars(10);
+        let bars = bars(&distribution.bins(10));
         let counted: u64 =
             bars.iter().map(|bar| bar[15..].split_whitespace().next().unwrap().parse::<u64>().unwrap()).sum();
         assert_eq!(counted, 5, "{bars:#?}");
-        assert!(Distribution::new().bars(10).is_empty());
+        assert!(Distribution::new().bins(10).is_empty());
     }
 }

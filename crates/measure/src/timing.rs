@@ -1,13 +1,14 @@
 //! How long cycles took, as distributions, and what happened in the worst cycle of each.
 
 use std::fmt;
+use std::io::{self, Write};
 use std::ops::Range;
 
-use omnibase_robot::signals::{CycleRecord, Exchange, Phase, SafetyReason};
+use omnibase_robot::signals::{CycleTime, Exchange, Phase, SafetyReason};
 use serde::Serialize;
 
 use crate::events::{Event, phase_words};
-use crate::quantiles::{Bin, Distribution, Quantiles, microseconds};
+use crate::quantiles::{Bin, Distribution, Quantiles, bars, microseconds};
 use omnibase_ethercat::paced::Times;
 
 /// Bins of a histogram at most.
@@ -15,16 +16,29 @@ const BINS: usize = 12;
 
 /// One cycle, as far as its times need it.
 #[derive(Clone, Debug)]
-pub struct TimedCycle<'a> {
-    /// What it saw and did.
-    pub record: &'a CycleRecord,
-    /// The phase after it.
-    pub phase: Phase,
+pub struct TimedCycle {
+    /// Its number, and its time of the run.
+    pub time: CycleTime,
+    /// What became of its exchange.
+    pub exchange: Exchange,
     /// When it began, and its exchange.
     pub times: Times,
-    /// Time for computing, ns.
-    pub compute_ns: u64,
-    /// What happened in it, by the events' numbers.
+    /// Time for computing, ns; `None` where frames go without a robot.
+    pub compute_ns: Option<u64>,
+    /// The robot in it, where there is one.
+    pub robot: Option<TimedRobot>,
+}
+
+/// What a robot did in a cycle, as far as times need it.
+#[derive(Clone, Debug)]
+pub struct TimedRobot {
+    /// The phase after it.
+    pub phase: Phase,
+    /// Why it stops or has stopped.
+    pub stop_reason: SafetyReason,
+    /// Whether somebody asked something of it.
+    pub asked: bool,
+    /// What happened, by the events' numbers.
     pub events: Range<usize>,
 }
 
@@ -72,46 +86,26 @@ struct Measure {
 #[derive(Clone, Debug)]
 struct Worst {
     value_ns: u64,
-    index: u64,
-    time_ns: u64,
-    times: Times,
-    compute_ns: u64,
-    exchange: Exchange,
-    phase: Phase,
-    stop_reason: SafetyReason,
-    asked: bool,
-    events: Range<usize>,
+    cycle: TimedCycle,
 }
 
 impl Measure {
-    fn take(&mut self, value_ns: u64, cycle: &TimedCycle<'_>) {
+    fn take(&mut self, value_ns: u64, cycle: &TimedCycle) {
         self.distribution.record(value_ns);
         self.coarse.record(value_ns);
         if self.worst.as_ref().is_some_and(|worst| worst.value_ns >= value_ns) {
             return;
         }
-        let record = cycle.record;
         let quantiles = self.seen.unwrap_or_default();
         self.seen = Some(MeasureSeen {
             max_ns: value_ns,
-            worst_cycle: record.time.index,
-            worst_time_s: record.time.now_ns as f64 * 1e-9,
-            worst_phase: phase_words(cycle.phase),
-            worst_exchange: exchange_words(record.exchange),
+            worst_cycle: cycle.time.index,
+            worst_time_s: cycle.time.now_ns as f64 * 1e-9,
+            worst_phase: cycle.robot.as_ref().map(|robot| phase_words(robot.phase)),
+            worst_exchange: exchange_words(cycle.exchange),
             ..quantiles
         });
-        self.worst = Some(Worst {
-            value_ns,
-            index: record.time.index,
-            time_ns: record.time.now_ns,
-            times: cycle.times,
-            compute_ns: cycle.compute_ns,
-            exchange: record.exchange,
-            phase: cycle.phase,
-            stop_reason: record.stop_reason,
-            asked: record.request.is_some(),
-            events: cycle.events.clone(),
-        });
+        self.worst = Some(Worst { value_ns, cycle: cycle.clone() });
     }
 
     /// Looks at one of the quantiles again.
@@ -133,19 +127,23 @@ impl Measure {
 
 impl Worst {
     fn told(&self, events: &[Event]) -> WorstCycle {
-        let range = self.events.start.min(events.len())..self.events.end.min(events.len());
+        let TimedCycle { time, exchange, times, compute_ns, ref robot } = self.cycle;
+        let robot = robot.as_ref();
+        let happened = robot.map_or(0..0, |robot| robot.events.clone());
+        let range = happened.start.min(events.len())..happened.end.min(events.len());
+        let reason = robot.map(|robot| robot.stop_reason).filter(|reason| *reason != SafetyReason::None);
         WorstCycle {
-            cycle: self.index,
-            time_s: self.time_ns as f64 * 1e-9,
-            wake_up_ns: self.times.late_ns,
-            round_trip_ns: self.times.round_trip_ns,
-            compute_ns: self.compute_ns,
-            dc_phase_ns: self.times.dc_phase_ns,
-            left_out: self.times.periods.saturating_sub(1),
-            exchange: exchange_words(self.exchange),
-            phase: phase_words(self.phase),
-            stop_reason: (self.stop_reason != SafetyReason::None).then(|| self.stop_reason.text()),
-            asked: self.asked,
+            cycle: time.index,
+            time_s: time.now_ns as f64 * 1e-9,
+            wake_up_ns: times.late_ns,
+            round_trip_ns: times.round_trip_ns,
+            compute_ns,
+            dc_phase_ns: times.dc_phase_ns,
+            left_out: times.periods.saturating_sub(1),
+            exchange: exchange_words(exchange),
+            phase: robot.map(|robot| phase_words(robot.phase)),
+            stop_reason: reason.map(SafetyReason::text),
+            asked: robot.is_some_and(|robot| robot.asked),
             events: events[range].iter().map(|event| event.text.clone()).collect(),
         }
     }
@@ -171,10 +169,12 @@ impl Timing {
     }
 
     /// Takes a cycle in.
-    pub fn take(&mut self, cycle: &TimedCycle<'_>) {
+    pub fn take(&mut self, cycle: &TimedCycle) {
         self.wake_up.take(cycle.times.late_ns, cycle);
         self.round_trip.take(cycle.times.round_trip_ns, cycle);
-        self.compute.take(cycle.compute_ns, cycle);
+        if let Some(compute_ns) = cycle.compute_ns {
+            self.compute.take(compute_ns, cycle);
+        }
         if let Some(phase_ns) = cycle.times.dc_phase_ns {
             self.dc_phase.take(phase_ns.unsigned_abs(), cycle);
         }
@@ -224,8 +224,8 @@ pub struct MeasureSeen {
     pub worst_cycle: u64,
     /// When that was, in time of the run, s.
     pub worst_time_s: f64,
-    /// The phase after it.
-    pub worst_phase: &'static str,
+    /// The phase after it; `None` without a robot.
+    pub worst_phase: Option<&'static str>,
     /// `complete`, `lost` or `incomplete`.
     pub worst_exchange: &'static str,
 }
@@ -243,6 +243,23 @@ pub struct TimingFigures {
     pub dc_phase_ns: Option<Measured>,
 }
 
+impl TimingFigures {
+    /// Prints what was measured, each with its bars and its worst cycle; of what took no time, as on virtual time, one line.
+    pub fn print(&self, output: &mut dyn Write) -> io::Result<()> {
+        for (name, measured) in [
+            ("wake-up late by", &self.wake_up_ns),
+            ("round trip", &self.round_trip_ns),
+            ("computing", &self.compute_ns),
+            ("DC phase error", &self.dc_phase_ns),
+        ] {
+            if let Some(measured) = measured {
+                measured.print(name, output)?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// One distribution with its worst cycle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measured {
@@ -253,6 +270,21 @@ pub struct Measured {
     pub histogram: Vec<Bin>,
     /// What happened in the cycle with the largest value.
     pub worst: WorstCycle,
+}
+
+impl Measured {
+    fn print(&self, name: &str, output: &mut dyn Write) -> io::Result<()> {
+        let Quantiles { p50, p99, p999, max, .. } = self.quantiles;
+        let [p50, p99, p999, shown_max] = [p50, p99, p999, max].map(microseconds);
+        writeln!(output, "{name:<23} p50 {p50}, p99 {p99}, p99.9 {p999}, max {shown_max}")?;
+        if max == 0 {
+            return Ok(());
+        }
+        for bar in bars(&self.histogram) {
+            writeln!(output, "  {bar}")?;
+        }
+        writeln!(output, "  worst: {}", self.worst)
+    }
 }
 
 /// What happened in a cycle that took longest.
@@ -266,16 +298,16 @@ pub struct WorstCycle {
     pub wake_up_ns: u64,
     /// From its send until all frames were back or given up, ns.
     pub round_trip_ns: u64,
-    /// Its time for computing, ns.
-    pub compute_ns: u64,
+    /// Its time for computing, ns; `None` without a robot.
+    pub compute_ns: Option<u64>,
     /// How far its frame was behind (positive) or before its place in the DC cycle, ns.
     pub dc_phase_ns: Option<i64>,
     /// Cycles that were left out before it.
     pub left_out: u64,
     /// `complete`, `lost` or `incomplete`.
     pub exchange: &'static str,
-    /// The phase after it.
-    pub phase: &'static str,
+    /// The phase after it; `None` without a robot.
+    pub phase: Option<&'static str>,
     /// Why the robot stops or has stopped, where it does.
     pub stop_reason: Option<&'static str>,
     /// Whether somebody asked something of the robot in it.
@@ -286,18 +318,19 @@ pub struct WorstCycle {
 
 impl fmt::Display for WorstCycle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [late, round_trip, compute] =
-            [self.wake_up_ns, self.round_trip_ns, self.compute_ns].map(microseconds);
-        write!(
-            f,
-            "cycle {} at {:.3} s: {late} late, round trip {round_trip} ({}), computed in {compute}",
-            self.cycle, self.time_s, self.exchange
-        )?;
+        let [late, round_trip] = [self.wake_up_ns, self.round_trip_ns].map(microseconds);
+        let WorstCycle { cycle, time_s, exchange, .. } = self;
+        write!(f, "cycle {cycle} at {time_s:.3} s: {late} late, round trip {round_trip} ({exchange})")?;
+        if let Some(compute_ns) = self.compute_ns {
+            write!(f, ", computed in {}", microseconds(compute_ns))?;
+        }
         if let Some(phase_ns) = self.dc_phase_ns {
             let sign = if phase_ns < 0 { "-" } else { "+" };
             write!(f, ", DC phase {sign}{}", microseconds(phase_ns.unsigned_abs()))?;
         }
-        write!(f, "; {}", self.phase)?;
+        if let Some(phase) = self.phase {
+            write!(f, "; {phase}")?;
+        }
         match self.left_out {
             0 => {}
             1 => write!(f, "; 1 cycle left out before it")?,
@@ -321,11 +354,40 @@ mod tests {
     use super::*;
 
     fn take(timing: &mut Timing, index: u64, times: Times, events: Range<usize>) {
-        let mut record = CycleRecord::default();
-        record.time.index = index;
-        record.exchange = if times.round_trip_ns > 500 { Exchange::Lost } else { Exchange::Complete };
-        let cycle = TimedCycle { record: &record, phase: Phase::Tracking, times, compute_ns: 7, events };
-        timing.take(&cycle);
+        let (phase, stop_reason) = (Phase::Tracking, SafetyReason::None);
+        timing.take(&TimedCycle {
+            time: CycleTime { index, ..CycleTime::default() },
+            exchange: if times.round_trip_ns > 500 { Exchange::Lost } else { Exchange::Complete },
+            times,
+            compute_ns: Some(7),
+            robot: Some(TimedRobot { phase, stop_reason, asked: false, events }),
+        });
+    }
+
+    #[test]
+    fn frames_without_a_robot_are_printed_under_the_same_names_as_a_run() {
+        let printed = |compute_ns, robot: Option<TimedRobot>| {
+            let times = Times { late_ns: 40, round_trip_ns: 90, dc_phase_ns: Some(-30), ..Times::default() };
+            let (time, exchange) = (CycleTime::default(), Exchange::Complete);
+            let mut timing = Timing::default();
+            timing.take(&TimedCycle { time, exchange, times, compute_ns, robot });
+            let mut output = Vec::new();
+            timing.figures(&[]).print(&mut output).unwrap();
+            String::from_utf8(output).unwrap()
+        };
+        let (phase, stop_reason) = (Phase::Tracking, SafetyReason::None);
+        let robot = TimedRobot { phase, stop_reason, asked: false, events: 0..0 };
+        let (frames, run) = (printed(None, None), printed(Some(0), Some(robot)));
+        let names = |text: &str| -> Vec<String> {
+            let lines = text.lines().filter(|line| line.contains(" p50 "));
+            lines.map(|line| line[..23].trim_end().to_owned()).collect()
+        };
+        assert_eq!(names(&frames), ["wake-up late by", "round trip", "DC phase error"]);
+        assert_eq!(names(&run), ["wake-up late by", "round trip", "computing", "DC phase error"]);
+        let worst = "  worst: cycle 0 at 0.000 s: 0.040 us late, round trip 0.090 us (complete), DC phase -0.030 us\n";
+        assert_eq!(frames.matches(worst).count(), 3, "{frames}");
+        // What took no time has no bars and no worst cycle.
+        assert_eq!(run.matches("; tracking the reference\n").count(), 3, "{run}");
     }
 
     #[test]

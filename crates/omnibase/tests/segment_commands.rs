@@ -152,6 +152,7 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         "round_trip_ns",
         "wakeup_ns",
         "dc_phase_ns",
+        "timing",
         "commands_used",
     ];
     let mut promised = promised.to_vec();
@@ -165,6 +166,9 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         assert_eq!(keys(&found[measure]), ["max", "p50", "p99", "p999"]);
         assert!(found[measure]["max"].is_u64(), "{measure}");
     }
+    for (short, name) in [("wakeup_ns", "wake_up_ns"), ("dc_phase_ns", "dc_phase_ns")] {
+        assert_eq!(found[short]["p99"], found["timing"][name]["p99"]);
+    }
     // Virtual time: within a few microseconds although the drives' clocks drift by 50 ppm.
     assert!(found["dc_phase_ns"]["max"].as_u64().unwrap() < 10_000, "{found}");
     let used: Vec<&str> =
@@ -176,6 +180,31 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         assert!(!used.contains(&forbidden), "{used:?}");
     }
     assert_eq!(run().stdout, first.stdout, "the same segment gives the same bytes");
+}
+
+/// Names of what was measured of the cycles, as a command prints them.
+fn measured_names(arguments: &[&str]) -> Vec<String> {
+    let shown = text(&omnibase(arguments).stdout);
+    let lines = shown.lines().filter(|line| line.contains(" p50 "));
+    lines.map(|line| line[..line.find(" p50 ").unwrap()].trim_end().to_owned()).collect()
+}
+
+#[test]
+fn exchange_and_run_show_the_same_figures_of_their_cycles_by_the_same_names() {
+    let exchange = ["exchange", &sim("three-sgdv"), "--dc", "--cycles", "500"];
+    let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
+    let run = ["run", robot, "--circle", "radius_m=0.1,duration_s=4"];
+    let of_run = measured_names(&run);
+    assert_eq!(of_run, ["wake-up late by", "round trip", "computing", "DC phase error"]);
+    // Without a robot nothing is computed.
+    let shared: Vec<String> = of_run.into_iter().filter(|name| name != "computing").collect();
+    assert_eq!(measured_names(&exchange), shared);
+    let [of_exchange, of_run] = [&exchange[..], &run]
+        .map(|arguments| json(&omnibase(&[arguments, &["--json"]].concat()))["timing"].clone());
+    assert_eq!(keys(&of_exchange), keys(&of_run));
+    for name in ["wake_up_ns", "round_trip_ns", "dc_phase_ns"] {
+        assert_eq!(keys(&of_exchange[name]), keys(&of_run[name]), "{name}");
+    }
 }
 
 #[test]

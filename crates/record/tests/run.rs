@@ -128,7 +128,7 @@ fn the_recorder_writes_both_files_and_counts() {
 #[test]
 fn some_signals_are_read_alone() {
     let rows = odd_rows();
-    let keep = Keep::Signals(|topic, signal| topic == "/wheels" || signal == "y_m");
+    let keep = Keep::Signals(|topic, signal, _| topic == "/wheels" || signal == "y_m");
     let run = RecordedRun::read_from(recorded(&rows).as_slice(), keep).unwrap();
     let names: Vec<_> =
         run.schema.topics.iter().flat_map(|topic| &topic.signals).map(|s| s.name.as_str()).collect();

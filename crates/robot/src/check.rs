@@ -153,7 +153,7 @@ impl Check {
         let is_known = signals.is_some();
         let signals = signals.unwrap_or_default();
         devices::room(self, &signals);
-        let safety = self.safety(&file.safety, &signals, is_known);
+        let mut safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
         let grip = grip::resolve(self, &file.grip, read_file);
         let controller = self.controller(file.controller, registry);
@@ -167,6 +167,11 @@ impl Check {
             self.reachable(reference, limits, registry);
         }
         let (limits, mut drives) = (limits?, drives?);
+        if let Some(comeback) = &mut safety.comeback {
+            for (own, drive) in comeback.bus_errors.iter_mut().zip(&drives) {
+                *own = registry.devices.defaults(&drive.device).map_or(&[], |defaults| defaults.bus_errors);
+            }
+        }
         self.motors_reach_limits(&drives, &limits);
         torque_limit::resolve(self, &mut drives, &limits);
         let (devices, sources) = beside?;
@@ -335,6 +340,7 @@ impl Check {
                 lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
                 enable_input,
                 stop_input,
+                bus_errors: Default::default(),
             }),
             command_age_ns: ns(table.command_age_ms, 200),
             enabling_timeout_ns: ns(table.enabling_timeout_ms, 5000),

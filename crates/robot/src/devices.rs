@@ -4,7 +4,6 @@ mod cia402;
 mod field;
 mod sgdv;
 
-use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::start_up::ReadBack;
 
 use crate::config::{MapEntry, ParameterPlan, PdoPlan};
@@ -22,11 +21,6 @@ pub fn register(registry: &mut Registry) {
     for (name, meaning, defaults) in [cia402, sgdv] {
         registry.devices.add(Kind { name, meaning, keys: Vec::new() }, defaults, Cia402Device::new);
     }
-}
-
-/// Whether a drive that lost the bus says so by this error: by the profile, or by the SGDV's alarms.
-pub fn is_of_the_bus(error: ErrorCode) -> bool {
-    error.is_communication() || sgdv::BUS_ALARMS.contains(&error)
 }
 
 /// A PDO of objects `(index, subindex, bits)`.

@@ -9,6 +9,7 @@ mod describe;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
+use omnibase_cia402::ErrorCode;
 use omnibase_platform::Wheel;
 use omnibase_trajectory::LONGEST_S;
 
@@ -257,6 +258,8 @@ pub struct DeviceDefaults {
     pub counts_per_revolution: Option<u32>,
     /// Parameters that every drive of this kind is sent first.
     pub parameters: Vec<ParameterPlan>,
+    /// Errors of its own by which it says that the bus failed; those of the profile are known.
+    pub bus_errors: &'static [ErrorCode],
 }
 
 /// What a SubDevice that drives no wheel brings along where the robot's file says nothing.

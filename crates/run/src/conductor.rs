@@ -126,7 +126,7 @@ impl Conductor {
 
     /// A drive said by an emergency what is wrong with it.
     pub fn drive_said(&mut self, wheel: usize, error: ErrorCode) {
-        self.since_stop.drive_said(wheel, error);
+        self.since_stop.drive_said(wheel, error, self.comeback.as_ref());
     }
 
     /// What happened last, in words; it is told once.

@@ -20,7 +20,7 @@ use crate::simulated::Script;
 use omnibase_measure::events::{Event, Watch};
 use omnibase_measure::slips::{Slip, SlipWatch};
 use omnibase_measure::summary::Summary;
-use omnibase_measure::timing::{TimedCycle, Timing};
+use omnibase_measure::timing::{TimedCycle, TimedRobot, Timing};
 use omnibase_measure::tracking::Tracking;
 use omnibase_measure::truth::Witness;
 use omnibase_session::Words;
@@ -273,7 +273,9 @@ impl<'a> Cycle<'a> {
         }
         self.record(&beside);
         let events = first_event..self.events.len();
-        self.timing.take(&TimedCycle { record: &self.last, phase, times, compute_ns, events });
+        let CycleRecord { time, exchange, stop_reason, ref request, .. } = self.last;
+        let robot = Some(TimedRobot { phase, stop_reason, asked: request.is_some(), events });
+        self.timing.take(&TimedCycle { time, exchange, times, compute_ns: Some(compute_ns), robot });
         self.lost_frames = session.counters().frames_lost - self.lost_before;
         self.show(beside);
         self.progress.cycles.store(self.cycles, Ordering::Relaxed);

@@ -21,7 +21,7 @@ pub const LAG_S: f64 = 0.05;
 /// Time of the drives' process-data watchdog, as it is after power-on.
 pub const WATCHDOG_NS: u64 = 100_000_000;
 /// How long sources may be silent.
-const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
+const AGES: Ages = Ages { stick_ns: 200_000_000, session_ns: 500_000_000 };
 /// Longer than this no stop takes; then it counts as none.
 const NEVER_S: f64 = 20.0;
 /// Once it stands it has to stay so, cycles.

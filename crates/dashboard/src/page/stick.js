@@ -54,7 +54,7 @@ class Knob {
   }
 }
 
-/** Full speed is full speed in every direction: many pads reach further in their corners. */
+/** Full speed is full speed in every direction: many gamepads reach further in their corners. */
 function within({ x, y, turn }) {
   const far = Math.max(1, Math.hypot(x, y));
   return { x: x / far, y: y / far, turn };
@@ -92,14 +92,14 @@ export class Sticks {
 
   /** Left stick: move, right stick: turn; a shoulder button is the dead-man button. */
   readGamepad() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected);
-    this.gamepad.textContent = pad
-      ? `${pad.id.slice(0, 40)}: hold a shoulder button to drive.`
+    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((gamepad) => gamepad?.connected);
+    this.gamepad.textContent = gamepad
+      ? `${gamepad.id.slice(0, 40)}: hold a shoulder button to drive.`
       : "A gamepad at this device drives too, while its shoulder button is held.";
-    this.hasGamepad = Boolean(pad);
-    if (!pad || ![4, 5, 6, 7].some((button) => pad.buttons[button]?.pressed)) return null;
+    this.hasGamepad = Boolean(gamepad);
+    if (!gamepad || ![4, 5, 6, 7].some((button) => gamepad.buttons[button]?.pressed)) return null;
     const axis = (number) => {
-      const value = pad.axes[number] ?? 0;
+      const value = gamepad.axes[number] ?? 0;
       const far = Math.max(0, Math.abs(value) - DEAD_ZONE) / (1 - DEAD_ZONE);
       return Math.sign(value) * Math.min(1, far);
     };
@@ -107,12 +107,12 @@ export class Sticks {
   }
 
   wish() {
-    const pad = this.readGamepad();
+    const gamepad = this.readGamepad();
     // One that goes while it drives is lost, as any other stick.
     const isLost = this.gamepadDrove && !this.hasGamepad;
-    this.gamepadDrove = pad !== null;
+    this.gamepadDrove = gamepad !== null;
     if (isLost) return "lost";
-    if (pad) return pad;
+    if (gamepad) return gamepad;
     if (!this.stick.held && !this.turn.held) return null;
     return { x: this.stick.y, y: -this.stick.x, turn: -this.turn.x };
   }

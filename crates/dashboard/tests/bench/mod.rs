@@ -17,7 +17,7 @@ use tungstenite::{Message, WebSocket};
 
 pub const TOKEN: &str = "token-of-the-test";
 /// Nobody grows old in a test.
-const AGES: Ages = Ages { pad_ns: u64::MAX, session_ns: u64::MAX };
+const AGES: Ages = Ages { stick_ns: u64::MAX, session_ns: u64::MAX };
 
 /// A page's server, and the cycle behind it.
 pub struct Bench {

@@ -55,9 +55,10 @@ pub fn t_flight() -> Description {
     device("Thrustmaster T.Flight Stick X", [0x044F, 0xB106], &axes, &(0x120..=0x12B).collect::<Vec<_>>())
 }
 
-const PAD_BUTTONS: [u16; 11] = [0x130, 0x131, 0x133, 0x134, BTN_TL, 0x137, 0x13A, 0x13B, 0x13C, 0x13D, 0x13E];
+const GAMEPAD_BUTTONS: [u16; 11] =
+    [0x130, 0x131, 0x133, 0x134, BTN_TL, 0x137, 0x13A, 0x13B, 0x13C, 0x13D, 0x13E];
 
-/// An Xbox One S pad as `xpad` shows it.
+/// An Xbox One S gamepad as `xpad` shows it.
 pub fn xbox() -> Description {
     let stick = |code| (code, -32_768, 32_767, 128);
     let axes = [
@@ -70,18 +71,18 @@ pub fn xbox() -> Description {
         (0x10, -1, 1, 0),
         (0x11, -1, 1, 0),
     ];
-    device("Microsoft X-Box One S pad", [0x045E, 0x02EA], &axes, &PAD_BUTTONS)
+    device("Microsoft X-Box One S pad", [0x045E, 0x02EA], &axes, &GAMEPAD_BUTTONS)
 }
 
 /// A DualSense as `hid-playstation` shows it.
 pub fn dual_sense() -> Description {
     let axis = |code| (code, 0, 255, 0);
     let axes = [axis(0), axis(1), axis(2), axis(3), axis(4), axis(5), (0x10, -1, 1, 0), (0x11, -1, 1, 0)];
-    let buttons: Vec<u16> = PAD_BUTTONS.into_iter().chain([0x138, 0x139]).collect();
+    let buttons: Vec<u16> = GAMEPAD_BUTTONS.into_iter().chain([0x138, 0x139]).collect();
     device("Sony Interactive Entertainment DualSense", [0x054C, 0x0CE6], &axes, &buttons)
 }
 
-/// The same pad's second device, with the same ids: no buttons.
+/// The same gamepad's second device, with the same ids: no buttons.
 pub fn motion_sensors() -> Description {
     let axis = |code| (code, -32_768, 32_768, 0);
     let axes: Vec<_> = (0..6).map(axis).collect();

@@ -104,9 +104,13 @@ fn all_listed_ids_have_a_map_and_a_pads_other_devices_do_not_fit() {
         (0x054C, 0x0CE6, ReadyMapName::Playstation),
     ];
     for (vendor_id, product_id, ready) in ids {
-        let pad = if ready == ReadyMapName::Xbox { xbox() } else { dual_sense() };
-        let pad = omnibase_joystick::Description { vendor_id, product_id, ..pad };
-        assert_eq!(Map::of(&table, &pad).expect("a map").ready, ready, "{vendor_id:04x}:{product_id:04x}");
+        let gamepad = if ready == ReadyMapName::Xbox { xbox() } else { dual_sense() };
+        let gamepad = omnibase_joystick::Description { vendor_id, product_id, ..gamepad };
+        assert_eq!(
+            Map::of(&table, &gamepad).expect("a map").ready,
+            ready,
+            "{vendor_id:04x}:{product_id:04x}"
+        );
     }
     assert_eq!(Map::of(&table, &t_flight()).expect("a map").ready, ReadyMapName::TFlightStickX);
     let problems = Map::of(&table, &motion_sensors()).expect_err("no buttons");

@@ -24,7 +24,7 @@ const PICTURE: Duration = Duration::from_millis(50);
 /// Between two looks at events that are played as fast as they can be, ns.
 const PLAYED_TURN_NS: u64 = 5_000_000;
 
-/// Shows which sticks and pads are there, what their axes and buttons do, and live values: raw, shaped, and as speeds.
+/// Shows which joysticks are there, what their axes and buttons do, and live values: raw, shaped, and as speeds.
 ///
 /// Without a robot file the maps are the ready ones, and speeds are parts of the greatest ones.
 #[derive(Debug, clap::Args)]
@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     {
         writeln!(
             output,
-            "no stick or pad that a map fits is there; plug one in, or look at `omnibase joystick --list`"
+            "no joystick that a map fits is there; plug one in, or look at `omnibase joystick --list`"
         )?;
         return Ok(Outcome::Failed);
     }

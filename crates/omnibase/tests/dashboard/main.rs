@@ -156,19 +156,19 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     let robot = Robot::start(&[]);
     page.open(&robot.url());
     opened(&mut page);
-    // What the browser would show of a pad: left stick forward, its shoulder button as the test says.
+    // What the browser would show of a gamepad: left stick forward, its shoulder button as the test says.
     page.value(
-        "(() => { window.pad = { connected: true, id: 'a pad', axes: [0, -1, 0, 0], \
+        "(() => { window.gamepad = { connected: true, id: 'a gamepad', axes: [0, -1, 0, 0], \
          buttons: Array.from({ length: 16 }, () => ({ pressed: false })) }; \
-         navigator.getGamepads = () => [window.pad]; })()",
+         navigator.getGamepads = () => [window.gamepad]; })()",
     );
     press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
     page.picture("phone-across");
     page.value("document.querySelector('.drive').scrollIntoView()");
     page.picture("phone-across-stick");
     let held = Stick {
-        hold: &|page| drop(page.value("void (window.pad.buttons[4].pressed = true)")),
-        let_go: &|page| drop(page.value("void (window.pad.buttons[4].pressed = false)")),
+        hold: &|page| drop(page.value("void (window.gamepad.buttons[4].pressed = true)")),
+        let_go: &|page| drop(page.value("void (window.gamepad.buttons[4].pressed = false)")),
     };
     drive(&mut page, &robot, &held);
     assert_eq!(robot.read("now")["by_stick"], true);
@@ -176,7 +176,7 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
     robot.wait("it stops", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     page.wait("document.getElementById('banner').textContent.includes('The stick was lost')");
     // Back with its button held: not before it is enabled, and then not before it was let go.
-    page.value("void (navigator.getGamepads = () => [window.pad])");
+    page.value("void (navigator.getGamepads = () => [window.gamepad])");
     press(&mut page, "#enable-stick", "document.getElementById('banner').hidden");
     let cycles = || robot.read("now")["counts"][0].as_u64().unwrap();
     let then = cycles();
@@ -184,12 +184,12 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
         assert_eq!(robot.read("now")["by_stick"], false);
         cycles() > then + 300
     });
-    page.value("void (window.pad.buttons[4].pressed = false)");
+    page.value("void (window.gamepad.buttons[4].pressed = false)");
     let then = cycles();
     robot.wait("the page tells that", |_| cycles() > then + 300);
     drive(&mut page, &robot, &held);
     // In its corner the stick reaches 1.41; half of the speed was chosen, and the robot's file says 1 m/s.
-    page.value("void (window.pad.axes = [-1, -1, 0, 0])");
+    page.value("void (window.gamepad.axes = [-1, -1, 0, 0])");
     drive_until(&mut page, &robot, &held, |robot| robot.value("setpoint/twist_y_m_s") > 0.34);
     let then = cycles();
     robot.wait("it goes on", |robot| {

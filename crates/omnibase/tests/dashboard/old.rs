@@ -204,13 +204,13 @@ fn sticks_cannot_be_held_while_what_is_seen_is_old() {
     robot.wait("it stops", stands);
     // A gamepad whose button was held meanwhile must be let go of.
     page.value(
-        "(() => { window.pad = { connected: true, id: 'a pad', axes: [0, -1, 0, 0], \
+        "(() => { window.gamepad = { connected: true, id: 'a gamepad', axes: [0, -1, 0, 0], \
          buttons: Array.from({ length: 16 }, () => ({ pressed: false })) }; \
-         navigator.getGamepads = () => [window.pad]; })()",
+         navigator.getGamepads = () => [window.gamepad]; })()",
     );
     let held = Stick {
-        hold: &|page| drop(page.value("void (window.pad.buttons[4].pressed = true)")),
-        let_go: &|page| drop(page.value("void (window.pad.buttons[4].pressed = false)")),
+        hold: &|page| drop(page.value("void (window.gamepad.buttons[4].pressed = true)")),
+        let_go: &|page| drop(page.value("void (window.gamepad.buttons[4].pressed = false)")),
     };
     drive(&mut page, &robot, &held);
     // On a line that is slow, what it says would still arrive.

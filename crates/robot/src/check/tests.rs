@@ -366,7 +366,7 @@ fn a_task_that_the_ready_map_gave_to_another_button_is_a_problem_with_its_place(
 #[test]
 fn where_no_map_is_named_one_of_the_ready_maps_must_fit() {
     let buttons = |lines: &str| stick_problems(&format!("[joystick.buttons]\n{lines}\n"));
-    // Free on the T-Flight Stick X; on pads alone.
+    // Free on the T-Flight Stick X; on gamepads alone.
     assert_eq!(buttons("toggle_frame = \"BTN_BASE\""), []);
     assert_eq!(buttons("toggle_frame = \"BTN_MODE\""), []);
     let problems = buttons("stop = \"BTN_START\"");

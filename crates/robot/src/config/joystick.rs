@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A stick or pad at the robot's computer; what is missing comes from the ready map of the device.
+/// The joystick at the robot's computer; what is missing comes from the ready map of the device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct JoystickTable {
@@ -38,9 +38,9 @@ pub struct JoystickTable {
 pub enum ReadyMapName {
     /// Thrustmaster T-Flight Stick X.
     TFlightStickX,
-    /// Xbox pads as the kernel's `xpad` shows them.
+    /// Xbox gamepads as the kernel's `xpad` shows them.
     Xbox,
-    /// PlayStation pads: DualShock 4 and DualSense.
+    /// PlayStation gamepads: DualShock 4 and DualSense.
     Playstation,
     /// None: this table names all axes and buttons itself.
     None,

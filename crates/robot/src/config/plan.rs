@@ -1,5 +1,6 @@
 //! What a robot's file means once everything in it is resolved.
 
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
@@ -22,7 +23,7 @@ use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
-use crate::signals::{RecordLayout, SafetyAction, SignalLayout, StopCategory};
+use crate::signals::{MAX_WHEELS, RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
 /// A robot, resolved and checked: everything that building its stages and bringing up its bus needs.
 #[derive(Clone, Debug)]
@@ -337,6 +338,15 @@ pub struct ComebackPlan {
     pub enable_input: Option<usize>,
     /// The input, by its place, that stops: one that was seen set meanwhile forbids it.
     pub stop_input: Option<usize>,
+    /// By which errors of its own, beside those of the profile, the drive of each wheel says that the bus failed.
+    pub bus_errors: [&'static [ErrorCode]; MAX_WHEELS],
+}
+
+impl ComebackPlan {
+    /// Whether the drive of this wheel says by this error that the bus failed.
+    pub fn is_of_the_bus(&self, wheel: usize, error: ErrorCode) -> bool {
+        error.is_communication() || self.bus_errors.get(wheel).is_some_and(|own| own.contains(&error))
+    }
 }
 
 /// How far a comeback goes by itself.

@@ -1,7 +1,7 @@
-//! The maps of known sticks and pads: what does what on them, and which axes and buttons they can have.
+//! The maps of known joysticks: what does what on them, and which axes and buttons they can have.
 //!
 //! Axes and buttons are those that the kernel's drivers give: `hid-generic` for the T-Flight Stick X, `xpad` for
-//! Xbox pads on a cable or their own receiver, `hid-playstation` and `hid-sony` for PlayStation pads. An Xbox pad by
+//! Xbox gamepads on a cable or their own receiver, `hid-playstation` and `hid-sony` for PlayStation gamepads. An Xbox gamepad by
 //! Bluetooth has other axes, so it isn't listed.
 
 use super::joystick::{
@@ -68,8 +68,8 @@ impl ReadyMapName {
                 ..Default::default()
             },
             // Left stick and right stick; the right trigger gives the full speed.
-            ReadyMapName::Xbox => pad(BTN_WEST, BTN_NORTH),
-            ReadyMapName::Playstation => pad(BTN_NORTH, BTN_WEST),
+            ReadyMapName::Xbox => gamepad(BTN_WEST, BTN_NORTH),
+            ReadyMapName::Playstation => gamepad(BTN_NORTH, BTN_WEST),
             ReadyMapName::None => JoystickTable::default(),
         }
     }
@@ -143,7 +143,7 @@ impl JoystickTable {
 
 /// Both families differ in the names of their upper and their left button alone: `xpad` calls the left one, X,
 /// `BTN_NORTH`, and the upper one, Y, `BTN_WEST`.
-fn pad(upper: ButtonCode, left: ButtonCode) -> JoystickTable {
+fn gamepad(upper: ButtonCode, left: ButtonCode) -> JoystickTable {
     JoystickTable {
         forward: reversed(ABS_Y),
         left: reversed(ABS_X),

@@ -10,7 +10,7 @@ use super::{DeviceDefaults, pdo, written};
 use crate::config::Identity;
 
 /// A.A10 to A.A12: SYNC0, AL state and process data that don't come as they should (manual, section 9.1).
-pub(super) const BUS_ALARMS: [ErrorCode; 3] = [ErrorCode(0x0A10), ErrorCode(0x0A11), ErrorCode(0x0A12)];
+const BUS_ALARMS: &[ErrorCode] = &[ErrorCode(0x0A10), ErrorCode(0x0A11), ErrorCode(0x0A12)];
 
 pub(super) fn defaults() -> DeviceDefaults {
     DeviceDefaults {
@@ -47,5 +47,6 @@ pub(super) fn defaults() -> DeviceDefaults {
             written(0x6007, 3, "sgdv: bus lost: quick stop"),
             written(0x605A, 6, "sgdv: quick stop: ramp of 0x6085, then hold"),
         ],
+        bus_errors: BUS_ALARMS,
     }
 }

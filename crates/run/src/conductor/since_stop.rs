@@ -2,7 +2,6 @@
 
 use omnibase_cia402::{DriveState, ErrorCode, StatusWord};
 use omnibase_robot::config::ComebackPlan;
-use omnibase_robot::devices::is_of_the_bus;
 use omnibase_robot::signals::{CycleRecord, Exchange, MAX_WHEELS, SafetyReason};
 
 /// What was seen since the robot stopped.
@@ -92,7 +91,7 @@ impl SinceStop {
             if matches!(state, Some(DriveState::Fault | DriveState::FaultReactionActive)) {
                 self.faulty |= bit;
                 if drive.error != ErrorCode::NONE {
-                    self.drive_said(wheel, drive.error);
+                    self.drive_said(wheel, drive.error, plan);
                 }
             }
             // One that starts anew has none at first.
@@ -105,11 +104,11 @@ impl SinceStop {
     }
 
     /// A drive said what is wrong with it.
-    pub(super) fn drive_said(&mut self, wheel: usize, error: ErrorCode) {
+    pub(super) fn drive_said(&mut self, wheel: usize, error: ErrorCode, plan: Option<&ComebackPlan>) {
         if error == ErrorCode::NONE || wheel >= MAX_WHEELS {
             return;
         }
-        if is_of_the_bus(error) {
+        if plan.map_or(error.is_communication(), |plan| plan.is_of_the_bus(wheel, error)) {
             self.of_the_bus |= 1 << wheel;
         } else {
             self.own_fault = true;

@@ -66,7 +66,7 @@ impl StickState {
 
 /// What is asked.
 pub enum Ask {
-    /// A request that the robot itself answers. Velocities come from pads.
+    /// A request that the robot itself answers. Velocities come from sticks.
     Robot(RequestKind),
     /// Take this reference in place of the present one.
     Load {
@@ -144,7 +144,7 @@ pub enum Refusal {
     Commanded,
     /// Too much was asked at once.
     Busy,
-    /// Velocities come from pads.
+    /// Velocities come from sticks.
     NotAStick,
     /// The run follows its plan, and nobody leads it.
     Planned,

@@ -31,7 +31,7 @@ const SHARE_OF_OTHERS: u64 = 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ages {
     /// A stick that drives, ns.
-    pub pad_ns: u64,
+    pub stick_ns: u64,
     /// A page whose motion is under way, ns.
     pub session_ns: u64,
 }
@@ -208,11 +208,11 @@ impl Operator {
     pub fn hear(&mut self, now_ns: u64, command: Command) {
         let Command { client, ticket, ask, stamp } = command;
         self.hear_page(now_ns, client, stamp);
-        let asked_ns = match stamp.judge(now_ns, &ask, self.ages.pad_ns) {
+        let asked_ns = match stamp.judge(now_ns, &ask, self.ages.stick_ns) {
             Ok(asked_ns) => asked_ns,
             Err(refusal) => {
                 if matches!(ask, Ask::Stick(_)) {
-                    self.pad_refused(client, refusal);
+                    self.stick_refused(client, refusal);
                 }
                 return self.answer(ticket, Answer::Refused(refusal));
             }
@@ -381,7 +381,7 @@ impl Operator {
             self.say("drives by hand", client);
             self.commander = Commander::Stick(client);
         }
-        let valid_until_ns = stick.heard_ns.saturating_add(self.ages.pad_ns);
+        let valid_until_ns = stick.heard_ns.saturating_add(self.ages.stick_ns);
         Some(self.send(client, 0, RequestKind::Velocity { twist, frame }, valid_until_ns))
     }
 

@@ -32,9 +32,9 @@ enum Counts {
 }
 
 impl Stamp {
-    /// When it was asked, ns, as far as its age lets it count; `pad_ns` is what a stick's wish may have.
-    pub(super) fn judge(self, now_ns: u64, ask: &Ask, pad_ns: u64) -> Result<u64, Refusal> {
-        let most_ns = if matches!(ask, Ask::Stick(_)) { pad_ns } else { BEGINNING_AGE_NS };
+    /// When it was asked, ns, as far as its age lets it count; `stick_ns` is what a stick's wish may have.
+    pub(super) fn judge(self, now_ns: u64, ask: &Ask, stick_ns: u64) -> Result<u64, Refusal> {
+        let most_ns = if matches!(ask, Ask::Stick(_)) { stick_ns } else { BEGINNING_AGE_NS };
         match (counts(ask), self) {
             (Counts::Never, _) | (Counts::WhereKnown, Stamp::Missing) => Ok(now_ns),
             (Counts::WhereKnown | Counts::Always, stamp) => stamp.within(now_ns, most_ns),

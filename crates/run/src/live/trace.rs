@@ -95,7 +95,7 @@ mod tests {
 
     /// A robot was looked at in every one of these cycles of 10 ms.
     fn traced(cycles: impl Iterator<Item = u64>) -> Live {
-        let (live, mut end) = live(Ages { pad_ns: 1, session_ns: 1 }, StopCategory::RampAndHold, &[]);
+        let (live, mut end) = live(Ages { stick_ns: 1, session_ns: 1 }, StopCategory::RampAndHold, &[]);
         let mut snapshot = Snapshot::default();
         for cycle in cycles {
             snapshot.record.time.now_ns = cycle * TRACE_NS;

@@ -152,7 +152,7 @@ fn hands(live: &Live) -> Vec<(u64, Deed)> {
     deeds
 }
 
-const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
+const AGES: Ages = Ages { stick_ns: 200_000_000, session_ns: 500_000_000 };
 
 #[test]
 fn requests_of_an_operator() {

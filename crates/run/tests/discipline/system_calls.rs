@@ -81,7 +81,7 @@ fn run_for_strace() {
     let progress = Progress::default();
     let (stop, served) = (AtomicBool::new(false), AtomicBool::new(false));
     let (hand, end) =
-        live(Ages { pad_ns: u64::MAX, session_ns: u64::MAX }, StopCategory::RampThenRemove, &[]);
+        live(Ages { stick_ns: u64::MAX, session_ns: u64::MAX }, StopCategory::RampThenRemove, &[]);
     hand.send(Client::Joystick, Ask::Robot(RequestKind::Enable)).unwrap();
     hand.send(Client::Joystick, Ask::Robot(RequestKind::Track)).unwrap();
     let path = std::env::temp_dir().join(format!("omnibase-discipline-{}.mcap", std::process::id()));

@@ -6,7 +6,7 @@ use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::{ComebackEnd, ComebackPlan, ReferenceTable};
 use omnibase_robot::signals::{
-    CycleRecord, Exchange, Frame, Phase, RequestAnswer, SafetyReason, StopCategory,
+    CycleRecord, Exchange, Frame, MAX_WHEELS, Phase, RequestAnswer, SafetyReason, StopCategory,
 };
 use omnibase_run::RobotText;
 use omnibase_run::live::Stamp;
@@ -15,6 +15,13 @@ use omnibase_run::live::{Ages, Answer, Ask, Client, Commander, Operator, StickWi
 
 const MS: u64 = 1_000_000;
 const UNATTENDED: ComebackEnd = ComebackEnd::MoveAgain { warning_ns: 3000 * MS };
+
+/// By which errors of its own each drive says that the bus failed: the second one as an SGDV does.
+const OF_THE_BUS: [&[ErrorCode]; MAX_WHEELS] = {
+    let mut all: [&[ErrorCode]; MAX_WHEELS] = [&[]; MAX_WHEELS];
+    all[1] = &[ErrorCode(0x0A12)];
+    all
+};
 
 /// A second of rest, then what the end says.
 fn plan(within_ns: u64, end: ComebackEnd) -> ComebackPlan {
@@ -25,6 +32,7 @@ fn plan(within_ns: u64, end: ComebackEnd) -> ComebackPlan {
         lost_exchanges_tolerated: 3,
         enable_input: None,
         stop_input: None,
+        bus_errors: OF_THE_BUS,
     }
 }
 
@@ -43,7 +51,7 @@ impl Bench {
 
     /// The same, with another plan.
     fn following_by(client: Client, plan: Option<ComebackPlan>) -> Self {
-        let ages = Ages { pad_ns: 200 * MS, session_ns: 1000 * MS };
+        let ages = Ages { stick_ns: 200 * MS, session_ns: 1000 * MS };
         let mut operator = Operator::new(ages, StopCategory::RampThenRemove);
         operator.comes_back(plan);
         let mut bench = Bench { operator, record: CycleRecord::default(), phase: Phase::Holding };
@@ -170,8 +178,8 @@ type Event = (&'static str, fn(&mut Bench));
 #[test]
 fn nothing_comes_by_itself_where_more_than_a_loss_happened() {
     const EVENTS: [Event; 8] = [
-        ("a drive's own fault", |bench| set_fault(bench, 0x2310)),
-        ("a fault that no drive explains", |bench| set_fault(bench, 0)),
+        ("a drive's own fault", |bench| set_fault(bench, 1, 0x2310)),
+        ("a fault that no drive explains", |bench| set_fault(bench, 1, 0)),
         ("a fault that only an emergency tells", |bench| bench.operator.drive_said(1, ErrorCode(0x4310))),
         ("the high voltage is gone", |bench| bench.record.measurements.drives[0].status = StatusWord(0x0040)),
         ("all drives vanish", |bench| {
@@ -200,11 +208,13 @@ fn nothing_comes_by_itself_where_more_than_a_loss_happened() {
             assert!(!during.contains(&RequestKind::Resume), "{what} after {after}: {before:?}, {during:?}");
         }
     }
-    // What the loss itself makes.
-    let mut bench = Bench::following(page, Some(20_000 * MS));
-    bench.lose();
-    set_fault(&mut bench, 0x0A12);
-    assert!(bench.asked_alive(8000).contains(&RequestKind::Resume));
+    // What the loss itself makes; the same number means something else where another kind of drive says it.
+    for (wheel, goes_on) in [(1, true), (2, false)] {
+        let mut bench = Bench::following(page, Some(20_000 * MS));
+        bench.lose();
+        set_fault(&mut bench, wheel, 0x0A12);
+        assert_eq!(bench.asked_alive(8000).contains(&RequestKind::Resume), goes_on, "wheel {wheel}");
+    }
     // A motion that a command began: nobody living stands behind it.
     let mut bench = Bench::following(Client::Command, Some(20_000 * MS));
     bench.lose();
@@ -216,9 +226,9 @@ fn nothing_comes_by_itself_where_more_than_a_loss_happened() {
     assert_eq!(bench.asked_alive(8000), BACK[..2]);
 }
 
-fn set_fault(bench: &mut Bench, error: u16) {
-    bench.record.measurements.drives[1].status = StatusWord(0x0018);
-    bench.record.measurements.drives[1].error = ErrorCode(error);
+fn set_fault(bench: &mut Bench, wheel: usize, error: u16) {
+    let drive = &mut bench.record.measurements.drives[wheel];
+    (drive.status, drive.error) = (StatusWord(0x0018), ErrorCode(error));
 }
 
 /// What, who, what they ask, and whether the motion goes on all the same.

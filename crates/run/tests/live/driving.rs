@@ -23,7 +23,7 @@ fn robot(kind: RequestKind) -> Ask {
 fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
     let run = played(8.0, |hands: &mut Hands| {
         hands.at(0.5, |live, _| assert!(live.send(Client::Joystick, robot(RequestKind::Enable)).is_some()));
-        hands.pad(1.0, 3.0, Client::Joystick, FORWARD);
+        hands.stick(1.0, 3.0, Client::Joystick, FORWARD);
         hands.at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick)));
         hands.at(2.9, |_, seen| assert!((seen.record.state.twist_in_body.vx_m_s - 0.3).abs() < 0.01));
         hands.send(3.0, Client::Joystick, Ask::Stick(StickWish::Released));
@@ -40,23 +40,23 @@ fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
 fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
     played(9.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
-        hands.pad(1.0, 2.0, Client::Joystick, FORWARD);
+        hands.stick(1.0, 2.0, Client::Joystick, FORWARD);
         // Silent from 2 s on.
         hands
             .at(3.0, |_, seen| assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1)));
         // Back, but blocked.
-        hands.pad(3.0, 4.0, Client::Joystick, FORWARD);
+        hands.stick(3.0, 4.0, Client::Joystick, FORWARD);
         hands.at(4.0, |live, seen| {
             assert_eq!(seen.phase, Phase::Holding);
             live.send(Client::Joystick, Ask::EnableStick(Client::Joystick));
         });
         // Enabled with the stick in hand: it must be let go first.
-        hands.pad(4.0, 5.0, Client::Joystick, FORWARD);
+        hands.stick(4.0, 5.0, Client::Joystick, FORWARD);
         hands.at(5.0, |live, seen| {
             assert_eq!(seen.phase, Phase::Holding);
             live.send(Client::Joystick, Ask::Stick(StickWish::Released));
         });
-        hands.pad(5.1, 6.0, Client::Joystick, FORWARD);
+        hands.stick(5.1, 6.0, Client::Joystick, FORWARD);
         hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
     });
 }
@@ -66,20 +66,20 @@ fn a_page_that_comes_back_after_a_silence_stays_blocked_with_the_finger_still_do
     let page = Client::Page(0);
     let run = played(9.0, |hands: &mut Hands| {
         hands.send(0.5, page, robot(RequestKind::Enable));
-        hands.pad(1.0, 2.0, page, FORWARD);
+        hands.stick(1.0, 2.0, page, FORWARD);
         // Silent for longer than a session may be, then there again under the same number: the line stalled.
-        hands.pad(3.6, 5.0, page, FORWARD);
+        hands.stick(3.6, 5.0, page, FORWARD);
         hands.at(5.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 2));
             live.send(page, Ask::EnableStick(page));
         });
         // Enabled with the finger down: nothing yet.
-        hands.pad(5.0, 6.0, page, FORWARD);
+        hands.stick(5.0, 6.0, page, FORWARD);
         hands.at(6.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
             live.send(page, Ask::Stick(StickWish::Released));
         });
-        hands.pad(6.1, 7.0, page, FORWARD);
+        hands.stick(6.1, 7.0, page, FORWARD);
         hands.at(6.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
     });
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
@@ -94,19 +94,19 @@ fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
             live.send(page, robot(RequestKind::Enable));
             live.send(page, Ask::Stick(StickWish::Released));
         });
-        hands.pad(1.0, 2.0, page, FORWARD);
+        hands.stick(1.0, 2.0, page, FORWARD);
         hands.at(1.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
         // Its line breaks, and it is back at once with the finger still down.
         hands.at(2.0, move |live, _| {
             live.end_session(page);
             assert_eq!(live.begin_session(), Some(page));
         });
-        hands.pad(2.001, 4.0, page, FORWARD);
+        hands.stick(2.001, 4.0, page, FORWARD);
         hands.at(4.0, move |live, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
             live.send(page, Ask::Stick(StickWish::Released));
         });
-        hands.pad(4.1, 6.0, page, FORWARD);
+        hands.stick(4.1, 6.0, page, FORWARD);
         hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
     });
 }
@@ -119,7 +119,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
         for driver in [Client::Page(0), Client::Joystick] {
             played(7.0, |hands: &mut Hands| {
                 hands.send(0.5, Client::Command, robot(RequestKind::Enable));
-                hands.pad(1.0, 4.0, driver, FORWARD);
+                hands.stick(1.0, 4.0, driver, FORWARD);
                 hands.at(2.0, move |live, seen| {
                     assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
                     live.send(by, stop());
@@ -131,7 +131,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
                 });
                 hands.send(4.0, driver, Ask::EnableStick(driver));
                 hands.send(4.1, driver, Ask::Stick(StickWish::Released));
-                hands.pad(4.2, 6.0, driver, FORWARD);
+                hands.stick(4.2, 6.0, driver, FORWARD);
                 hands.at(5.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
             });
         }
@@ -141,7 +141,7 @@ fn a_stop_holds_until_every_stick_was_let_go() {
 #[test]
 fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
     played(3.0, |hands: &mut Hands| {
-        hands.pad(1.0, 2.0, Client::Joystick, StickWish::Released);
+        hands.stick(1.0, 2.0, Client::Joystick, StickWish::Released);
         hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
         hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Lost));
     });
@@ -151,8 +151,8 @@ fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
 fn a_joystick_that_says_it_is_blocked_while_it_drives_is_stopped_whatever_was_missed() {
     played(4.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
-        hands.pad(1.0, 2.0, Client::Joystick, FORWARD);
-        hands.pad(2.0, 3.5, Client::Joystick, StickWish::Blocked);
+        hands.stick(1.0, 2.0, Client::Joystick, FORWARD);
+        hands.stick(2.0, 3.5, Client::Joystick, StickWish::Blocked);
         hands.at(1.95, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
         hands.at(3.4, |_, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
@@ -185,7 +185,7 @@ fn a_page_that_goes_ends_the_motion_it_asked_for_and_a_command_line_that_goes_do
 fn while_the_emergency_stop_is_set_nothing_begins_and_the_answer_says_why() {
     played(7.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Command, robot(RequestKind::Enable));
-        hands.pad(1.0, 5.0, Client::Joystick, FORWARD);
+        hands.stick(1.0, 5.0, Client::Joystick, FORWARD);
         hands.at(2.0, |live, seen| {
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
             live.send(Client::Page(0), Ask::EmergencyStop);
@@ -220,7 +220,7 @@ fn a_stick_takes_over_from_a_reference_which_goes_on_afterwards_and_another_can_
         hands.ask(1.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
         hands.at(2.5, |_, seen| assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 1)));
         let twist = Twist2 { vx_m_s: 0.0, vy_m_s: 0.2, w_rad_s: 0.0 };
-        hands.pad(2.5, 3.5, Client::Joystick, StickWish::Held { twist, frame: Frame::Odom });
+        hands.stick(2.5, 3.5, Client::Joystick, StickWish::Held { twist, frame: Frame::Odom });
         hands.ask(3.0, Client::Page(1), robot(RequestKind::Resume), Answer::Refused(Refusal::Commanded));
         hands.send(3.5, Client::Joystick, Ask::Stick(StickWish::Released));
         hands.at(5.0, |_, seen| assert!(seen.record.state.odom_from_body.y_m > 0.1));
@@ -387,7 +387,7 @@ fn changes_for_which_there_is_no_room_are_refused_as_a_whole() {
 fn a_stop_finds_room_however_much_is_asked() {
     let run = played(4.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Command, robot(RequestKind::Enable));
-        hands.pad(1.0, 1.999, Client::Page(0), FORWARD);
+        hands.stick(1.0, 1.999, Client::Page(0), FORWARD);
         hands.at(2.0, |live, _| {
             while live.send(Client::Page(1), Ask::Alive).is_some() {}
             assert!(live.send(Client::Page(1), Ask::EmergencyStop).is_some());
@@ -432,7 +432,7 @@ fn a_run_goes_on_where_the_server_of_its_pages_dies_and_what_they_commanded_stop
             live.send(page, robot(RequestKind::Enable));
             live.send(page, Ask::Stick(StickWish::Released));
         });
-        hands.pad(1.0, 1.999, page, FORWARD);
+        hands.stick(1.0, 1.999, page, FORWARD);
         hands.at(2.0, |live, seen| {
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
             live.lose_pages();

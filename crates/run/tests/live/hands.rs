@@ -19,7 +19,7 @@ use omnibase_run::simulated::Simulated;
 use omnibase_run::{Progress, Ran, Replayed, RobotText, Setup, replay, run, simulated};
 
 pub const BMM: &str = include_str!("../../../../robots/bmm.toml");
-const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 500_000_000 };
+const AGES: Ages = Ages { stick_ns: 200_000_000, session_ns: 500_000_000 };
 
 /// The robot that all of them drive.
 pub fn plan() -> RobotPlan {
@@ -96,9 +96,9 @@ impl Hands {
     }
 
     /// Holds a stick like that.
-    pub fn pad(&mut self, from_s: f64, until_s: f64, client: Client, pad: StickWish) {
+    pub fn stick(&mut self, from_s: f64, until_s: f64, client: Client, stick: StickWish) {
         self.between(from_s, until_s, move |live, _| {
-            live.send(client, Ask::Stick(pad)).expect("there is room");
+            live.send(client, Ask::Stick(stick)).expect("there is room");
         });
     }
 

@@ -33,10 +33,10 @@ fn a_lower_torque_limit_reaches_drives_that_drive() {
         };
         hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
         // There and back: the wheels are accelerated hard before and after.
-        hands.pad(1.0, 1.6, Client::Joystick, stick(0.5));
+        hands.stick(1.0, 1.6, Client::Joystick, stick(0.5));
         hands.between(1.0, 1.6, look(before));
         hands.at(1.7, |live, _| set_torque(live, 1.5));
-        hands.pad(1.75, 2.6, Client::Joystick, stick(-0.5));
+        hands.stick(1.75, 2.6, Client::Joystick, stick(-0.5));
         hands.between(1.75, 2.6, look(lowered));
     });
     let [before, lowered] = greatest.map(|greatest| greatest.get());

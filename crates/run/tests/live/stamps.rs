@@ -51,8 +51,8 @@ fn line(hands: &mut Hands, delay_ms: [u64; 2], slow_from_s: f64, say: impl Fn(f6
 /// Held from 2 s to 4 s, said 50 times a second; let go before and after.
 fn held(time_s: f64) -> Option<Ask> {
     let is_turn = ((time_s * 1e3).round() as u64).is_multiple_of(20);
-    let pad = if (2.0..4.0).contains(&time_s) { FORWARD } else { StickWish::Released };
-    is_turn.then_some(Ask::Stick(pad))
+    let wish = if (2.0..4.0).contains(&time_s) { FORWARD } else { StickWish::Released };
+    is_turn.then_some(Ask::Stick(wish))
 }
 
 #[test]

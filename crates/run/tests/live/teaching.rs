@@ -16,9 +16,9 @@ fn driven() -> Played {
     played(10.0, |hands: &mut Hands| {
         hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
         let held = |vx, vy, w, frame| StickWish::Held { twist: Twist2::new(vx, vy, w), frame };
-        hands.pad(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0, Frame::Body));
-        hands.pad(2.5, 5.0, Client::Joystick, held(0.35, 0.1, 0.5, Frame::Body));
-        hands.pad(5.0, 7.0, Client::Joystick, held(0.0, 0.3, -0.2, Frame::Odom));
+        hands.stick(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0, Frame::Body));
+        hands.stick(2.5, 5.0, Client::Joystick, held(0.35, 0.1, 0.5, Frame::Body));
+        hands.stick(5.0, 7.0, Client::Joystick, held(0.0, 0.3, -0.2, Frame::Odom));
         hands.send(7.0, Client::Joystick, Ask::Stick(StickWish::Released));
     })
 }
@@ -91,12 +91,12 @@ fn single_points_become_a_path_that_stands_at_each_of_them() {
         hands.send(0.5, Client::Joystick, Ask::Robot(RequestKind::Enable));
         let held = |vx, vy, w| StickWish::Held { twist: Twist2::new(vx, vy, w), frame: Frame::Body };
         hands.at(0.9, |live, _| assert_eq!(live.remember_point(), Ok(1)));
-        hands.pad(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0));
-        hands.pad(2.5, 3.5, Client::Joystick, StickWish::Released);
+        hands.stick(1.0, 2.5, Client::Joystick, held(0.4, 0.0, 0.0));
+        hands.stick(2.5, 3.5, Client::Joystick, StickWish::Released);
         hands.at(3.5, |live, _| assert_eq!(live.remember_point(), Ok(2)));
         hands.at(3.6, |live, _| assert_eq!(live.remember_point(), Err(NotRemembered::SamePlace)));
-        hands.pad(3.7, 6.0, Client::Joystick, held(0.0, 0.3, 0.5));
-        hands.pad(6.0, 8.0, Client::Joystick, StickWish::Released);
+        hands.stick(3.7, 6.0, Client::Joystick, held(0.0, 0.3, 0.5));
+        hands.stick(6.0, 8.0, Client::Joystick, StickWish::Released);
         hands.at(8.0, move |live, _| {
             assert_eq!(live.remember_point(), Ok(3));
             *kept.lock().unwrap() = live.points().unwrap();

@@ -9,7 +9,7 @@ impl Stops {
     /// How long it may take until the loss is noticed, s.
     pub(super) fn noticed_s(&self, loss: Loss) -> f64 {
         let ns = match loss {
-            Loss::StickSilent => AGES.pad_ns,
+            Loss::StickSilent => AGES.stick_ns,
             // A page that drives by its stick is missed as a stick first.
             Loss::PageSilent | Loss::LineSlow => AGES.session_ns,
             Loss::Killed | Loss::CableCut | Loss::CarrierLost => WATCHDOG_NS,

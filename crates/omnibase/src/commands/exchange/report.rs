@@ -1,12 +1,10 @@
 //! What `exchange` measured, as JSON and as text.
 
 use omnibase_measure::quantiles::{Quantiles, microseconds};
+use omnibase_measure::timing::{Measured, TimingFigures};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::time::Duration;
-
-/// A distribution's numbers, and its bars.
-pub type Measure = (Option<Quantiles>, Vec<String>);
 
 /// What a run showed.
 pub struct Report {
@@ -34,12 +32,8 @@ pub struct Report {
     pub commands_used: Vec<&'static str>,
     /// SubDevices that aren't well, and what they have.
     pub not_operational: Vec<String>,
-    /// From the send to the last frame's return.
-    pub round_trip: Measure,
-    /// How late the cycle began.
-    pub wake_up: Measure,
-    /// Distance of the frames from their place in the DC cycle, without sign.
-    pub phase: Measure,
+    /// How long cycles took, as in the summary of a run.
+    pub timing: TimingFigures,
 }
 
 /// The report's JSON form.
@@ -53,21 +47,24 @@ pub struct ReportJson<'a> {
     round_trip_ns: Option<Quantiles>,
     wakeup_ns: Option<Quantiles>,
     dc_phase_ns: Option<Quantiles>,
+    timing: &'a TimingFigures,
     commands_used: &'a [&'static str],
 }
 
 impl Report {
     /// As JSON; what wasn't measured is null.
     pub fn json(&self) -> ReportJson<'_> {
+        let quantiles = |measured: &Option<Measured>| measured.as_ref().map(|measured| measured.quantiles);
         ReportJson {
             operational: self.operational,
             cycles: self.cycles,
             lost_frames: self.lost_frames,
             working_counter_errors: self.working_counter_errors,
             frames_per_cycle: self.frames_per_cycle,
-            round_trip_ns: self.round_trip.0,
-            wakeup_ns: self.wake_up.0,
-            dc_phase_ns: self.phase.0,
+            round_trip_ns: quantiles(&self.timing.round_trip_ns),
+            wakeup_ns: quantiles(&self.timing.wake_up_ns),
+            dc_phase_ns: quantiles(&self.timing.dc_phase_ns),
+            timing: &self.timing,
             commands_used: &self.commands_used,
         }
     }
@@ -94,18 +91,6 @@ impl Report {
         for not_operational in &self.not_operational {
             writeln!(output, "not operational         {not_operational}")?;
         }
-        measure(output, "round trip", &self.round_trip)?;
-        measure(output, "wake-up late by", &self.wake_up)?;
-        measure(output, "DC phase error", &self.phase)
+        self.timing.print(output)
     }
-}
-
-fn measure(output: &mut dyn Write, name: &str, (quantiles, bars): &Measure) -> io::Result<()> {
-    let Some(Quantiles { p50, p99, p999, max, .. }) = *quantiles else { return Ok(()) };
-    let [p50, p99, p999, max] = [p50, p99, p999, max].map(microseconds);
-    writeln!(output, "{name:<23} p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}")?;
-    for bar in bars {
-        writeln!(output, "  {bar}")?;
-    }
-    Ok(())
 }

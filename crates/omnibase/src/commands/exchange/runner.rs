@@ -5,12 +5,13 @@ use crate::progress::{bar, note};
 use crate::target::AnyClock;
 use omnibase_ethercat::ProcessImage;
 use omnibase_ethercat::cyclic::{
-    CycleCounters, Goal, Handover, Health, Step, TransitionOptions, TransitionStatus,
+    CycleCounters, Exchange as BusExchange, Goal, Handover, Health, Step, TransitionOptions, TransitionStatus,
 };
-use omnibase_ethercat::paced::{Pace, PacedBus, Times};
+use omnibase_ethercat::paced::{Pace, PacedBus};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, Clock, Link};
-use omnibase_measure::quantiles::Distribution;
+use omnibase_measure::timing::{TimedCycle, Timing};
+use omnibase_robot::signals::{CycleTime, Exchange};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -39,9 +40,7 @@ pub struct Runner {
 
 /// What is measured in OP.
 struct Measured {
-    round_trip: Distribution,
-    wake_up: Distribution,
-    phase: Distribution,
+    timing: Timing,
     cycles: u64,
     /// Cycles that were left out.
     overruns: u64,
@@ -58,9 +57,7 @@ impl Runner {
         let image = bus.plan().image();
         let paced = PacedBus::new(bus, clock, plan.pace);
         let measured = Measured {
-            round_trip: Distribution::new(),
-            wake_up: Distribution::new(),
-            phase: Distribution::new(),
+            timing: Timing::default(),
             cycles: 0,
             overruns: 0,
             operational: false,
@@ -107,7 +104,7 @@ impl Runner {
             if self.paced.bus().health().iter().any(|health| *health != Health::Well) {
                 break;
             }
-            self.one_cycle()?;
+            self.paced.exchange(&mut self.image)?;
         }
         let not_operational = self.paced.bus().health().iter().zip(&self.subdevices);
         self.measured.not_operational = not_operational
@@ -156,24 +153,19 @@ impl Runner {
     }
 
     fn measure(&mut self, stop: &AtomicBool, done: &AtomicU64) -> anyhow::Result<()> {
+        let cycle_ns = self.plan.pace.cycle.as_nanos() as u64;
+        let mut index = 0;
         while self.measured.cycles < self.plan.cycles && !stop.load(Ordering::Relaxed) {
-            let times = self.one_cycle()?;
+            let (exchange, times) = self.paced.exchange(&mut self.image)?;
+            index += times.periods;
             let measured = &mut self.measured;
+            let (time, exchange) = (CycleTime::on_grid(index, cycle_ns), without_robot(exchange));
+            measured.timing.take(&TimedCycle { time, exchange, times, compute_ns: None, robot: None });
             measured.cycles += 1;
-            measured.wake_up.record(times.late_ns);
-            measured.round_trip.record(times.round_trip_ns);
-            if let Some(phase_ns) = times.dc_phase_ns {
-                measured.phase.record(phase_ns.unsigned_abs());
-            }
             measured.overruns += times.periods - 1;
             done.store(measured.cycles, Ordering::Relaxed);
         }
         Ok(())
-    }
-
-    fn one_cycle(&mut self) -> anyhow::Result<Times> {
-        let (_, times) = self.paced.exchange(&mut self.image)?;
-        Ok(times)
     }
 
     /// What was measured.
@@ -192,10 +184,18 @@ impl Runner {
             subdevices: self.subdevices.len(),
             commands_used: self.paced.bus().commands_used().iter().map(|command| command.name()).collect(),
             not_operational: self.measured.not_operational.clone(),
-            round_trip: (self.measured.round_trip.quantiles(), self.measured.round_trip.bars(12)),
-            wake_up: (self.measured.wake_up.quantiles(), self.measured.wake_up.bars(12)),
-            phase: (self.measured.phase.quantiles(), self.measured.phase.bars(12)),
+            timing: self.measured.timing.figures(&[]),
         }
+    }
+}
+
+/// An exchange in the words of a robot's, here without one.
+fn without_robot(exchange: BusExchange) -> Exchange {
+    match exchange {
+        BusExchange::Complete => Exchange::Complete,
+        BusExchange::Lost { .. } => Exchange::Lost,
+        BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
+        BusExchange::Without { .. } => Exchange::Without { wheels: 0, devices: 0 },
     }
 }
 

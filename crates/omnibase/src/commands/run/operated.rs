@@ -70,7 +70,7 @@ pub struct Options {
     /// Where taught paths are kept; default: the folder `paths`, or what the robot's file says.
     #[arg(long, value_name = "FOLDER")]
     paths: Option<PathBuf>,
-    /// Drive by the stick or pad at this computer, as the `joystick` table of its file says: the first one that fits, a
+    /// Drive by the joystick at this computer, as the `joystick` table of its file says: the first one that fits, a
     /// device (/dev/input/event5), or a recording of `omnibase joystick --record`.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
@@ -136,7 +136,7 @@ impl Options {
         if !self.is_wanted() && known == Known::Truth {
             return Ok(None);
         }
-        let ages = Ages { pad_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
+        let ages = Ages { stick_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
         let (live, mut end): (Live, LiveEnd) = live(ages, StopCategory::RampThenRemove, &robot.plan.sources);
         if let Some(describer) = describer {
             live.describe_to(describer);

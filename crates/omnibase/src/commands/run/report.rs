@@ -1,8 +1,6 @@
 //! The summary of a run for a person.
 
 use omnibase_measure::Summary;
-use omnibase_measure::quantiles::{Quantiles, bars, microseconds};
-use omnibase_measure::timing::Measured;
 use omnibase_measure::tracking::BelievedAndTrue;
 use std::io::{self, Write};
 
@@ -31,33 +29,12 @@ pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
     if let Some(share) = summary.cpu_share {
         writeln!(output, "{:<22} {:>12.2} %", "CPU of the cycle", 1e2 * share)?;
     }
-    let timing = &summary.timing;
-    for (name, measured) in [
-        ("wake-up late by", &timing.wake_up_ns),
-        ("round trip", &timing.round_trip_ns),
-        ("computing", &timing.compute_ns),
-        ("DC phase error", &timing.dc_phase_ns),
-    ] {
-        // On virtual time nothing is late, and computing takes no time.
-        if let Some(measured) = measured.as_ref().filter(|measured| measured.quantiles.max > 0) {
-            print_measured(name, measured, output)?;
-        }
-    }
+    summary.timing.print(output)?;
     writeln!(output, "events")?;
     for event in &summary.events {
         writeln!(output, "  {:>10.3} s  {}", event.time_s, event.text)?;
     }
     Ok(())
-}
-
-fn print_measured(name: &str, measured: &Measured, output: &mut dyn Write) -> io::Result<()> {
-    let Quantiles { p50, p99, p999, max, .. } = measured.quantiles;
-    let [p50, p99, p999, max] = [p50, p99, p999, max].map(microseconds);
-    writeln!(output, "{name:<22} p50 {p50}, p99 {p99}, p99.9 {p999}, max {max}")?;
-    for bar in bars(&measured.histogram) {
-        writeln!(output, "  {bar}")?;
-    }
-    writeln!(output, "  worst: {}", measured.worst)
 }
 
 fn millimetres(metres: Option<f64>) -> String {

@@ -40,8 +40,8 @@ impl Operator {
                 Client::Joystick => stick.wish.is_some(),
                 Client::Page(_) | Client::Command => stick.is_held(),
             };
-            if must_speak && old(stick.heard_ns, self.ages.pad_ns) {
-                self.pad_lost(client, "the stick fell silent: it is blocked until it is enabled");
+            if must_speak && old(stick.heard_ns, self.ages.stick_ns) {
+                self.stick_lost(client, "the stick fell silent: it is blocked until it is enabled");
             }
         }
         for number in 0..MAX_SESSIONS {
@@ -77,7 +77,7 @@ impl Operator {
     }
 
     /// A wish that is too old is none: the stick is as silent as it was before. Told once, not with every wish.
-    pub(super) fn pad_refused(&mut self, client: Client, refusal: Refusal) {
+    pub(super) fn stick_refused(&mut self, client: Client, refusal: Refusal) {
         let Some(stick) = stick_of(client).map(|number| &mut self.sticks[number]) else { return };
         if !std::mem::replace(&mut stick.is_told, true) {
             let text = match refusal {
@@ -94,12 +94,12 @@ impl Operator {
         let Some(number) = stick_of(client) else { return };
         let drives = self.commander == Commander::Stick(client);
         let stick = &mut self.sticks[number];
-        let said_ns = stamp.within(now_ns, self.ages.pad_ns).unwrap_or(now_ns);
+        let said_ns = stamp.within(now_ns, self.ages.stick_ns).unwrap_or(now_ns);
         stick.heard_ns = said_ns.max(stick.heard_ns);
         match wish {
             // What isn't a number is no wish.
             StickWish::Held { twist, .. } if !twist.is_finite() => {
-                self.pad_lost(client, "the stick sent what is no number: stopped, and blocked");
+                self.stick_lost(client, "the stick sent what is no number: stopped, and blocked");
             }
             StickWish::Held { .. } => stick.wish = Some(wish),
             StickWish::Released => {
@@ -115,19 +115,18 @@ impl Operator {
                     self.stop_with(StopCategory::RampAndHold, client, 0);
                 }
             }
-            StickWish::Lost => {
-                self.pad_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled")
-            }
+            StickWish::Lost => self
+                .stick_lost(client, "the stick is gone: when it is back, it is blocked until it is enabled"),
             StickWish::Withdrawn => {
                 // Blocked in any case: whoever presses a stop button is to be believed.
                 stick.wish = Some(StickWish::Held { twist: Twist2::default(), frame: Frame::Body });
-                self.pad_lost(client, "stopped at the stick, which is blocked until it is enabled");
+                self.stick_lost(client, "stopped at the stick, which is blocked until it is enabled");
                 self.stop_asked(StopCategory::RampAndHold, client, 0);
             }
             StickWish::Blocked => {
                 // One that drove a moment ago: what blocked it must have been missed.
                 if stick.is_held() {
-                    self.pad_lost(client, "the stick was blocked while it was held: it must be enabled");
+                    self.stick_lost(client, "the stick was blocked while it was held: it must be enabled");
                 }
                 self.sticks[number].wish = Some(wish);
             }
@@ -153,7 +152,7 @@ impl Operator {
         self.answer(ticket, Answer::Done);
     }
 
-    pub(super) fn pad_lost(&mut self, client: Client, text: &'static str) {
+    pub(super) fn stick_lost(&mut self, client: Client, text: &'static str) {
         let Some(number) = stick_of(client) else { return };
         let drives = self.commander == Commander::Stick(client);
         let stick = &mut self.sticks[number];
@@ -206,7 +205,7 @@ impl Operator {
         let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
         *session = None;
         self.comeback = self.comeback.take().filter(|(of, _)| *of != client);
-        self.pad_lost(client, "the page that drove is gone: stopped");
+        self.stick_lost(client, "the page that drove is gone: stopped");
         // Nor may a finger that went down while the line was dead start anything when it is back.
         self.sticks[1 + usize::from(number)].must_release = true;
         self.drop_waiting(|waiting| waiting.client == client);

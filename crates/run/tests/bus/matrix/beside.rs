@@ -20,7 +20,7 @@ use super::case::{STATES, State};
 use super::{CIRCLE, NOTICED_MS};
 use crate::bench::plan;
 
-const AGES: Ages = Ages { pad_ns: 200_000_000, session_ns: 1_000_000_000 };
+const AGES: Ages = Ages { stick_ns: 200_000_000, session_ns: 1_000_000_000 };
 /// How late a slow line is, ns.
 const SLOW_NS: u64 = 2_000_000_000;
 /// Obstacles that block every way: so many, so far away, so large.
@@ -197,7 +197,7 @@ fn without_page(trouble: Trouble) -> [String; 5] {
         assert!(came.speed_rad_s < super::STANDING_RAD_S, "{state:?}: {} rad/s", came.speed_rad_s);
         let age_ns = match state {
             State::Tracking => Some(AGES.session_ns),
-            State::ByHand => Some(AGES.pad_ns),
+            State::ByHand => Some(AGES.stick_ns),
             State::Starting | State::Holding | State::Stopping => None,
         };
         match (age_ns, came.ramp_ms) {
