@@ -115,9 +115,11 @@ pub(super) struct ValueBeside {
 }
 
 impl ValueBeside {
-    /// Whether it is never anything but 0 and 1.
+    /// Whether it is never anything but 0 and 1, and no code of something else.
     pub(super) fn is_on_or_off(&self) -> bool {
-        self.unit.is_none()
+        let is_code = matches!(self.name.as_str(), "state" | "mode");
+        !is_code
+            && self.unit.is_none()
             && self.values.iter().all(|value| !value.is_finite() || *value == 0.0 || *value == 1.0)
     }
 }
@@ -227,8 +229,9 @@ impl<'a> Signals<'a> {
                 let values = names.enumerate().filter_map(|(place, name)| {
                     let name = plain("", name);
                     let unit = UNITS.iter().find(|(unit, ..)| name.ends_with(unit));
-                    let (name, factor) = unit
-                        .map_or((&*name, 1.0), |(unit, factor, _)| (name.trim_end_matches(unit), *factor));
+                    let (name, factor) = unit.map_or((&*name, 1.0), |(unit, factor, _)| {
+                        (&name[..name.len() - unit.len()], *factor)
+                    });
                     let values = || self.values(at + place, factor);
                     let is_of_the_line = matches!(name, "age" | "instant");
                     (!is_of_the_line).then(|| ValueBeside {

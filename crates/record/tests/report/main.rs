@@ -166,9 +166,9 @@ fn beside() -> RecordedRun {
     for (cycle, row) in plain.values.chunks_exact(plain.schema.width()).enumerate() {
         run.values.extend(row);
         let part = cycle as f64 / 3000.0;
-        run.values.extend([0.0, 0.5 * part, 0.5 * part + 0.01, if cycle < 1000 { 1.0 } else { 2.0 }]);
+        run.values.extend([0.0, 0.5 * part, 0.5 * part + 0.01, if cycle < 1000 { 0.0 } else { 1.0 }]);
         run.values.extend([0.0, f64::from(u8::from(cycle >= 1500)), 1.0]);
-        run.values.extend([f64::INFINITY, 0.0, f64::NAN]);
+        run.values.extend(if cycle < 1500 { [f64::INFINITY, 0.0, f64::NAN] } else { [0.1, 1.0, 0.7] });
     }
     run
 }
