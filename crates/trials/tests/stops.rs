@@ -26,7 +26,7 @@ fn every_wheel_stops_in_time_whatever_is_lost() {
         let seen: Vec<Comeback> = std::thread::scope(|scope| {
             let robots = [(BMM, 1_000_000), (MECANUM, 2_000_000)].map(|(robot, first)| {
                 scope.spawn(move || {
-                    let policies = ["quick_stop", "ramp", "remove_torque"].into_iter().zip(0..);
+                    let policies = ["quick_stop", "ramp", "remove_torque"].into_iter().zip(0_u64..);
                     let cases = |(policy, row)| comebacks(robot, first + row * 100_000, policy, after);
                     policies.flat_map(cases).collect::<Vec<_>>()
                 })
