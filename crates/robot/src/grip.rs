@@ -236,7 +236,7 @@ impl Grip {
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: self.friction.per_newton(shown, self.identification.dynamics().centre_m()),
             is_trusted: is_whole && !self.wheels[..count].iter().any(|wheel| wheel.slips),
-            moves: drives,
+            moves: drives && !self.stands(),
             period_s: span_s,
         };
         self.identification.learn(&seen);
@@ -272,9 +272,14 @@ impl Grip {
         self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
         if !is_possible {
             self.forget();
-        } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
+        } else if self.stands() {
             self.rest();
         }
+    }
+
+    /// Whether no wheel turns.
+    fn stands(&self) -> bool {
+        self.wheels.iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S)
     }
 
     /// Wheels that stand are held by dry friction, whatever their motors' torques.

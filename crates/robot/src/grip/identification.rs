@@ -156,17 +156,21 @@ impl Identification {
             (self.past, self.trusted_s) = (Past::default(), 0.0);
             return;
         }
+        if !seen.moves {
+            // A floor holds what stands against any wrench: no equation tells that, and none may begin with it.
+            (self.past, self.trusted_s) = (Past::default(), f64::INFINITY);
+            for index in LOADS {
+                self.grow(index, self.most[index] * seen.period_s / LOADED_S);
+            }
+            return;
+        }
         self.trusted_s = if seen.is_trusted { self.trusted_s + seen.period_s } else { 0.0 };
         let keep = (-LOW_PASS_1_S * seen.period_s).exp();
         let low_pass = |old: &mut f64, new: f64| *old = keep * *old + (1.0 - keep) * new;
         self.past.wrench.iter_mut().zip(seen.wrench).for_each(|(old, new)| low_pass(old, new));
         let (rows, new) = (self.past.rows.as_flattened_mut(), seen.rows());
         rows.iter_mut().zip(new.as_flattened()).for_each(|(old, new)| low_pass(old, *new));
-        if !seen.moves {
-            for index in LOADS {
-                self.grow(index, self.most[index] * seen.period_s / LOADED_S);
-            }
-        } else if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
+        if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
             let Past { wrench, rows } = self.past;
             let along = rows[0][0].hypot(rows[1][0]) > LEAST_ACCELERATION[0];
             let turns = [rows[2][1], rows[0][4]].iter().any(|turn| turn.abs() > LEAST_ACCELERATION[1]);
@@ -301,6 +305,30 @@ mod tests {
         let (pushed, alone) = (learnt(6.0, &push, &|_| true), learnt(6.0, &|_| 0.0, &|_| true));
         assert!((pushed[0] - alone[0]).abs() < 0.05 * 173.0, "{pushed:?} {alone:?}");
         assert_ne!(pushed, alone);
+    }
+
+    #[test]
+    fn what_a_platform_was_held_by_at_rest_tells_nothing_of_its_mass() {
+        let after_rest = |wrench_n: f64| {
+            let mut one = Identification::new((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0]), 0.5, 100.0, 0.4);
+            let seen = |moves: bool, wrench_n: f64, t: f64| Seen {
+                acceleration: [if moves { 0.8 * (4.0 * t).sin() } else { 0.0 }, 0.0, 0.0],
+                turn_rad_s: 0.0,
+                wrench: [wrench_n, 0.0, 0.0],
+                friction_per_newton: [[0.0; 3]; 2],
+                is_trusted: true,
+                moves,
+                period_s: PERIOD_S,
+            };
+            (0..300).for_each(|_| one.learn(&seen(false, wrench_n, 0.0)));
+            for cycle in 0..100 {
+                let t = f64::from(cycle) * PERIOD_S;
+                one.learn(&seen(true, 70.0 * 0.8 * (4.0 * t).sin(), t));
+            }
+            one.theta
+        };
+        assert_eq!(after_rest(300.0), after_rest(0.0));
+        assert!((after_rest(300.0)[0] - 70.0).abs() < 0.1, "{:?}", after_rest(300.0));
     }
 
     #[test]
