@@ -76,6 +76,15 @@ pub enum Call {
         #[serde(default)]
         frame: WishFrame,
     },
+    /// A twist's wish, held as a stick's is, by a program that plans: vx m/s, vy m/s, turn rad/s. Fence, obstacles and limits
+    /// keep the last word.
+    Drive {
+        /// The twist.
+        twist: [f64; 3],
+        /// In which frame.
+        #[serde(default)]
+        frame: WishFrame,
+    },
     /// The stick was let go.
     ReleaseStick,
     /// The stick is gone while it was held, as a gamepad whose cable was pulled.
@@ -264,6 +273,7 @@ impl Call {
             | Call::DriveMode { .. }
             | Call::Set { .. }
             | Call::Stick { .. }
+            | Call::Drive { .. }
             | Call::ReleaseStick
             | Call::LoseStick
             | Call::EnableStick
@@ -297,6 +307,7 @@ impl Call {
                 | Call::Release
                 | Call::Pause
                 | Call::Stick { .. }
+                | Call::Drive { .. }
                 | Call::ReleaseStick
                 | Call::LoseStick
                 | Call::SendInputs { .. }

@@ -25,6 +25,8 @@ use crate::status::NS_OF_MS;
 const TOLERANCE_M: f64 = 0.001;
 /// Drawings of references that are kept: the robot's own, and those that were loaded last.
 const MOST_DRAWN: usize = 8;
+/// Faster than this no robot drives, m/s and rad/s: what is asked beyond it is a mistake, what is below is limited.
+const FASTEST: f64 = 100.0;
 
 /// How well a person knows a pose who says nothing about it: a tape measure and marks on the floor, m and rad.
 const SET_POSE_SIGMA_M: f64 = 0.02;
@@ -146,6 +148,16 @@ impl CallHandler {
                     return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
                 }
                 let twist = wish([x, y, turn], limits);
+                return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
+            }
+            Call::Drive { twist, frame } => {
+                if twist.iter().any(|speed| !(-FASTEST..=FASTEST).contains(speed)) {
+                    return Err(format!(
+                        "a twist: expected at most {FASTEST} m/s and rad/s, found {twist:?}"
+                    ));
+                }
+                let [vx_m_s, vy_m_s, w_rad_s] = twist;
+                let twist = Twist2 { vx_m_s, vy_m_s, w_rad_s };
                 return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
             Call::ReleaseStick => return self.send_silently(asker, Ask::Stick(StickWish::Released)),

@@ -4,6 +4,7 @@
 //! - [`access`]: who may do what: with the token everything, without it reading, and that on loopback alone.
 //! - [`call`]: what a client may ask of the robot, in words of JSON.
 //! - [`robot_info`]: what doesn't change while a robot runs; [`status`]: what does, thirty times a second.
+//! - `states`: every cycle, for programs that follow.
 //! - [`openapi`]: the API described, for programs and people.
 //! - [`Streams`]: the same values for PlotJuggler and Foxglove.
 //!
@@ -24,6 +25,7 @@ mod routes;
 mod server;
 mod shared;
 mod socket;
+mod states;
 pub mod status;
 mod strangers;
 mod streams;

@@ -8,10 +8,11 @@ use crate::call::{Call, CallResult};
 use crate::inputs::{InputsNews, SentInputs};
 use crate::planned::Planned;
 use crate::routes::Robot;
+use crate::states::{StatesBegin, Wanted};
 use crate::status::{EventSeen, StatusMessage};
 
 /// The API's version: the first number changes where a client of before would no longer work.
-pub const VERSION: &str = "1.0.0";
+pub const VERSION: &str = "1.1.0";
 
 /// Where schemas stand in the description.
 const SCHEMAS: &str = "/components/schemas";
@@ -25,6 +26,7 @@ pub fn description() -> Value {
     let sent = schema::<SentInputs>(&mut read);
     let seen = schema::<StatusMessage>(&mut written);
     let news = schema::<InputsNews>(&mut written);
+    let begin = schema::<StatesBegin>(&mut written);
     let result = schema::<CallResult>(&mut written);
     let [robot, planned, event] = [
         schema::<Robot<'static>>(&mut written),
@@ -50,6 +52,11 @@ pub fn description() -> Value {
     });
     schemas.insert("Now".to_owned(), now);
     let trace = json!({ "type": "array", "description": "(time s, believed pose, true pose)" });
+    let rows = json!({
+        "type": "string", "contentEncoding": "binary",
+        "description": "Every further message: the cycles that are missing so far as u64, then for each row its instant on \
+            the robot's clock, ns, as u64 and its values as f64; all little-endian",
+    });
     let get = |summary: &str, what: Value| {
         let json = json!({ "application/json": { "schema": what } });
         json!({ "get": { "summary": summary, "responses": answers(&json) } })
@@ -85,6 +92,12 @@ pub fn description() -> Value {
                 "security": [{ "token": [] }],
                 "responses": socket_answers(),
                 "x-client-messages": sent, "x-server-messages": news,
+            } },
+            "/api/states": { "get": {
+                "summary": "A WebSocket: chosen signals of every cycle, or every so many, with their instants, and how many cycles are missing",
+                "parameters": parameters::<Wanted>(),
+                "responses": states_answers(),
+                "x-server-messages": { "prefixItems": [begin, rows] },
             } },
         },
         "components": {
@@ -140,6 +153,26 @@ fn live_answers() -> Value {
     let mut all = socket_answers();
     all["503"] = json!({ "description": "Too many look on without the token", "content": said_no() });
     all
+}
+
+/// What comes back to a program that follows.
+fn states_answers() -> Value {
+    let mut all = socket_answers();
+    let mut either = said_no();
+    either["text/plain"] = words()["text/plain"].clone();
+    all["400"] = json!({ "description": "What is wanted can't be had, and why", "content": either });
+    all["503"] = json!({ "description": "Too many programs follow", "content": said_no() });
+    all
+}
+
+/// What stands behind the question mark of an address.
+fn parameters<T: JsonSchema>() -> Vec<Value> {
+    let schema = schemars::schema_for!(T).to_value();
+    let keys = schema["properties"].as_object().into_iter().flatten();
+    keys.map(|(name, key)| {
+        json!({ "name": name, "in": "query", "description": key["description"], "schema": { "type": key["type"] } })
+    })
+    .collect()
 }
 
 /// What comes back to who calls.

@@ -24,6 +24,7 @@ use crate::openapi;
 use crate::page;
 use crate::shared::{SaidNow, Shared, Underway, stamp_of};
 use crate::socket;
+use crate::states::{self, Chosen, Wanted};
 use crate::status::{Counters, EventSeen, StatusMessage};
 use crate::work::{Busy, For};
 
@@ -60,6 +61,7 @@ pub(crate) fn all(shared: Shared) -> Router {
         .route("/api/call", post(call))
         .route("/api/live", get(socket))
         .route("/api/inputs", get(programs))
+        .route("/api/states", get(follow))
         .route("/", get(file))
         .route("/{name}", get(file))
         .layer(DefaultBodyLimit::max(LONGEST_BODY))
@@ -249,7 +251,12 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     // A program that asks and goes can't hold a stick.
     let is_stick = matches!(
         call,
-        Call::Stick { .. } | Call::ReleaseStick | Call::LoseStick | Call::EnableStick | Call::Alive
+        Call::Stick { .. }
+            | Call::Drive { .. }
+            | Call::ReleaseStick
+            | Call::LoseStick
+            | Call::EnableStick
+            | Call::Alive
     );
     if is_stick {
         let why = "a stick belongs to a page: expected a WebSocket at /api/live";
@@ -318,4 +325,33 @@ async fn programs(
         .max_message_size(LONGEST_INPUTS)
         .max_frame_size(LONGEST_INPUTS)
         .on_upgrade(move |socket| inputs::listen(socket, shared))
+}
+
+/// For programs that follow.
+async fn follow(
+    State(shared): State<Shared>,
+    Extension(peer): Extension<Peer>,
+    Query(wanted): Query<Wanted>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let (right, _underway) = match begun(&shared, &peer, &headers, None).await {
+        Ok(begun) => begun,
+        Err(refusal) => return refusal,
+    };
+    let chosen = match Chosen::new(&wanted, &shared) {
+        Ok(chosen) => chosen,
+        Err(why) => return (StatusCode::BAD_REQUEST, Json(CallResult::refused(why))).into_response(),
+    };
+    let rows = peer.seat.look().then(|| shared.followers.join(&shared, right)).flatten();
+    let Some(rows) = rows else {
+        Counters::count(&shared.counters.crowded);
+        let why = CallResult::refused("too many programs follow");
+        return (StatusCode::SERVICE_UNAVAILABLE, Json(why)).into_response();
+    };
+    // Beside what hears stops.
+    let work = shared.work.clone();
+    upgrade.max_message_size(READ_AT_ONCE).on_upgrade(async move |socket| {
+        let _ = work.spawn(states::stream(socket, rows, chosen, shared)).await;
+    })
 }

@@ -14,6 +14,7 @@ use crate::call::{Call, CallResult};
 use crate::call_handler::{CallHandler, Reply};
 use crate::connections::{Asking, Network};
 use crate::routes::Peer;
+use crate::states::Followers;
 use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage};
 use crate::strangers::{Strangers, TooMuch};
 use crate::work::{For, Work};
@@ -31,6 +32,7 @@ pub(crate) struct Shared {
     pub(crate) live: Live,
     pub(crate) counters: Arc<Counters>,
     pub(crate) work: Work,
+    pub(crate) followers: Arc<Followers>,
     strangers: Arc<Strangers>,
     began: Instant,
     /// The latest message, to all pages.
@@ -67,6 +69,7 @@ impl Shared {
             desk: Arc::new(desk),
             counters,
             work,
+            followers: Arc::default(),
             strangers: Arc::default(),
             began: Instant::now(),
             sender,

@@ -33,6 +33,8 @@ pub enum Command {
     Set(live::Set),
     Call(live::Call),
     Send(live::Send),
+    Drive(live::Drive),
+    Watch(live::Watch),
     Top(live::Top),
     Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),

@@ -42,6 +42,8 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Set(arguments) => live::set(arguments, output),
         Command::Call(arguments) => live::call(arguments, output),
         Command::Send(arguments) => live::send(arguments, output),
+        Command::Drive(arguments) => live::drive(arguments, output),
+        Command::Watch(arguments) => live::watch(arguments, output),
         Command::Top(arguments) => live::top(arguments, output),
         Command::Doctor(arguments) => doctor::run(arguments, output),
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),

@@ -4,6 +4,7 @@
 //! - [`operator`]: emergency stop before stick before reference; one request a cycle comes out of it.
 //! - [`acyclic`]: SDOs of SubDevices beside the cycle.
 //! - [`carriers`]: a queue in, a queue and the latest snapshot out; nothing of it waits in the cycle.
+//! - [`cycles`]: every cycle for those who follow.
 //! - [`joystick`]: from the stick at the robot's computer to what is asked.
 //! - [`points`]: poses that a person remembers one by one.
 //! - [`sdo`]: objects and states of the SubDevices, for those who may wait.
@@ -14,6 +15,7 @@
 pub mod acyclic;
 pub mod carriers;
 pub mod command;
+pub mod cycles;
 pub mod joystick;
 pub mod operator;
 pub mod points;
@@ -26,6 +28,7 @@ mod trace;
 pub use acyclic::{AcyclicLine, AcyclicRefusal, Permission, SubDeviceFacts, Told};
 pub use carriers::{Asker, Live, LiveEnd, LiveEvent, live};
 pub use command::{Answer, Ask, Client, Commander, Refusal, StickState, StickWish};
+pub use cycles::{CycleSeen, Following};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use points::NotRemembered;

@@ -1,15 +1,23 @@
-//! `omnibase get`, `set`, `call` and `top`: a running robot from the command line, by its API.
+//! `omnibase get`, `set`, `call`, `send`, `drive`, `watch` and `top`: a running robot from the command line, by its API.
 
+mod drive;
+mod lines;
 mod owner;
 mod send;
 mod top;
+mod watch;
 
+use lines::lines;
+
+pub use drive::{Drive, drive};
 pub use send::{Send, send};
+pub use watch::{Watch, watch};
 
 use crate::Outcome;
-use crate::running::{self, Found, Place};
+use crate::running;
 use crate::token;
 use anyhow::Context;
+use omnibase_client::robots::{Found, Place};
 use serde_json::{Map, Value, json};
 use std::convert::Infallible;
 use std::io::Write;

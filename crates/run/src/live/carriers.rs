@@ -15,6 +15,7 @@ use triple_buffer::{Input, Output, triple_buffer};
 
 use super::acyclic::{AcyclicEnd, AcyclicLine, acyclic};
 use super::command::{Answer, Ask, Client, Command, MAX_SESSIONS, Refusal};
+use super::cycles::{CycleEnd, CycleLine, Following, cycles};
 use super::operator::{Ages, Note, Operator, Turn};
 use super::points::PointList;
 use super::snapshot::Snapshot;
@@ -70,6 +71,7 @@ pub fn live(ages: Ages, emergency: StopCategory, sources: &[SourcePlan]) -> (Liv
     let clock_ns = Arc::new(AtomicU64::new(0));
     let (acyclic_line, acyclic_end) = acyclic();
     let (source_lines, source_ends) = source_lines(sources);
+    let (cycle_line, cycle_end) = cycles();
     let shared = Shared {
         commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS] }),
         clock_ns: clock_ns.clone(),
@@ -102,12 +104,14 @@ pub fn live(ages: Ages, emergency: StopCategory, sources: &[SourcePlan]) -> (Liv
         unsent: None,
         acyclic: acyclic_end,
         sources: source_ends,
+        cycles: cycle_end,
     };
     (
         Live {
             shared: Arc::new(shared),
             acyclic: acyclic_line,
             sources: source_lines,
+            cycles: cycle_line,
             points: PointList::default(),
         },
         end,
@@ -120,6 +124,7 @@ pub struct Live {
     shared: Arc<Shared>,
     acyclic: AcyclicLine,
     sources: SourceLines,
+    cycles: CycleLine,
     pub(super) points: PointList,
 }
 
@@ -386,6 +391,11 @@ impl Live {
         &self.acyclic
     }
 
+    /// Every cycle from now on; `None` where somebody follows already.
+    pub fn follow(&self) -> Option<Following> {
+        self.cycles.follow()
+    }
+
     /// The latest of everything.
     pub fn snapshot(&self) -> Snapshot {
         self.seen(|seen| *seen.output.read())
@@ -467,6 +477,7 @@ pub struct LiveEnd {
     unsent: Option<Box<dyn Reference>>,
     acyclic: AcyclicEnd,
     sources: SourceEnds,
+    cycles: CycleEnd,
 }
 
 impl LiveEnd {
@@ -577,6 +588,7 @@ impl LiveEnd {
             ..*snapshot
         };
         self.snapshot.publish();
+        self.cycles.show(record, &snapshot.beside);
         let now_ns = record.time.now_ns;
         self.clock_ns.store(now_ns, Ordering::Relaxed);
         if self.last_trace_ns.is_none_or(|last_ns| now_ns >= last_ns + TRACE_NS) {

@@ -1,7 +1,7 @@
 //! HTTP over the socket that only a robot's own user can open: one request, one answer.
 
-use crate::running;
 use anyhow::Context;
+use omnibase_client::robots::connect;
 use std::io::{Read, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -16,7 +16,7 @@ pub fn exchange(
     body: Option<&str>,
     longest: Duration,
 ) -> anyhow::Result<(bool, String)> {
-    let mut stream = running::connect(socket, longest)?;
+    let mut stream = connect(socket, longest)?;
     stream.set_read_timeout(Some(longest))?;
     stream.set_write_timeout(Some(longest))?;
     let (method, body) = body.map_or(("GET", ""), |body| ("POST", body));

@@ -3,9 +3,9 @@
 use super::stick_thread::StickThread;
 use crate::WrongUsage;
 use crate::progress::note;
-use crate::running::{self, Place, RunningRobot};
 use crate::token;
 use anyhow::Context;
+use omnibase_client::robots::{self, Place, RunningRobot};
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
@@ -197,7 +197,7 @@ impl Options {
 
 /// Serves the commands of the robot's own user, by a socket.
 fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
-    let socket = running::socket()?;
+    let socket = robots::socket()?;
     let name = about.robot.plan.name.clone();
     let running = RunningRobot::announce(&name, Place::Socket(socket.clone()), "")?;
     let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
