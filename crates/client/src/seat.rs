@@ -187,9 +187,11 @@ impl Seat {
     fn say(&mut self, mut call: Value, meant: Option<Instant>) -> Result<u64, Error> {
         self.number += 1;
         call["number"] = self.number.into();
-        if let Some(meant) = meant {
-            // Never younger than it is, nor than the last that the robot said: its clock stands between two cycles.
-            call["stamp"] = (self.clock.at_ms(meant).max(0.0) as u64).min(self.stamp_ms).into();
+        // Never younger than it is, nor than the last that the robot said: its clock stands between two cycles. What was meant
+        // before that clock began has no stamp.
+        let meant_ms = meant.map(|meant| self.clock.at_ms(meant)).filter(|ms| *ms >= 0.0);
+        if let Some(meant_ms) = meant_ms {
+            call["stamp"] = (meant_ms as u64).min(self.stamp_ms).into();
         }
         self.connection.say(call.to_string())?;
         Ok(self.number)

@@ -6,6 +6,7 @@ mod inputs;
 mod line;
 mod old;
 mod robot;
+mod seat;
 mod socket;
 mod sources;
 #[path = "../stick_recording/mod.rs"]
