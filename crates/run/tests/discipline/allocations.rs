@@ -157,6 +157,7 @@ const AGES: Ages = Ages { stick_ns: 200_000_000, session_ns: 500_000_000 };
 #[test]
 fn requests_of_an_operator() {
     let (hand, end) = live(AGES, StopCategory::RampThenRemove, &[]);
+    let _following = hand.follow().expect("nobody follows yet");
     let extras = Extras { deeds: hands(&hand), live: Some(end), ..Extras::default() };
     let (ran, seen) = watched(&robot(), extras);
     assert!(ran.summary.events.len() > 4, "{:?}", ran.summary.events);
