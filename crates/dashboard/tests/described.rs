@@ -74,6 +74,12 @@ fn answers(path: &str, token: Option<&str>) -> (Value, Vec<(u16, Option<String>)
         all.push(once(request(path, "1.1", "127.0.0.1", UPGRADE)));
         drop(lookers);
     }
+    if path == "/api/states" {
+        all.push(once(request("/api/states?every_ms=0", "1.1", "127.0.0.1", &upgrade)));
+        let mut followers: Vec<_> =
+            (0..9).map(|_| asked(to, &request(path, "1.1", "127.0.0.1", &upgrade))).collect();
+        all.extend(followers.iter_mut().map(|line| answer(line)).map(|(status, kind, _)| (status, kind)));
+    }
     let flood = request("/api/planned", "1.1", "127.0.0.1", &token).repeat(FLOOD);
     // A busy machine may answer so slowly that nobody asks too often.
     let refused = std::iter::repeat_with(|| {
@@ -87,7 +93,7 @@ fn answers(path: &str, token: Option<&str>) -> (Value, Vec<(u16, Option<String>)
 
 #[test]
 fn the_websockets_answer_as_the_description_says_and_it_names_nothing_else() {
-    for (path, token) in [("/api/live", None), ("/api/inputs", Some(TOKEN))] {
+    for (path, token) in [("/api/live", None), ("/api/inputs", Some(TOKEN)), ("/api/states", Some(TOKEN))] {
         let (description, answers) = answers(path, token);
         let described = &description["paths"][path]["get"]["responses"];
         for (status, kind) in &answers {
