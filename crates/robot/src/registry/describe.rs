@@ -110,5 +110,7 @@ fn key_facts(key: &Key, sort: &Sort, schema: &Value) -> Value {
     let choices = choices.and_then(|choices| choices["oneOf"].as_array()).into_iter().flatten();
     let choices = choices.filter_map(|choice| choice["const"].as_str()).collect::<Vec<_>>().join(", ");
     let meaning = property["description"].as_str().unwrap_or_default().replace('\n', " ");
-    json!({ "name": key.path(), "needed": key.is_needed, "meaning": meaning, "allowed": bounds + &choices })
+    let allowed = [bounds, choices].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>();
+    let allowed = allowed.join(", or ");
+    json!({ "name": key.path(), "needed": key.is_needed, "meaning": meaning, "allowed": allowed })
 }
