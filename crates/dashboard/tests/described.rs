@@ -78,7 +78,7 @@ fn answers(path: &str, token: Option<&str>) -> (Value, Vec<(u16, Option<String>)
         all.push(once(request("/api/states?every_ms=0", "1.1", "127.0.0.1", &upgrade)));
         let mut followers: Vec<_> =
             (0..9).map(|_| asked(to, &request(path, "1.1", "127.0.0.1", &upgrade))).collect();
-        all.extend(followers.iter_mut().map(|line| answer(line)).map(|(status, kind, _)| (status, kind)));
+        all.extend(followers.iter_mut().map(answer).map(|(status, kind, _)| (status, kind)));
     }
     let flood = request("/api/planned", "1.1", "127.0.0.1", &token).repeat(FLOOD);
     // A busy machine may answer so slowly that nobody asks too often.
