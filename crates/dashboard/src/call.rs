@@ -82,7 +82,7 @@ pub enum Call {
     LoseStick,
     /// The page's own stick, which was lost, may command again.
     EnableStick,
-    /// The stick at the robot's computer, which was lost or stopped, may command again once it was let go.
+    /// The joystick at the robot's computer, which was lost or stopped, may command again once it was let go.
     EnableJoystick,
     /// Put an obstacle on the floor, or move the one that is there.
     SetObstacle {
@@ -320,7 +320,7 @@ pub enum WishFrame {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TeachBy {
-    /// Where `teach_point`, the page's button or the stick's says; the path goes straight from pose to pose.
+    /// Where `teach_point`, the page's button or the joystick's says; the path goes straight from pose to pose.
     Points,
     /// Every so many seconds.
     PeriodS(f64),

@@ -10,7 +10,7 @@ use omnibase_robot::signals::{
 };
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
-use omnibase_run::live::{Commander, LiveEvent, Snapshot, SourceCounts, StickState};
+use omnibase_run::live::{Commander, JoystickState, LiveEvent, Snapshot, SourceCounts};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -36,7 +36,7 @@ pub struct StatusMessage {
     pub emergency_stop: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
-    /// The stick at the robot's computer: `absent`, `present`, `lost` or `blocked`.
+    /// The joystick at the robot's computer: `absent`, `present`, `lost` or `blocked`.
     pub joystick: &'static str,
     /// Why it last stopped, in words; empty where nothing did.
     pub stop_reason: &'static str,
@@ -208,10 +208,10 @@ impl StatusMessage {
             emergency_stop: beside.say.is_emergency,
             blocked_sticks: beside.say.blocked_sticks,
             joystick: match beside.say.joystick {
-                StickState::Absent => "absent",
-                StickState::Present => "present",
-                StickState::Lost => "lost",
-                StickState::Blocked => "blocked",
+                JoystickState::Absent => "absent",
+                JoystickState::Present => "present",
+                JoystickState::Lost => "lost",
+                JoystickState::Blocked => "blocked",
             },
             stop_reason: if record.stop_reason == SafetyReason::None {
                 ""

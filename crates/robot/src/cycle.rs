@@ -14,6 +14,7 @@ use crate::drive_modes::DriveModes;
 use crate::grip::Grip;
 use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
+use crate::joystick_shape::JoystickShape;
 use crate::lifecycle::{Change, Lifecycle, Outcome};
 use crate::limiter::Limiter;
 use crate::motion::{CantBegin, Motion};
@@ -29,7 +30,6 @@ use crate::signals::{
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
-use crate::stick_shape::StickShape;
 use crate::traction::Traction;
 use pose::Counted;
 
@@ -181,7 +181,7 @@ impl Robot {
         self.lifecycle.phase()
     }
 
-    /// What may be set while the robot runs, with its index below [`MOST_SETTINGS`]: the robot's own, its stick's, the
+    /// What may be set while the robot runs, with its index below [`MOST_SETTINGS`]: the robot's own, its joystick's, the
     /// controller's gains, the wheels' limits. An index that nothing has is left out.
     pub fn settings(&self) -> impl Iterator<Item = (u32, Gain)> + '_ {
         let controller = &*self.controllers[self.active];
@@ -190,9 +190,9 @@ impl Robot {
         })
     }
 
-    /// How its stick is shaped from now on.
-    pub fn stick_shape(&self) -> StickShape {
-        self.settings.stick()
+    /// How its joystick is shaped from now on.
+    pub fn joystick_shape(&self) -> JoystickShape {
+        self.settings.joystick()
     }
 
     /// The obstacles, where they are after the last cycle.

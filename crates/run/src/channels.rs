@@ -6,7 +6,7 @@ use omnibase_robot::signals::{
     CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
 };
 
-use crate::live::{Commander, StickState};
+use crate::live::{Commander, JoystickState};
 use omnibase_ethercat::paced::Times;
 use omnibase_measure::tracking::Errors;
 use omnibase_measure::truth::TruePlatform;
@@ -56,8 +56,8 @@ pub struct Authority {
     pub is_emergency: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
-    /// What has become of the stick at the robot's computer.
-    pub joystick: StickState,
+    /// What has become of the joystick at the robot's computer.
+    pub joystick: JoystickState,
 }
 
 /// Puts cycles into rows; no allocation after its making.

@@ -358,7 +358,7 @@ impl<'a> Cycle<'a> {
             drive_errors: self.drive_errors,
             axis_problem: self.axis_problem,
             settings,
-            stick: self.robot.stick_shape(),
+            joystick: self.robot.joystick_shape(),
             obstacles: *self.robot.obstacles(),
             timing: self.timing.seen(),
             cycles: self.cycles,

@@ -140,7 +140,7 @@ impl Supervisor {
                     _ => None,
                 },
                 subdevice,
-                health: Health::Well,
+                health: Health::Operational,
                 way: RecoveryState::None,
                 since: HostTime(0),
                 exchanges: 0,
@@ -275,20 +275,20 @@ impl Supervisor {
             // The cycle may see it in OP a moment before its way is over.
             if one.health == health
                 || (one.way == RecoveryState::Coming
-                    && health == Health::Well
+                    && health == Health::Operational
                     && !bus.call_off(one.subdevice.position))
             {
                 continue;
             }
             let before = std::mem::replace(&mut one.health, health);
             match (before, health) {
-                (Health::Well, _) => {
+                (Health::Operational, _) => {
                     (one.since, one.exchanges, one.clock) = (now, 1, ClockWay::Near);
                     one.figures.losses += 1;
                     self.totals.losses += 1;
-                    self.tell(number, format_args!("lost: {}", Ill(health)));
+                    self.tell(number, format_args!("lost: {}", HealthWords(health)));
                 }
-                (_, Health::Well) => {
+                (_, Health::Operational) => {
                     // By itself, or at the end of its way.
                     let by_itself = match one.way {
                         RecoveryState::Settling { comeback, .. } => comeback == Comeback::Stayed,
@@ -305,13 +305,14 @@ impl Supervisor {
                 _ => {}
             }
         }
-        let not_operational = self.all.iter().filter(|one| one.is_away() || one.health != Health::Well);
+        let not_operational =
+            self.all.iter().filter(|one| one.is_away() || one.health != Health::Operational);
         self.totals.not_operational = not_operational.count() as u64;
     }
 
     /// Starts the way back of whoever needs it.
     fn start_recovery<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
+        for one in self.all.iter_mut().filter(|one| one.health != Health::Operational) {
             let position = one.subdevice.position;
             let due = match one.way {
                 // Who says itself that it isn't in OP has left it, whatever is tolerated. Who is silent is named one
@@ -459,10 +460,11 @@ impl Supervisor {
         away.fold(0, |devices, device| devices | 1 << device)
     }
 
-    /// SubDevices without a wheel that aren't well, away or not; bit n for the n-th of the robot's file.
-    pub fn unwell_devices(&self) -> u16 {
-        let unwell = self.all.iter().filter(|one| one.health != Health::Well).filter_map(|one| one.device);
-        unwell.fold(0, |devices, device| devices | 1 << device)
+    /// SubDevices without a wheel that aren't operational, away or not; bit n for the n-th of the robot's file.
+    pub fn not_operational_devices(&self) -> u16 {
+        let devices =
+            self.all.iter().filter(|one| one.health != Health::Operational).filter_map(|one| one.device);
+        devices.fold(0, |bits, device| bits | 1 << device)
     }
 
     /// Wheels whose drives started anew since this was last asked; bit n for wheel n.
@@ -488,12 +490,12 @@ impl Supervised {
 }
 
 /// An illness in words.
-struct Ill(Health);
+struct HealthWords(Health);
 
-impl fmt::Display for Ill {
+impl fmt::Display for HealthWords {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (status, code) = match self.0 {
-            Health::Well => return f.write_str("in OP"),
+            Health::Operational => return f.write_str("in OP"),
             Health::Silent => return f.write_str("it does not answer (no power, cable out, or restarted)"),
             Health::NotOperational { status, code } => (status, code),
         };

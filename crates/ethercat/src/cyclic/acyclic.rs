@@ -146,7 +146,7 @@ impl Acyclic {
         };
         let mut mailbox = lane.mailbox.take();
         if let Some(mailbox) = &mut mailbox {
-            // Its counter goes on: the SubDevice may be in OP and well.
+            // Its counter goes on: the SubDevice may be in OP and answering.
             mailbox.cancel();
             if let (Some(tag), Next::Done(Some(done))) = (lane.tag.take(), mailbox.next(HostTime(0))) {
                 let work = AcyclicWork::Mailbox(done.request);

@@ -69,7 +69,7 @@ fn one_that_is_in_op_with_an_error_has_it_acknowledged_and_stays() {
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Stayed));
     assert_eq!(runner.segment().sub_devices()[1].esc().peek(0x0130, 2).unwrap(), [8, 0]);
     runner.cycles(3);
-    assert_eq!(runner.bus().health()[1], Health::Well);
+    assert_eq!(runner.bus().health()[1], Health::Operational);
 }
 
 #[test]

@@ -70,7 +70,7 @@ pub struct Set {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "What can be asked:
   enable, acknowledge, track, pause, resume, go_to_start, emergency_stop, release
-  enable_joystick                          the stick at the robot's computer, after it was lost or stopped
+  enable_joystick                          the joystick at the robot's computer, after it was lost or stopped
   stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
   go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
   set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known

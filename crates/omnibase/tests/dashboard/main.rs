@@ -3,21 +3,21 @@
 mod axes;
 mod browser;
 mod inputs;
+#[path = "../joystick_recording/mod.rs"]
+mod joystick_recording;
 mod line;
 mod old;
 mod robot;
 mod socket;
 mod sources;
-#[path = "../stick_recording/mod.rs"]
-mod stick_recording;
 mod stop;
 mod warning;
 
 use browser::{Browser, LONGEST};
+use joystick_recording::recording;
 use robot::{Robot, TOKEN};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use stick_recording::recording;
 
 /// A press that brought nothing by then hit nothing.
 const HIT: Duration = Duration::from_secs(10);

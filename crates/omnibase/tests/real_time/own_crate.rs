@@ -1,6 +1,6 @@
 //! A crate that `omnibase new` made, built outside the workspace: its stages go wherever the program goes.
 
-use crate::stick_recording::recording;
+use crate::joystick_recording::recording;
 use crate::support::{Ended, PATIENT, Program, number, repository};
 use omnibase_host::Namespace;
 use std::fs;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Buttons of the recorded stick: held while driving, and taken before.
+/// Buttons of the recorded joystick: held while driving, and taken before.
 const TRIGGER: u16 = 0x120;
 const ENABLE: u16 = 0x12B;
 const ABS_Y: u16 = 1;
@@ -90,7 +90,7 @@ fn a_crate_of_ones_own_has_its_page_and_answers_the_command_line() {
 }
 
 #[test]
-fn a_crate_of_ones_own_is_driven_by_a_stick() {
+fn a_crate_of_ones_own_is_driven_by_a_joystick() {
     let folder = tempfile::tempdir().unwrap();
     // Grasped again and again: drives come up when the machine lets them.
     let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);

@@ -71,7 +71,7 @@ pub struct RobotFile {
     pub safety: SafetyTable,
     /// What is known of the floor's friction.
     pub grip: GripTable,
-    /// The stick that drives by hand.
+    /// The joystick.
     pub joystick: JoystickTable,
     /// The fence that the whole footprint never crosses; default: none.
     pub fence: Option<FenceTable>,

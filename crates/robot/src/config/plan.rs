@@ -54,7 +54,7 @@ pub struct RobotPlan {
     pub safety: SafetyPlan,
     /// What is known of the floor's friction.
     pub grip: GripPlan,
-    /// The stick that drives by hand.
+    /// The joystick.
     pub joystick: JoystickTable,
     /// Footprint, fence and obstacles.
     pub guard: GuardPlan,

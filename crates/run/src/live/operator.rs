@@ -18,7 +18,7 @@ use crate::conductor::{Conductor, Wish};
 use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
-    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Refusal, StickState, StickWish, begins_motion,
+    Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins_motion,
 };
 use super::stamp::BEGINNING_AGE_NS;
 
@@ -172,15 +172,15 @@ impl Operator {
         self.sticks.iter().enumerate().fold(0, |bits, (n, stick)| bits | u64::from(stick.is_blocked) << n)
     }
 
-    /// What has become of the stick at the robot's computer.
-    pub fn joystick(&self) -> StickState {
+    /// What has become of the joystick at the robot's computer.
+    pub fn joystick(&self) -> JoystickState {
         let stick = &self.sticks[0];
         match stick.wish {
-            None if stick.is_blocked => StickState::Lost,
-            None => StickState::Absent,
-            Some(StickWish::Blocked) => StickState::Blocked,
-            Some(_) if stick.is_blocked => StickState::Blocked,
-            Some(_) => StickState::Present,
+            None if stick.is_blocked => JoystickState::Lost,
+            None => JoystickState::Absent,
+            Some(StickWish::Blocked) => JoystickState::Blocked,
+            Some(_) if stick.is_blocked => JoystickState::Blocked,
+            Some(_) => JoystickState::Present,
         }
     }
 

@@ -4,7 +4,7 @@ use omnibase_platform::Pose2;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
-use omnibase_robot::{MOST_SETTINGS, StickShape};
+use omnibase_robot::{JoystickShape, MOST_SETTINGS};
 
 use crate::channels::CycleExtras;
 use crate::drive_errors::DriveErrors;
@@ -26,8 +26,8 @@ pub struct Snapshot {
     pub axis_problem: Words,
     /// What may be set, each at its index.
     pub settings: [Option<Gain>; MOST_SETTINGS],
-    /// How its stick is shaped.
-    pub stick: StickShape,
+    /// How its joystick is shaped.
+    pub joystick: JoystickShape,
     /// Obstacles that are there, where they are now.
     pub obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// The number of the reference that is followed; 0 for the robot file's own.
@@ -63,7 +63,7 @@ impl Default for Snapshot {
             drive_errors: DriveErrors::default(),
             axis_problem: Words::default(),
             settings: [None; MOST_SETTINGS],
-            stick: StickShape::default(),
+            joystick: JoystickShape::default(),
             obstacles: Default::default(),
             reference: 0,
             reference_start: None,

@@ -10,7 +10,7 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, Setpoint, StopCategory};
 use omnibase_robot::stages::Reference;
-use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Refusal, Snapshot, StickState, StickWish};
+use omnibase_run::live::{Answer, Ask, Client, Commander, JoystickState, Live, Refusal, Snapshot, StickWish};
 
 const FORWARD: StickWish =
     StickWish::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
@@ -142,8 +142,8 @@ fn a_stop_holds_until_every_stick_was_let_go() {
 fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
     played(3.0, |hands: &mut Hands| {
         hands.stick(1.0, 2.0, Client::Joystick, StickWish::Released);
-        hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
-        hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Lost));
+        hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, JoystickState::Present));
+        hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, JoystickState::Lost));
     });
 }
 
@@ -156,7 +156,7 @@ fn a_joystick_that_says_it_is_blocked_while_it_drives_is_stopped_whatever_was_mi
         hands.at(1.95, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
         hands.at(3.4, |_, seen| {
             assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
-            assert_eq!(seen.beside.say.joystick, StickState::Blocked);
+            assert_eq!(seen.beside.say.joystick, JoystickState::Blocked);
         });
     });
 }

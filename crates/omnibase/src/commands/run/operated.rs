@@ -1,6 +1,6 @@
 //! A run that people and programs lead: its page, and where the command line finds it.
 
-use super::stick_thread::StickThread;
+use super::joystick_thread::JoystickThread;
 use crate::WrongUsage;
 use crate::progress::note;
 use crate::running::{self, Place, RunningRobot};
@@ -75,7 +75,7 @@ pub struct Options {
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
     joystick: Option<Option<PathBuf>>,
-    /// Take no stick, whatever the robot's file says.
+    /// Take no joystick, whatever the robot's file says.
     #[arg(long, conflicts_with = "joystick")]
     no_joystick: bool,
 }
@@ -83,7 +83,7 @@ pub struct Options {
 /// What serves people while a robot runs.
 pub struct Operated {
     _page: Option<Dashboard>,
-    _stick: Option<StickThread>,
+    _joystick: Option<JoystickThread>,
 }
 
 impl Options {
@@ -95,11 +95,11 @@ impl Options {
         {
             self.dashboard = Some(served.unwrap_or(DASHBOARD).parse().context("[run] dashboard")?);
         }
-        if let Some(stick) = table.joystick.as_ref().and_then(Switch::is_on)
+        if let Some(joystick) = table.joystick.as_ref().and_then(Switch::is_on)
             && self.joystick.is_none()
             && !self.no_joystick
         {
-            self.joystick = Some(stick.map(|device| folder.join(device)));
+            self.joystick = Some(joystick.map(|device| folder.join(device)));
         }
         let of_page = [
             ("--token-file", self.token_file.is_some()),
@@ -141,8 +141,8 @@ impl Options {
         if let Some(describer) = describer {
             live.describe_to(describer);
         }
-        let stick = match &self.joystick {
-            Some(path) => Some(StickThread::start(path.as_deref(), &robot.plan, live.clone())?),
+        let joystick = match &self.joystick {
+            Some(path) => Some(JoystickThread::start(path.as_deref(), &robot.plan, live.clone())?),
             None => None,
         };
         let streams = Streams {
@@ -168,7 +168,7 @@ impl Options {
             }
             end.stand_beside_plan();
         }
-        Ok(Some((Operated { _page: page, _stick: stick }, end)))
+        Ok(Some((Operated { _page: page, _joystick: joystick }, end)))
     }
 
     fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
