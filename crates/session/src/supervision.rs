@@ -5,6 +5,7 @@
 
 mod faults;
 mod figures;
+mod health_words;
 mod registers;
 
 use std::collections::VecDeque;
@@ -16,7 +17,7 @@ use omnibase_ethercat::cyclic::{
     AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, RecoveryError, TransitionStatus,
 };
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
+use omnibase_ethercat::wire::{HostTime, Link, RingState};
 use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES, MAX_WHEELS};
 
 use crate::words::Words;
@@ -25,6 +26,7 @@ use faults::{ERROR_CODE_BYTES, Fault};
 use registers::{COUNTERS, ClockWay, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
+use health_words::HealthWords;
 
 /// The bit in the tags of what others have done beside the cycle; the supervisor's own are without it.
 pub const OTHERS: u64 = 1 << 63;
@@ -486,23 +488,5 @@ impl Supervisor {
 impl Supervised {
     fn is_away(&self) -> bool {
         self.way != RecoveryState::None
-    }
-}
-
-/// An illness in words.
-struct HealthWords(Health);
-
-impl fmt::Display for HealthWords {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (status, code) = match self.0 {
-            Health::Operational => return f.write_str("in OP"),
-            Health::Silent => return f.write_str("it does not answer (no power, cable out, or restarted)"),
-            Health::NotOperational { status, code } => (status, code),
-        };
-        match AlState::from_bits(status) {
-            Some(state) => write!(f, "it is in {state}")?,
-            None => write!(f, "its AL status is 0x{status:04x}")?,
-        }
-        if status & AlState::ERROR != 0 { write!(f, " with error {code}") } else { Ok(()) }
     }
 }
