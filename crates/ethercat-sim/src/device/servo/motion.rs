@@ -18,7 +18,6 @@ use core::time::Duration;
 use homing::Homing;
 use omnibase_ethercat_wire::HostTime;
 use profile::halt_rate;
-pub(super) use shown::Shown;
 
 /// Controlword: halt.
 const HALT: u16 = 1 << 8;
