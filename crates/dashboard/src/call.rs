@@ -231,8 +231,8 @@ struct WrittenMessage {
 impl TryFrom<WrittenMessage> for Message {
     type Error = serde_json::Error;
 
-    fn try_from(beside: WrittenMessage) -> Result<Self, Self::Error> {
-        let WrittenMessage { number, stamp, call } = beside;
+    fn try_from(written: WrittenMessage) -> Result<Self, Self::Error> {
+        let WrittenMessage { number, stamp, call } = written;
         Ok(Message { number, stamp_ms: stamp, call: serde_json::from_value(call)? })
     }
 }

@@ -183,10 +183,10 @@ impl Counters {
 impl StatusMessage {
     /// The message of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, rows: &mut Rows) -> Self {
-        let Snapshot { record, beside, .. } = snapshot;
+        let Snapshot { record, extras, .. } = snapshot;
         // Before the first cycle there is no record, and no wheel in it.
-        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, beside).0 };
-        let (commander, by_stick) = commander(beside.say.commander);
+        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, extras).0 };
+        let (commander, by_stick) = commander(extras.authority.commander);
         let settings = snapshot.settings.iter().flatten().map(|gain| Setting {
             name: gain.name,
             value: gain.value,
@@ -205,9 +205,9 @@ impl StatusMessage {
             commander,
             by_stick,
             course: course_name(record.course),
-            emergency_stop: beside.say.is_emergency,
-            blocked_sticks: beside.say.blocked_sticks,
-            joystick: match beside.say.joystick {
+            emergency_stop: extras.authority.is_emergency,
+            blocked_sticks: extras.authority.blocked_sticks,
+            joystick: match extras.authority.joystick {
                 JoystickState::Absent => "absent",
                 JoystickState::Present => "present",
                 JoystickState::Lost => "lost",
@@ -227,7 +227,7 @@ impl StatusMessage {
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,
             pose_known: record.state.pose_known,
-            moves_again_in_s: beside.moves_again_in_s,
+            moves_again_in_s: extras.moves_again_in_s,
             teaching_since_s: None,
             taught_points: None,
             counts: [snapshot.cycles, snapshot.lost_frames, snapshot.overruns],

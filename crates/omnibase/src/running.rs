@@ -29,7 +29,7 @@ pub struct Found {
     pub robot: String,
     /// Where it listens.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: Endpoint,
     /// The secret of those who may command it; nothing where its socket is the proof.
     pub token: String,
 }
@@ -37,28 +37,28 @@ pub struct Found {
 /// Where a robot listens.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum Endpoint {
     /// The address of its page.
     Address(SocketAddr),
     /// A socket in the folder of this user alone.
     Socket(PathBuf),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Endpoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Address(address) => address.fmt(f),
-            Place::Socket(path) => path.display().fmt(f),
+            Endpoint::Address(address) => address.fmt(f),
+            Endpoint::Socket(path) => path.display().fmt(f),
         }
     }
 }
 
-impl Place {
+impl Endpoint {
     /// Whether somebody takes connections there.
     fn answers(&self) -> bool {
         match self {
-            Place::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
-            Place::Socket(path) => connect(path, CONNECT).is_ok(),
+            Endpoint::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
+            Endpoint::Socket(path) => connect(path, CONNECT).is_ok(),
         }
     }
 }
@@ -102,18 +102,18 @@ fn made() -> anyhow::Result<PathBuf> {
 /// Says that a robot runs, as long as it lives; only the same user can read it.
 pub struct RunningRobot {
     path: PathBuf,
-    place: Place,
+    place: Endpoint,
     /// Locked.
     file: fs::File,
 }
 
 impl RunningRobot {
     /// Says it; of a socket before it is made, so that none is left of which nobody knows.
-    pub fn announce(robot: &str, place: Place, token: &str) -> anyhow::Result<Self> {
+    pub fn announce(robot: &str, place: Endpoint, token: &str) -> anyhow::Result<Self> {
         let folder = made()?;
         let path = folder.join(match &place {
-            Place::Address(address) => PathBuf::from(format!("{}.json", address.port())),
-            Place::Socket(socket) => socket.with_extension("json"),
+            Endpoint::Address(address) => PathBuf::from(format!("{}.json", address.port())),
+            Endpoint::Socket(socket) => socket.with_extension("json"),
         });
         // Nobody sees it before it is locked.
         let unseen = folder.join(format!("{}.new", unique()?));
@@ -128,7 +128,7 @@ impl RunningRobot {
 
 impl Drop for RunningRobot {
     fn drop(&mut self) {
-        if let Place::Socket(socket) = &self.place {
+        if let Endpoint::Socket(socket) = &self.place {
             let _ = fs::remove_file(socket);
         }
         remove(&self.path, &self.file);
@@ -227,11 +227,15 @@ pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::
         Some(address) => known
             .into_iter()
             .find(|found| match found.place {
-                Place::Address(known) => known.port() == address.port() && address.ip().is_loopback(),
-                Place::Socket(_) => false,
+                Endpoint::Address(known) => known.port() == address.port() && address.ip().is_loopback(),
+                Endpoint::Socket(_) => false,
             })
-            .map(|found| Found { place: Place::Address(address), ..found })
-            .unwrap_or(Found { robot: String::new(), place: Place::Address(address), token: String::new() }),
+            .map(|found| Found { place: Endpoint::Address(address), ..found })
+            .unwrap_or(Found {
+                robot: String::new(),
+                place: Endpoint::Address(address),
+                token: String::new(),
+            }),
         None => {
             anyhow::ensure!(
                 !known.is_empty(),
@@ -245,7 +249,7 @@ pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::
         }
     };
     // What is said comes first; the environment is for robots that didn't say their token here.
-    let is_own = matches!(found.place, Place::Socket(_));
+    let is_own = matches!(found.place, Endpoint::Socket(_));
     if is_own || (token_file.is_none() && !found.token.is_empty()) {
         return Ok(found);
     }

@@ -19,7 +19,7 @@ use crate::joystick_shape::JoystickShape;
 use crate::lifecycle::{Lifecycle, Outcome};
 use crate::limiter::Limiter;
 use crate::motion::Motion;
-use crate::peripherals::Beside;
+use crate::peripherals::Peripherals;
 use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
 use crate::settings::{MOST_SETTINGS, Settings};
@@ -37,7 +37,7 @@ use pose::Counted;
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
-    beside: Beside,
+    beside: Peripherals,
     grip: Grip,
     traction: Traction,
     estimator: Box<dyn Estimator>,
@@ -84,7 +84,7 @@ impl Robot {
         let commanded: Vec<Quantity> = controllers.iter().map(|controller| controller.quantity()).collect();
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
-        let beside = Beside::new(plan, registry)?;
+        let beside = Peripherals::new(plan, registry)?;
         record.signals = beside.begin();
         let estimator = registry.make_estimator(plan)?;
         Ok(Robot {

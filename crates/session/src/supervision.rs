@@ -23,7 +23,7 @@ use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES, MAX_WHEELS};
 use crate::words::Words;
 
 use faults::{ERROR_CODE_BYTES, Fault};
-use registers::{COUNTERS, ClockWay, Look};
+use registers::{COUNTERS, ClockDeviation, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
 use health_words::HealthWords;
@@ -81,7 +81,7 @@ struct Supervised {
     /// Why the last attempt failed; told once.
     failure: Option<RecoveryError>,
     counters: [u8; COUNTERS],
-    clock: ClockWay,
+    clock: ClockDeviation,
     faulty: bool,
     fault: Fault,
     figures: SubDeviceFigures,
@@ -148,7 +148,7 @@ impl Supervisor {
                 exchanges: 0,
                 failure: None,
                 counters: [0; COUNTERS],
-                clock: ClockWay::Near,
+                clock: ClockDeviation::Near,
                 faulty: false,
                 fault: Fault::Told,
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
@@ -285,7 +285,7 @@ impl Supervisor {
             let before = std::mem::replace(&mut one.health, health);
             match (before, health) {
                 (Health::Operational, _) => {
-                    (one.since, one.exchanges, one.clock) = (now, 1, ClockWay::Near);
+                    (one.since, one.exchanges, one.clock) = (now, 1, ClockDeviation::Near);
                     one.figures.losses += 1;
                     self.totals.losses += 1;
                     self.tell(number, format_args!("lost: {}", HealthWords(health)));

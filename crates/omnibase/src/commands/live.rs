@@ -7,7 +7,7 @@ mod top;
 pub use send::{Send, send};
 
 use crate::Outcome;
-use crate::running::{self, Found, Place};
+use crate::running::{self, Endpoint, Found};
 use crate::token;
 use anyhow::Context;
 use serde_json::{Map, Value, json};
@@ -150,10 +150,10 @@ impl Line {
     /// Asks for something of the API, with or without a body: whether it succeeded, and what was answered.
     fn exchange(&self, what: &str, body: Option<&str>) -> anyhow::Result<(bool, String)> {
         let address = match &self.robot.place {
-            Place::Socket(path) => {
+            Endpoint::Socket(path) => {
                 return owner::exchange(path, what, body, LONGEST).with_context(|| self.nobody());
             }
-            Place::Address(address) => address,
+            Endpoint::Address(address) => address,
         };
         let url = format!("http://{address}/api/{what}");
         let token = format!("Bearer {}", self.robot.token);

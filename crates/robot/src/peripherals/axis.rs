@@ -345,7 +345,7 @@ impl Peripheral for Axis {
         self.stood = if stands { self.stood.saturating_add(1) } else { 0 };
         if self.is_running {
             let streams = matches!(self.task, Task::Rest | Task::Stream { .. });
-            let seen = watch::Seen {
+            let seen = watch::AxisMeasurement {
                 position: (self.is_homed && !matches!(self.task, Task::Home { .. })).then(|| self.position()),
                 lag: if streams { self.position() - self.profile.set_point() } else { 0.0 },
                 speed: self.speed(),

@@ -53,7 +53,7 @@ impl JoystickDriver {
 
     /// Tells the joystick what became of it at the robot: blocked there, enabled by somebody elsewhere, shaped anew.
     pub fn agree(&mut self, joystick: &mut Joystick, seen: &Snapshot) {
-        let is_blocked = seen.beside.say.blocked_sticks & JOYSTICK_BIT != 0;
+        let is_blocked = seen.extras.authority.blocked_sticks & JOYSTICK_BIT != 0;
         match (self.was_blocked, is_blocked) {
             (false, true) => joystick.block(Block::Lost),
             (true, false) => joystick.enable(),

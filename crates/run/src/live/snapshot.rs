@@ -19,7 +19,7 @@ pub struct Snapshot {
     /// Where the robot is in its life after it.
     pub phase: Phase,
     /// What stands beside it: times, errors, truth, who has the say.
-    pub beside: CycleExtras,
+    pub extras: CycleExtras,
     /// Which errors the drives have.
     pub drive_errors: DriveErrors,
     /// What is wrong with the axis about which the robot stopped, with its name; no words where it is about none.
@@ -59,7 +59,7 @@ impl Default for Snapshot {
         Snapshot {
             record: CycleRecord::default(),
             phase: Phase::default(),
-            beside: CycleExtras::default(),
+            extras: CycleExtras::default(),
             drive_errors: DriveErrors::default(),
             axis_problem: Words::default(),
             settings: [None; MOST_SETTINGS],

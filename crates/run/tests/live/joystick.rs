@@ -99,7 +99,7 @@ fn drive(hands: &mut Hands, from_s: f64, found: Vec<Option<Recorded>>) {
 fn stands(seen: &Snapshot) {
     let twist = seen.record.state.twist_in_body;
     assert!(twist.speed_m_s() < 0.005 && twist.w_rad_s.abs() < 0.01, "{twist:?}");
-    assert_eq!(seen.beside.say.commander, Commander::Nobody);
+    assert_eq!(seen.extras.authority.commander, Commander::Nobody);
 }
 
 #[test]
@@ -121,12 +121,12 @@ fn a_moved_joystick_moves_the_robot_and_a_released_dead_man_stops_it() {
             stands(seen);
         });
         hands.at(4.5, |_, seen| {
-            assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick));
+            assert_eq!(seen.extras.authority.commander, Commander::Stick(Client::Joystick));
             // The whole joystick is the whole speed of the robot's file.
             assert!((seen.record.state.twist_in_body.vx_m_s - 1.0).abs() < 0.02);
         });
         hands.at(6.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             stands(seen);
         });
     });
@@ -163,11 +163,11 @@ fn an_unplugged_joystick_stops_the_robot_and_is_blocked_until_a_person_enables_i
         hands.at(2.5, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
         // There again at once, but blocked, whatever is held.
         hands.at(4.9, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1));
             stands(seen);
         });
         hands.at(9.0, |_, seen| {
-            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert_eq!(seen.extras.authority.blocked_sticks, 0);
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });
@@ -196,7 +196,7 @@ fn a_joystick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_d
     );
     let page = Client::Page(2);
     let enable = || Ask::EnableStick(Client::Joystick);
-    let state = |seen: &Snapshot| seen.beside.say.joystick;
+    let state = |seen: &Snapshot| seen.extras.authority.joystick;
     let run = played(9.0, |hands| {
         drive(hands, 0.1, vec![Some(first), None, Some(second)]);
         hands.at(0.05, move |_, seen| assert_eq!(state(seen), JoystickState::Absent));
@@ -207,7 +207,7 @@ fn a_joystick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_d
         hands.ask(4.5, page, enable(), Answer::Done);
         // Enabled, but still held and pushed as when it was plugged in: nothing moves until it was let go.
         hands.between(4.7, 7.0, move |_, seen| {
-            assert_eq!((state(seen), seen.beside.say.blocked_sticks), (JoystickState::Present, 0));
+            assert_eq!((state(seen), seen.extras.authority.blocked_sticks), (JoystickState::Present, 0));
             stands(seen);
         });
         hands.at(8.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
@@ -223,9 +223,9 @@ fn a_joystick_that_nobody_holds_is_missed_too() {
     let recorded = recording(&[(100, ENABLE, 1)], 1500);
     let run = played(3.0, |hands| {
         drive(hands, 0.1, vec![Some(recorded)]);
-        hands.at(1.5, |_, seen| assert_eq!(seen.beside.say.joystick, JoystickState::Present));
+        hands.at(1.5, |_, seen| assert_eq!(seen.extras.authority.joystick, JoystickState::Present));
         hands.at(2.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.joystick), (Phase::Holding, JoystickState::Lost));
+            assert_eq!((seen.phase, seen.extras.authority.joystick), (Phase::Holding, JoystickState::Lost));
         });
     });
     let told =
@@ -257,15 +257,15 @@ fn the_stop_button_stops_and_gives_the_command_back() {
     let run = played(9.0, |hands| {
         drive(hands, 0.1, vec![Some(recorded)]);
         hands.at(6.5, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             stands(seen);
         });
         hands.at(5.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1));
             stands(seen);
         });
         hands.at(8.9, |_, seen| {
-            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert_eq!(seen.extras.authority.blocked_sticks, 0);
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });

@@ -4,7 +4,7 @@ use super::{Line, Which};
 use crate::Outcome;
 use crate::every::Every;
 use crate::progress::note;
-use crate::running::{self, Place};
+use crate::running::{self, Endpoint};
 use anyhow::Context;
 use serde_json::{Map, Value, json};
 use std::io::{self, BufRead, ErrorKind, Read, Write};
@@ -157,13 +157,13 @@ struct Connection {
 impl Connection {
     fn open(line: &Line) -> anyhow::Result<Self> {
         let (stream, host) = match &line.robot.place {
-            Place::Address(address) => {
+            Endpoint::Address(address) => {
                 let stream = TcpStream::connect_timeout(address, super::LONGEST)?;
                 stream.set_nodelay(true)?;
                 stream.set_read_timeout(Some(super::LONGEST))?;
                 (Stream::Tcp(stream), address.to_string())
             }
-            Place::Socket(path) => {
+            Endpoint::Socket(path) => {
                 let stream = running::connect(path, super::LONGEST)?;
                 stream.set_read_timeout(Some(super::LONGEST))?;
                 (Stream::Unix(stream), "localhost".to_owned())

@@ -3,7 +3,7 @@
 use super::joystick_thread::JoystickThread;
 use crate::WrongUsage;
 use crate::progress::note;
-use crate::running::{self, Place, RunningRobot};
+use crate::running::{self, Endpoint, RunningRobot};
 use crate::token;
 use anyhow::Context;
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
@@ -179,7 +179,7 @@ impl Options {
         let name = about.robot.plan.name.clone();
         let dashboard = Dashboard::start(access.clone(), live, about)?;
         // Before its address is told: whoever waits for that finds the robot by then.
-        let announced = RunningRobot::announce(&name, Place::Address(dashboard.address), &access.token);
+        let announced = RunningRobot::announce(&name, Endpoint::Address(dashboard.address), &access.token);
         let unfound = announced.map(|running| dashboard.keep(running)).err();
         note(format_args!("dashboard: {}", access.url(dashboard.address)));
         if dashboard.address.ip().is_unspecified() {
@@ -199,7 +199,7 @@ impl Options {
 fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
     let socket = running::socket()?;
     let name = about.robot.plan.name.clone();
-    let running = RunningRobot::announce(&name, Place::Socket(socket.clone()), "")?;
+    let running = RunningRobot::announce(&name, Endpoint::Socket(socket.clone()), "")?;
     let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
     dashboard.keep(running);
     Ok(dashboard)

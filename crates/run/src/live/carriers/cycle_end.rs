@@ -105,7 +105,7 @@ impl LiveEnd {
     }
 
     /// Who has the say.
-    pub fn say(&self) -> Authority {
+    pub fn authority(&self) -> Authority {
         Authority {
             commander: self.operator.commander(),
             is_emergency: self.operator.is_emergency(),
@@ -158,7 +158,7 @@ impl LiveEnd {
                 time_s: now_ns as f64 * 1e-9,
                 believed: numbers(record.state.odom_from_body),
                 wished: numbers(record.setpoint.odom_from_body),
-                truth: snapshot.beside.truth.map(|truth| numbers(truth.odom_from_body)),
+                truth: snapshot.extras.truth.map(|truth| numbers(truth.odom_from_body)),
             };
             // Where nobody looks the trace ends here; answers keep their room.
             if self.back.slots() > BACK / 2 {
