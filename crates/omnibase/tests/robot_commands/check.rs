@@ -14,7 +14,7 @@ fn a_sound_file_is_checked_to_a_plan_with_units() {
     assert_eq!(plan["problems"], Value::Array(Vec::new()));
     assert_eq!(plan["wheels"].as_array().unwrap().len(), 4);
     assert_eq!(plan["limits"]["speed"]["unit"], "m/s");
-    let folder = Folder::new("resolved");
+    let folder = Folder::new("robot-resolved");
     let more = "\n[safety]\non_lost_device = \"ramp\"\n[fence]\nrectangle_m = [-1, -1, 2, 1.5]\n\
                 [[obstacle]]\ncentre_m = [1.2, 0.9]\nradius_m = 0.1\n";
     let file =
@@ -85,7 +85,7 @@ fn four_mistakes() -> (String, [(String, &'static str); 4]) {
 
 #[test]
 fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
-    let folder = Folder::new("mistakes");
+    let folder = Folder::new("robot-mistakes");
     let (text, mistakes) = four_mistakes();
     let file = folder.file("robot.toml", &text);
     for command in [

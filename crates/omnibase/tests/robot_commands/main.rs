@@ -1,29 +1,17 @@
 //! `omnibase run`, `check`, `kinematics` and `replay` as a user runs them, on virtual time.
 
 mod check;
+#[path = "../command_line/mod.rs"]
+mod command_line;
 
+use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 const SQUARE: [&str; 4] = ["run", "robots/bmm.toml", "--path", "robots/square.dat"];
 const CIRCLE: [&str; 4] = ["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5"];
 
-/// A folder of the test's own that vanishes with it.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path =
-            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("robot-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
-    }
-
     /// A file with a text, by its path.
     fn file(&self, name: &str, text: &str) -> String {
         std::fs::write(self.0.join(name), text).unwrap();
@@ -31,27 +19,8 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
 fn bmm() -> String {
     std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap()
-}
-
-fn omnibase(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-    command.args(arguments).current_dir(root()).stdin(Stdio::null()).output().unwrap()
-}
-
-fn words(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// What a command prints, where it succeeds.
@@ -142,7 +111,7 @@ fn the_square_as_text_has_its_figures_with_units() {
 
 #[test]
 fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
-    let folder = Folder::new("same");
+    let folder = Folder::new("robot-same");
     let further = ["--controller", "adaptive_torque", "--payload-kg", "100", "--json"];
     let record = |name: &str| {
         let (mcap, columns) = (folder.path(&format!("{name}.mcap")), folder.path(&format!("{name}.txt")));
@@ -175,7 +144,7 @@ fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
 
 #[test]
 fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
-    let folder = Folder::new("part");
+    let folder = Folder::new("robot-part");
     let path = folder.path("run.mcap");
     let summary = json(&[&CIRCLE[..], &["--record", &path, "--json"]].concat());
     let bytes = std::fs::read(&path).unwrap();
@@ -206,7 +175,7 @@ fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
 
 #[test]
 fn a_run_without_an_end_is_refused() {
-    let folder = Folder::new("endless");
+    let folder = Folder::new("robot-endless");
     let far = folder.file("far.dat", "0 0 0 0\n1e18 1 0 0\n");
     for motion in [["--circle", "radius_m=0.3,duration_s=1e18"], ["--path", &far]] {
         let (code, says) = refused(&[&["run", "robots/bmm.toml"], &motion[..]].concat());
@@ -217,7 +186,7 @@ fn a_run_without_an_end_is_refused() {
 
 #[test]
 fn a_recording_or_page_that_is_no_file_is_refused_before_the_run() {
-    let folder = Folder::new("pipe");
+    let folder = Folder::new("robot-pipe");
     let pipe = folder.path("pipe");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for option in ["--record", "--columns", "--report"] {
@@ -241,7 +210,7 @@ fn a_replay_of_what_is_no_recording_is_refused() {
 
 #[test]
 fn missing_limits_are_refused_before_anything_moves() {
-    let folder = Folder::new("limits");
+    let folder = Folder::new("robot-limits");
     let text: String = bmm()
         .lines()
         .filter(|line| !line.starts_with("wheel_speed_rad_s"))
@@ -255,7 +224,7 @@ fn missing_limits_are_refused_before_anything_moves() {
 
 #[test]
 fn wrong_words_on_the_command_line_are_refused_in_words() {
-    let folder = Folder::new("words");
+    let folder = Folder::new("robot-words");
     let letters = folder.file("letters.dat", "(0, 0, 0, 0)\n(1, 2, x, 0)\n");
     let fast = folder.file("fast.dat", "(0, 0, 0, 0)\n(1, 2, 0, 0)\n");
     let robot = "robots/bmm.toml";
@@ -328,7 +297,7 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
 
 #[test]
 fn a_path_out_of_the_fence_ends_with_that_reason() {
-    let folder = Folder::new("fenced");
+    let folder = Folder::new("robot-fenced");
     let fence = "\n[fence]\nrectangle_m = [-1, -1, 1.5, 1]\n";
     let file = folder
         .file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + fence));
@@ -339,7 +308,7 @@ fn a_path_out_of_the_fence_ends_with_that_reason() {
 
 #[test]
 fn a_way_that_is_blocked_ends_with_that_reason() {
-    let folder = Folder::new("blocked");
+    let folder = Folder::new("robot-blocked");
     let robot = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
     let path = folder.file("ahead.dat", "(0, 0, 0, 0)\n(8, 3, 0, 0)\n");
     let row = |x: f64| -> String {
@@ -389,7 +358,7 @@ fn kinematics_go_both_ways_as_text_and_json() {
 
 #[test]
 fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
-    let folder = Folder::new("endless");
+    let folder = Folder::new("robot-motion-without-end");
     let recording = folder.path("run.mcap");
     let mut run = Command::new(env!("CARGO_BIN_EXE_omnibase"))
         .args(["run", "robots/bmm.toml", "--circle", "radius_m=0.3,period_s=8,turns=endless", "--json"])
@@ -419,7 +388,7 @@ fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
 
 #[test]
 fn small_terminals_share_no_byte() {
-    let folder = Folder::new("small-terminals");
+    let folder = Folder::new("robot-small-terminals");
     let terminal = |position: usize, name: &str, on: u8| {
         format!(
             "\n[[device]]\nname = \"{name}\"\nposition = {position}\nkind = \"io\"\n\
