@@ -13,7 +13,7 @@ use tungstenite::protocol::WebSocket;
 use tungstenite::{Error as SocketError, Message};
 
 use crate::Error;
-use crate::robots::{Found, Place, connect};
+use crate::robots::{Endpoint, Found, connect};
 
 /// The longest wait for a connection, and for the first that a robot says.
 const LONGEST: Duration = Duration::from_secs(5);
@@ -72,13 +72,13 @@ impl Connection {
         let no_answer = |error: &dyn std::fmt::Display| Error::NoAnswer(format!("{}: {error}", robot.place));
         let reach = || -> io::Result<(Stream, String)> {
             Ok(match &robot.place {
-                Place::Address(address) => {
+                Endpoint::Address(address) => {
                     let stream = TcpStream::connect_timeout(address, LONGEST)?;
                     stream.set_nodelay(true)?;
                     stream.set_read_timeout(Some(LONGEST))?;
                     (Stream::Tcp(stream), address.to_string())
                 }
-                Place::Socket(path) => {
+                Endpoint::Socket(path) => {
                     let stream = connect(path, LONGEST)?;
                     stream.set_read_timeout(Some(LONGEST))?;
                     (Stream::Unix(stream), "localhost".to_owned())

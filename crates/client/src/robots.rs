@@ -28,7 +28,7 @@ pub struct Found {
     pub robot: String,
     /// Where it listens.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: Endpoint,
     /// The secret of those who may command it; nothing where its socket is the proof.
     pub token: String,
 }
@@ -36,28 +36,28 @@ pub struct Found {
 /// Where a robot listens.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum Endpoint {
     /// The address of its page.
     Address(SocketAddr),
     /// A socket in the folder of this user alone.
     Socket(PathBuf),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Endpoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Address(address) => address.fmt(f),
-            Place::Socket(path) => path.display().fmt(f),
+            Endpoint::Address(address) => address.fmt(f),
+            Endpoint::Socket(path) => path.display().fmt(f),
         }
     }
 }
 
-impl Place {
+impl Endpoint {
     /// Whether somebody takes connections there.
     fn answers(&self) -> bool {
         match self {
-            Place::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
-            Place::Socket(path) => connect(path, CONNECT).is_ok(),
+            Endpoint::Address(address) => TcpStream::connect_timeout(address, CONNECT).is_ok(),
+            Endpoint::Socket(path) => connect(path, CONNECT).is_ok(),
         }
     }
 }
@@ -107,18 +107,18 @@ fn about(path: &Path) -> impl Fn(io::Error) -> Error {
 /// Says that a robot runs, as long as it lives; only the same user can read it.
 pub struct RunningRobot {
     path: PathBuf,
-    place: Place,
+    place: Endpoint,
     /// Locked.
     file: fs::File,
 }
 
 impl RunningRobot {
     /// Says it; of a socket before it is made, so that none is left of which nobody knows.
-    pub fn announce(robot: &str, place: Place, token: &str) -> Result<Self, Error> {
+    pub fn announce(robot: &str, place: Endpoint, token: &str) -> Result<Self, Error> {
         let folder = made()?;
         let path = folder.join(match &place {
-            Place::Address(address) => PathBuf::from(format!("{}.json", address.port())),
-            Place::Socket(socket) => socket.with_extension("json"),
+            Endpoint::Address(address) => PathBuf::from(format!("{}.json", address.port())),
+            Endpoint::Socket(socket) => socket.with_extension("json"),
         });
         // Nobody sees it before it is locked.
         let unseen = folder.join(format!("{}.new", unique()));
@@ -139,7 +139,7 @@ fn written(unseen: &Path, path: &Path, found: &Found) -> io::Result<fs::File> {
 
 impl Drop for RunningRobot {
     fn drop(&mut self) {
-        if let Place::Socket(socket) = &self.place {
+        if let Endpoint::Socket(socket) = &self.place {
             let _ = fs::remove_file(socket);
         }
         remove(&self.path, &self.file);

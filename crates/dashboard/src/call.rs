@@ -91,7 +91,7 @@ pub enum Call {
     LoseStick,
     /// The page's own stick, which was lost, may command again.
     EnableStick,
-    /// The stick at the robot's computer, which was lost or stopped, may command again once it was let go.
+    /// The joystick at the robot's computer, which was lost or stopped, may command again once it was let go.
     EnableJoystick,
     /// Put an obstacle on the floor, or move the one that is there.
     SetObstacle {
@@ -240,8 +240,8 @@ struct WrittenMessage {
 impl TryFrom<WrittenMessage> for Message {
     type Error = serde_json::Error;
 
-    fn try_from(beside: WrittenMessage) -> Result<Self, Self::Error> {
-        let WrittenMessage { number, stamp, call } = beside;
+    fn try_from(written: WrittenMessage) -> Result<Self, Self::Error> {
+        let WrittenMessage { number, stamp, call } = written;
         Ok(Message { number, stamp_ms: stamp, call: serde_json::from_value(call)? })
     }
 }
@@ -331,7 +331,7 @@ pub enum WishFrame {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TeachBy {
-    /// Where `teach_point`, the page's button or the stick's says; the path goes straight from pose to pose.
+    /// Where `teach_point`, the page's button or the joystick's says; the path goes straight from pose to pose.
     Points,
     /// Every so many seconds.
     PeriodS(f64),

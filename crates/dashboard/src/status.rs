@@ -10,7 +10,7 @@ use omnibase_robot::signals::{
 };
 use omnibase_run::channels::Rows;
 use omnibase_run::drive_errors::DriveErrors;
-use omnibase_run::live::{Commander, LiveEvent, Snapshot, SourceCounts, StickState};
+use omnibase_run::live::{Commander, JoystickState, LiveEvent, Snapshot, SourceCounts};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -36,7 +36,7 @@ pub struct StatusMessage {
     pub emergency_stop: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
-    /// The stick at the robot's computer: `absent`, `present`, `lost` or `blocked`.
+    /// The joystick at the robot's computer: `absent`, `present`, `lost` or `blocked`.
     pub joystick: &'static str,
     /// Why it last stopped, in words; empty where nothing did.
     pub stop_reason: &'static str,
@@ -183,10 +183,10 @@ impl Counters {
 impl StatusMessage {
     /// The message of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, rows: &mut Rows) -> Self {
-        let Snapshot { record, beside, .. } = snapshot;
+        let Snapshot { record, extras, .. } = snapshot;
         // Before the first cycle there is no record, and no wheel in it.
-        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, beside).0 };
-        let (commander, by_stick) = commander(beside.say.commander);
+        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, extras).0 };
+        let (commander, by_stick) = commander(extras.authority.commander);
         let settings = snapshot.settings.iter().flatten().map(|gain| Setting {
             name: gain.name,
             value: gain.value,
@@ -205,13 +205,13 @@ impl StatusMessage {
             commander,
             by_stick,
             course: course_name(record.course),
-            emergency_stop: beside.say.is_emergency,
-            blocked_sticks: beside.say.blocked_sticks,
-            joystick: match beside.say.joystick {
-                StickState::Absent => "absent",
-                StickState::Present => "present",
-                StickState::Lost => "lost",
-                StickState::Blocked => "blocked",
+            emergency_stop: extras.authority.is_emergency,
+            blocked_sticks: extras.authority.blocked_sticks,
+            joystick: match extras.authority.joystick {
+                JoystickState::Absent => "absent",
+                JoystickState::Present => "present",
+                JoystickState::Lost => "lost",
+                JoystickState::Blocked => "blocked",
             },
             stop_reason: if record.stop_reason == SafetyReason::None {
                 ""
@@ -227,7 +227,7 @@ impl StatusMessage {
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,
             pose_known: record.state.pose_known,
-            moves_again_in_s: beside.moves_again_in_s,
+            moves_again_in_s: extras.moves_again_in_s,
             teaching_since_s: None,
             taught_points: None,
             counts: [snapshot.cycles, snapshot.lost_frames, snapshot.overruns],

@@ -44,7 +44,7 @@ pub(crate) async fn send(live: Live, mut rows: Rows, streams: Streams) {
             continue;
         }
         sent_cycles = snapshot.cycles;
-        let topics = topics(&schema, rows.of(&snapshot.record, &snapshot.beside).0);
+        let topics = topics(&schema, rows.of(&snapshot.record, &snapshot.extras).0);
         #[cfg(feature = "foxglove")]
         if let Some(server) = &foxglove {
             server.log(snapshot.record.time.now_ns, &topics);

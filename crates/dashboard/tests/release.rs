@@ -50,7 +50,7 @@ fn a_release_waits_for_nothing_that_others_of_its_address_asked_or_guessed() {
                     bench.until("a cycle", |_, _| Some(()));
                 }
                 let said = asking.join().unwrap();
-                assert_eq!(bench.end.say().is_emergency, is_set, "{what}, {round}: {said}");
+                assert_eq!(bench.end.authority().is_emergency, is_set, "{what}, {round}: {said}");
             }
         }
         drop(hostile);

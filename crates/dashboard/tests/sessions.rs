@@ -30,7 +30,7 @@ fn where_all_sessions_are_taken_a_stop_is_heard_and_the_rest_is_refused_by_its_t
     assert_eq!((&said["answer"], &said["done"]), (&json!(1), &json!(false)));
     assert!(said["text"].as_str().unwrap().contains("all sessions are taken"), "{said}");
     page.send(&json!({"number": 2, "do": "emergency_stop"}));
-    bench.until("the emergency stop", |end, _| end.say().is_emergency.then_some(()));
+    bench.until("the emergency stop", |end, _| end.authority().is_emergency.then_some(()));
     page.send(&json!({"number": 3, "do": "stop", "category": "category_0"}));
     bench.until("the stop", |_, request| {
         (request?.kind == RequestKind::Stop(StopCategory::RemoveTorque)).then_some(())
@@ -77,7 +77,7 @@ fn a_page_gone_wild_may_still_be_stopped_by_the_person_before_it() {
         page.send(&json!({"do": "alive"}));
     }
     page.send(&json!({"number": 1, "do": "emergency_stop"}));
-    bench.until("the emergency stop", |end, _| end.say().is_emergency.then_some(()));
+    bench.until("the emergency stop", |end, _| end.authority().is_emergency.then_some(()));
     assert!(bench.dashboard.counts()[4] > 1000, "{:?}", bench.dashboard.counts());
 }
 
@@ -105,7 +105,7 @@ fn a_page_is_told_in_how_many_seconds_the_robot_moves_again_by_itself() {
     let mut page = bench.page();
     for moves_again_in_s in [None, Some(2.5), None] {
         let mut snapshot = Snapshot::default();
-        snapshot.beside.moves_again_in_s = moves_again_in_s;
+        snapshot.extras.moves_again_in_s = moves_again_in_s;
         bench.end.show(&snapshot);
         let begin = Instant::now();
         while page.hear("phase")["moves_again_in_s"] != json!(moves_again_in_s) {

@@ -47,7 +47,7 @@ use recovery::Observed;
 use transition::{Progress, Transition, View};
 use wire::Exchanger;
 
-pub use acyclic::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, CAPACITY, RegisterWay};
+pub use acyclic::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, CAPACITY, RegisterAccess};
 pub use clock::{DcFollower, FollowerGains, HostToDc};
 pub use counters::{CommandSet, CycleCounters, DatagramCount};
 pub use diagnosis::Health;

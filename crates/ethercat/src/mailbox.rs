@@ -9,6 +9,7 @@
 
 mod emergency;
 mod info;
+mod receive;
 mod request;
 mod sdo;
 mod transfer;
@@ -22,8 +23,7 @@ use core::time::Duration;
 
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::process_data::MailboxConfig;
-use crate::wire::bytes::u16_at;
-use crate::wire::coe::{self, AbortCode, Emergency, Service};
+use crate::wire::coe::{self, AbortCode};
 use crate::wire::frame::MAX_DATA;
 use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
@@ -34,7 +34,7 @@ pub use request::{
     Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
 };
 
-use transfer::{Outcome, Transfer};
+use transfer::Transfer;
 
 /// Status of SM0: bit 3 says that the SubDevice hasn't taken the last message yet.
 const WRITE_STATUS: u16 = register::SM + 5;
@@ -423,62 +423,6 @@ impl Mailbox {
             self.end_abort();
         } else {
             self.stage = Stage::Poll;
-        }
-    }
-
-    /// Sorts one message.
-    fn receive(&mut self, area: &[u8], now: HostTime) {
-        let Ok((header, data)) = mailbox::read(area) else {
-            self.counters.stray += 1;
-            return self.resume();
-        };
-        let repeated = self.repeat_asked && header.counter != 0 && header.counter == self.last_received;
-        self.last_received = header.counter;
-        self.repeat_asked = false;
-        if repeated {
-            self.counters.duplicate += 1;
-            return self.resume();
-        }
-        match self.sort(header, data, now) {
-            Outcome::Stray => {
-                self.counters.stray += 1;
-                self.resume();
-            }
-            Outcome::More => {
-                if let Task::Run { request, deadline, .. } = &mut self.task {
-                    *deadline = now + request.timeout;
-                }
-                (self.to_write, self.write_uncertain) = (false, false);
-                self.stage = Stage::Poll;
-            }
-            Outcome::Kept => self.resume(),
-            Outcome::Send => self.send_next(now),
-            Outcome::Done => {
-                if let Task::Run { request, .. } = core::mem::replace(&mut self.task, Task::None) {
-                    self.finish(request, Ok(()));
-                }
-            }
-            Outcome::Failed(error, code) => self.fail(error, code, now),
-        }
-    }
-
-    fn sort(&mut self, header: Header, data: &[u8], now: HostTime) -> Outcome {
-        // Before the request is out, nothing can be its answer.
-        let unsent = self.to_write && !self.write_uncertain;
-        match Protocol::from_code(header.protocol) {
-            Some(Protocol::Coe) if coe::service_code(data) == Some(Service::Emergency as u8) => {
-                let Some(emergency) = Emergency::read(&data[coe::HEADER..]) else { return Outcome::Stray };
-                self.emergencies.push(ReceivedEmergency { time: now, emergency });
-                Outcome::Kept
-            }
-            Some(Protocol::Coe) if !unsent => match &mut self.task {
-                Task::Run { request, transfer, .. } => transfer.read(data, request),
-                _ => Outcome::Stray,
-            },
-            Some(Protocol::Error) if !unsent && data.len() >= 4 && matches!(self.task, Task::Run { .. }) => {
-                Outcome::Failed(MailboxError::Refused { detail: u16_at(data, 2) }, None)
-            }
-            _ => Outcome::Stray,
         }
     }
 }

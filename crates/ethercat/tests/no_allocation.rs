@@ -4,7 +4,7 @@
 mod echo;
 
 use omnibase_ethercat::Exchange;
-use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, RegisterWay};
+use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, RegisterAccess};
 use omnibase_ethercat::wire::HostTime;
 use omnibase_host::CountingAllocator;
 
@@ -31,7 +31,7 @@ fn acyclic_work_and_its_answers_allocate_nothing_in_the_cycle() {
     let mut data = vec![0; 2];
     let mut inside = 0;
     for cycle in 0..1000u64 {
-        let work = AcyclicWork::Registers { way: RegisterWay::Read, register: 0x0130, data };
+        let work = AcyclicWork::Registers { way: RegisterAccess::Read, register: 0x0130, data };
         bus.submit(AcyclicRequest { tag: cycle, position: 1, work }).unwrap();
         loop {
             let before = CountingAllocator::allocations_of_this_thread();

@@ -1,4 +1,4 @@
-//! What a stick's events come from.
+//! What a joystick's events come from.
 
 use std::io;
 use std::path::Path;
@@ -11,7 +11,7 @@ use rustix::time::Timespec;
 use crate::description::{AxisRange, Description, State};
 use crate::event::RawEvent;
 
-/// What a stick's events come from; nothing of it waits.
+/// What a joystick's events come from; nothing of it waits.
 pub trait Device: Send {
     /// What it is and has.
     fn description(&self) -> &Description;

@@ -5,13 +5,13 @@
 //! - [`shaping`]: [`Shaping`], from a raw axis to −1..1: offset, dead zone, expo, gain.
 //! - [`ready`]: which ready map belongs to a device.
 //! - [`map`]: [`Map`], which axis and button of a device does what: a ready map with the robot file's changes.
-//! - [`stick`]: [`Stick`], the state machine: dead-man, frames, stop, loss, enabling again; gives [`StickCommand`]s.
-//! - [`device`]: [`Device`], what a stick's events come from; [`EvdevDevice`], the kernel's.
+//! - [`joystick`]: [`Joystick`], the state machine: dead-man, frames, stop, loss, enabling again; gives [`JoystickCommand`]s.
+//! - [`device`]: [`Device`], what a joystick's events come from; [`EvdevDevice`], the kernel's.
 //! - [`find`]: which devices there are, and the one that a map fits.
 //! - [`recording`]: events in a file, written and played.
-//! - [`port`]: [`Port`], a device that may come and go, joined with its stick.
+//! - [`port`]: [`Port`], a device that may come and go, joined with its joystick.
 //!
-//! Nothing here belongs to the cycle's thread, and nothing waits or asks a clock: time is an argument. What a stick
+//! Nothing here belongs to the cycle's thread, and nothing waits or asks a clock: time is an argument. What a joystick
 //! says is a part, −1..1, of the greatest speeds of whatever it drives.
 #![forbid(unsafe_code)]
 
@@ -19,19 +19,19 @@ pub mod description;
 pub mod device;
 pub mod event;
 pub mod find;
+pub mod joystick;
 pub mod map;
 pub mod port;
 pub mod ready;
 pub mod recording;
 pub mod shaping;
-pub mod stick;
 
 pub use description::{AxisRange, Description, State};
 pub use device::{Device, EvdevDevice};
 pub use event::RawEvent;
 pub use find::{Finder, Installed};
+pub use joystick::{Block, Hold, Joystick, JoystickCommand, JoystickFrame, Presence, Requests};
 pub use map::{Map, MapProblem};
 pub use port::Port;
 pub use recording::{Recorded, Recorder};
 pub use shaping::Shaping;
-pub use stick::{Block, Hold, Presence, Requests, Stick, StickCommand, StickFrame};

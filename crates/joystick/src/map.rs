@@ -3,15 +3,15 @@
 use std::fmt;
 
 use omnibase_robot::config::{
-    AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickTable, ReadyMapName, StickAxisTable,
-    StickFrameName,
+    AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickAxisTable, JoystickFrameName, JoystickTable,
+    ReadyMapName,
 };
-use omnibase_robot::{AxisShape, StickShape};
+use omnibase_robot::{AxisShape, JoystickShape};
 
 use crate::description::{AxisRange, Description, State};
+use crate::joystick::JoystickFrame;
 use crate::ready::map_for;
 use crate::shaping::{Shaping, normalise};
-use crate::stick::StickFrame;
 
 /// The widest dead zone that a device's own `flat` is granted.
 const WIDEST_DEAD_ZONE: f64 = 0.9;
@@ -51,11 +51,11 @@ pub struct Map {
     pub axes: [Option<AxisMap>; 3],
     /// The slider.
     pub slider: Option<SliderMap>,
-    /// Held while the stick drives; `None` where none is required.
+    /// Held while the joystick drives; `None` where none is required.
     pub dead_man: Option<ButtonCode>,
     /// Stops the robot and gives the command back.
     pub stop: Option<ButtonCode>,
-    /// Enables a blocked stick.
+    /// Enables a blocked joystick.
     pub enable: ButtonCode,
     /// Drive in the platform's frame.
     pub platform_frame: Option<ButtonCode>,
@@ -68,7 +68,7 @@ pub struct Map {
     /// Remember the pose where the robot stands.
     pub teach_point: Option<ButtonCode>,
     /// The frame at the start.
-    pub frame: StickFrame,
+    pub frame: JoystickFrame,
 }
 
 /// Why a map doesn't fit a device.
@@ -151,7 +151,7 @@ impl Map {
         let axes = ranges.map(|(what, table)| axis(what, table, device, &mut problems));
         let slider = merged.speed.axis.and_then(|axis| {
             let range = *device.axes.get(&axis.0)?;
-            let least = merged.speed.least.unwrap_or(StickShape::default().least);
+            let least = merged.speed.least.unwrap_or(JoystickShape::default().least);
             within("speed.least", least, [0.0, 1.0], &mut problems);
             Some(SliderMap { axis, range, sign: sign(merged.speed.direction), least })
         });
@@ -188,8 +188,8 @@ impl Map {
             reset_frame: buttons.reset_frame,
             teach_point: buttons.teach_point,
             frame: match merged.frame {
-                Some(StickFrameName::Fixed) => StickFrame::Fixed,
-                Some(StickFrameName::Platform) | None => StickFrame::Platform,
+                Some(JoystickFrameName::Fixed) => JoystickFrame::Fixed,
+                Some(JoystickFrameName::Platform) | None => JoystickFrame::Platform,
             },
         })
     }
@@ -216,16 +216,16 @@ impl Map {
     }
 
     /// How it is shaped; an axis that isn't mapped has the default.
-    pub fn shape(&self) -> StickShape {
-        let default = StickShape::default();
-        StickShape {
+    pub fn shape(&self) -> JoystickShape {
+        let default = JoystickShape::default();
+        JoystickShape {
             axes: self.axes.map(|axis| axis.map_or(AxisShape::default(), |axis| axis.shaping.shape)),
             least: self.slider.map_or(default.least, |slider| slider.least),
         }
     }
 
     /// Shapes it anew, as a whole.
-    pub fn reshape(&mut self, shape: &StickShape) {
+    pub fn reshape(&mut self, shape: &JoystickShape) {
         for (axis, shape) in self.axes.iter_mut().zip(shape.axes) {
             if let Some(axis) = axis {
                 axis.shaping.shape = shape;
@@ -278,7 +278,7 @@ fn fits(table: &JoystickTable, device: &Description, problems: &mut Vec<MapProbl
 
 fn axis(
     what: &'static str,
-    table: &StickAxisTable,
+    table: &JoystickAxisTable,
     device: &Description,
     problems: &mut Vec<MapProblem>,
 ) -> Option<AxisMap> {

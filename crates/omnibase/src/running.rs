@@ -2,7 +2,7 @@
 
 use crate::token;
 use omnibase_client::Error;
-use omnibase_client::robots::{Found, Place, latest, robots};
+use omnibase_client::robots::{Endpoint, Found, latest, robots};
 use std::net::SocketAddr;
 use std::path::Path;
 
@@ -18,11 +18,15 @@ pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::
         Some(address) => known
             .into_iter()
             .find(|found| match found.place {
-                Place::Address(known) => known.port() == address.port() && address.ip().is_loopback(),
-                Place::Socket(_) => false,
+                Endpoint::Address(known) => known.port() == address.port() && address.ip().is_loopback(),
+                Endpoint::Socket(_) => false,
             })
-            .map(|found| Found { place: Place::Address(address), ..found })
-            .unwrap_or(Found { robot: String::new(), place: Place::Address(address), token: String::new() }),
+            .map(|found| Found { place: Endpoint::Address(address), ..found })
+            .unwrap_or(Found {
+                robot: String::new(),
+                place: Endpoint::Address(address),
+                token: String::new(),
+            }),
         None => {
             anyhow::ensure!(
                 !known.is_empty(),
@@ -34,7 +38,7 @@ pub fn robot(address: Option<SocketAddr>, token_file: Option<&Path>) -> anyhow::
         }
     };
     // What is said comes first; the environment is for robots that didn't say their token here.
-    let is_own = matches!(found.place, Place::Socket(_));
+    let is_own = matches!(found.place, Endpoint::Socket(_));
     if is_own || (token_file.is_none() && !found.token.is_empty()) {
         return Ok(found);
     }

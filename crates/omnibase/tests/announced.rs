@@ -1,6 +1,6 @@
 //! Which robot a command reaches where several run, or ran, on this machine.
 
-mod stick_recording;
+mod joystick_recording;
 
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
@@ -217,7 +217,7 @@ fn is_socket(path: &PathBuf) -> bool {
 
 /// A simulated robot that a stick leads, without a page; `first` is done before by a process of the same number.
 fn start_without_page(runtime: &Path, first: &str) -> WithoutPage {
-    let stick = stick_recording::recording(runtime, &[(100, 1, 130)]);
+    let stick = joystick_recording::recording(runtime, &[(100, 1, 130)]);
     let robot = Command::new("sh")
         .args(["-c", &format!("{first} exec \"$0\" \"$@\"")])
         .args([env!("CARGO_BIN_EXE_omnibase"), "run", ROBOT, "--json", "--joystick"])

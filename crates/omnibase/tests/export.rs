@@ -1,5 +1,8 @@
 //! What `omnibase export` writes is read by pandas, pyarrow and scipy.io, with every bit of the recording.
 
+mod python_tools;
+
+use python_tools::{python, successful};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -8,31 +11,6 @@ const PACKAGES: [&str; 3] = ["pandas", "pyarrow", "scipy"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-/// A Python with the packages, in an environment made once; `Err` says why there is none.
-fn python() -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-tables");
-    let python = folder.join("bin/python");
-    let has_packages = || {
-        let mut command = Command::new(&python);
-        command
-            .args(["-c", "import pandas, pyarrow, scipy.io"])
-            .output()
-            .is_ok_and(|output| output.status.success())
-    };
-    if !has_packages() {
-        successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-        successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(PACKAGES))?;
-    }
-    Ok(python)
-}
-
-/// The standard output of a command; `Err` is what it says where it fails.
-fn successful(command: &mut Command) -> Result<Vec<u8>, String> {
-    let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
-    let says = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-    if output.status.success() { Ok(output.stdout) } else { Err(format!("{command:?}: {says}")) }
 }
 
 fn omnibase(arguments: &[&str]) -> Result<String, String> {
@@ -61,7 +39,7 @@ fn tables_are_read_by_pandas_pyarrow_and_scipy_with_every_bit() {
         let said = omnibase(&[&chosen[..], &["--output", table]].concat()).unwrap();
         assert!(said.ends_with("602 rows of 18 signals\n"), "{said}");
     }
-    let python = match python() {
+    let python = match python("python-tables", &PACKAGES, "import pandas, pyarrow, scipy.io") {
         Ok(python) => python,
         Err(why) => return eprintln!("SKIPPED: no Python with pandas, pyarrow and scipy: {why}"),
     };

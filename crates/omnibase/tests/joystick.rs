@@ -1,11 +1,11 @@
-//! The stick as a user meets it, by recorded events: no device is needed.
+//! The joystick as a user meets it, by recorded events: no device is needed.
 
-mod stick_recording;
+mod joystick_recording;
 
+use joystick_recording::recording;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
-use stick_recording::recording;
 
 const ROBOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 const ABS_Y: u16 = 1;
@@ -78,7 +78,7 @@ fn what_is_no_device_and_no_recording_is_refused_in_words() {
 }
 
 #[test]
-fn a_recorded_stick_drives_the_simulated_robot_and_its_end_stops_it() {
+fn a_recorded_joystick_drives_the_simulated_robot_and_its_end_stops_it() {
     let folder = tempfile::tempdir().unwrap();
     // Grasped again and again: drives come up when the machine lets them.
     let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);

@@ -1,8 +1,11 @@
 //! What others' Python packages make of ours: recordings are read by `mcap` with its protobuf support and `numpy`; the API's
 //! description is validated, and a client of it alone drives the robot.
 
+mod python_tools;
+
+use python_tools::{python, successful};
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// The versions that the test was written with; of numpy any does, as the Python at hand takes it.
@@ -10,26 +13,6 @@ const PACKAGES: [&str; 4] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "pro
 
 /// What checks the API's description.
 const API_PACKAGES: [&str; 2] = ["openapi-spec-validator==0.7.2", "jsonschema>=4"];
-
-/// A Python with packages, in an environment made once; `Err` says why there is none.
-fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let python = folder.join("bin/python");
-    let has_packages =
-        || Command::new(&python).args(["-c", imports]).output().is_ok_and(|output| output.status.success());
-    if !has_packages() {
-        successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-        successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages))?;
-    }
-    Ok(python)
-}
-
-/// The standard output of a command; `Err` is what it says where it fails.
-fn successful(command: &mut Command) -> Result<Vec<u8>, String> {
-    let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
-    let says = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-    if output.status.success() { Ok(output.stdout) } else { Err(format!("{command:?}: {says}")) }
-}
 
 #[test]
 fn every_message_and_every_column_is_read() {

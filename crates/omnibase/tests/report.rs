@@ -1,24 +1,14 @@
 //! `omnibase report` and `omnibase run --report` as a user runs them.
 
-use std::path::{Path, PathBuf};
+mod command_line;
+
+use command_line::{Folder, omnibase, root, words};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// A folder of the test's own that vanishes with it.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path =
-            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("report-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
-    }
-
+    /// Names of what is in it.
     fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(&self.0).unwrap();
         let mut names: Vec<_> =
@@ -28,18 +18,6 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn omnibase(arguments: &[&str]) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-    command.args(arguments).current_dir(root).stdin(Stdio::null()).output().unwrap()
-}
-
 /// A short run: a circle of 0.2 m in 5 s.
 fn circle(further: &[&str]) -> Output {
     omnibase(&[&["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5"], further].concat())
@@ -47,10 +25,13 @@ fn circle(further: &[&str]) -> Output {
 
 /// A run of some 30,000 cycles whose page something happens to once cycles are in its recording.
 fn circle_disturbed(folder: &Folder, recording: &str, further: &[&str], disturb: impl FnOnce()) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
     command.args(["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=30", "--json"]);
-    command.args(["--report", &folder.path("run.html")]).args(further).current_dir(root).stdin(Stdio::null());
+    command
+        .args(["--report", &folder.path("run.html")])
+        .args(further)
+        .current_dir(root())
+        .stdin(Stdio::null());
     let mut run = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let began = Instant::now();
     while std::fs::metadata(recording).map_or(true, |file| file.len() < 100_000) {
@@ -82,10 +63,6 @@ fn replayed(recording: &str) -> serde_json::Value {
     serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()["cycles"].take()
 }
 
-fn words(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
 /// The exact values in a row of the page's figures.
 fn figures(page: &str, row: &str) -> Vec<f64> {
     let row = page.split(&format!("<th>{row}</th>")).nth(1).expect("the row").split("</tr>").next().unwrap();
@@ -96,7 +73,7 @@ fn figures(page: &str, row: &str) -> Vec<f64> {
 
 #[test]
 fn the_page_of_a_run_has_the_figures_of_its_summary() {
-    let folder = Folder::new("figures");
+    let folder = Folder::new("report-figures");
     let (recording, page) = (folder.path("run.mcap"), folder.path("run.html"));
     let output = circle(&["--json", "--record", &recording, "--report", &page]);
     assert!(output.status.success(), "{}", words(&output.stderr));
@@ -126,7 +103,7 @@ fn the_page_of_a_run_has_the_figures_of_its_summary() {
 
 #[test]
 fn a_page_without_a_recording_leaves_none_behind() {
-    let folder = Folder::new("alone");
+    let folder = Folder::new("report-alone");
     let page = folder.path("run.html");
     assert!(circle(&["--report", &page]).status.success());
     assert_eq!(folder.names(), ["run.html"]);
@@ -134,7 +111,7 @@ fn a_page_without_a_recording_leaves_none_behind() {
 
 #[test]
 fn a_run_that_never_began_leaves_nothing_behind_and_a_page_without_a_folder_is_refused_first() {
-    let folder = Folder::new("never");
+    let folder = Folder::new("report-never");
     let page = folder.path("run.html");
     let output = circle(&["--report", &page, "--interface", "no-such-nic"]);
     assert_eq!(output.status.code(), Some(1));
@@ -148,7 +125,7 @@ fn a_run_that_never_began_leaves_nothing_behind_and_a_page_without_a_folder_is_r
 
 #[test]
 fn a_page_in_whose_place_a_folder_stands_is_refused_before_anything_moves() {
-    let folder = Folder::new("folder");
+    let folder = Folder::new("report-folder");
     let page = folder.path("page");
     std::fs::create_dir(&page).unwrap();
     let output = circle(&["--report", &page]);
@@ -184,7 +161,7 @@ fn a_page_that_cannot_be_written_at_the_end_is_told_and_nothing_else_is_lost() {
 
 #[test]
 fn the_recording_of_a_page_that_cannot_be_written_stays_where_it_was_not_asked_for() {
-    let folder = Folder::new("end-spare");
+    let folder = Folder::new("report-end-spare");
     let (page, recording) = (folder.path("run.html"), folder.path("run.html.mcap"));
     let output = circle_disturbed(&folder, &recording, &[], || std::fs::create_dir(&page).unwrap());
     let (summary, says) = told_without_page(&output);
@@ -194,7 +171,7 @@ fn the_recording_of_a_page_that_cannot_be_written_stays_where_it_was_not_asked_f
 
 #[test]
 fn where_recording_and_page_are_gone_both_are_told() {
-    let folder = Folder::new("end-gone");
+    let folder = Folder::new("report-end-gone");
     let recording = folder.path("run.html.mcap");
     let output = circle_disturbed(&folder, &recording, &[], || std::fs::remove_dir_all(&folder.0).unwrap());
     let says = words(&output.stderr);
@@ -208,7 +185,7 @@ fn where_recording_and_page_are_gone_both_are_told() {
 
 #[test]
 fn a_recording_that_was_cut_off_is_shown_as_far_as_it_goes() {
-    let folder = Folder::new("cut");
+    let folder = Folder::new("report-cut");
     let (recording, page) = (folder.path("run.mcap"), folder.path("run.html"));
     assert!(circle(&["--record", &recording]).status.success());
     let whole = std::fs::read(&recording).unwrap();
@@ -222,7 +199,7 @@ fn a_recording_that_was_cut_off_is_shown_as_far_as_it_goes() {
 
 #[test]
 fn what_is_no_recording_is_refused_in_words() {
-    let folder = Folder::new("wrong");
+    let folder = Folder::new("report-wrong");
     let page = folder.path("run.html");
     std::fs::write(folder.path("text"), "no recording, but long enough to be looked at").unwrap();
     for (recording, why) in [

@@ -1,10 +1,11 @@
 //! The cycle: one function, its stages in source order.
 
 mod pose;
+mod requests;
+mod wishes;
 
 use std::fmt::Write;
 
-use omnibase_platform::Twist2;
 use omnibase_trajectory::LimitsError;
 
 use crate::blind_ramp::BlindRamp;
@@ -12,31 +13,31 @@ use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
 use crate::drive_modes::DriveModes;
 use crate::grip::Grip;
-use crate::guard::{Drive, Guard, MAX_OBSTACLES, Obstacle};
+use crate::guard::{Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
-use crate::lifecycle::{Change, Lifecycle, Outcome};
+use crate::joystick_shape::JoystickShape;
+use crate::lifecycle::{Lifecycle, Outcome};
 use crate::limiter::Limiter;
-use crate::motion::{CantBegin, Motion};
-use crate::peripherals::Beside;
+use crate::motion::Motion;
+use crate::peripherals::Peripherals;
 use crate::registry::{Registry, StageError};
-use crate::safety::{SafetyChain, input_forbids};
+use crate::safety::SafetyChain;
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Between, Commands, Course, CycleRecord, CycleTime, Exchange, Frame, GripReport, Heard, LimitedBy,
-    MAX_DEVICES, MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request,
-    RequestAnswer, RequestKind, SafetyReason, Setpoint, StopCategory, WheelCommand,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, GripReport, Heard, MAX_DEVICES,
+    MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer,
+    RequestKind, SafetyReason, StopCategory, WheelCommand,
 };
 use crate::stages::{
     Controller, Device, DriveCommand, Estimator, Gain, Leave, Observation, Reference, Safety, SafetyView,
 };
-use crate::stick_shape::StickShape;
 use crate::traction::Traction;
 use pose::Counted;
 
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
-    beside: Beside,
+    beside: Peripherals,
     grip: Grip,
     traction: Traction,
     estimator: Box<dyn Estimator>,
@@ -83,7 +84,7 @@ impl Robot {
         let commanded: Vec<Quantity> = controllers.iter().map(|controller| controller.quantity()).collect();
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
-        let beside = Beside::new(plan, registry)?;
+        let beside = Peripherals::new(plan, registry)?;
         record.signals = beside.begin();
         let estimator = registry.make_estimator(plan)?;
         Ok(Robot {
@@ -181,7 +182,7 @@ impl Robot {
         self.lifecycle.phase()
     }
 
-    /// What may be set while the robot runs, with its index below [`MOST_SETTINGS`]: the robot's own, its stick's, the
+    /// What may be set while the robot runs, with its index below [`MOST_SETTINGS`]: the robot's own, its joystick's, the
     /// controller's gains, the wheels' limits. An index that nothing has is left out.
     pub fn settings(&self) -> impl Iterator<Item = (u32, Gain)> + '_ {
         let controller = &*self.controllers[self.active];
@@ -190,9 +191,9 @@ impl Robot {
         })
     }
 
-    /// How its stick is shaped from now on.
-    pub fn stick_shape(&self) -> StickShape {
-        self.settings.stick()
+    /// How its joystick is shaped from now on.
+    pub fn joystick_shape(&self) -> JoystickShape {
+        self.settings.joystick()
     }
 
     /// The obstacles, where they are after the last cycle.
@@ -293,141 +294,6 @@ impl Robot {
         PlatformState { pose_known: !self.counted.pose_lost, ..state }
     }
 
-    /// What is asked of the robot in this cycle.
-    fn take(&mut self, request: &Request) -> RequestAnswer {
-        let time = self.record.time;
-        if time.now_ns >= request.valid_until_ns {
-            return RequestAnswer::TooOld;
-        }
-        match request.kind {
-            RequestKind::Set { index, value, batch } => {
-                let controller = &mut *self.controllers[self.active];
-                return self.settings.set((&mut self.guard, controller), (index as usize, value), batch);
-            }
-            RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
-            RequestKind::SetDriveMode { wheel, mode } => {
-                return match self.lifecycle.phase() {
-                    Phase::Disabled | Phase::Holding | Phase::Tracking => {
-                        match self.drive_modes.set(wheel as usize, mode) {
-                            true => RequestAnswer::Taken,
-                            false => RequestAnswer::DriveMode,
-                        }
-                    }
-                    _ => RequestAnswer::WrongPhase,
-                };
-            }
-            RequestKind::Velocity { twist, .. } => {
-                if !twist.is_finite() {
-                    return RequestAnswer::Refused;
-                }
-                if self.lacks_pose_for(&request.kind) {
-                    return RequestAnswer::PoseUnknown;
-                }
-                if self.lifecycle.request(&time, &request.kind).0 != RequestAnswer::Taken {
-                    return RequestAnswer::WrongPhase;
-                }
-                // However long it is said to count: a command grows old.
-                let oldest_ns = time.now_ns.saturating_add(self.command_age_ns);
-                let valid_until_ns = request.valid_until_ns.min(oldest_ns);
-                self.motion.follow(Request { valid_until_ns, ..*request });
-                return RequestAnswer::Taken;
-            }
-            RequestKind::Track
-            | RequestKind::Resume
-            | RequestKind::GoTo { .. }
-            | RequestKind::Pause
-            | RequestKind::UseReference { .. } => return self.lead(request.kind),
-            RequestKind::SetObstacle { index, obstacle } => return self.put(index, Some(obstacle)),
-            RequestKind::RemoveObstacle { index } => return self.put(index, None),
-            RequestKind::SetPose { odom_from_body, sigma_m, sigma_rad } => {
-                return self.set_pose(odom_from_body, [sigma_m, sigma_rad]);
-            }
-            RequestKind::SetOutput { .. } if self.lifecycle.lets_go() => return RequestAnswer::WrongPhase,
-            RequestKind::SetOutput { index, value } => return taken_if(self.beside.ask(index, value)),
-            RequestKind::Axis { device, ask } => return self.beside.move_by(&time, device, &ask),
-            RequestKind::ResetOutput { index } => return taken_if(self.beside.reset(index)),
-            RequestKind::Enable => {
-                match input_forbids(&self.safety_plan, &self.record.signals).map(|(reason, _)| reason) {
-                    None => {}
-                    Some(SafetyReason::StopInput) => return RequestAnswer::StopInput,
-                    Some(_) => return RequestAnswer::EnableInput,
-                }
-            }
-            _ => {}
-        }
-        let (answer, change) = self.lifecycle.request(&time, &request.kind);
-        match change {
-            Change::None => {}
-            Change::Begin => self.begin(),
-            Change::Acknowledge => {
-                self.devices.iter_mut().for_each(|device| device.acknowledge());
-                self.beside.acknowledge();
-                self.safety.reset();
-                self.begin();
-            }
-        }
-        answer
-    }
-
-    /// Obstacles come and go in every phase.
-    fn put(&mut self, index: u32, obstacle: Option<Obstacle>) -> RequestAnswer {
-        match self.guard.set(index, obstacle) {
-            Ok(()) => RequestAnswer::Taken,
-            Err(()) => RequestAnswer::Refused,
-        }
-    }
-
-    /// A request about what is followed.
-    fn lead(&mut self, kind: RequestKind) -> RequestAnswer {
-        let (time, phase) = (self.record.time, self.lifecycle.phase());
-        let here = self.limiter.setpoint().odom_from_body;
-        let fits = match kind {
-            RequestKind::Pause => phase == Phase::Tracking,
-            RequestKind::UseReference { .. } => phase != Phase::Tracking && phase != Phase::Stopping,
-            _ => phase == Phase::Holding,
-        };
-        if !fits {
-            return RequestAnswer::WrongPhase;
-        }
-        if self.lacks_pose_for(&kind) {
-            return RequestAnswer::PoseUnknown;
-        }
-        let begun = match kind {
-            RequestKind::Pause => return answer(self.motion.pause()),
-            RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
-            RequestKind::GoTo { odom_from_body } if !odom_from_body.is_finite() => Err(CantBegin::Nothing),
-            RequestKind::GoTo { odom_from_body } if !self.guard.room_left(&odom_from_body).is_enough() => {
-                Err(CantBegin::OutsideFence)
-            }
-            RequestKind::GoTo { odom_from_body } if self.guard.is_blocked(&odom_from_body) => {
-                Err(CantBegin::Blocked)
-            }
-            RequestKind::GoTo { odom_from_body } => {
-                self.motion.go(&time, (here, odom_from_body), &self.settings);
-                Ok(())
-            }
-            RequestKind::Resume => self.motion.resume(&time, here, (&self.settings, &self.guard)),
-            _ => self.motion.track(&time, here, &self.guard),
-        };
-        if begun.is_ok() {
-            self.motion.begin_with(self.guard.room_left(&here).room_m);
-            self.lifecycle.request(&time, &kind);
-        }
-        answer(begun)
-    }
-
-    /// The drives change their mode by themselves where the new controller's commands need it.
-    fn switch_controller(&mut self, index: usize) -> RequestAnswer {
-        let Some(controller) = self.controllers.get_mut(index) else { return RequestAnswer::Refused };
-        if index != self.active {
-            controller.reset();
-            self.active = index;
-            // What waits was meant for the other one.
-            self.settings.drop_waiting();
-        }
-        RequestAnswer::Taken
-    }
-
     /// What is wished and told begins anew where the platform stands. Only a pose that isn't finite is forgotten.
     fn begin(&mut self) {
         if !self.record.state.is_finite() {
@@ -436,84 +302,6 @@ impl Robot {
         self.controllers[self.active].reset();
         self.limiter.reset(self.record.state.odom_from_body);
         self.motion.leave();
-    }
-
-    /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
-    fn wish(&mut self) -> Setpoint {
-        let here = self.record.state.odom_from_body;
-        match self.lifecycle.phase() {
-            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
-                Setpoint::at_rest(here)
-            }
-            Phase::Holding => {
-                let last = self.record.wished;
-                Setpoint {
-                    twist_in_odom: Twist2::default(),
-                    status: ReferenceStatus::Resting,
-                    ..Setpoint::at_rest(last.odom_from_body)
-                }
-            }
-            Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
-            Phase::Tracking => match self.motion.velocity() {
-                Some(&request) => self.velocity_wish(&request),
-                None => {
-                    let (inputs, mut outputs) = self.beside.open(&self.record.signals);
-                    self.motion.signals(&inputs, &mut outputs);
-                    self.motion.sample(&self.record.time, &self.settings, &self.guard)
-                }
-            },
-        }
-    }
-
-    /// A velocity command as a setpoint: its pose is where the platform will be led.
-    fn velocity_wish(&self, request: &Request) -> Setpoint {
-        let RequestKind::Velocity { twist, frame } = request.kind else {
-            return self.limiter.setpoint();
-        };
-        let now = self.limiter.setpoint();
-        let mut twist_in_odom = match frame {
-            Frame::Body => twist.rotated(now.odom_from_body.heading_rad),
-            Frame::Odom => twist,
-        };
-        twist_in_odom = self.reduced(self.settings.slowed(twist_in_odom));
-        Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
-    }
-
-    /// The platform's limits on speed, acceleration and jerk.
-    fn limit(&mut self) -> Setpoint {
-        let wished = self.record.wished;
-        let state = &self.record.state;
-        let holding = self.limiter.leading_to(&wished);
-        let mut guarded = |drive: Drive<'_>| self.guard.step(&mut self.limiter, drive, state);
-        let limited = match self.lifecycle.phase() {
-            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
-                self.limiter.reset(wished.odom_from_body);
-                self.limiter.setpoint()
-            }
-            Phase::Stopping => guarded(Drive::Stop),
-            // Fence and obstacles stand in odom, of which nothing is known: a person who sees the platform leads it.
-            Phase::Tracking if !self.record.state.pose_known => {
-                self.limiter.set_limits(&self.traction.limits());
-                self.limiter.toward(wished.twist_in_odom)
-            }
-            Phase::Tracking if self.motion.velocity().is_some() => {
-                guarded(Drive::Toward(wished.twist_in_odom))
-            }
-            Phase::Tracking => {
-                let followed = guarded(Drive::Follow(&wished, self.motion.bound()));
-                self.motion.note(&wished, &followed);
-                followed
-            }
-            // A robot that nobody leads stays, whatever comes near it: it gives way to nothing by itself.
-            Phase::Holding => guarded(Drive::Toward(holding)),
-        };
-        // A platform that something holds back may rest, and isn't there yet.
-        let is_held_back =
-            self.guard.limited_by() != LimitedBy::Nothing && wished.status != ReferenceStatus::Resting;
-        let rests =
-            (self.limiter.is_at_rest() && !is_held_back) || self.limiter.has_reached(&wished.odom_from_body);
-        let status = if rests { wished.status } else { ReferenceStatus::Moving };
-        Setpoint { status, ..limited }
     }
 
     /// Controller: what the wheels are told.
@@ -642,19 +430,5 @@ impl Robot {
             may_move: matches!(self.lifecycle.phase(), Phase::Holding | Phase::Tracking),
         };
         self.beside.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
-    }
-}
-
-fn taken_if(is_taken: bool) -> RequestAnswer {
-    if is_taken { RequestAnswer::Taken } else { RequestAnswer::Refused }
-}
-
-fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
-    match begun {
-        Ok(()) => RequestAnswer::Taken,
-        Err(CantBegin::Nothing) => RequestAnswer::Refused,
-        Err(CantBegin::TooFar) => RequestAnswer::TooFar,
-        Err(CantBegin::OutsideFence) => RequestAnswer::Refused,
-        Err(CantBegin::Blocked) => RequestAnswer::Blocked,
     }
 }

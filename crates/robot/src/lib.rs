@@ -4,7 +4,7 @@
 //! - [`signals`]: the plain structs that flow between stages, all in one [`CycleRecord`].
 //! - [`stages`]: what a device, estimator, reference, controller and safety chain are; [`Registry`]: all that is chosen by name.
 //! - [`config`]: a robot's file and its [`RobotPlan`]; [`check`]: from the one to the other, with every problem and its place.
-//! - [`stick_shape`]: [`StickShape`], gains, dead zones and expo of a stick, which change while the robot runs.
+//! - [`joystick_shape`]: [`JoystickShape`], gains, dead zones and expo of a joystick, which change while the robot runs.
 //! - [`guard`]: the footprint stays inside the fence and off obstacles.
 //! - [`layouts`], [`devices`], [`peripherals`], [`estimators`], [`references`], [`controllers`]: the built-in kinds; [`limiter`], [`safety`].
 //!
@@ -25,6 +25,7 @@ mod events;
 mod grip;
 pub mod guard;
 mod image;
+pub mod joystick_shape;
 pub mod layouts;
 mod lifecycle;
 pub mod limiter;
@@ -37,14 +38,13 @@ pub mod safety;
 mod settings;
 pub mod signals;
 pub mod stages;
-pub mod stick_shape;
 mod traction;
 mod unread;
 
 pub use config::{Problem, RobotFile, RobotPlan};
 pub use cycle::Robot;
 pub use image::{ImageBuffer, ProcessImage};
+pub use joystick_shape::{AxisShape, JoystickShape};
 pub use registry::{Registry, StageError};
 pub use settings::MOST_SETTINGS;
 pub use signals::{CycleRecord, CycleTime, Exchange, Phase, Request, RequestKind};
-pub use stick_shape::{AxisShape, StickShape};

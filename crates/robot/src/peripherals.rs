@@ -9,7 +9,7 @@ use crate::registry::{Kind, PeripheralDefaults, Registry, needed, optional};
 use crate::stages::Peripheral;
 
 pub use axis::Axis;
-pub(crate) use beside::Beside;
+pub(crate) use beside::Peripherals;
 pub use io::Io;
 
 /// A SubDevice that is brought along as it describes itself: nobody reads its inputs, its outputs stay 0.

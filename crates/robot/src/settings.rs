@@ -1,20 +1,20 @@
-//! Values of the whole robot that may change while it runs: how much of its limits is used, how its stick is shaped.
+//! Values of the whole robot that may change while it runs: how much of its limits is used, how its joystick is shaped.
 
 use omnibase_platform::Twist2;
 
 use crate::config::{AvoidanceKind, Limits, RobotPlan, TorqueLimitTold, WheelLimits};
 use crate::guard::Guard;
+use crate::joystick_shape::JoystickShape;
 use crate::signals::{Batch, CycleRecord, Quantity, RequestAnswer};
 use crate::stages::{Controller, Gain};
-use crate::stick_shape::StickShape;
 
 /// Slower than this share of its speed a robot is not asked to go; it is paused instead.
 const LEAST_FACTOR: f64 = 0.01;
 /// Settings that can wait for others.
 const MOST_WAITING: usize = 48;
-/// Settings of the robot itself; those of its stick, then those of the controller stand behind them.
+/// Settings of the robot itself; those of its joystick, then those of the controller stand behind them.
 const OWN: usize = 6;
-const BEFORE_CONTROLLER: usize = OWN + StickShape::SETTINGS;
+const BEFORE_CONTROLLER: usize = OWN + JoystickShape::SETTINGS;
 /// Places of the wheels' limits: behind whatever a controller has, so that they are the same with each of them.
 const WHEEL_SPEED: usize = MOST_SETTINGS - 2;
 const WHEEL_TORQUE: usize = MOST_SETTINGS - 1;
@@ -39,7 +39,7 @@ pub(crate) struct Settings {
     /// The least torque that every drive can be told, N·m.
     least_torque_nm: f64,
     limits: Limits,
-    stick: StickShape,
+    joystick: JoystickShape,
     waiting: [(usize, f64); MOST_WAITING],
     waiting_count: usize,
     /// The one that must come next for those that wait to act; `None` where none does, or one of them was refused.
@@ -70,19 +70,19 @@ impl Settings {
                 .fold(LEAST_FACTOR * limits.wheel_torque_nm, f64::max)
                 .min(limits.wheel_torque_nm),
             limits: *limits,
-            stick: StickShape::of(&plan.joystick),
+            joystick: JoystickShape::of(&plan.joystick),
             waiting: [(0, 0.0); MOST_WAITING],
             waiting_count: 0,
             next: None,
         }
     }
 
-    /// How its stick is shaped.
-    pub(crate) fn stick(&self) -> StickShape {
-        self.stick
+    /// How its joystick is shaped.
+    pub(crate) fn joystick(&self) -> JoystickShape {
+        self.joystick
     }
 
-    /// The setting of a place: first the robot's own, then its stick's, then the controller's.
+    /// The setting of a place: first the robot's own, then its joystick's, then the controller's.
     pub(crate) fn get(&self, (guard, controller): (&Guard, &dyn Controller), index: usize) -> Option<Gain> {
         let share =
             |name, value, greatest: f64| Gain { name, value, least: LEAST_FACTOR * greatest, greatest };
@@ -106,7 +106,7 @@ impl Settings {
             5 => {
                 Some(Gain { name: "circulate_1_s", value: guard.circulate_1_s, least: 0.01, greatest: 100.0 })
             }
-            OWN..BEFORE_CONTROLLER => self.stick.setting(index - OWN),
+            OWN..BEFORE_CONTROLLER => self.joystick.setting(index - OWN),
             WHEEL_SPEED => {
                 Some(share("wheel_speed_rad_s", self.wheels.speed_rad_s, self.limits.wheel_speed_rad_s))
             }
@@ -173,7 +173,7 @@ impl Settings {
                 3 => guard.avoidance = AvoidanceKind::from_code(value).unwrap_or_default(),
                 4 => guard.distance_m = value,
                 5 => guard.circulate_1_s = value,
-                OWN..BEFORE_CONTROLLER => self.stick.set(index - OWN, value),
+                OWN..BEFORE_CONTROLLER => self.joystick.set(index - OWN, value),
                 WHEEL_SPEED => {
                     self.wheels.speed_rad_s = value;
                     self.held_rad_s = self.held_rad_s.max(value);

@@ -6,7 +6,7 @@ use omnibase_robot::signals::{
     CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
 };
 
-use crate::live::{Commander, StickState};
+use crate::live::{Commander, JoystickState};
 use omnibase_ethercat::paced::Times;
 use omnibase_measure::tracking::Errors;
 use omnibase_measure::truth::TruePlatform;
@@ -40,7 +40,7 @@ pub struct CycleExtras {
     /// Its errors.
     pub errors: Errors,
     /// Who has the say.
-    pub say: Authority,
+    pub authority: Authority,
     /// In how many s the robot moves again without a person, after a loss; `None` where it doesn't.
     pub moves_again_in_s: Option<f64>,
     /// The truth, where it is known.
@@ -56,8 +56,8 @@ pub struct Authority {
     pub is_emergency: bool,
     /// Blocked sticks: bit 0 the joystick's, then the pages'.
     pub blocked_sticks: u64,
-    /// What has become of the stick at the robot's computer.
-    pub joystick: StickState,
+    /// What has become of the joystick at the robot's computer.
+    pub joystick: JoystickState,
 }
 
 /// Puts cycles into rows; no allocation after its making.
@@ -117,23 +117,23 @@ impl Rows {
     }
 
     /// A cycle as numbers in the schema's order, and as exact words in the order of the record's channels.
-    pub fn of(&mut self, record: &CycleRecord, beside: &CycleExtras) -> (&[f64], &[u8]) {
+    pub fn of(&mut self, record: &CycleRecord, extras: &CycleExtras) -> (&[f64], &[u8]) {
         record.values(&mut self.values);
         self.row.clear();
         self.row.extend(self.order.iter().map(|&number| self.values[number].as_f64()));
-        let Times { round_trip_ns, late_ns, dc_phase_ns, periods, .. } = beside.times;
-        self.row.extend([round_trip_ns, late_ns, beside.compute_ns].map(|ns| ns as f64));
+        let Times { round_trip_ns, late_ns, dc_phase_ns, periods, .. } = extras.times;
+        self.row.extend([round_trip_ns, late_ns, extras.compute_ns].map(|ns| ns as f64));
         let phase_ns = dc_phase_ns.map_or(f64::NAN, |phase_ns| phase_ns as f64);
         self.row.extend([phase_ns, periods.saturating_sub(1) as f64]);
-        let Errors { believed_m, true_m, heading_rad } = beside.errors;
+        let Errors { believed_m, true_m, heading_rad } = extras.errors;
         self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
-        let Authority { commander, is_emergency, blocked_sticks, joystick } = beside.say;
+        let Authority { commander, is_emergency, blocked_sticks, joystick } = extras.authority;
         let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
         self.row.extend(codes.map(|code| code as f64));
-        self.row.push(beside.moves_again_in_s.unwrap_or(f64::NAN));
-        self.row.extend(beside.bus.values());
+        self.row.push(extras.moves_again_in_s.unwrap_or(f64::NAN));
+        self.row.extend(extras.bus.values());
         if self.known == Known::Truth {
-            let truth = beside.truth.unwrap_or_default();
+            let truth = extras.truth.unwrap_or_default();
             let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);
             self.row.extend([
                 pose.x_m,

@@ -5,7 +5,7 @@
 //! - [`acyclic`]: SDOs of SubDevices beside the cycle.
 //! - [`carriers`]: a queue in, a queue and the latest snapshot out; nothing of it waits in the cycle.
 //! - [`cycles`]: every cycle for those who follow.
-//! - [`joystick`]: from the stick at the robot's computer to what is asked.
+//! - [`joystick`]: from the joystick at the robot's computer to what is asked.
 //! - [`points`]: poses that a person remembers one by one.
 //! - [`sdo`]: objects and states of the SubDevices, for those who may wait.
 //! - [`snapshot`]: the latest of everything.
@@ -27,7 +27,7 @@ mod trace;
 
 pub use acyclic::{AcyclicLine, AcyclicRefusal, Permission, SubDeviceFacts, Told};
 pub use carriers::{Asker, Live, LiveEnd, LiveEvent, live};
-pub use command::{Answer, Ask, Client, Commander, Refusal, StickState, StickWish};
+pub use command::{Answer, Ask, Client, Commander, JoystickState, Refusal, StickWish};
 pub use cycles::{CycleSeen, Following};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};

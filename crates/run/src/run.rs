@@ -247,14 +247,15 @@ impl<'a> Cycle<'a> {
         let inputs_ns = times.wake.0.saturating_sub(input_age_ns(&self.plan.bus));
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
         let errors = self.tracking.take(&self.last, truth.as_ref());
-        let say = self.live.as_ref().map(LiveEnd::say).unwrap_or_default();
+        let authority = self.live.as_ref().map(LiveEnd::authority).unwrap_or_default();
         self.bus = session.figures();
         let now_ns = self.time.now_ns;
         let moves_again_in_s = match self.leader() {
             Some(live) => live.moves_again_in_s(now_ns),
             None => self.conductor.moves_again_in_s(now_ns),
         };
-        let beside = CycleExtras { times, bus: self.bus, compute_ns, errors, say, moves_again_in_s, truth };
+        let extras =
+            CycleExtras { times, bus: self.bus, compute_ns, errors, authority, moves_again_in_s, truth };
         // Who is at fault comes before what it led to.
         session.look_at_drives(self.last.measurements.present());
         while let Some(words) = session.take_event() {
@@ -271,13 +272,13 @@ impl<'a> Cycle<'a> {
         if let Some(words) = self.live.as_mut().and_then(|live| live.acyclic().step(session, phase)) {
             self.happened_by(self.time.now_ns, words, Some(Client::Command));
         }
-        self.record(&beside);
+        self.record(&extras);
         let events = first_event..self.events.len();
         let CycleRecord { time, exchange, stop_reason, ref request, .. } = self.last;
         let robot = Some(TimedRobot { phase, stop_reason, asked: request.is_some(), events });
         self.timing.take(&TimedCycle { time, exchange, times, compute_ns: Some(compute_ns), robot });
         self.lost_frames = session.counters().frames_lost - self.lost_before;
-        self.show(beside);
+        self.show(extras);
         self.progress.cycles.store(self.cycles, Ordering::Relaxed);
         Ok(())
     }
@@ -345,7 +346,7 @@ impl<'a> Cycle<'a> {
         Request { valid_until_ns: 0, ..request }
     }
 
-    fn show(&mut self, beside: CycleExtras) {
+    fn show(&mut self, extras: CycleExtras) {
         let Some(live) = &mut self.live else { return };
         let mut settings = [None; MOST_SETTINGS];
         for (index, setting) in self.robot.settings() {
@@ -354,11 +355,11 @@ impl<'a> Cycle<'a> {
         live.show(&Snapshot {
             record: self.last,
             phase: self.robot.phase(),
-            beside,
+            extras,
             drive_errors: self.drive_errors,
             axis_problem: self.axis_problem,
             settings,
-            stick: self.robot.stick_shape(),
+            joystick: self.robot.joystick_shape(),
             obstacles: *self.robot.obstacles(),
             timing: self.timing.seen(),
             cycles: self.cycles,
@@ -386,10 +387,10 @@ impl<'a> Cycle<'a> {
         }
     }
 
-    fn record(&mut self, beside: &CycleExtras) {
+    fn record(&mut self, extras: &CycleExtras) {
         let (now_ns, phase) = (self.last.time.now_ns, self.robot.phase());
         if let Some((rows, sink)) = &mut self.recording {
-            let (values, raw) = rows.of(&self.last, beside);
+            let (values, raw) = rows.of(&self.last, extras);
             sink.push_row(now_ns, values, raw);
             if sink.is_broken() && !self.recording_lost {
                 self.recording_lost = true;

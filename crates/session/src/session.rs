@@ -67,7 +67,7 @@ impl Wheels {
     /// What became of an exchange, as the robot needs to know it; of some SubDevices nothing was heard when it began.
     fn robot_exchange(&mut self, exchange: BusExchange, were_away: Away) -> Exchange {
         // Whoever is on its way back already answers, but its way isn't over. Whoever was away when the frame left had
-        // its inputs left as they were, even if it is well by now.
+        // its inputs left as they were, even if it is operational by now.
         let are_away = Away::now(&self.supervisor);
         let Away { wheels, devices } = were_away.or(are_away);
         match exchange {
@@ -80,7 +80,7 @@ impl Wheels {
             BusExchange::ShortCount { expected, received, .. } => Exchange::ShortCount { expected, received },
             // Who fell silent isn't away yet, and said nothing.
             BusExchange::Without { .. } => {
-                Exchange::Without { wheels, devices: devices | self.supervisor.unwell_devices() }
+                Exchange::Without { wheels, devices: devices | self.supervisor.not_operational_devices() }
             }
         }
     }

@@ -5,6 +5,7 @@
 
 mod faults;
 mod figures;
+mod health_words;
 mod registers;
 
 use std::collections::VecDeque;
@@ -16,15 +17,16 @@ use omnibase_ethercat::cyclic::{
     AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, RecoveryError, TransitionStatus,
 };
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{AlState, HostTime, Link, RingState};
+use omnibase_ethercat::wire::{HostTime, Link, RingState};
 use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES, MAX_WHEELS};
 
 use crate::words::Words;
 
 use faults::{ERROR_CODE_BYTES, Fault};
-use registers::{COUNTERS, ClockWay, Look};
+use registers::{COUNTERS, ClockDeviation, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
+use health_words::HealthWords;
 
 /// The bit in the tags of what others have done beside the cycle; the supervisor's own are without it.
 pub const OTHERS: u64 = 1 << 63;
@@ -79,7 +81,7 @@ struct Supervised {
     /// Why the last attempt failed; told once.
     failure: Option<RecoveryError>,
     counters: [u8; COUNTERS],
-    clock: ClockWay,
+    clock: ClockDeviation,
     faulty: bool,
     fault: Fault,
     figures: SubDeviceFigures,
@@ -140,13 +142,13 @@ impl Supervisor {
                     _ => None,
                 },
                 subdevice,
-                health: Health::Well,
+                health: Health::Operational,
                 way: RecoveryState::None,
                 since: HostTime(0),
                 exchanges: 0,
                 failure: None,
                 counters: [0; COUNTERS],
-                clock: ClockWay::Near,
+                clock: ClockDeviation::Near,
                 faulty: false,
                 fault: Fault::Told,
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
@@ -275,20 +277,20 @@ impl Supervisor {
             // The cycle may see it in OP a moment before its way is over.
             if one.health == health
                 || (one.way == RecoveryState::Coming
-                    && health == Health::Well
+                    && health == Health::Operational
                     && !bus.call_off(one.subdevice.position))
             {
                 continue;
             }
             let before = std::mem::replace(&mut one.health, health);
             match (before, health) {
-                (Health::Well, _) => {
-                    (one.since, one.exchanges, one.clock) = (now, 1, ClockWay::Near);
+                (Health::Operational, _) => {
+                    (one.since, one.exchanges, one.clock) = (now, 1, ClockDeviation::Near);
                     one.figures.losses += 1;
                     self.totals.losses += 1;
-                    self.tell(number, format_args!("lost: {}", Ill(health)));
+                    self.tell(number, format_args!("lost: {}", HealthWords(health)));
                 }
-                (_, Health::Well) => {
+                (_, Health::Operational) => {
                     // By itself, or at the end of its way.
                     let by_itself = match one.way {
                         RecoveryState::Settling { comeback, .. } => comeback == Comeback::Stayed,
@@ -305,13 +307,14 @@ impl Supervisor {
                 _ => {}
             }
         }
-        let not_operational = self.all.iter().filter(|one| one.is_away() || one.health != Health::Well);
+        let not_operational =
+            self.all.iter().filter(|one| one.is_away() || one.health != Health::Operational);
         self.totals.not_operational = not_operational.count() as u64;
     }
 
     /// Starts the way back of whoever needs it.
     fn start_recovery<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        for one in self.all.iter_mut().filter(|one| one.health != Health::Well) {
+        for one in self.all.iter_mut().filter(|one| one.health != Health::Operational) {
             let position = one.subdevice.position;
             let due = match one.way {
                 // Who says itself that it isn't in OP has left it, whatever is tolerated. Who is silent is named one
@@ -459,10 +462,11 @@ impl Supervisor {
         away.fold(0, |devices, device| devices | 1 << device)
     }
 
-    /// SubDevices without a wheel that aren't well, away or not; bit n for the n-th of the robot's file.
-    pub fn unwell_devices(&self) -> u16 {
-        let unwell = self.all.iter().filter(|one| one.health != Health::Well).filter_map(|one| one.device);
-        unwell.fold(0, |devices, device| devices | 1 << device)
+    /// SubDevices without a wheel that aren't operational, away or not; bit n for the n-th of the robot's file.
+    pub fn not_operational_devices(&self) -> u16 {
+        let devices =
+            self.all.iter().filter(|one| one.health != Health::Operational).filter_map(|one| one.device);
+        devices.fold(0, |bits, device| bits | 1 << device)
     }
 
     /// Wheels whose drives started anew since this was last asked; bit n for wheel n.
@@ -484,23 +488,5 @@ impl Supervisor {
 impl Supervised {
     fn is_away(&self) -> bool {
         self.way != RecoveryState::None
-    }
-}
-
-/// An illness in words.
-struct Ill(Health);
-
-impl fmt::Display for Ill {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (status, code) = match self.0 {
-            Health::Well => return f.write_str("in OP"),
-            Health::Silent => return f.write_str("it does not answer (no power, cable out, or restarted)"),
-            Health::NotOperational { status, code } => (status, code),
-        };
-        match AlState::from_bits(status) {
-            Some(state) => write!(f, "it is in {state}")?,
-            None => write!(f, "its AL status is 0x{status:04x}")?,
-        }
-        if status & AlState::ERROR != 0 { write!(f, " with error {code}") } else { Ok(()) }
     }
 }

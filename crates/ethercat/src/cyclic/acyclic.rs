@@ -12,7 +12,7 @@ use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::SubDevice;
 use crate::wire::HostTime;
 
-pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterWay};
+pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterAccess};
 
 use super::recovery::{Comeback, Observed, Recovery, RecoveryError, Surroundings};
 
@@ -30,7 +30,7 @@ const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
 struct RegisterJob {
     tag: u64,
     position: u16,
-    way: RegisterWay,
+    way: RegisterAccess,
     register: u16,
     data: Vec<u8>,
     deadline: HostTime,
@@ -146,7 +146,7 @@ impl Acyclic {
         };
         let mut mailbox = lane.mailbox.take();
         if let Some(mailbox) = &mut mailbox {
-            // Its counter goes on: the SubDevice may be in OP and well.
+            // Its counter goes on: the SubDevice may be in OP and answering.
             mailbox.cancel();
             if let (Some(tag), Next::Done(Some(done))) = (lane.tag.take(), mailbox.next(HostTime(0))) {
                 let work = AcyclicWork::Mailbox(done.request);
@@ -429,13 +429,13 @@ impl Acyclic {
 impl RegisterJob {
     fn datagram(&self, station: u16) -> DatagramRequest {
         match self.way {
-            RegisterWay::Read => DatagramRequest::read(station, self.register, self.data.len()),
-            RegisterWay::Write => DatagramRequest::write(station, self.register, self.data.len()),
+            RegisterAccess::Read => DatagramRequest::read(station, self.register, self.data.len()),
+            RegisterAccess::Write => DatagramRequest::write(station, self.register, self.data.len()),
         }
     }
 
     fn fill(&self, out: &mut [u8]) {
-        if self.way == RegisterWay::Write && self.data.len() == out.len() {
+        if self.way == RegisterAccess::Write && self.data.len() == out.len() {
             out.copy_from_slice(&self.data);
         }
     }
@@ -447,7 +447,7 @@ impl RegisterJob {
             return;
         }
         self.done = true;
-        if self.way == RegisterWay::Read && self.data.len() == data.len() {
+        if self.way == RegisterAccess::Read && self.data.len() == data.len() {
             self.data.copy_from_slice(data);
         }
     }

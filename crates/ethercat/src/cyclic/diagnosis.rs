@@ -26,7 +26,7 @@ const ASKED: Access = Access::Read { register: register::AL_STATUS, length: 6 };
 pub enum Health {
     /// In OP.
     #[default]
-    Well,
+    Operational,
     /// It doesn't answer at its station address: without power, cut off, or restarted; see
     /// [`super::CyclicBus::is_certain`].
     Silent,
@@ -51,7 +51,7 @@ pub(super) struct Diagnosis {
     signature: Option<u64>,
     next_round: u64,
     suspects: Vec<bool>,
-    /// Bytes of the inputs that stay as they are because their SubDevices aren't well, by rising offset.
+    /// Bytes of the inputs that stay as they are because their SubDevices aren't operational, by rising offset.
     held: Vec<Range<usize>>,
     pub rounds: u64,
 }
@@ -98,7 +98,7 @@ pub(super) fn is_process_data(purpose: Purpose) -> bool {
 impl Diagnosis {
     pub fn new(members: usize, input_areas: usize) -> Self {
         Diagnosis {
-            health: vec![Health::Well; members],
+            health: vec![Health::Operational; members],
             unanswered: vec![0; members],
             not_operational: 0,
             asking: false,
@@ -114,11 +114,11 @@ impl Diagnosis {
         &self.health
     }
 
-    /// Whether the SubDevice at `position` isn't well beyond doubt: it said so itself, or was asked often enough.
+    /// Whether the SubDevice at `position` isn't operational beyond doubt: it said so itself, or was asked often enough.
     pub fn is_certain(&self, position: u16) -> bool {
         let position = usize::from(position);
         match self.health.get(position) {
-            None | Some(Health::Well) => false,
+            None | Some(Health::Operational) => false,
             Some(Health::NotOperational { .. }) => true,
             Some(Health::Silent) => self.unanswered[position] >= CERTAIN,
         }
@@ -129,19 +129,19 @@ impl Diagnosis {
         self.unanswered.iter().any(|rounds| (1..CERTAIN).contains(rounds))
     }
 
-    /// Bytes of the inputs that belong to SubDevices which aren't well, by rising offset.
+    /// Bytes of the inputs that belong to SubDevices which aren't operational, by rising offset.
     pub fn held(&self) -> &[Range<usize>] {
         &self.held
     }
 
-    /// SubDevices that aren't [`Health::Well`].
+    /// SubDevices that aren't [`Health::Operational`].
     pub fn not_operational(&self) -> usize {
         self.not_operational
     }
 
     /// Forgets everything: another state than OP is no illness.
     pub fn reset(&mut self, frames: &mut [CyclicFrame]) {
-        self.health.fill(Health::Well);
+        self.health.fill(Health::Operational);
         self.unanswered.fill(0);
         (self.not_operational, self.asking, self.signature, self.next_round) = (0, false, None, 0);
         self.held.clear();
@@ -243,21 +243,24 @@ impl Diagnosis {
                     *unanswered = unanswered.saturating_add(1);
                     Health::Silent
                 }
-                ItemState::Answered if status == AlState::Op.bits() => Health::Well,
+                ItemState::Answered if status == AlState::Op.bits() => Health::Operational,
                 ItemState::Answered => {
                     Health::NotOperational { status, code: AlStatusCode(u16_at(&item.data, 4)) }
                 }
             };
         }
-        self.not_operational = self.health.iter().filter(|health| **health != Health::Well).count();
+        self.not_operational = self.health.iter().filter(|health| **health != Health::Operational).count();
     }
 
     /// Placements stand by position, and so do their offsets within one direction.
     fn hold(&mut self, placements: &[Placement]) {
         self.held.clear();
         for placement in placements {
-            let well = self.health.get(usize::from(placement.position)) == Some(&Health::Well);
-            if !well && placement.direction == Direction::Inputs && self.held.len() < self.held.capacity() {
+            let operational = self.health.get(usize::from(placement.position)) == Some(&Health::Operational);
+            if !operational
+                && placement.direction == Direction::Inputs
+                && self.held.len() < self.held.capacity()
+            {
                 self.held.push(placement.bytes());
             }
         }

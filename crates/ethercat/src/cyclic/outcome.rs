@@ -9,7 +9,7 @@ pub enum Exchange {
     Complete,
     /// SubDevices that are known to be missing took no part, everyone else did; the others' inputs are new.
     Without {
-        /// SubDevices that aren't well, see [`CyclicBus::health`](super::CyclicBus::health).
+        /// SubDevices that aren't operational, see [`CyclicBus::health`](super::CyclicBus::health).
         not_operational: u16,
     },
     /// A working counter isn't what it should be; the inputs are those of the last complete exchange.
@@ -52,7 +52,7 @@ pub enum Freshness {
     FrameLost,
     /// The working counter of the datagram with its inputs is wrong.
     ShortCount,
-    /// The SubDevice isn't well.
+    /// The SubDevice isn't operational.
     NotOperational,
 }
 

@@ -1,7 +1,7 @@
 //! Which clock is the reference while SubDevices go and come.
 //!
 //! Frames carry the reference's time to everybody behind it, in the order of positions; who stands before it would be
-//! told nonsense. So the first well SubDevice with a clock is the reference: another is elected when it is lost, and
+//! told nonsense. So the first operational SubDevice with a clock is the reference: another is elected when it is lost, and
 //! one that comes back before the present reference is set by that one's time first and takes over then. Its time
 //! goes on where the other's was: nothing is stepped, and what differs by the way of the frame (delays measured from
 //! the first reference, some hundred ns) the clocks' own control loops slew.
@@ -26,9 +26,9 @@ impl<L: Link> CyclicBus<L> {
             let led = |member: &&Member| {
                 let position = member.position;
                 let is_on_its_way = self.acyclic.is_recovering(position);
-                let is_well = self.health_of(position) == Health::Well && !is_on_its_way;
+                let is_operational = self.health_of(position) == Health::Operational && !is_on_its_way;
                 member.clock.is_some()
-                    && (is_well || (self.reference_is_unset && self.acyclic.has_time(position)))
+                    && (is_operational || (self.reference_is_unset && self.acyclic.has_time(position)))
             };
             match self.members.iter().find(led).map(|member| member.position) {
                 Some(position) => {
@@ -68,16 +68,16 @@ impl<L: Link> CyclicBus<L> {
         }
     }
 
-    /// One before the reference that was taken for lost and is well without a way back leads again: the frames of the
+    /// One before the reference that was taken for lost and is operational without a way back leads again: the frames of the
     /// present reference don't reach it, and its clock has run on by itself for some cycles only.
     fn give_back(&mut self, reference: u16) {
         let before = self.members.iter().take_while(|member| member.position < reference);
-        let mut well = before.filter(|member| {
+        let mut operational = before.filter(|member| {
             let position = member.position;
-            let is_well = self.health_of(position) == Health::Well;
-            member.clock.is_some() && is_well && !self.acyclic.is_recovering(position)
+            let is_operational = self.health_of(position) == Health::Operational;
+            member.clock.is_some() && is_operational && !self.acyclic.is_recovering(position)
         });
-        if let Some(position) = well.next().map(|member| member.position) {
+        if let Some(position) = operational.next().map(|member| member.position) {
             self.promoted_reference = None;
             self.set_reference(position);
         }

@@ -46,7 +46,7 @@ impl<L> CyclicBus<L> {
         self.diagnosis.health()
     }
 
-    /// Whether the SubDevice at `position` isn't well beyond doubt: it said so itself, or left several rounds of
+    /// Whether the SubDevice at `position` isn't operational beyond doubt: it said so itself, or left several rounds of
     /// questions unanswered. Before, the frames that it missed may have suffered on their way.
     pub fn is_certain(&self, position: u16) -> bool {
         self.diagnosis.is_certain(position)
@@ -69,7 +69,12 @@ impl<L> CyclicBus<L> {
 
     /// How old the inputs of the SubDevice at `position` are after the last exchange.
     pub fn freshness(&self, position: u16) -> Freshness {
-        if self.diagnosis.health().get(usize::from(position)).is_some_and(|health| *health != Health::Well) {
+        if self
+            .diagnosis
+            .health()
+            .get(usize::from(position))
+            .is_some_and(|health| *health != Health::Operational)
+        {
             return Freshness::NotOperational;
         }
         for (frame, plan) in self.exchanger.frames.iter().zip(&self.plan.frames) {
@@ -163,7 +168,7 @@ impl<L> CyclicBus<L> {
         begun
     }
 
-    /// Ends a way back on which nothing was changed yet: the SubDevice is well again by itself. `false` where there is
+    /// Ends a way back on which nothing was changed yet: the SubDevice is operational again by itself. `false` where there is
     /// none, or where it has to go on to its end.
     pub fn call_off(&mut self, position: u16) -> bool {
         let is_called_off = self.acyclic.call_off(position);

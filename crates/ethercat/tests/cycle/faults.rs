@@ -63,7 +63,7 @@ fn no_stale_input(servos: u16, frames: u64) {
     println!("{servos} servos: {complete} complete, {lost} lost, {short} short, {counters:?}");
     assert!(complete > 8 * lost && lost > 0 && short > 0);
     assert!(counters.late > 0 && counters.duplicate > 0);
-    assert!(bus.health().iter().all(|health| *health == Health::Well));
+    assert!(bus.health().iter().all(|health| *health == Health::Operational));
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn simulated_drives_stay_in_op_on_a_bad_cable() {
     }
     assert!((0..100).all(|_| runner.cycle() == Exchange::Complete));
     assert!(runner.worst_clock_ns() < 1000);
-    assert!(runner.bus().health().iter().all(|health| *health == Health::Well));
+    assert!(runner.bus().health().iter().all(|health| *health == Health::Operational));
 }
 
 /// Puts one request through the cycle and gives its result, and how many cycles it took.
@@ -170,7 +170,7 @@ fn a_power_cycled_drive_is_named_within_two_cycles_and_the_others_miss_none() {
     runner.segment().inject(1, Fault::PowerOn).unwrap();
     assert!(matches!(runner.cycle(), Exchange::ShortCount { .. }));
     runner.cycle();
-    assert_eq!(runner.bus().health(), [Health::Well, Health::Silent, Health::Well]);
+    assert_eq!(runner.bus().health(), [Health::Operational, Health::Silent, Health::Operational]);
     for _ in 0..100 {
         assert_eq!(runner.cycle(), Exchange::Without { not_operational: 1 });
         assert_eq!(runner.bus().freshness(2), Freshness::Fresh);
@@ -201,7 +201,7 @@ fn a_power_cycled_drive_comes_back_to_op_and_the_others_miss_no_cycle() {
         );
         assert!(runner.bus().link().frames - frames <= 2, "a diagnosis round is one frame more");
         recovered = recovered.or_else(|| runner.bus().poll_recovered());
-        if recovered.is_some() && runner.bus().health().iter().all(|health| *health == Health::Well) {
+        if recovered.is_some() && runner.bus().health().iter().all(|health| *health == Health::Operational) {
             println!("back in OP after {cycle} cycles");
             break;
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use omnibase_ethercat::Match;
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Health, RecoveryError, RegisterWay,
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Health, RecoveryError, RegisterAccess,
     TransitionStatus,
 };
 use omnibase_ethercat::wire::{Command, register};
@@ -58,7 +58,7 @@ fn one_that_is_in_op_all_the_time_is_left_alone() {
 fn one_that_is_in_op_with_an_error_has_it_acknowledged_and_stays() {
     let mut runner = in_op(segment_file("three-sgdv.toml"));
     // BOOT can't be reached from OP: it is refused with an error, in OP.
-    let (way, register) = (RegisterWay::Write, register::AL_CONTROL);
+    let (way, register) = (RegisterAccess::Write, register::AL_CONTROL);
     let work = AcyclicWork::Registers { way, register, data: vec![3, 0] };
     runner.bus().submit(AcyclicRequest { tag: 0, position: 1, work }).unwrap();
     runner.cycles(20);
@@ -69,7 +69,7 @@ fn one_that_is_in_op_with_an_error_has_it_acknowledged_and_stays() {
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Stayed));
     assert_eq!(runner.segment().sub_devices()[1].esc().peek(0x0130, 2).unwrap(), [8, 0]);
     runner.cycles(3);
-    assert_eq!(runner.bus().health()[1], Health::Well);
+    assert_eq!(runner.bus().health()[1], Health::Operational);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use omnibase_joystick::event::{EVENT_BYTES, events_in};
 use omnibase_joystick::{
-    AxisRange, Description, Hold, Map, Presence, RawEvent, Recorded, Shaping, State, Stick,
+    AxisRange, Description, Hold, Joystick, Map, Presence, RawEvent, Recorded, Shaping, State,
 };
 use omnibase_robot::AxisShape;
 use omnibase_robot::config::JoystickTable;
@@ -67,7 +67,7 @@ proptest! {
         let recorded = Recorded::from_bytes(&bytes).expect("a recording");
         let mut port = omnibase_joystick::Port::new(
             Plugs(JoystickTable::default(), vec![recorded]),
-            Stick::new(AGE_NS),
+            Joystick::new(AGE_NS),
         );
         for turn in 0..50u64 {
             let twist = port.turn(turn * 20 * MS).0.twist;
@@ -83,19 +83,19 @@ proptest! {
         let device = [t_flight(), xbox(), dual_sense()][which].clone();
         let map = Map::of(&JoystickTable::default(), &device).expect("a map");
         let dead_man = map.dead_man.expect("required").0;
-        let mut stick = Stick::new(AGE_NS);
-        stick.plug(0, map, at_rest(&device));
+        let mut joystick = Joystick::new(AGE_NS);
+        joystick.plug(0, map, at_rest(&device));
         let mut now_ns = 0;
         for (event, wait_ms) in events {
             now_ns += wait_ms * MS;
-            stick.heard(now_ns);
-            stick.take(event);
-            let command = stick.command(now_ns);
+            joystick.heard(now_ns);
+            joystick.take(event);
+            let command = joystick.command(now_ns);
             prop_assert!(command.twist.iter().all(|part| (-1.0..=1.0).contains(part)));
             prop_assert!(command.twist[0].hypot(command.twist[1]) <= 1.0 + 1e-12);
             if command.hold == Hold::Held {
                 prop_assert_eq!((command.presence, command.block), (Presence::Present, None));
-                prop_assert!(stick.state().is_some_and(|state| state.pressed.contains(&dead_man)));
+                prop_assert!(joystick.state().is_some_and(|state| state.pressed.contains(&dead_man)));
             } else {
                 prop_assert_eq!(command.twist, [0.0; 3]);
             }

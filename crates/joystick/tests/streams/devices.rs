@@ -4,12 +4,12 @@ use std::sync::{Arc, Mutex};
 
 use omnibase_joystick::event::{EV_SYN, EVENT_BYTES, SYN_DROPPED};
 use omnibase_joystick::{
-    AxisRange, Description, Device, Finder, Map, Port, RawEvent, Recorded, Recorder, State, Stick,
+    AxisRange, Description, Device, Finder, Joystick, Map, Port, RawEvent, Recorded, Recorder, State,
 };
 use omnibase_robot::config::JoystickTable;
 
 pub const MS: u64 = 1_000_000;
-/// The stick's age in these tests, ns.
+/// The joystick's age in these tests, ns.
 pub const AGE_NS: u64 = 200 * MS;
 
 pub const ABS_X: u16 = 0;
@@ -42,7 +42,7 @@ fn device(
     }
 }
 
-/// The stick of the thesis: 8 bits an axis, a hat, twelve buttons.
+/// The joystick of the thesis: 8 bits an axis, a hat, twelve buttons.
 pub fn t_flight() -> Description {
     let axes = [
         (ABS_X, 0, 255, 15),
@@ -60,13 +60,13 @@ const GAMEPAD_BUTTONS: [u16; 11] =
 
 /// An Xbox One S gamepad as `xpad` shows it.
 pub fn xbox() -> Description {
-    let stick = |code| (code, -32_768, 32_767, 128);
+    let joystick = |code| (code, -32_768, 32_767, 128);
     let axes = [
-        stick(ABS_X),
-        stick(ABS_Y),
+        joystick(ABS_X),
+        joystick(ABS_Y),
         (2, 0, 1023, 0),
-        stick(ABS_RX),
-        stick(4),
+        joystick(ABS_RX),
+        joystick(4),
         (ABS_RZ, 0, 1023, 0),
         (0x10, -1, 1, 0),
         (0x11, -1, 1, 0),
@@ -174,5 +174,5 @@ impl Finder for Plugs {
 
 /// A port at which a stream is plugged in, with the file's table.
 pub fn port(table: &JoystickTable, device: &Description, stream: &Stream) -> Port<Plugs> {
-    Port::new(Plugs(table.clone(), vec![stream.recorded(device)]), Stick::new(AGE_NS))
+    Port::new(Plugs(table.clone(), vec![stream.recorded(device)]), Joystick::new(AGE_NS))
 }

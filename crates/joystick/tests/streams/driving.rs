@@ -1,15 +1,15 @@
 //! What known devices do: axes, slider, dead-man, frames, stop and enable.
 
-use omnibase_joystick::{Block, Hold, Map, MapProblem, Presence, StickCommand, StickFrame};
+use omnibase_joystick::{Block, Hold, JoystickCommand, JoystickFrame, Map, MapProblem, Presence};
 use omnibase_robot::config::{
-    AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickTable, ReadyMapName, StickFrameName,
+    AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickFrameName, JoystickTable, ReadyMapName,
 };
 
 use crate::devices::*;
 
 /// Turns of 10 ms until a moment; the last command, with all requests since the one before.
-fn at(port: &mut omnibase_joystick::Port<Plugs>, from_ms: u64, to_ms: u64) -> StickCommand {
-    let mut last = StickCommand::default();
+fn at(port: &mut omnibase_joystick::Port<Plugs>, from_ms: u64, to_ms: u64) -> JoystickCommand {
+    let mut last = JoystickCommand::default();
     let mut asked = last.requests;
     for ms in (from_ms..=to_ms).step_by(10) {
         last = port.turn(ms * MS).0;
@@ -18,7 +18,7 @@ fn at(port: &mut omnibase_joystick::Port<Plugs>, from_ms: u64, to_ms: u64) -> St
         asked.reset_frame |= last.requests.reset_frame;
         asked.teach_point |= last.requests.teach_point;
     }
-    StickCommand { requests: asked, ..last }
+    JoystickCommand { requests: asked, ..last }
 }
 
 fn near(found: [f64; 3], wished: [f64; 3]) {
@@ -54,12 +54,12 @@ fn a_t_flight_stick_drives_while_its_trigger_is_held() {
     let free = at(&mut port, 0, 90);
     assert_eq!((free.hold, free.twist, free.presence), (Hold::Released, [0.0; 3], Presence::Present));
     let forward = at(&mut port, 100, 190);
-    assert_eq!((forward.hold, forward.frame, forward.block), (Hold::Held, StickFrame::Platform, None));
+    assert_eq!((forward.hold, forward.frame, forward.block), (Hold::Held, JoystickFrame::Platform, None));
     near(forward.twist, [1.0, 0.0, 0.0]);
     near(at(&mut port, 200, 290).twist, [0.0, 1.0, 0.0]);
     // To the right is clockwise; a tenth is left of the speed.
     near(at(&mut port, 300, 390).twist, [0.0, 0.0, -0.1]);
-    // Five seconds without an event: a resting stick isn't a lost one.
+    // Five seconds without an event: a resting joystick isn't a lost one.
     let resting = at(&mut port, 400, 5290);
     assert_eq!((resting.hold, resting.age_ns), (Hold::Held, Some(0)));
     near(resting.twist, [0.0, 0.0, -0.1]);
@@ -122,14 +122,14 @@ fn all_listed_ids_have_a_map_and_a_pads_other_devices_do_not_fit() {
 }
 
 #[test]
-fn what_is_held_when_the_stick_comes_must_be_let_go_first() {
+fn what_is_held_when_the_joystick_comes_must_be_let_go_first() {
     let device = t_flight();
     let mut state = at_rest(&device);
     state.axes.insert(ABS_Y, 0);
     state.pressed.insert(BTN_TRIGGER);
-    let mut stick = omnibase_joystick::Stick::new(AGE_NS);
-    stick.plug(0, Map::of(&JoystickTable::default(), &device).expect("a map"), state);
-    assert_eq!(stick.command(1).hold, Hold::Released);
+    let mut joystick = omnibase_joystick::Joystick::new(AGE_NS);
+    joystick.plug(0, Map::of(&JoystickTable::default(), &device).expect("a map"), state);
+    assert_eq!(joystick.command(1).hold, Hold::Released);
     let button = |value| omnibase_joystick::RawEvent::button(0, BTN_TRIGGER, value);
     let forward = |value| omnibase_joystick::RawEvent::axis(0, ABS_Y, value);
     for (event, held) in [
@@ -144,9 +144,9 @@ fn what_is_held_when_the_stick_comes_must_be_let_go_first() {
         (button(1), Hold::Held),
         (forward(0), Hold::Held),
     ] {
-        stick.take(event);
-        stick.take(omnibase_joystick::RawEvent::report(0));
-        assert_eq!(stick.command(2).hold, held, "{event:?}");
+        joystick.take(event);
+        joystick.take(omnibase_joystick::RawEvent::report(0));
+        assert_eq!(joystick.command(2).hold, held, "{event:?}");
     }
 }
 
@@ -157,25 +157,25 @@ fn frames_are_chosen_by_buttons_and_the_fixed_one_is_reset_once() {
     let mut table = JoystickTable::default();
     table.buttons.toggle_frame = Some(ButtonCode(0x126));
     let mut port = port(&table, &t_flight(), &stream.report());
-    assert_eq!(at(&mut port, 0, 90).frame, StickFrame::Fixed);
+    assert_eq!(at(&mut port, 0, 90).frame, JoystickFrame::Fixed);
     let reset = at(&mut port, 100, 190);
-    assert_eq!((reset.frame, reset.requests.reset_frame), (StickFrame::Fixed, true));
+    assert_eq!((reset.frame, reset.requests.reset_frame), (JoystickFrame::Fixed, true));
     assert!(!port.turn(191 * MS).0.requests.reset_frame);
-    assert_eq!(at(&mut port, 200, 290).frame, StickFrame::Platform);
-    assert_eq!(at(&mut port, 300, 390).frame, StickFrame::Fixed);
-    assert_eq!(at(&mut port, 400, 490).frame, StickFrame::Platform);
+    assert_eq!(at(&mut port, 200, 290).frame, JoystickFrame::Platform);
+    assert_eq!(at(&mut port, 300, 390).frame, JoystickFrame::Fixed);
+    assert_eq!(at(&mut port, 400, 490).frame, JoystickFrame::Platform);
     // A point is remembered once a press.
     let stream = tap(Stream::default(), 0x125).report();
     let mut port = self::port(&JoystickTable::default(), &t_flight(), &stream);
     assert!(at(&mut port, 0, 90).requests.teach_point);
     assert!(!port.turn(91 * MS).0.requests.teach_point);
     // The file may begin with the fixed one.
-    let table = JoystickTable { frame: Some(StickFrameName::Fixed), ..JoystickTable::default() };
-    assert_eq!(Map::of(&table, &t_flight()).expect("a map").frame, StickFrame::Fixed);
+    let table = JoystickTable { frame: Some(JoystickFrameName::Fixed), ..JoystickTable::default() };
+    assert_eq!(Map::of(&table, &t_flight()).expect("a map").frame, JoystickFrame::Fixed);
 }
 
 #[test]
-fn stop_takes_the_command_away_until_the_stick_is_enabled() {
+fn stop_takes_the_command_away_until_the_joystick_is_enabled() {
     let stream = Stream::default()
         .axis(ABS_Y, 0)
         .press(BTN_TRIGGER)
@@ -221,23 +221,23 @@ fn stop_takes_the_command_away_until_the_stick_is_enabled() {
 }
 
 #[test]
-fn without_a_dead_man_only_a_deflected_stick_commands() {
+fn without_a_dead_man_only_a_deflected_joystick_commands() {
     let table = JoystickTable { dead_man: Some(DeadManRule::NotRequired), ..JoystickTable::default() };
     let device = t_flight();
     let mut state = at_rest(&device);
     state.axes.extend([(ABS_Y, 0), (ABS_THROTTLE, 0)]);
-    let mut stick = omnibase_joystick::Stick::new(AGE_NS);
-    stick.plug(0, Map::of(&table, &device).expect("a map"), state);
+    let mut joystick = omnibase_joystick::Joystick::new(AGE_NS);
+    joystick.plug(0, Map::of(&table, &device).expect("a map"), state);
     // Deflected when it came: it must rest once.
     let [deflected, resting] = [0, 127].map(|value| {
-        stick.take(omnibase_joystick::RawEvent::axis(0, ABS_Y, value));
-        stick.take(omnibase_joystick::RawEvent::report(0));
-        stick.command(1).hold
+        joystick.take(omnibase_joystick::RawEvent::axis(0, ABS_Y, value));
+        joystick.take(omnibase_joystick::RawEvent::report(0));
+        joystick.command(1).hold
     });
     assert_eq!((deflected, resting), (Hold::Released, Hold::Released));
-    stick.take(omnibase_joystick::RawEvent::axis(0, ABS_Y, 255));
-    stick.take(omnibase_joystick::RawEvent::report(0));
-    let back = stick.command(2);
+    joystick.take(omnibase_joystick::RawEvent::axis(0, ABS_Y, 255));
+    joystick.take(omnibase_joystick::RawEvent::report(0));
+    let back = joystick.command(2);
     assert_eq!(back.hold, Hold::Held);
     near(back.twist, [-1.0, 0.0, 0.0]);
 }

@@ -1,7 +1,7 @@
-//! Lost sticks and lost events.
+//! Lost joysticks and lost events.
 
 use omnibase_joystick::port::{Happened, SEARCH_NS};
-use omnibase_joystick::{Block, Hold, Port, Presence, RawEvent, Stick};
+use omnibase_joystick::{Block, Hold, Joystick, Port, Presence, RawEvent};
 use omnibase_robot::config::JoystickTable;
 
 use crate::devices::*;
@@ -11,7 +11,7 @@ fn held() -> Stream {
 }
 
 #[test]
-fn an_unplugged_stick_is_found_again_and_stays_blocked_until_a_person_enables_it() {
+fn an_unplugged_joystick_is_found_again_and_stays_blocked_until_a_person_enables_it() {
     let device = t_flight();
     let again = Stream::default()
         .press(BTN_TRIGGER)
@@ -30,7 +30,7 @@ fn an_unplugged_stick_is_found_again_and_stays_blocked_until_a_person_enables_it
         .wait_ms(100)
         .report();
     let recordings = vec![held().report().recorded(&device), again.recorded(&device)];
-    let mut port = Port::new(Plugs(JoystickTable::default(), recordings), Stick::new(AGE_NS));
+    let mut port = Port::new(Plugs(JoystickTable::default(), recordings), Joystick::new(AGE_NS));
     let mut happened = Vec::new();
     for ms in (0..=2000).step_by(10) {
         let (command, what) = port.turn(ms * MS);
@@ -60,7 +60,7 @@ fn an_unplugged_stick_is_found_again_and_stays_blocked_until_a_person_enables_it
 }
 
 #[test]
-fn a_reader_that_falls_silent_for_longer_than_the_age_loses_the_stick() {
+fn a_reader_that_falls_silent_for_longer_than_the_age_loses_the_joystick() {
     let mut port = port(&JoystickTable::default(), &t_flight(), &held().wait_ms(10_000).report());
     port.turn(0);
     assert_eq!(port.turn(10 * MS).0.hold, Hold::Held);
@@ -68,9 +68,9 @@ fn a_reader_that_falls_silent_for_longer_than_the_age_loses_the_stick() {
     assert_eq!(port.turn(10 * MS + AGE_NS).0.hold, Hold::Held);
     // Who asks without reading sees the age rise, and the loss.
     let now_ns = 10 * MS + AGE_NS;
-    let stick = port.stick_mut();
-    assert_eq!(stick.command(now_ns + 1).age_ns, Some(1));
-    let lost = stick.command(now_ns + AGE_NS + 1);
+    let joystick = port.joystick_mut();
+    assert_eq!(joystick.command(now_ns + 1).age_ns, Some(1));
+    let lost = joystick.command(now_ns + AGE_NS + 1);
     assert_eq!((lost.presence, lost.block), (Presence::Absent, Some(Block::Lost)));
     // It is read again: there, but blocked.
     let back = port.turn(now_ns + AGE_NS + MS).0;
@@ -93,18 +93,18 @@ fn a_gap_between_two_readings_counts_though_nobody_asked_in_it() {
 }
 
 #[test]
-fn a_stick_that_is_not_there_cannot_be_enabled() {
+fn a_joystick_that_is_not_there_cannot_be_enabled() {
     let mut port = port(&JoystickTable::default(), &t_flight(), &held());
     port.turn(0);
     port.turn(100 * MS);
     assert_eq!(port.turn(200 * MS).0.block, Some(Block::Lost));
-    port.stick_mut().enable();
+    port.joystick_mut().enable();
     assert_eq!(port.turn(210 * MS).0.block, Some(Block::Lost));
 }
 
 #[test]
 fn after_lost_events_the_device_is_asked_for_its_state() {
-    // The buffer ran over while the trigger was let go and the stick went back: none of that arrives whole.
+    // The buffer ran over while the trigger was let go and the joystick went back: none of that arrives whole.
     let stream = held()
         .axis(ABS_X, 255)
         .dropped()
@@ -129,24 +129,24 @@ fn after_lost_events_the_device_is_asked_for_its_state() {
 fn a_state_that_was_read_after_lost_events_presses_buttons_too() {
     let device = t_flight();
     let map = omnibase_joystick::Map::of(&JoystickTable::default(), &device).expect("a map");
-    let mut stick = Stick::new(AGE_NS);
-    stick.plug(0, map, at_rest(&device));
+    let mut joystick = Joystick::new(AGE_NS);
+    joystick.plug(0, map, at_rest(&device));
     let mut state = at_rest(&device);
     state.pressed.insert(BTN_THUMB);
-    stick.reread(state);
-    assert!(stick.command(1).requests.stop);
+    joystick.reread(state);
+    assert!(joystick.command(1).requests.stop);
 }
 
 #[test]
 fn half_a_report_is_none() {
     let device = t_flight();
     let map = omnibase_joystick::Map::of(&JoystickTable::default(), &device).expect("a map");
-    let mut stick = Stick::new(AGE_NS);
-    stick.plug(0, map, at_rest(&device));
-    stick.command(0);
-    stick.take(RawEvent::button(0, BTN_TRIGGER, 1));
-    stick.take(RawEvent::axis(0, ABS_Y, 0));
-    assert_eq!(stick.command(1).hold, Hold::Released);
-    stick.take(RawEvent::report(0));
-    assert_eq!(stick.command(2).hold, Hold::Held);
+    let mut joystick = Joystick::new(AGE_NS);
+    joystick.plug(0, map, at_rest(&device));
+    joystick.command(0);
+    joystick.take(RawEvent::button(0, BTN_TRIGGER, 1));
+    joystick.take(RawEvent::axis(0, ABS_Y, 0));
+    assert_eq!(joystick.command(1).hold, Hold::Released);
+    joystick.take(RawEvent::report(0));
+    assert_eq!(joystick.command(2).hold, Hold::Held);
 }

@@ -1,4 +1,4 @@
-//! Recorded streams of known devices, made of bytes, through map and stick; and streams of anything.
+//! Recorded streams of known devices, made of bytes, through map and joystick; and streams of anything.
 
 mod anything;
 mod devices;

@@ -3,9 +3,9 @@
 mod view;
 
 use crate::Outcome;
+use crate::joystick::{JoystickOptions, Source};
 use crate::progress::note;
 use crate::robot_file::{Changes, RobotSource};
-use crate::stick::{Source, StickOptions};
 use omnibase_host::stop_on_signals;
 use omnibase_joystick::port::Happened;
 use omnibase_joystick::{Map, Recorder, find};
@@ -31,8 +31,8 @@ const PLAYED_TURN_NS: u64 = 5_000_000;
 #[command(after_help = "Examples:
   omnibase joystick --list                              devices that are there
   omnibase joystick robots/bmm.toml                     the map and live values of the first one that fits
-  omnibase joystick --record stick.events               keep its events
-  omnibase joystick --events stick.events --json        play them, without any device
+  omnibase joystick --record joystick.events               keep its events
+  omnibase joystick --events joystick.events --json        play them, without any device
 
 Ctrl-C ends. Exit code 1 where there is no device.")]
 pub struct Arguments {
@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         return list(&table, arguments.json, output);
     }
     let path = arguments.device.clone().or_else(|| arguments.events.clone());
-    let source = Source::open(&StickOptions { path, table: table.clone() })?;
+    let source = Source::open(&JoystickOptions { path, table: table.clone() })?;
     if let Source::Installed(finder) = &source
         && finder.path().is_none()
     {
@@ -150,7 +150,7 @@ fn watch(
                     let file = Box::new(omnibase_record::create(path)?);
                     recorder = Some(Recorder::start(file, device, state)?);
                 }
-                if let Some(map) = port.stick().map() {
+                if let Some(map) = port.joystick().map() {
                     view.map(map, output)?;
                 }
             }
@@ -165,12 +165,12 @@ fn watch(
             Some(Happened::Unplugged) | None => {}
         }
         if !is_picture {
-            view.line(now_ns, &command, port.stick(), happened.as_ref(), output)?;
+            view.line(now_ns, &command, port.joystick(), happened.as_ref(), output)?;
             if is_paced {
                 output.flush()?;
             }
         } else if shown.elapsed() >= PICTURE {
-            view.picture(&command, port.stick(), output)?;
+            view.picture(&command, port.joystick(), output)?;
             shown = Instant::now();
         }
         if is_played && happened == Some(Happened::Unplugged) {

@@ -17,7 +17,7 @@ use crate::Outcome;
 use crate::running;
 use crate::token;
 use anyhow::Context;
-use omnibase_client::robots::{Found, Place};
+use omnibase_client::robots::{Endpoint, Found};
 use serde_json::{Map, Value, json};
 use std::convert::Infallible;
 use std::io::Write;
@@ -78,7 +78,7 @@ pub struct Set {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "What can be asked:
   enable, acknowledge, track, pause, resume, go_to_start, emergency_stop, release
-  enable_joystick                          the stick at the robot's computer, after it was lost or stopped
+  enable_joystick                          the joystick at the robot's computer, after it was lost or stopped
   stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
   go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
   set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known
@@ -158,10 +158,10 @@ impl Line {
     /// Asks for something of the API, with or without a body: whether it succeeded, and what was answered.
     fn exchange(&self, what: &str, body: Option<&str>) -> anyhow::Result<(bool, String)> {
         let address = match &self.robot.place {
-            Place::Socket(path) => {
+            Endpoint::Socket(path) => {
                 return owner::exchange(path, what, body, LONGEST).with_context(|| self.nobody());
             }
-            Place::Address(address) => address,
+            Endpoint::Address(address) => address,
         };
         let url = format!("http://{address}/api/{what}");
         let token = format!("Bearer {}", self.robot.token);

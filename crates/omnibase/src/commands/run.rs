@@ -1,12 +1,12 @@
 //! `omnibase run`: the whole robot, from its file to the error at the end.
 
 mod calendar;
+mod joystick_thread;
 mod operated;
 mod page;
 mod recording;
 mod reference;
 mod report;
-mod stick_thread;
 
 use crate::progress::{bar, note};
 use crate::real_time::RealTime;

@@ -59,8 +59,7 @@ fn an_axis_is_homed_moved_and_stopped_and_its_failure_told_on_the_page() {
         |metres: f64| format!("void (document.querySelector('[data-axis=lift] input').value = '{metres}')");
     // Refused in words.
     page.value(&to(0.3));
-    page.click("#axis-Move");
-    page.wait("document.getElementById('said').textContent.includes('home it first')");
+    press(&mut page, "#axis-Move", "document.getElementById('said').textContent.includes('home it first')");
     press(&mut page, "#axis-Home", &format!("{state} === 'homing'"));
     page.wait(&format!("{state} === 'holding' && Math.abs(parseFloat({place})) < 1e-3"));
     page.picture("axis");

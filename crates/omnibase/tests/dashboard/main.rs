@@ -3,26 +3,29 @@
 mod axes;
 mod browser;
 mod inputs;
+#[path = "../joystick_recording/mod.rs"]
+mod joystick_recording;
 mod line;
 mod old;
 mod robot;
 mod seat;
 mod socket;
 mod sources;
-#[path = "../stick_recording/mod.rs"]
-mod stick_recording;
 mod stop;
+mod teaching;
 mod warning;
 
 use browser::{Browser, LONGEST};
+use joystick_recording::recording;
 use robot::{Robot, TOKEN};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use stick_recording::recording;
 
 /// A press that brought nothing by then hit nothing.
 const HIT: Duration = Duration::from_secs(10);
-/// The stick's stop button.
+/// What was asked last was done.
+const DONE: &str = "document.getElementById('said').textContent === 'done'";
+/// The joystick's stop button.
 const STOP: u16 = 0x121;
 const SQUARE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/square.dat");
 
@@ -47,7 +50,9 @@ fn press(page: &mut Browser, selector: &str, brings: &str) {
     let (begin, refused) = (Instant::now(), "document.getElementById('said').classList.contains('no')");
     loop {
         assert!(begin.elapsed() < LONGEST, "{selector} never brought {brings}");
-        page.value("void (document.getElementById('said').className = 'said')");
+        page.value(
+            "void Object.assign(document.getElementById('said'), { className: 'said', textContent: '' })",
+        );
         page.click(selector);
         page.is_true_within(&format!("({brings}) || {refused}"), HIT);
         if page.value(&format!("Boolean({brings})")) == json!(true) {
@@ -202,70 +207,6 @@ fn a_gamepad_at_the_browser_drives_and_its_loss_stops_and_blocks() {
 }
 
 #[test]
-fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
-    let Some(mut page) = browser(390, 844) else { return };
-    let robot = Robot::start(&[]);
-    page.open(&robot.url());
-    opened(&mut page);
-    press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
-    page.picture("phone");
-    page.click("#teach");
-    page.wait("document.getElementById('teach').textContent.startsWith('End')");
-    let stick = page.middle("#stick");
-    let held = Stick {
-        hold: &|page| {
-            page.mouse("mousePressed", stick);
-            page.mouse("mouseMoved", [stick[0] - 30.0, stick[1] - 50.0]);
-        },
-        let_go: &|page| page.mouse("mouseReleased", stick),
-    };
-    while robot.value("state/pose_x_m") < 0.3 {
-        if robot.speed_m_s() < 0.2 {
-            drive(&mut page, &robot, &held);
-        }
-        cycles_pass(&robot, 20, |_| ());
-    }
-    page.picture("phone-driving");
-    page.mouse("mouseReleased", stick);
-    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
-    let end_m = robot.value("state/pose_x_m");
-    page.click("#teach");
-    page.wait("document.getElementById('said').textContent.startsWith('taught')");
-    // Away from its start the path is refused, with a word.
-    page.click("[data-do=track]");
-    page.wait("document.getElementById('said').textContent.includes('too far from the path')");
-    page.click("[data-do=go_to_start]");
-    robot.wait("it is back", |robot| {
-        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
-    });
-    page.click("[data-do=track]");
-    robot.wait("it repeats", |robot| {
-        robot.read("now")["phase"] == "holding" && (robot.value("state/pose_x_m") - end_m).abs() < 0.002
-    });
-    page.picture("phone-repeated");
-    assert!(
-        robot.folder.path().join("path-1.toml").is_file() && robot.folder.path().join("path-1.dat").is_file()
-    );
-    // Single points: here, and back where it began.
-    page.value("void (document.getElementById('teach-by').value = 'points')");
-    page.click("#teach");
-    page.wait("!document.getElementById('teach-point').hidden");
-    page.click("#teach-point");
-    page.wait("document.getElementById('teach').textContent === 'End and save (1 point)'");
-    page.picture("phone-points");
-    page.click("[data-do=go_to_start]");
-    robot.wait("it is back", |robot| {
-        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
-    });
-    page.click("#teach-point");
-    page.wait("document.getElementById('teach').textContent === 'End and save (2 points)'");
-    page.click("#teach");
-    page.wait("document.getElementById('said').textContent.startsWith('taught 2 points')");
-    page.wait("document.getElementById('teach-point').hidden");
-    robot.end();
-}
-
-#[test]
 fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     let Some(mut page) = browser(1400, 1000) else { return };
     let fence = "fence.rectangle_m=[-1.2, -1.6, 3.2, 1.6]";
@@ -320,7 +261,7 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     let aside_m = |point: &Value| point[1][1].as_f64().unwrap().abs();
     let bent_m = trace.as_array().unwrap().iter().map(aside_m).fold(0.0, f64::max);
     assert!(bent_m > 0.3, "{bent_m} m, {}", robot.read("now")["obstacles"]);
-    page.click("#obstacle-bar [name=remove]");
+    press(&mut page, "#obstacle-bar [name=remove]", "document.getElementById('obstacle-bar').hidden");
     robot.wait("it is gone", |robot| robot.read("now")["obstacles"] == json!([]));
     page.wait("document.getElementById('obstacle-bar').hidden");
     robot.end();
@@ -444,8 +385,8 @@ fn a_joystick_that_was_stopped_or_lost_is_shown_and_enabled_by_a_page_or_the_com
         page.wait(
             "document.getElementById('banner').textContent.includes('joystick at the robot is blocked')",
         );
-        page.click("#enable-joystick");
-        page.wait("document.getElementById('joystick-is').textContent.includes('comes before this page')");
+        let enabled = "document.getElementById('joystick-is').textContent.includes('comes before this page')";
+        press(&mut page, "#enable-joystick", enabled);
         // Its gains are settings like any others.
         page.wait("document.getElementById('set-joystick.forward.gain')?.value === '1'");
         page.click("#settings summary");

@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use omnibase_client::robots::{Found, Place};
+use omnibase_client::robots::{Endpoint, Found};
 use omnibase_client::{Error, Frame, Row, Seat, States, Wanted};
 use serde_json::json;
 
@@ -18,7 +18,7 @@ const PATIENT: &str = "\n[safety]\ncommand_age_ms = 1000\n";
 
 fn found(robot: &Robot) -> Found {
     let address = robot.at.trim_start_matches("http://").parse().unwrap();
-    Found { robot: String::new(), place: Place::Address(address), token: TOKEN.to_owned() }
+    Found { robot: String::new(), place: Endpoint::Address(address), token: TOKEN.to_owned() }
 }
 
 /// The usual robot, more patient, that holds.

@@ -4,6 +4,8 @@
 //! is measured is measured by the simulator, in the segment's own time.
 
 mod ends;
+#[path = "../joystick_recording/mod.rs"]
+mod joystick_recording;
 mod manners;
 mod own_crate;
 mod owner;
@@ -11,8 +13,6 @@ mod recovery;
 mod redundancy;
 mod refusals;
 mod same_end;
-#[path = "../stick_recording/mod.rs"]
-mod stick_recording;
 mod support;
 mod system_calls;
 mod watchdog;

@@ -1,6 +1,6 @@
-//! A crate that `omnibase new` made, built outside the workspace: its stages go wherever the program goes.
+//! A crate that `omnibase new` made, outside the workspace: its stages go wherever the program goes.
 
-use crate::stick_recording::recording;
+use crate::joystick_recording::recording;
 use crate::support::{Ended, PATIENT, Program, number, repository};
 use omnibase_host::Namespace;
 use std::fs;
@@ -8,25 +8,57 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Buttons of the recorded stick: held while driving, and taken before.
+/// Buttons of the recorded joystick: held while driving, and taken before.
 const TRIGGER: u16 = 0x120;
 const ENABLE: u16 = 0x12B;
 const ABS_Y: u16 = 1;
 
-/// A fresh crate, and its program, built.
+/// A fresh crate, and its program: built against the library as the workspace built it, for `cargo build` outside the
+/// workspace would compile that library anew for minutes. `.ci/run` has cargo build and test such a crate.
 fn own_crate() -> (PathBuf, PathBuf) {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-robot");
     let _ = fs::remove_dir_all(&folder);
     let made = Program::omnibase(&["new", folder.to_str().unwrap()]).end();
     assert!(made.status.success(), "{}", made.said);
-    // The same dependencies as here, so that they are built once.
+    // The same dependencies as here.
     fs::copy(repository("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
-    let target = Path::new(env!("CARGO_BIN_EXE_omnibase")).ancestors().nth(2).unwrap();
-    let mut cargo = Command::new("cargo");
-    cargo.args(["build", "--quiet", "--offline"]).current_dir(&folder).env("CARGO_TARGET_DIR", target);
-    let built = Program::start(cargo).end();
-    assert!(built.status.success(), "{}", built.said);
-    (folder, target.join("debug/own-robot"))
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(&folder);
+        let ended = Program::start(command).end();
+        assert!(ended.status.success(), "{program} {arguments:?}: {}", ended.said);
+        ended.output
+    };
+    let metadata = run("cargo", &["metadata", "--offline", "--format-version", "1"]);
+    let metadata: serde_json::Value = serde_json::from_str(&metadata).unwrap();
+    assert_eq!(metadata["workspace_members"].as_array().map(Vec::len), Some(1), "no part of this workspace");
+    let built = Path::new(env!("CARGO_BIN_EXE_omnibase")).with_file_name("deps");
+    let omnibase = format!("omnibase={}", newest(&built, "libomnibase-").display());
+    let dependencies = format!("dependency={}", built.display());
+    let flags = ["--edition=2024", "-Copt-level=1", "--extern", &omnibase, "-L", &dependencies];
+    run("rustc", &[&flags[..], &["--crate-type=lib", "--crate-name=own_robot", "src/lib.rs"]].concat());
+    let with_stages = [&flags[..], &["--extern", "own_robot=libown_robot.rlib"]].concat();
+    run(
+        "rustc",
+        &[
+            &with_stages[..],
+            &["--crate-name=own_robot", "-Cmetadata=program", "src/main.rs", "-o", "own-robot"],
+        ]
+        .concat(),
+    );
+    let program = folder.join("own-robot");
+    (folder, program)
+}
+
+/// The library of this name that was built last.
+fn newest(folder: &Path, name: &str) -> PathBuf {
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let is_it = |path: &PathBuf| {
+        let file = path.file_name().unwrap().to_string_lossy().into_owned();
+        file.starts_with(name) && file.ends_with(".rlib")
+    };
+    let built = |path: &PathBuf| fs::metadata(path).unwrap().modified().unwrap();
+    files.filter(is_it).max_by_key(built).expect("a library beside its program")
 }
 
 /// The crate's folder and its program, made once for all tests here.
@@ -90,7 +122,7 @@ fn a_crate_of_ones_own_has_its_page_and_answers_the_command_line() {
 }
 
 #[test]
-fn a_crate_of_ones_own_is_driven_by_a_stick() {
+fn a_crate_of_ones_own_is_driven_by_a_joystick() {
     let folder = tempfile::tempdir().unwrap();
     // Grasped again and again: drives come up when the machine lets them.
     let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);

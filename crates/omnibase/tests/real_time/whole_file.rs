@@ -1,6 +1,6 @@
-//! A robot's file alone: interface, page, stick and recording come up as it says, with no option given.
+//! A robot's file alone: interface, page, joystick and recording come up as it says, with no option given.
 
-use crate::stick_recording::recording;
+use crate::joystick_recording::recording;
 use crate::support::{Program, events, repository};
 use omnibase_host::Namespace;
 use std::fs;
@@ -10,7 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-/// Buttons of the recorded stick: held while driving, and taken before.
+/// Buttons of the recorded joystick: held while driving, and taken before.
 const TRIGGER: u16 = 0x120;
 const ENABLE: u16 = 0x12B;
 const ABS_Y: u16 = 1;
@@ -32,7 +32,7 @@ fn robot(folder: &Path) -> String {
     let near = Namespace::NEAR;
     text += &format!(
         "[run]\ninterface = \"{near}\"\nrealtime = true\ncpu = 0\ndashboard = \"127.0.0.1:0\"\n\
-         token_file = \"secret\"\npaths = \"taught\"\njoystick = \"stick.events\"\n\
+         token_file = \"secret\"\npaths = \"taught\"\njoystick = \"joystick.events\"\n\
          [recording]\nfile = \"runs/{{time}}.mcap\"\nsignals = [\"state.pose_x_m\", \"wheel_*.speed_rad_s\"]\n\
          every_ms = 20\nlimit_mb = 1\nfiles = 3\n"
     );
@@ -51,7 +51,7 @@ fn page(address: &str) -> String {
 }
 
 #[test]
-fn the_file_alone_brings_up_interface_page_stick_and_recording() {
+fn the_file_alone_brings_up_interface_page_joystick_and_recording() {
     let Some(namespace) = Namespace::for_test("the_file_alone") else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

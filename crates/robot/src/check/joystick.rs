@@ -1,4 +1,4 @@
-//! A stick's table against itself and against the ready maps; against a device it is checked when that is there.
+//! A joystick's table against itself and against the ready maps; against a device it is checked when that is there.
 
 use std::collections::BTreeMap;
 
@@ -64,7 +64,7 @@ impl Check {
             }
         }
         for Clash { setting, value, kind, reason } in clashes.into_values() {
-            let reason = format_args!("the stick fits no ready map: {reason}");
+            let reason = format_args!("the joystick fits no ready map: {reason}");
             self.report(kind, &setting, reason).value = Some(value);
         }
     }
@@ -74,10 +74,14 @@ impl Check {
             let why = "without a ready map nobody else names the dead-man button";
             self.need(table.buttons.dead_man, "joystick.buttons.dead_man", why);
         }
-        let why = "a stick that was stopped or lost drives again only after a person enabled it";
+        let why = "a joystick that was stopped or lost drives again only after a person enabled it";
         self.need(table.buttons.enable, "joystick.buttons.enable", why);
         if table.forward.axis.is_none() && table.left.axis.is_none() && table.turn.axis.is_none() {
-            self.need(None::<AxisCode>, "joystick.forward.axis", "a stick has at least one axis that drives");
+            self.need(
+                None::<AxisCode>,
+                "joystick.forward.axis",
+                "a joystick has at least one axis that drives",
+            );
         }
     }
 }

@@ -91,10 +91,14 @@ pub(super) fn pdos(
         let pdo = name.and_then(|name| match parse_object(name) {
             Ok((index, 0)) if (low..=high).contains(&index) => Some(index),
             _ => {
-                let reason = "not a PDO index for this direction";
+                let reason = if low == OUTPUT_PDOS.0 {
+                    "a PDO of outputs, which the SubDevice receives, has an index of its own range"
+                } else {
+                    "a PDO of inputs, which the SubDevice sends, has an index of its own range"
+                };
                 let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.pdo"), reason);
                 problem.value = Some(format!("\"{name}\""));
-                problem.limit = Some(format!("0x{low:04X} to 0x{high:04X}"));
+                problem.limit = Some(format!("\"0x{low:04X}\" to \"0x{high:04X}\""));
                 None
             }
         });

@@ -162,6 +162,23 @@ fn no_file_at_all_names_what_is_needed() {
     {
         assert!(problems.iter().any(|problem| problem.setting == setting), "{setting}: {}", show(&problems));
     }
+    let said = show(&problems);
+    let layout = said.lines().find(|line| line.starts_with("platform.layout")).unwrap();
+    assert!(layout.contains("where the wheels stand (allowed: ") && layout.contains("mecanum"), "{said}");
+}
+
+#[test]
+fn a_pdo_of_the_other_direction_is_told_with_what_is_expected_and_found() {
+    let other = "outputs = [{ pdo = \"0x1A00\", map = \"6040:16\" }]\ninputs = [{ pdo = \"0x1600\", map = \"6041:16\" }]\n";
+    let problems = problems(&BMM.replacen("[[drive]]\n", &format!("[[drive]]\n{other}"), 1));
+    for (key, direction, allowed) in [
+        ("outputs", "which the SubDevice receives", "\"0x1600\" to \"0x17FF\""),
+        ("inputs", "which the SubDevice sends", "\"0x1A00\" to \"0x1BFF\""),
+    ] {
+        let (problem, kind, ..) = found(&problems, &format!("drive[0].{key}[0].pdo"));
+        assert_eq!((kind, problem.limit.as_deref()), (ProblemKind::OutOfRange, Some(allowed)));
+        assert!(problem.reason.contains(direction), "{problem}");
+    }
 }
 
 #[test]
@@ -277,28 +294,28 @@ fn the_shipped_schema_is_the_present_one() {
 }
 
 #[test]
-fn a_stick_is_read_by_the_names_of_evdev() {
+fn a_joystick_is_read_by_the_names_of_evdev() {
     let text = format!(
         "{BMM}\n[joystick]\nmap = \"xbox\"\nforward = {{ axis = \"ABS_RY\", gain = 0.5 }}\n\
          buttons = {{ dead_man = \"BTN_A\", platform_frame = \"BTN_TL\" }}\n"
     );
     let plan = check(&text).unwrap_or_else(|problems| panic!("{}", show(&problems)));
-    let stick = &plan.joystick;
-    assert_eq!(stick.forward.axis, Some(AxisCode(4)));
-    assert_eq!((stick.forward.gain, stick.left.axis), (Some(0.5), None));
+    let joystick = &plan.joystick;
+    assert_eq!(joystick.forward.axis, Some(AxisCode(4)));
+    assert_eq!((joystick.forward.gain, joystick.left.axis), (Some(0.5), None));
     // BTN_A is another name of BTN_SOUTH.
-    assert_eq!(stick.buttons.dead_man.map(|button| button.name()), Some("BTN_SOUTH".into()));
-    assert_eq!(stick.buttons.platform_frame, Some(ButtonCode(0x136)));
+    assert_eq!(joystick.buttons.dead_man.map(|button| button.name()), Some("BTN_SOUTH".into()));
+    assert_eq!(joystick.buttons.platform_frame, Some(ButtonCode(0x136)));
     assert_eq!(check(BMM).unwrap().joystick, JoystickTable::default());
 }
 
 #[test]
-fn wrong_settings_of_a_stick_come_with_their_places() {
-    let stick = "[joystick]\nmap = \"none\"\nage_ms = 5\n[joystick.forward]\naxis = \"ABS_W\"\ngain = 1.5\n\
+fn wrong_settings_of_a_joystick_come_with_their_places() {
+    let joystick = "[joystick]\nmap = \"none\"\nage_ms = 5\n[joystick.forward]\naxis = \"ABS_W\"\ngain = 1.5\n\
                  [joystick.left]\naxis = \"ABS_X\"\ndead_zone = 0.95\n[joystick.turn]\naxis = \"ABS_X\"\n\
                  expo = -0.1\n[joystick.buttons]\nstop = \"BTN_THUMB\"\nenable = \"BTN_THUMB\"\n";
     let first = BMM.lines().count() + 1;
-    let problems = problems(&format!("{BMM}{stick}"));
+    let problems = problems(&format!("{BMM}{joystick}"));
     let expected = [
         ("joystick.age_ms", ProblemKind::OutOfRange, 2),
         ("joystick.forward.axis", ProblemKind::UnknownName, 4),
@@ -317,8 +334,8 @@ fn wrong_settings_of_a_stick_come_with_their_places() {
     assert!(show(&problems).contains("ABS_THROTTLE"), "{}", show(&problems));
 }
 
-/// The settings, lines and reasons of what is wrong with a stick's table behind the robot's file.
-fn stick_problems(table: &str) -> Vec<(String, ProblemKind, usize, String)> {
+/// The settings, lines and reasons of what is wrong with a joystick's table behind the robot's file.
+fn joystick_problems(table: &str) -> Vec<(String, ProblemKind, usize, String)> {
     let first = BMM.lines().count();
     let told = |problem: Problem| {
         let line = problem.place.as_ref().expect("a place").line - first;
@@ -335,7 +352,7 @@ fn a_task_that_the_ready_map_gave_to_another_button_is_a_problem_with_its_place(
     let table = "[joystick]\nmap = \"t_flight_stick_x\"\n[joystick.forward]\naxis = \"ABS_RZ\"\n\
                  [joystick.buttons]\nstop = \"BTN_BASE6\"\nreset_frame = \"BTN_SOUTH\"\n\
                  toggle_frame = \"BTN_BASE\"\n";
-    let problems = stick_problems(table);
+    let problems = joystick_problems(table);
     let told: Vec<_> =
         problems.iter().map(|(setting, kind, line, _)| (setting.as_str(), *kind, *line)).collect();
     assert_eq!(
@@ -359,13 +376,13 @@ fn a_task_that_the_ready_map_gave_to_another_button_is_a_problem_with_its_place(
     let free =
         "[joystick]\nmap = \"xbox\"\ndead_man = \"not_required\"\n[joystick.buttons]\nstop = \"BTN_TL\"\n";
     for table in [swapped, free] {
-        assert_eq!(stick_problems(table), []);
+        assert_eq!(joystick_problems(table), []);
     }
 }
 
 #[test]
 fn where_no_map_is_named_one_of_the_ready_maps_must_fit() {
-    let buttons = |lines: &str| stick_problems(&format!("[joystick.buttons]\n{lines}\n"));
+    let buttons = |lines: &str| joystick_problems(&format!("[joystick.buttons]\n{lines}\n"));
     // Free on the T-Flight Stick X; on gamepads alone.
     assert_eq!(buttons("toggle_frame = \"BTN_BASE\""), []);
     assert_eq!(buttons("toggle_frame = \"BTN_MODE\""), []);

@@ -3,11 +3,11 @@
 use omnibase_ethercat::config as bus_config;
 
 use super::axis_plan::AxisPlan;
+use super::bus_config::{bytes, expected_identity, matched};
 use super::device_tables::SignalType;
 use super::file::Parameters;
 use super::mapping::PdoPlan;
 use super::plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
-use super::plan::{bytes, expected_identity, matched};
 use super::source_tables::SourcePlan;
 use crate::signals::{SignalLayout, SignalName};
 

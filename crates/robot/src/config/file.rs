@@ -3,9 +3,7 @@
 //! What is missing or impossible is found by [`RobotPlan::check`](super::RobotPlan::check), so that all problems
 //! come at once. The bounds in the attributes stand in the JSON schema too and are checked when the file is read.
 
-use std::borrow::Cow;
-
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::device_tables::DeviceTable;
@@ -14,6 +12,7 @@ use super::grip_tables::GripTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
+use super::reference_table::ReferenceTable;
 use super::run_tables::{RecordingTable, RunTable};
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
@@ -71,7 +70,7 @@ pub struct RobotFile {
     pub safety: SafetyTable,
     /// What is known of the floor's friction.
     pub grip: GripTable,
-    /// The stick that drives by hand.
+    /// The joystick.
     pub joystick: JoystickTable,
     /// The fence that the whole footprint never crosses; default: none.
     pub fence: Option<FenceTable>,
@@ -308,116 +307,6 @@ pub struct ControllerTable {
     pub torque_lag_us: Option<f64>,
     /// The controllers' own keys.
     pub custom: Parameters,
-}
-
-/// The motion that is wished; also a file of its own.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct ReferenceTable {
-    /// Which motion; it says which of the keys below are read.
-    pub kind: Option<String>,
-    /// Time of the whole motion, s, at most 1e6; default: as short as the limits allow.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub duration_s: Option<f64>,
-    /// Radius, m.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub radius_m: Option<f64>,
-    /// Time of one turn, s, in place of `duration_s`.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub period_s: Option<f64>,
-    /// Turns, or `endless`: until somebody stops it; default: 1.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub turns: Option<Turns>,
-    /// How the heading goes along; default: the motion's own.
-    pub heading: Option<HeadingName>,
-    /// Semi-axis along x, m.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub semi_axis_x_m: Option<f64>,
-    /// Semi-axis along y, m.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub semi_axis_y_m: Option<f64>,
-    /// Distance between neighbouring turns, m.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub step_m: Option<f64>,
-    /// From its centre to an end, m.
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
-    pub half_length_m: Option<f64>,
-    /// Lines `[t, x, y, θ]`, SI, t rising.
-    pub points: Option<Vec<[f64; 4]>>,
-    /// A file of lines `(t, x, y, θ)` in place of `points`.
-    pub points_file: Option<String>,
-    /// What joins the points; default: `cubic_previous_slope`, the thesis's rule.
-    pub interpolation: Option<InterpolationName>,
-    /// Where its coordinates begin; default: `start`.
-    pub frame: Option<PathFrame>,
-    /// The reference's own keys.
-    pub custom: Parameters,
-}
-
-/// How often a shape is gone round.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Turns {
-    /// So often.
-    Count(f64),
-    /// Until somebody stops it.
-    Named(EndlessName),
-}
-
-/// The one name that a number of turns can have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum EndlessName {
-    /// Until somebody stops it.
-    Endless,
-}
-
-impl JsonSchema for Turns {
-    fn schema_name() -> Cow<'static, str> {
-        "Turns".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": ["number", "string"], "oneOf": [{ "type": "number" }, { "const": "endless" }] })
-    }
-}
-
-/// Where a motion's coordinates begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PathFrame {
-    /// It begins where the platform stands at the start.
-    Start,
-    /// Its poses are in odom; the platform must stand at the first one.
-    Odom,
-    /// It begins where the platform stands, and goes on in the platform's axes: along x is forward, however it has turned.
-    Platform,
-}
-
-/// What joins path points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum InterpolationName {
-    /// Cubic; speed at a point: the slope before it, 0 where the slope changes sign.
-    CubicPreviousSlope,
-    /// Cubic; speed at a point: the mean of both slopes, 0 where the slope changes sign.
-    CubicMeanSlope,
-    /// Quintic with rest at every point.
-    Quintic,
-    /// Cubic spline with continuous acceleration.
-    Spline,
-    /// Cubic B-spline: smooth, within the points' hull, but past inner points.
-    BSpline,
-}
-
-/// How the heading goes along a shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HeadingName {
-    /// It stays.
-    Fixed,
-    /// It follows the tangent.
-    FollowsTangent,
 }
 
 /// Watchdogs and stops.

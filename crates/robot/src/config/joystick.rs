@@ -1,4 +1,4 @@
-//! A stick that drives by hand, as the robot's file names it: axes, a slider and buttons by their evdev names.
+//! A joystick that drives by hand, as the robot's file names it: axes, a slider and buttons by their evdev names.
 
 use std::borrow::Cow;
 
@@ -16,20 +16,20 @@ pub struct JoystickTable {
     /// Whether the robot moves only while a button is held; default: `required`.
     pub dead_man: Option<DeadManRule>,
     /// The frame at the start; default: `platform`.
-    pub frame: Option<StickFrameName>,
+    pub frame: Option<JoystickFrameName>,
     /// Age at which values that weren't confirmed by the reading thread count as lost, ms; default: 200.
     #[schemars(range(min = 20, max = 2_000))]
     pub age_ms: Option<u32>,
     /// The axis that drives forward.
-    pub forward: StickAxisTable,
+    pub forward: JoystickAxisTable,
     /// The axis that drives to the left.
-    pub left: StickAxisTable,
+    pub left: JoystickAxisTable,
     /// The axis that turns counterclockwise.
-    pub turn: StickAxisTable,
+    pub turn: JoystickAxisTable,
     /// The slider that scales all speeds.
-    pub speed: StickSliderTable,
+    pub speed: JoystickSliderTable,
     /// Which button does what.
-    pub buttons: StickButtonsTable,
+    pub buttons: JoystickButtonsTable,
 }
 
 /// A map of a known device.
@@ -46,7 +46,7 @@ pub enum ReadyMapName {
     None,
 }
 
-/// Whether a button must be held while the stick drives.
+/// Whether a button must be held while the joystick drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DeadManRule {
@@ -56,10 +56,10 @@ pub enum DeadManRule {
     NotRequired,
 }
 
-/// The frame in which a stick drives.
+/// The frame in which a joystick drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum StickFrameName {
+pub enum JoystickFrameName {
     /// Forward is the platform's own forward.
     Platform,
     /// Forward is where the platform's forward was when the frame was set last.
@@ -79,7 +79,7 @@ pub enum AxisDirection {
 /// One axis and its shape.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct StickAxisTable {
+pub struct JoystickAxisTable {
     /// The axis by its evdev name, as `"ABS_Y"`.
     pub axis: Option<AxisCode>,
     /// Which way it counts; default: the ready map's, else `normal`.
@@ -101,7 +101,7 @@ pub struct StickAxisTable {
 /// The slider that scales all speeds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct StickSliderTable {
+pub struct JoystickSliderTable {
     /// The axis by its evdev name, as `"ABS_THROTTLE"`.
     pub axis: Option<AxisCode>,
     /// Which way it counts; default: the ready map's, else `normal`: its greatest value is the full speed.
@@ -114,12 +114,12 @@ pub struct StickSliderTable {
 /// Which button does what.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct StickButtonsTable {
-    /// Held while the stick drives.
+pub struct JoystickButtonsTable {
+    /// Held while the joystick drives.
     pub dead_man: Option<ButtonCode>,
-    /// Stops the robot and gives the command back; the stick is blocked until it is enabled.
+    /// Stops the robot and gives the command back; the joystick is blocked until it is enabled.
     pub stop: Option<ButtonCode>,
-    /// Enables a blocked stick, and the drives if they are off.
+    /// Enables a blocked joystick, and the drives if they are off.
     pub enable: Option<ButtonCode>,
     /// Drive in the platform's frame.
     pub platform_frame: Option<ButtonCode>,
@@ -133,7 +133,7 @@ pub struct StickButtonsTable {
     pub teach_point: Option<ButtonCode>,
 }
 
-impl StickButtonsTable {
+impl JoystickButtonsTable {
     /// The buttons with the names of their keys.
     pub fn named(&self) -> [(&'static str, Option<ButtonCode>); 8] {
         [

@@ -2,8 +2,7 @@
 
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::config as bus_config;
-use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
-use omnibase_ethercat::subdevice::Direction;
+use omnibase_ethercat::start_up::ReadBack;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
@@ -11,13 +10,12 @@ use super::device_plan::{DevicePlan, signal_layout};
 use super::drive_mode::DriveMode;
 use super::drive_tables::{EncoderName, SpeedUnit, TurnDirection};
 use super::event_plan::EventPlan;
-use super::file::{
-    ClockSource, ControllerTable, EstimatorTable, Parameters, ReferenceTable, Synchronisation,
-};
+use super::file::{ClockSource, ControllerTable, EstimatorTable, Parameters, Synchronisation};
 use super::grip_tables::GripPlan;
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
+use super::reference_table::ReferenceTable;
 use super::run_tables::{RecordingPlan, RunTable};
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
@@ -54,7 +52,7 @@ pub struct RobotPlan {
     pub safety: SafetyPlan,
     /// What is known of the floor's friction.
     pub grip: GripPlan,
-    /// The stick that drives by hand.
+    /// The joystick.
     pub joystick: JoystickTable,
     /// Footprint, fence and obstacles.
     pub guard: GuardPlan,
@@ -411,91 +409,6 @@ pub struct SafetyPlan {
     pub stop_input: Option<usize>,
     /// What these two lead to.
     pub input_stop: StopCategory,
-}
-
-impl DrivePlan {
-    /// Bytes of process data from the drive.
-    pub fn input_bytes(&self) -> usize {
-        bytes(&self.inputs)
-    }
-
-    /// Bytes of process data to the drive.
-    pub fn output_bytes(&self) -> usize {
-        bytes(&self.outputs)
-    }
-
-    /// What the bus is asked for this drive.
-    pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
-        bus_config::SubDeviceConfig {
-            // What is read and written by bytes, and zeroed while its owner is away.
-            own_bytes: true,
-            name: Some(self.name.clone()),
-            place: Some(matched(self.place)),
-            identity: expected_identity(&self.identity),
-            sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
-            pdos: vec![
-                sync_manager(2, Direction::Outputs, &self.outputs),
-                sync_manager(3, Direction::Inputs, &self.inputs),
-            ],
-            dc: bus.dc(),
-            sync_mode: Some(bus.sync_mode()),
-            watchdogs: bus_config::WatchdogConfig {
-                divider: Some(DriveWatchdog::DIVIDER),
-                process_data: Some(bus.drive_watchdog.steps),
-                pdi: None,
-            },
-            ..Default::default()
-        }
-    }
-}
-
-impl ParameterPlan {
-    pub(super) fn sdo_write(&self) -> SdoWrite {
-        SdoWrite {
-            object: ObjectAddress::new(self.index, self.subindex),
-            data: self.data.clone(),
-            access: SdoAccess::Entry,
-            refusal: Refusal::IsError,
-            read_back: self.read_back,
-            origin: Some(self.origin.as_str().into()),
-        }
-    }
-}
-
-/// Where the bus finds a SubDevice.
-pub(super) fn matched(place: BusPlace) -> bus_config::Match {
-    match place {
-        BusPlace::Position(position) => bus_config::Match::Position(position),
-        BusPlace::Alias(alias) => bus_config::Match::Alias(alias),
-    }
-}
-
-pub(super) fn expected_identity(identity: &Identity) -> bus_config::ExpectedIdentity {
-    let Identity { vendor_id, product_code, revision } = *identity;
-    bus_config::ExpectedIdentity { vendor_id, product_code, revision, serial: None }
-}
-
-/// What a SyncManager is asked to carry.
-pub fn sync_manager(index: u8, direction: Direction, pdos: &[PdoPlan]) -> bus_config::SyncManagerPdos {
-    let pdo = |pdo: &PdoPlan| bus_config::PdoConfig {
-        index: pdo.index,
-        entries: Some(
-            pdo.entries
-                .iter()
-                .map(|entry| (ObjectAddress::new(entry.index, entry.subindex), entry.bits))
-                .collect(),
-        ),
-    };
-    bus_config::SyncManagerPdos {
-        sync_manager: index,
-        direction,
-        pdos: pdos.iter().map(pdo).collect(),
-        origin: None,
-    }
-}
-
-pub(super) fn bytes(pdos: &[PdoPlan]) -> usize {
-    pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8) as usize
 }
 
 /// The platform's limits as trajectories know them.

@@ -5,8 +5,8 @@
 //! Bluetooth has other axes, so it isn't listed.
 
 use super::joystick::{
-    AxisCode, AxisDirection, ButtonCode, JoystickTable, ReadyMapName, StickAxisTable, StickButtonsTable,
-    StickSliderTable,
+    AxisCode, AxisDirection, ButtonCode, JoystickAxisTable, JoystickButtonsTable, JoystickSliderTable,
+    JoystickTable, ReadyMapName,
 };
 
 const ABS_X: AxisCode = AxisCode(0);
@@ -46,7 +46,7 @@ impl ReadyMapName {
 
     /// The map, as the table that a robot's file would hold.
     ///
-    /// On all of them forward and left are the stick's own forward and left, which evdev counts down.
+    /// On all of them forward and left are the device's own forward and left, which evdev counts down.
     pub fn table(self) -> JoystickTable {
         match self {
             ReadyMapName::TFlightStickX => JoystickTable {
@@ -55,7 +55,7 @@ impl ReadyMapName {
                 turn: reversed(ABS_RZ),
                 // Its throttle counts down towards the front, where it is fast.
                 speed: slider(ABS_THROTTLE, AxisDirection::Reversed, 0.1),
-                buttons: StickButtonsTable {
+                buttons: JoystickButtonsTable {
                     dead_man: Some(BTN_TRIGGER),
                     stop: Some(BTN_THUMB),
                     enable: Some(BTN_BASE6),
@@ -104,7 +104,7 @@ impl JoystickTable {
     /// These settings before those of a ready map.
     pub fn over(&self, ready: ReadyMapName) -> JoystickTable {
         let ready = ready.table();
-        let axis = |own: &StickAxisTable, ready: &StickAxisTable| StickAxisTable {
+        let axis = |own: &JoystickAxisTable, ready: &JoystickAxisTable| JoystickAxisTable {
             axis: own.axis.or(ready.axis),
             // Another axis of one's own choice counts as the file says, not as the ready map's did.
             direction: own.direction.or(ready.direction.filter(|_| own.axis.is_none())),
@@ -118,7 +118,7 @@ impl JoystickTable {
             forward: axis(&self.forward, &ready.forward),
             left: axis(&self.left, &ready.left),
             turn: axis(&self.turn, &ready.turn),
-            speed: StickSliderTable {
+            speed: JoystickSliderTable {
                 axis: self.speed.axis.or(ready.speed.axis),
                 direction: self
                     .speed
@@ -126,7 +126,7 @@ impl JoystickTable {
                     .or(ready.speed.direction.filter(|_| self.speed.axis.is_none())),
                 least: self.speed.least.or(ready.speed.least),
             },
-            buttons: StickButtonsTable {
+            buttons: JoystickButtonsTable {
                 dead_man: buttons.dead_man.or(ready.buttons.dead_man),
                 stop: buttons.stop.or(ready.buttons.stop),
                 enable: buttons.enable.or(ready.buttons.enable),
@@ -149,7 +149,7 @@ fn gamepad(upper: ButtonCode, left: ButtonCode) -> JoystickTable {
         left: reversed(ABS_X),
         turn: reversed(ABS_RX),
         speed: slider(ABS_RZ, AxisDirection::Normal, 0.4),
-        buttons: StickButtonsTable {
+        buttons: JoystickButtonsTable {
             dead_man: Some(BTN_TL),
             stop: Some(BTN_EAST),
             enable: Some(BTN_START),
@@ -163,10 +163,10 @@ fn gamepad(upper: ButtonCode, left: ButtonCode) -> JoystickTable {
     }
 }
 
-fn slider(axis: AxisCode, direction: AxisDirection, least: f64) -> StickSliderTable {
-    StickSliderTable { axis: Some(axis), direction: Some(direction), least: Some(least) }
+fn slider(axis: AxisCode, direction: AxisDirection, least: f64) -> JoystickSliderTable {
+    JoystickSliderTable { axis: Some(axis), direction: Some(direction), least: Some(least) }
 }
 
-fn reversed(axis: AxisCode) -> StickAxisTable {
-    StickAxisTable { axis: Some(axis), direction: Some(AxisDirection::Reversed), ..Default::default() }
+fn reversed(axis: AxisCode) -> JoystickAxisTable {
+    JoystickAxisTable { axis: Some(axis), direction: Some(AxisDirection::Reversed), ..Default::default() }
 }

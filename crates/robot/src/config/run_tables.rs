@@ -26,7 +26,7 @@ pub struct RunTable {
     pub token_file: Option<String>,
     /// Folder where taught paths are kept; default: `paths` in the folder where the command is run.
     pub paths: Option<String>,
-    /// Drive by the stick at the robot's computer: `true` the first one that fits, or a device, as `"/dev/input/event5"`;
+    /// Drive by the joystick at the robot's computer: `true` the first one that fits, or a device, as `"/dev/input/event5"`;
     /// default: `false`.
     pub joystick: Option<Switch>,
 }

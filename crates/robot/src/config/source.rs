@@ -10,8 +10,9 @@ use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::file::{ReferenceTable, RobotFile};
+use super::file::RobotFile;
 use super::problem::{Location, Problem, ProblemKind};
+use super::reference_table::ReferenceTable;
 use super::units;
 
 /// Where each setting stands, in one text or several.

@@ -3,6 +3,7 @@
 //! It holds in csp. A move in csp follows a way that the cycle plans; pp, pv and homing are the drive's own, and lead back to csp.
 //! What doesn't fit a motion that is under way waits until the axis rests.
 
+mod fields;
 mod profile;
 mod watch;
 
@@ -13,11 +14,13 @@ use omnibase_cia402::{
     Wanted,
 };
 
-use crate::config::{AxisMode, AxisPlan, DevicePlan, EncoderName, PdoPlan};
-use crate::devices::{Field, nearest, pdo};
-use crate::registry::{Made, PeripheralDefaults, given};
+use crate::config::{AxisMode, AxisPlan, DevicePlan, EncoderName};
+use crate::devices::{Field, nearest};
+use crate::registry::{Made, given};
 use crate::signals::{AxisAsk, AxisState, CycleTime, RequestAnswer};
 use crate::stages::{Leave, Peripheral, Standing};
+use fields::Fields;
+pub(super) use fields::defaults;
 use profile::Profile;
 use watch::{Watch, Wrong};
 
@@ -30,70 +33,6 @@ const HALT_CYCLES: f64 = 10.0;
 /// An axis stands that was slower than this share of its greatest speed for so many cycles.
 const STANDING_SHARE: f64 = 0.01;
 const STANDING_CYCLES: u32 = 5;
-
-pub(super) fn defaults() -> PeripheralDefaults {
-    PeripheralDefaults {
-        outputs: vec![pdo(
-            0x1600,
-            &[
-                (0x6040, 0, 16),
-                (0x607A, 0, 32),
-                (0x60FF, 0, 32),
-                (0x6071, 0, 16),
-                (0x6072, 0, 16),
-                (0x6060, 0, 8),
-                (0, 0, 8),
-            ],
-        )],
-        inputs: vec![pdo(
-            0x1A00,
-            &[
-                (0x6041, 0, 16),
-                (0x6064, 0, 32),
-                (0x606C, 0, 32),
-                (0x6077, 0, 16),
-                (0x603F, 0, 16),
-                (0x6061, 0, 8),
-                (0, 0, 8),
-            ],
-        )],
-        ..Default::default()
-    }
-}
-
-/// Where its objects lie in its process data.
-#[derive(Clone, Copy, Debug)]
-struct Fields {
-    status: Field,
-    position: Field,
-    speed: Field,
-    torque: Option<Field>,
-    shown_mode: Field,
-    error: Option<Field>,
-    control: Field,
-    mode: Field,
-    target_position: Field,
-    target_speed: Option<Field>,
-    torque_limit: Option<Field>,
-}
-
-impl Fields {
-    fn new(inputs: &[PdoPlan], outputs: &[PdoPlan]) -> Made<Self> {
-        Ok(Fields {
-            status: Field::needed(inputs, 0x6041, "the status word")?,
-            position: Field::needed(inputs, 0x6064, "the actual position")?,
-            speed: Field::needed(inputs, 0x606C, "the actual speed")?,
-            torque: Field::find(inputs, 0x6077, 0),
-            shown_mode: Field::needed(inputs, 0x6061, "the mode that the drive shows")?,
-            error: Field::find(inputs, 0x603F, 0),
-            control: Field::needed(outputs, 0x6040, "the control word")?,
-            mode: Field::needed(outputs, 0x6060, "the mode")?,
-            target_position: Field::needed(outputs, 0x607A, "the target position")?,
-            target_speed: Field::find(outputs, 0x60FF, 0),
-            torque_limit: Field::find(outputs, 0x6072, 0),
-        })
-    }
-}
 
 /// What an axis does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -406,7 +345,7 @@ impl Peripheral for Axis {
         self.stood = if stands { self.stood.saturating_add(1) } else { 0 };
         if self.is_running {
             let streams = matches!(self.task, Task::Rest | Task::Stream { .. });
-            let seen = watch::Seen {
+            let seen = watch::AxisMeasurement {
                 position: (self.is_homed && !matches!(self.task, Task::Home { .. })).then(|| self.position()),
                 lag: if streams { self.position() - self.profile.set_point() } else { 0.0 },
                 speed: self.speed(),

@@ -16,7 +16,7 @@ use crate::signals::{
 use crate::stages::{Leave, Peripheral, Standing};
 
 /// All SubDevices that drive no wheel, and what they remember from cycle to cycle.
-pub(crate) struct Beside {
+pub(crate) struct Peripherals {
     layout: SignalLayout,
     all: Vec<Part>,
     sources: Sources,
@@ -49,7 +49,7 @@ pub(super) fn next(at: &mut usize, length: usize) -> Range<usize> {
     begin..*at
 }
 
-impl Beside {
+impl Peripherals {
     pub(crate) fn new(plan: &RobotPlan, registry: &Registry) -> Made<Self> {
         let [mut inputs, mut outputs, mut input_bytes, mut output_bytes] = [0; 4];
         let made = registry.make_peripherals(plan)?;
@@ -66,7 +66,7 @@ impl Beside {
         let mut on_stop = [0.0; MAX_SIGNALS];
         let outputs = plan.devices.iter().flat_map(|device| &device.output);
         on_stop.iter_mut().zip(outputs).for_each(|(value, output)| *value = output.on_stop);
-        Ok(Beside {
+        Ok(Peripherals {
             layout: plan.signals(),
             all,
             sources: Sources::new(plan),

@@ -112,10 +112,10 @@ fn no_number_and_what_lies_beyond_its_bounds_isnt_believed_and_hides_nothing_els
 }
 
 /// What an estimator saw of poses and velocities.
-type Seen = (Option<PoseMeasurement>, Option<VelocityMeasurement>, Option<f64>);
+type Readings = (Option<PoseMeasurement>, Option<VelocityMeasurement>, Option<f64>);
 
 #[derive(Default)]
-struct Onlooker(Arc<Mutex<Vec<Seen>>>);
+struct Onlooker(Arc<Mutex<Vec<Readings>>>);
 
 impl Estimator for Onlooker {
     fn reset(&mut self, _: &PlatformState) {}

@@ -15,7 +15,7 @@ pub const MAX_SESSIONS: usize = 16;
 /// Whom a command comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Client {
-    /// The stick at the robot's computer.
+    /// The joystick at the robot's computer.
     Joystick,
     /// A page in a browser, by the number of its session, below [`MAX_SESSIONS`]; what it started ends with it.
     Page(u8),
@@ -23,7 +23,7 @@ pub enum Client {
     Command,
 }
 
-/// What a stick wishes. A resting stick repeats its wish; silence is a loss.
+/// What a stick wishes: what somebody holds to drive by hand, the [joystick](Client::Joystick) or a page's. A resting stick repeats its wish; silence is a loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StickWish {
     /// Its dead-man button is held.
@@ -43,9 +43,9 @@ pub enum StickWish {
     Blocked,
 }
 
-/// What has become of a stick.
+/// What has become of the joystick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum StickState {
+pub enum JoystickState {
     /// None was ever there.
     #[default]
     Absent,
@@ -57,7 +57,7 @@ pub enum StickState {
     Blocked,
 }
 
-impl StickState {
+impl JoystickState {
     /// The number by which recordings hold it: 0 absent, 1 present, 2 lost, 3 blocked.
     pub fn code(self) -> u64 {
         self as u64

@@ -19,7 +19,7 @@ pub struct CycleSeen {
     /// The cycle.
     pub record: CycleRecord,
     /// What stands beside it.
-    pub beside: CycleExtras,
+    pub extras: CycleExtras,
 }
 
 /// Where one at a time may follow.
@@ -62,10 +62,10 @@ impl CycleLine {
 
 impl CycleEnd {
     /// Counts a cycle, and shows it where somebody follows; where they don't keep up it is missing.
-    pub(super) fn show(&mut self, record: &CycleRecord, beside: &CycleExtras) {
+    pub(super) fn show(&mut self, record: &CycleRecord, extras: &CycleExtras) {
         self.number += 1;
         if self.is_followed.load(Ordering::Relaxed) {
-            let _ = self.cycles.push(CycleSeen { number: self.number, record: *record, beside: *beside });
+            let _ = self.cycles.push(CycleSeen { number: self.number, record: *record, extras: *extras });
         }
     }
 }

@@ -1,9 +1,9 @@
-//! From the stick at the robot's computer to what is asked of the robot.
+//! From the joystick at the robot's computer to what is asked of the robot.
 
-use omnibase_joystick::{Block, Hold, Map, Presence, Stick, StickCommand, StickFrame};
+use omnibase_joystick::{Block, Hold, Joystick, JoystickCommand, JoystickFrame, Map, Presence};
 use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
-use omnibase_robot::{RequestKind, RobotPlan, StickShape};
+use omnibase_robot::{JoystickShape, RequestKind, RobotPlan};
 
 use super::command::{Ask, Client, StickWish};
 use super::snapshot::Snapshot;
@@ -11,7 +11,7 @@ use super::snapshot::Snapshot;
 /// The joystick among the [blocked sticks](crate::channels::Authority::blocked_sticks).
 const JOYSTICK_BIT: u64 = 1;
 
-/// Scales a stick's wish to a robot's limits, turns its fixed frame, and keeps both sides agreed on whether it is
+/// Scales a joystick's wish to a robot's limits, turns its fixed frame, and keeps both sides agreed on whether it is
 /// blocked: the [`Operator`](super::Operator) has the last word.
 pub struct JoystickDriver {
     speed_m_s: f64,
@@ -23,9 +23,9 @@ pub struct JoystickDriver {
     /// Whether the operator blocked it when it was looked at last.
     was_blocked: bool,
     /// How the robot's file shapes it, before anybody changed that.
-    at_start: StickShape,
+    at_start: JoystickShape,
     /// How the robot shaped it when it was looked at last.
-    shape: StickShape,
+    shape: JoystickShape,
     /// Whether a device was there when it was looked at last, or ever before.
     was_plugged: bool,
     was_ever_plugged: bool,
@@ -36,7 +36,7 @@ pub struct JoystickDriver {
 impl JoystickDriver {
     /// A driver within a robot's limits.
     pub fn new(plan: &RobotPlan) -> Self {
-        let shape = StickShape::of(&plan.joystick);
+        let shape = JoystickShape::of(&plan.joystick);
         JoystickDriver {
             speed_m_s: plan.limits.speed_m_s,
             turn_speed_rad_s: plan.limits.turn_speed_rad_s,
@@ -51,35 +51,35 @@ impl JoystickDriver {
         }
     }
 
-    /// Tells the stick what became of it at the robot: blocked there, enabled by somebody elsewhere, shaped anew.
-    pub fn agree(&mut self, stick: &mut Stick, seen: &Snapshot) {
-        let is_blocked = seen.beside.say.blocked_sticks & JOYSTICK_BIT != 0;
+    /// Tells the joystick what became of it at the robot: blocked there, enabled by somebody elsewhere, shaped anew.
+    pub fn agree(&mut self, joystick: &mut Joystick, seen: &Snapshot) {
+        let is_blocked = seen.extras.authority.blocked_sticks & JOYSTICK_BIT != 0;
         match (self.was_blocked, is_blocked) {
-            (false, true) => stick.block(Block::Lost),
-            (true, false) => stick.enable(),
+            (false, true) => joystick.block(Block::Lost),
+            (true, false) => joystick.enable(),
             _ => {}
         }
         self.was_blocked = is_blocked;
         // Before its first cycle a robot shows nothing.
         if seen.cycles > 0 {
-            self.agree_on_shape(stick, seen);
+            self.agree_on_shape(joystick, seen);
         }
     }
 
-    /// What is set at the robot holds for the stick. The first device that comes tells the robot what it asks for
+    /// What is set at the robot holds for the joystick. The first device that comes tells the robot what it asks for
     /// itself, as its dead zone, wherever neither the file nor a person said otherwise.
-    fn agree_on_shape(&mut self, stick: &mut Stick, seen: &Snapshot) {
-        let own = stick.map().map(Map::shape);
+    fn agree_on_shape(&mut self, joystick: &mut Joystick, seen: &Snapshot) {
+        let own = joystick.map().map(Map::shape);
         let is_new = own.is_some() && !self.was_plugged;
         match own {
             Some(own) if is_new && !self.was_ever_plugged => {
                 self.to_tell = differences(&own, &self.at_start, seen);
                 self.was_ever_plugged = true;
             }
-            _ if is_new || seen.stick != self.shape => stick.reshape(&seen.stick),
+            _ if is_new || seen.joystick != self.shape => joystick.reshape(&seen.joystick),
             _ => {}
         }
-        (self.shape, self.was_plugged) = (seen.stick, own.is_some());
+        (self.shape, self.was_plugged) = (seen.joystick, own.is_some());
     }
 
     /// What the device asks to be set, by the settings' indices: for [`Live::set`](super::Live::set).
@@ -88,7 +88,7 @@ impl JoystickDriver {
     }
 
     /// What to ask, in this order. A wish is repeated with every call: its silence is a loss.
-    pub fn asks(&mut self, command: &StickCommand, seen: &Snapshot) -> Vec<Ask> {
+    pub fn asks(&mut self, command: &JoystickCommand, seen: &Snapshot) -> Vec<Ask> {
         let mut asks = Vec::new();
         if command.requests.stop {
             asks.push(Ask::Robot(RequestKind::Stop(StopCategory::RampAndHold)));
@@ -127,7 +127,7 @@ impl JoystickDriver {
         asks
     }
 
-    fn wish(&self, command: &StickCommand) -> StickWish {
+    fn wish(&self, command: &JoystickCommand) -> StickWish {
         let [x, y, turn] = command.twist;
         let twist = Twist2 {
             vx_m_s: x * self.speed_m_s,
@@ -135,8 +135,8 @@ impl JoystickDriver {
             w_rad_s: turn * self.turn_speed_rad_s,
         };
         match command.frame {
-            StickFrame::Platform => StickWish::Held { twist, frame: Frame::Body },
-            StickFrame::Fixed => {
+            JoystickFrame::Platform => StickWish::Held { twist, frame: Frame::Body },
+            JoystickFrame::Fixed => {
                 let twist = twist.rotated(self.fixed_heading_rad);
                 StickWish::Held { twist, frame: Frame::Odom }
             }
@@ -145,10 +145,10 @@ impl JoystickDriver {
 }
 
 /// Settings of the robot's that a device asks otherwise for, and nobody changed; they change as a whole.
-fn differences(own: &StickShape, at_start: &StickShape, seen: &Snapshot) -> Vec<(u32, f64)> {
-    let robot = &seen.stick;
-    let value = |shape: &StickShape, place| shape.setting(place).map(|setting| setting.value);
-    let wanted = (0..StickShape::SETTINGS).filter_map(|place| {
+fn differences(own: &JoystickShape, at_start: &JoystickShape, seen: &Snapshot) -> Vec<(u32, f64)> {
+    let robot = &seen.joystick;
+    let value = |shape: &JoystickShape, place| shape.setting(place).map(|setting| setting.value);
+    let wanted = (0..JoystickShape::SETTINGS).filter_map(|place| {
         let setting = own.setting(place)?;
         let is_free =
             value(robot, place) == value(at_start, place) && value(robot, place) != Some(setting.value);

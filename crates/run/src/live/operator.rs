@@ -5,6 +5,7 @@
 
 mod authors;
 mod sticks;
+mod stops;
 
 use omnibase_robot::signals::{AxisAsk, Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
 use omnibase_robot::stages::Reference;
@@ -18,7 +19,7 @@ use crate::conductor::{Conductor, Wish};
 use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
-    Answer, Ask, Client, Command, Commander, MAX_SESSIONS, Refusal, StickState, StickWish, begins_motion,
+    Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins_motion,
 };
 use super::stamp::BEGINNING_AGE_NS;
 
@@ -172,15 +173,15 @@ impl Operator {
         self.sticks.iter().enumerate().fold(0, |bits, (n, stick)| bits | u64::from(stick.is_blocked) << n)
     }
 
-    /// What has become of the stick at the robot's computer.
-    pub fn joystick(&self) -> StickState {
+    /// What has become of the joystick at the robot's computer.
+    pub fn joystick(&self) -> JoystickState {
         let stick = &self.sticks[0];
         match stick.wish {
-            None if stick.is_blocked => StickState::Lost,
-            None => StickState::Absent,
-            Some(StickWish::Blocked) => StickState::Blocked,
-            Some(_) if stick.is_blocked => StickState::Blocked,
-            Some(_) => StickState::Present,
+            None if stick.is_blocked => JoystickState::Lost,
+            None => JoystickState::Absent,
+            Some(StickWish::Blocked) => JoystickState::Blocked,
+            Some(_) if stick.is_blocked => JoystickState::Blocked,
+            Some(_) => JoystickState::Present,
         }
     }
 
@@ -425,49 +426,6 @@ impl Operator {
         let has_room = follows && self.waiting.len() + wanted <= MOST_WAITING;
         self.next_of_batch = batch.next().filter(|_| has_room);
         has_room
-    }
-
-    /// Somebody stops the robot: it stays so, whoever holds a stick.
-    fn stop_asked(&mut self, category: StopCategory, client: Client, ticket: u64) {
-        self.ask_to_let_go();
-        self.stop_with(category, client, ticket);
-    }
-
-    /// Somebody stops an axis: what was asked of it before must not begin after it.
-    fn stop_axis(&mut self, device: u32, client: Client, ticket: u64) {
-        self.drop_waiting(
-            |waiting| matches!(waiting.kind, RequestKind::Axis { device: of, .. } if of == device),
-        );
-        match self.authors.stop(device, client, ticket) {
-            Ok(Some(before)) => self.answer(before, Answer::Done),
-            Ok(None) => {}
-            Err(()) => self.answer(ticket, Answer::Robot(RequestAnswer::Refused)),
-        }
-    }
-
-    /// The most severe stop counts.
-    fn stop_with(&mut self, category: StopCategory, client: Client, ticket: u64) {
-        let asked = (category, client, ticket);
-        let (kept, other) = match self.stop {
-            Some(present) if present.0.severity() >= category.severity() => (present, Some(asked)),
-            other => (asked, other),
-        };
-        self.stop = Some(kept);
-        // Whoever asked for the gentler one gets the stronger.
-        if let Some((_, _, ticket)) = other {
-            self.answer(ticket, Answer::Done);
-        }
-    }
-
-    fn drop_waiting(&mut self, is_dropped: impl Fn(&Waiting) -> bool) {
-        for _ in 0..self.waiting.len() {
-            let Some(waiting) = self.waiting.pop_front() else { return };
-            if is_dropped(&waiting) {
-                self.refuse(waiting, Refusal::Stopped);
-            } else {
-                self.waiting.push_back(waiting);
-            }
-        }
     }
 
     fn refuse(&mut self, waiting: Waiting, refusal: Refusal) {

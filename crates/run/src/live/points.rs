@@ -1,4 +1,4 @@
-//! Poses that a person remembers one by one, by a call, a page's button or the stick's.
+//! Poses that a person remembers one by one, by a call, a page's button or the joystick's.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use omnibase_ethercat::cyclic::{AcyclicWork, RegisterWay};
+use omnibase_ethercat::cyclic::{AcyclicWork, RegisterAccess};
 use omnibase_ethercat::mailbox::{EntryDescription, MailboxRequest, Operation};
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -104,7 +104,7 @@ impl AcyclicLine {
     /// Every SubDevice with its state.
     pub fn scan(&self) -> Vec<SubDeviceSeen> {
         let see = |facts: &SubDeviceFacts| {
-            let (way, register) = (RegisterWay::Read, register::AL_STATUS);
+            let (way, register) = (RegisterAccess::Read, register::AL_STATUS);
             let work = AcyclicWork::Registers { way, register, data: vec![0; 6] };
             let state = match self.wait(facts.position, work, Permission::Always) {
                 Ok(AcyclicWork::Registers { data, .. }) => state_words(u16_at(&data, 0)),

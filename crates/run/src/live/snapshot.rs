@@ -4,7 +4,7 @@ use omnibase_platform::Pose2;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
-use omnibase_robot::{MOST_SETTINGS, StickShape};
+use omnibase_robot::{JoystickShape, MOST_SETTINGS};
 
 use crate::channels::CycleExtras;
 use crate::drive_errors::DriveErrors;
@@ -19,15 +19,15 @@ pub struct Snapshot {
     /// Where the robot is in its life after it.
     pub phase: Phase,
     /// What stands beside it: times, errors, truth, who has the say.
-    pub beside: CycleExtras,
+    pub extras: CycleExtras,
     /// Which errors the drives have.
     pub drive_errors: DriveErrors,
     /// What is wrong with the axis about which the robot stopped, with its name; no words where it is about none.
     pub axis_problem: Words,
     /// What may be set, each at its index.
     pub settings: [Option<Gain>; MOST_SETTINGS],
-    /// How its stick is shaped.
-    pub stick: StickShape,
+    /// How its joystick is shaped.
+    pub joystick: JoystickShape,
     /// Obstacles that are there, where they are now.
     pub obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// The number of the reference that is followed; 0 for the robot file's own.
@@ -59,11 +59,11 @@ impl Default for Snapshot {
         Snapshot {
             record: CycleRecord::default(),
             phase: Phase::default(),
-            beside: CycleExtras::default(),
+            extras: CycleExtras::default(),
             drive_errors: DriveErrors::default(),
             axis_problem: Words::default(),
             settings: [None; MOST_SETTINGS],
-            stick: StickShape::default(),
+            joystick: JoystickShape::default(),
             obstacles: Default::default(),
             reference: 0,
             reference_start: None,

@@ -68,8 +68,8 @@ pub struct SourceCounts {
     pub out_of_order: u64,
 }
 
-/// One program's way in.
-struct Way {
+/// The line from one program to the cycle.
+struct SourceLine {
     to_cycle: Input<Heard>,
     /// What was said since the cycle took it.
     between: Arc<AtomicU64>,
@@ -79,9 +79,9 @@ struct Way {
     counts: SourceCounts,
 }
 
-/// The ways of all programs; those who send wait for each other, never for the cycle.
+/// The lines of all programs; those who send wait for each other, never for the cycle.
 #[derive(Clone, Default)]
-pub struct SourceLines(Arc<[Mutex<Way>]>);
+pub struct SourceLines(Arc<[Mutex<SourceLine>]>);
 
 impl SourceLines {
     /// Sends what was so at an instant of the robot's clock, which shows `clock_ns` now.
@@ -140,7 +140,7 @@ pub(super) fn source_lines(plans: &[SourcePlan]) -> (SourceLines, SourceEnds) {
     for plan in plans.iter().take(MAX_SOURCES) {
         let (to_cycle, from_program) = triple_buffer(&Heard::NOTHING);
         let between = Arc::new(AtomicU64::new(0));
-        let way = Way {
+        let way = SourceLine {
             to_cycle,
             between: between.clone(),
             latest_ns: None,

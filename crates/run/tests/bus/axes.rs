@@ -39,7 +39,7 @@ struct Lifted {
 
 /// What the axis says.
 #[derive(Clone, Copy, Debug)]
-struct Said {
+struct AxisSignals {
     position: f64,
     speed: f64,
     set_point: f64,
@@ -64,19 +64,19 @@ impl Lifted {
         lifted
     }
 
-    fn step(&mut self, request: Option<RequestKind>) -> Said {
+    fn step(&mut self, request: Option<RequestKind>) -> AxisSignals {
         self.bench.cycle(request);
         self.records.push(*self.bench.robot.record());
         self.said()
     }
 
-    fn said(&self) -> Said {
+    fn said(&self) -> AxisSignals {
         let record = self.bench.robot.record();
         let at = record.signals.shape.inputs - 7;
         let [position, speed, _, set_point, state, homed, mode] =
             record.signals.inputs[at..at + 7].try_into().unwrap();
         let state = AxisState::from_code(state as u64).unwrap();
-        Said { position, speed, set_point, state, is_homed: homed == 1.0, mode: mode as i8 }
+        AxisSignals { position, speed, set_point, state, is_homed: homed == 1.0, mode: mode as i8 }
     }
 
     /// Where it truly is, m.

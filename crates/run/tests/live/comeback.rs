@@ -330,7 +330,7 @@ fn a_person_sets_the_pose_of_a_robot_that_stands() {
     let [xx, .., hh] = state.covariance;
     assert!((0.1..0.15).contains(&xx.sqrt()) && (0.2..0.21).contains(&hh.sqrt()), "{state:?}");
     // It only moved half a metre.
-    let truth = run.last.beside.truth.unwrap().odom_from_body;
+    let truth = run.last.extras.truth.unwrap().odom_from_body;
     assert!((truth.x_m.hypot(truth.y_m) - 0.5).abs() < 5e-3, "{truth:?}");
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
 }

@@ -10,7 +10,7 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, SafetyReason, Setpoint, StopCategory};
 use omnibase_robot::stages::Reference;
-use omnibase_run::live::{Answer, Ask, Client, Commander, Live, Refusal, Snapshot, StickState, StickWish};
+use omnibase_run::live::{Answer, Ask, Client, Commander, JoystickState, Live, Refusal, Snapshot, StickWish};
 
 const FORWARD: StickWish =
     StickWish::Held { twist: Twist2 { vx_m_s: 0.3, vy_m_s: 0.0, w_rad_s: 0.0 }, frame: Frame::Body };
@@ -24,11 +24,13 @@ fn a_stick_drives_and_the_robot_stops_where_it_is_let_go() {
     let run = played(8.0, |hands: &mut Hands| {
         hands.at(0.5, |live, _| assert!(live.send(Client::Joystick, robot(RequestKind::Enable)).is_some()));
         hands.stick(1.0, 3.0, Client::Joystick, FORWARD);
-        hands.at(2.9, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick)));
+        hands.at(2.9, |_, seen| {
+            assert_eq!(seen.extras.authority.commander, Commander::Stick(Client::Joystick))
+        });
         hands.at(2.9, |_, seen| assert!((seen.record.state.twist_in_body.vx_m_s - 0.3).abs() < 0.01));
         hands.send(3.0, Client::Joystick, Ask::Stick(StickWish::Released));
         hands.at(4.0, |_, seen| assert_eq!(seen.phase, Phase::Holding));
-        hands.at(4.0, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Nobody));
+        hands.at(4.0, |_, seen| assert_eq!(seen.extras.authority.commander, Commander::Nobody));
     });
     let x_m = run.last.record.state.odom_from_body.x_m;
     assert!((0.5..0.7).contains(&x_m), "{x_m} m");
@@ -42,8 +44,9 @@ fn a_stick_that_falls_silent_stops_and_is_blocked_until_a_person_enables_it() {
         hands.send(0.5, Client::Joystick, robot(RequestKind::Enable));
         hands.stick(1.0, 2.0, Client::Joystick, FORWARD);
         // Silent from 2 s on.
-        hands
-            .at(3.0, |_, seen| assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1)));
+        hands.at(3.0, |_, seen| {
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1))
+        });
         // Back, but blocked.
         hands.stick(3.0, 4.0, Client::Joystick, FORWARD);
         hands.at(4.0, |live, seen| {
@@ -70,13 +73,13 @@ fn a_page_that_comes_back_after_a_silence_stays_blocked_with_the_finger_still_do
         // Silent for longer than a session may be, then there again under the same number: the line stalled.
         hands.stick(3.6, 5.0, page, FORWARD);
         hands.at(5.0, move |live, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 2));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 2));
             live.send(page, Ask::EnableStick(page));
         });
         // Enabled with the finger down: nothing yet.
         hands.stick(5.0, 6.0, page, FORWARD);
         hands.at(6.0, move |live, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.stick(6.1, 7.0, page, FORWARD);
@@ -103,7 +106,7 @@ fn a_new_session_under_an_old_number_needs_no_enabling_but_a_fresh_hold() {
         });
         hands.stick(2.001, 4.0, page, FORWARD);
         hands.at(4.0, move |live, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             live.send(page, Ask::Stick(StickWish::Released));
         });
         hands.stick(4.1, 6.0, page, FORWARD);
@@ -127,7 +130,11 @@ fn a_stop_holds_until_every_stick_was_let_go() {
                 hands.between(2.5, 4.0, move |_, seen| {
                     let speed_m_s = seen.record.state.twist_in_body.speed_m_s();
                     assert!(seen.record.time.now_ns < 3_000_000_000 || speed_m_s < 1e-3, "{speed_m_s} m/s");
-                    assert_eq!(seen.beside.say.commander, Commander::Nobody, "{driver:?}, stopped by {by:?}");
+                    assert_eq!(
+                        seen.extras.authority.commander,
+                        Commander::Nobody,
+                        "{driver:?}, stopped by {by:?}"
+                    );
                 });
                 hands.send(4.0, driver, Ask::EnableStick(driver));
                 hands.send(4.1, driver, Ask::Stick(StickWish::Released));
@@ -142,8 +149,8 @@ fn a_stop_holds_until_every_stick_was_let_go() {
 fn a_joystick_that_nobody_hears_of_is_lost_even_while_nobody_holds_it() {
     played(3.0, |hands: &mut Hands| {
         hands.stick(1.0, 2.0, Client::Joystick, StickWish::Released);
-        hands.at(1.9, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
-        hands.at(2.3, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Lost));
+        hands.at(1.9, |_, seen| assert_eq!(seen.extras.authority.joystick, JoystickState::Present));
+        hands.at(2.3, |_, seen| assert_eq!(seen.extras.authority.joystick, JoystickState::Lost));
     });
 }
 
@@ -155,8 +162,8 @@ fn a_joystick_that_says_it_is_blocked_while_it_drives_is_stopped_whatever_was_mi
         hands.stick(2.0, 3.5, Client::Joystick, StickWish::Blocked);
         hands.at(1.95, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.25));
         hands.at(3.4, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
-            assert_eq!(seen.beside.say.joystick, StickState::Blocked);
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!(seen.extras.authority.joystick, JoystickState::Blocked);
         });
     });
 }
@@ -173,7 +180,7 @@ fn a_page_that_goes_ends_the_motion_it_asked_for_and_a_command_line_that_goes_do
             hands.alive(0.4, 3.0, client);
             hands.at(2.9, move |_, seen| {
                 assert_eq!(seen.phase, Phase::Tracking);
-                assert_eq!(seen.beside.say.commander, Commander::Reference(client));
+                assert_eq!(seen.extras.authority.commander, Commander::Reference(client));
             });
             let expected = if goes_on { Phase::Tracking } else { Phase::Holding };
             hands.at(5.0, move |_, seen| assert_eq!(seen.phase, expected));
@@ -193,7 +200,7 @@ fn while_the_emergency_stop_is_set_nothing_begins_and_the_answer_says_why() {
         hands.ask(3.0, Client::Command, robot(RequestKind::Enable), Answer::Refused(Refusal::EmergencyStop));
         hands.at(3.5, |_, seen| {
             assert_eq!(seen.phase, Phase::Disabled);
-            assert!(seen.beside.say.is_emergency);
+            assert!(seen.extras.authority.is_emergency);
         });
         hands.ask(3.6, Client::Command, Ask::ReleaseEmergencyStop, Answer::Done);
         // Released is not enabled, and a stick in hand starts nothing.
@@ -392,7 +399,7 @@ fn a_stop_finds_room_however_much_is_asked() {
             while live.send(Client::Page(1), Ask::Alive).is_some() {}
             assert!(live.send(Client::Page(1), Ask::EmergencyStop).is_some());
         });
-        hands.at(2.005, |_, seen| assert!(seen.beside.say.is_emergency));
+        hands.at(2.005, |_, seen| assert!(seen.extras.authority.is_emergency));
     });
     assert_eq!(run.last.phase, Phase::Disabled);
 }
@@ -437,7 +444,7 @@ fn a_run_goes_on_where_the_server_of_its_pages_dies_and_what_they_commanded_stop
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.25);
             live.lose_pages();
         });
-        hands.at(2.5, |_, seen| assert_eq!(seen.beside.say.commander, Commander::Nobody));
+        hands.at(2.5, |_, seen| assert_eq!(seen.extras.authority.commander, Commander::Nobody));
         hands.ask(4.0, Client::Command, robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
     });
     let events: Vec<&str> = run.ran.summary.events.iter().map(|event| event.text.as_str()).collect();

@@ -34,7 +34,7 @@ impl Supervisor {
             return;
         }
         let untold = |one: &&mut super::Supervised| {
-            one.fault == Fault::Untold && one.health == Health::Well && !one.is_away()
+            one.fault == Fault::Untold && one.health == Health::Operational && !one.is_away()
         };
         let Some(one) = self.all.iter_mut().find(untold) else { return };
         let upload = MailboxRequest::upload(ERROR_CODE, std::mem::take(&mut self.error_code));

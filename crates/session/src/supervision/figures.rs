@@ -17,7 +17,7 @@ pub struct BusFigures {
     pub frames_foreign: u64,
     /// Cycles in which a working counter of process data wasn't the expected one.
     pub working_counter_errors: u64,
-    /// SubDevices that aren't well now.
+    /// SubDevices that aren't operational now.
     pub not_operational: u64,
     /// All AL statuses (0x0130) ORed, as the last frame brought them; 8 where everybody is in OP.
     pub al_status: u64,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use omnibase_ethercat::DcConfig;
-use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, CyclicBus, RegisterWay};
+use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, CyclicBus, RegisterAccess};
 use omnibase_ethercat::wire::bytes::u32_at;
 use omnibase_ethercat::wire::{HostTime, Link, register};
 
@@ -33,7 +33,7 @@ fn stray_bound_ns(dc: DcConfig) -> Option<u64> {
 
 /// Where a clock is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum ClockWay {
+pub(super) enum ClockDeviation {
     /// With the reference.
     #[default]
     Near,
@@ -90,9 +90,9 @@ impl Supervisor {
             return;
         }
         let (way, register, length) = match wanted {
-            Look::Counters => (RegisterWay::Read, register::RX_ERROR_COUNTERS, COUNTERS),
-            Look::Clear => (RegisterWay::Write, register::RX_ERROR_COUNTERS, COUNTERS),
-            Look::Clock => (RegisterWay::Read, register::DC_SYSTEM_TIME_DIFFERENCE, 4),
+            Look::Counters => (RegisterAccess::Read, register::RX_ERROR_COUNTERS, COUNTERS),
+            Look::Clear => (RegisterAccess::Write, register::RX_ERROR_COUNTERS, COUNTERS),
+            Look::Clock => (RegisterAccess::Read, register::DC_SYSTEM_TIME_DIFFERENCE, 4),
         };
         let mut data = std::mem::take(&mut self.buffer);
         data.clear();
@@ -130,21 +130,21 @@ impl Supervisor {
         let Some(bound_ns) = stray_bound_ns(one.subdevice.config.dc) else { return };
         // What the reference compares itself with is the host's time of sending, which tells of the host.
         if self.reference == Some(position) {
-            one.clock = ClockWay::Near;
+            one.clock = ClockDeviation::Near;
             return;
         }
         let (clock_ns, before) = (one.figures.clock_ns, one.clock);
         let is_far = clock_ns.unsigned_abs() > bound_ns;
         one.clock = match before {
-            ClockWay::Near if is_far => ClockWay::Suspect,
-            ClockWay::Suspect if is_far => ClockWay::Astray,
-            ClockWay::Astray if clock_ns.unsigned_abs() > bound_ns / 2 => ClockWay::Astray,
-            _ => ClockWay::Near,
+            ClockDeviation::Near if is_far => ClockDeviation::Suspect,
+            ClockDeviation::Suspect if is_far => ClockDeviation::Astray,
+            ClockDeviation::Astray if clock_ns.unsigned_abs() > bound_ns / 2 => ClockDeviation::Astray,
+            _ => ClockDeviation::Near,
         };
         match (before, one.clock) {
             // It is looked at again at once.
-            (_, ClockWay::Suspect) => self.next = Look::Clock,
-            (ClockWay::Suspect, ClockWay::Astray) => {
+            (_, ClockDeviation::Suspect) => self.next = Look::Clock,
+            (ClockDeviation::Suspect, ClockDeviation::Astray) => {
                 one.figures.clock_strays += 1;
                 self.totals.clock_strays += 1;
                 self.tell(
@@ -152,7 +152,7 @@ impl Supervisor {
                     format_args!("its clock is {clock_ns} ns from the reference, {bound_ns} ns are the most"),
                 );
             }
-            (ClockWay::Astray, ClockWay::Near) => {
+            (ClockDeviation::Astray, ClockDeviation::Near) => {
                 self.tell(number, format_args!("its clock is with the reference again: {clock_ns} ns"));
             }
             _ => {}

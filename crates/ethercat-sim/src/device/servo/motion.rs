@@ -6,6 +6,7 @@
 
 mod homing;
 mod profile;
+mod shown;
 
 use super::objects::{Fields, SUPPORTED_MODES};
 use super::{Encoder, ServoConfig};
@@ -18,14 +19,6 @@ use homing::Homing;
 use omnibase_ethercat_wire::HostTime;
 use profile::halt_rate;
 
-/// Statusword bit 10: target reached.
-const TARGET_REACHED: u16 = 1 << 10;
-/// Bit 11: internal limit active.
-const LIMIT_ACTIVE: u16 = 1 << 11;
-/// Bit 12: the drive follows (csp, csv, cst), the set point was acknowledged (pp), or homing was attained (hm).
-const FOLLOWS: u16 = 1 << 12;
-/// Bit 13: following error; homing error (hm).
-const FOLLOWING_ERROR: u16 = 1 << 13;
 /// Controlword: halt.
 const HALT: u16 = 1 << 8;
 /// The speed loop's integral is slower than its proportional part by this factor.
@@ -70,21 +63,6 @@ pub(super) fn is_supported(code: i8) -> bool {
 pub(super) struct Limits {
     pub torque_n_m: f64,
     pub speed_counts_s: f64,
-}
-
-/// Values for the dictionary.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shown {
-    pub status: u16,
-    pub mode: i8,
-    pub position: i32,
-    pub position_demand: i32,
-    pub following_error: i32,
-    pub velocity: i32,
-    pub velocity_demand: i32,
-    pub torque: i16,
-    pub torque_demand: i16,
-    pub digital_inputs: u32,
 }
 
 /// What the loops follow.
@@ -459,44 +437,6 @@ impl Motion {
         let since = *self.bad_since.get_or_insert(now);
         let timeout = Duration::from_millis(u64::from(dictionary.get(fields.following_timeout_ms)));
         now - since >= timeout
-    }
-
-    pub fn shown(&self) -> Shown {
-        let position = self.encoder(self.state) + self.offset;
-        let demand = self.position_demand.floor();
-        let mut status = 0;
-        if self.limited && self.follows {
-            status |= LIMIT_ACTIVE;
-        }
-        if self.follows {
-            let cyclic =
-                matches!(self.mode, Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque);
-            if self.mode == Mode::Homing {
-                status |= self.homing.status();
-            } else if cyclic || self.set_point_acknowledged {
-                status |= FOLLOWS;
-            }
-            if !cyclic && !matches!(self.mode, Mode::None | Mode::Homing) && self.reached {
-                status |= TARGET_REACHED;
-            }
-            if self.follows_badly {
-                status |= FOLLOWING_ERROR;
-            }
-        }
-        let per_mille = |torque: f64| (torque / self.rated_torque_n_m * 1000.0).round() as i16;
-        Shown {
-            status,
-            mode: self.mode as i8,
-            position: position as i32,
-            position_demand: demand as i64 as i32,
-            following_error: (demand - position as f64) as i32,
-            velocity: (self.state.speed_rad_s * self.counts_per_rad).round() as i32,
-            velocity_demand: self.speed_demand.round() as i32,
-            torque: per_mille(self.state.torque_n_m),
-            torque_demand: per_mille(self.torque_demand),
-            digital_inputs: u32::from(self.state.switches.negative)
-                | u32::from(self.state.switches.positive) << 1,
-        }
     }
 }
 

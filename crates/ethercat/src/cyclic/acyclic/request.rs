@@ -14,7 +14,7 @@ pub enum AcyclicWork {
     /// Access to registers.
     Registers {
         /// Which way.
-        way: RegisterWay,
+        way: RegisterAccess,
         /// First register.
         register: u16,
         /// As many bytes as shall be accessed: what to write, or to be overwritten with what was read.
@@ -24,7 +24,7 @@ pub enum AcyclicWork {
 
 /// Which way register data go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RegisterWay {
+pub enum RegisterAccess {
     /// From the SubDevice.
     Read,
     /// To the SubDevice.

@@ -14,7 +14,7 @@ fn a_short_count_keeps_the_inputs_and_the_culprit_is_named_within_two_cycles() {
         assert_eq!(bench.image.inputs, before);
         bench.cycle();
         assert_eq!(bench.bus.health()[gone], Health::Silent, "{count}");
-        assert_eq!(bench.bus.health().iter().filter(|health| **health != Health::Well).count(), 1);
+        assert_eq!(bench.bus.health().iter().filter(|health| **health != Health::Operational).count(), 1);
         // From now on the others' inputs are taken, its own are not.
         assert_eq!(bench.cycle(), Exchange::Without { not_operational: 1 });
         let now = bench.segment().exchange as u8;
@@ -34,7 +34,7 @@ fn a_short_count_keeps_the_inputs_and_the_culprit_is_named_within_two_cycles() {
         bench.cycle();
         bench.cycle();
         assert_eq!(bench.cycle(), Exchange::Complete);
-        assert!(bench.bus.health().iter().all(|health| *health == Health::Well));
+        assert!(bench.bus.health().iter().all(|health| *health == Health::Operational));
     }
 }
 
@@ -46,7 +46,7 @@ fn a_subdevice_that_falls_back_is_named_with_its_code() {
     bench.cycle();
     bench.cycle();
     let health = Health::NotOperational { status: 0x14, code: AlStatusCode::SM_WATCHDOG };
-    assert_eq!(bench.bus.health(), [Health::Well, health, Health::Well]);
+    assert_eq!(bench.bus.health(), [Health::Operational, health, Health::Operational]);
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn a_reference_that_only_missed_a_few_questions_leads_again() {
     (0..5).for_each(|_| {
         bench.cycle();
     });
-    assert_eq!(bench.bus.health(), [Health::Well; 3]);
+    assert_eq!(bench.bus.health(), [Health::Operational; 3]);
     assert_eq!(bench.bus.clock_use(), ClockUse::Distribute { reference: 0 });
     // Where all were in doubt nobody else led.
     bench.segment().alive.fill(false);

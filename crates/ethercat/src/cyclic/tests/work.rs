@@ -12,8 +12,8 @@ fn registers_are_read_and_written_beside_the_cycle_without_changing_it() {
         position: 1,
         work: AcyclicWork::Registers { way, register: 0x0982, data },
     };
-    bench.bus.submit(request(1, RegisterWay::Write, vec![7, 8])).unwrap();
-    bench.bus.submit(request(2, RegisterWay::Read, vec![0, 0])).unwrap();
+    bench.bus.submit(request(1, RegisterAccess::Write, vec![7, 8])).unwrap();
+    bench.bus.submit(request(2, RegisterAccess::Read, vec![0, 0])).unwrap();
     let mut completions = Vec::new();
     for _ in 0..10 {
         assert_eq!(bench.cycle(), Exchange::Complete);
@@ -31,7 +31,7 @@ fn registers_are_read_and_written_beside_the_cycle_without_changing_it() {
 #[test]
 fn acyclic_requests_that_cannot_be_served_are_refused_by_name() {
     let mut bench = Bench::new(1);
-    let work = || AcyclicWork::Registers { way: RegisterWay::Read, register: 0, data: vec![0; 100] };
+    let work = || AcyclicWork::Registers { way: RegisterAccess::Read, register: 0, data: vec![0; 100] };
     bench.bus.submit(AcyclicRequest { tag: 1, position: 5, work: work() }).unwrap();
     bench.bus.submit(AcyclicRequest { tag: 2, position: 0, work: work() }).unwrap();
     let mailbox =
@@ -58,7 +58,7 @@ fn acyclic_requests_that_cannot_be_served_are_refused_by_name() {
 fn a_register_that_nobody_takes_ends_in_an_error() {
     let mut bench = Bench::new(1);
     bench.segment().refuses = Some(0x0982);
-    let work = AcyclicWork::Registers { way: RegisterWay::Write, register: 0x0982, data: vec![1] };
+    let work = AcyclicWork::Registers { way: RegisterAccess::Write, register: 0x0982, data: vec![1] };
     bench.bus.submit(AcyclicRequest { tag: 1, position: 0, work }).unwrap();
     let done = (0..1000).find_map(|_| {
         bench.cycle();

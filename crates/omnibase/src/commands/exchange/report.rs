@@ -30,7 +30,7 @@ pub struct Report {
     pub subdevices: usize,
     /// Commands in all frames since PRE-OP.
     pub commands_used: Vec<&'static str>,
-    /// SubDevices that aren't well, and what they have.
+    /// SubDevices that aren't operational, and what they have.
     pub not_operational: Vec<String>,
     /// How long cycles took, as in the summary of a run.
     pub timing: TimingFigures,

@@ -90,18 +90,19 @@ impl Runner {
         ran.and(ended.map_err(anyhow::Error::from))
     }
 
-    /// Everyone is in OP and well.
+    /// Everyone is in OP and answering.
     fn is_operational(&self) -> bool {
-        let well = self.paced.bus().health().iter().all(|health| *health == Health::Well);
-        well && self.paced.bus().status().is_some_and(|status| {
-            usize::from(status.answered) == self.subdevices.len() && status.bits == AlState::Op.bits()
-        })
+        let operational = self.paced.bus().health().iter().all(|health| *health == Health::Operational);
+        operational
+            && self.paced.bus().status().is_some_and(|status| {
+                usize::from(status.answered) == self.subdevices.len() && status.bits == AlState::Op.bits()
+            })
     }
 
-    /// Goes on until it is known who isn't well, and notes it.
+    /// Goes on until it is known who isn't operational, and notes it.
     fn find_culprits(&mut self) -> anyhow::Result<()> {
         for _ in 0..DIAGNOSIS_CYCLES {
-            if self.paced.bus().health().iter().any(|health| *health != Health::Well) {
+            if self.paced.bus().health().iter().any(|health| *health != Health::Operational) {
                 break;
             }
             self.paced.exchange(&mut self.image)?;
@@ -199,10 +200,10 @@ fn without_robot(exchange: BusExchange) -> Exchange {
     }
 }
 
-/// What a SubDevice has; `None` where it is well.
+/// What a SubDevice has; `None` where it is operational.
 fn health_words(health: Health) -> Option<String> {
     match health {
-        Health::Well => None,
+        Health::Operational => None,
         Health::Silent => Some("does not answer: without power, cut off, or restarted".to_owned()),
         Health::NotOperational { status, code } => {
             let state = AlState::from_bits(status).map_or("an unknown state", AlState::name);

@@ -1,8 +1,8 @@
-//! A stick as a person or a program reads it.
+//! A joystick as a person or a program reads it.
 
 use omnibase_joystick::port::Happened;
 use omnibase_joystick::{
-    Block, Description, Hold, Map, MapProblem, Presence, Stick, StickCommand, StickFrame,
+    Block, Description, Hold, Joystick, JoystickCommand, JoystickFrame, Map, MapProblem, Presence,
 };
 use omnibase_robot::config::{AxisCode, ButtonCode, Limits};
 use serde_json::{Value, json};
@@ -19,7 +19,7 @@ pub struct View {
     as_picture: bool,
     /// Lines of the last picture, over which the next one is drawn.
     drawn: usize,
-    last: Option<StickCommand>,
+    last: Option<JoystickCommand>,
     asked: &'static str,
 }
 
@@ -80,7 +80,7 @@ fn buttons(map: &Map) -> [(&'static str, Option<ButtonCode>, &'static str); 8] {
     [
         ("dead_man", map.dead_man, "held while driving"),
         ("stop", map.stop, "stop, and give the command back"),
-        ("enable", Some(map.enable), "enable a blocked stick, and the drives"),
+        ("enable", Some(map.enable), "enable a blocked joystick, and the drives"),
         ("platform_frame", map.platform_frame, "drive in the platform's frame"),
         ("fixed_frame", map.fixed_frame, "drive in the fixed frame"),
         ("toggle_frame", map.toggle_frame, "change the frame"),
@@ -156,12 +156,12 @@ impl View {
     pub fn line(
         &mut self,
         now_ns: u64,
-        command: &StickCommand,
-        stick: &Stick,
+        command: &JoystickCommand,
+        joystick: &Joystick,
         happened: Option<&Happened>,
         output: &mut dyn Write,
     ) -> io::Result<()> {
-        let ageless = StickCommand { age_ns: None, ..*command };
+        let ageless = JoystickCommand { age_ns: None, ..*command };
         if self.last == Some(ageless) && !matches!(happened, Some(Happened::Events(_))) {
             return Ok(());
         }
@@ -176,7 +176,7 @@ impl View {
                 asked(command).map(|asked| format!("  {asked}")).unwrap_or_default()
             );
         }
-        let state = stick.state();
+        let state = joystick.state();
         let raw: serde_json::Map<String, Value> = state
             .into_iter()
             .flat_map(|state| &state.axes)
@@ -184,7 +184,7 @@ impl View {
             .collect();
         let pressed: Vec<_> =
             state.into_iter().flat_map(|state| &state.pressed).map(|code| ButtonCode(*code).name()).collect();
-        let shaped = stick
+        let shaped = joystick
             .map()
             .zip(state)
             .map(|(map, state)| json!({"twist": map.twist(state), "speed_factor": map.speed_factor(state)}));
@@ -209,15 +209,15 @@ impl View {
     /// A picture of now, over the last one.
     pub fn picture(
         &mut self,
-        command: &StickCommand,
-        stick: &Stick,
+        command: &JoystickCommand,
+        joystick: &Joystick,
         output: &mut dyn Write,
     ) -> io::Result<()> {
         if let Some(asked) = asked(command) {
             self.asked = asked;
         }
         let mut lines = Vec::new();
-        if let (Some(map), Some(state)) = (stick.map(), stick.state()) {
+        if let (Some(map), Some(state)) = (joystick.map(), joystick.state()) {
             for (name, axis) in AXES.iter().zip(map.axes) {
                 let Some(axis) = axis else { continue };
                 let raw = state.axes.get(&axis.axis.0).copied().unwrap_or_default();
@@ -228,7 +228,7 @@ impl View {
             let pressed: Vec<_> = state.pressed.iter().map(|code| ButtonCode(*code).name()).collect();
             lines.push(format!("  pressed  {}", pressed.join(" ")));
         } else {
-            lines.push("  waiting for a stick".to_owned());
+            lines.push("  waiting for a joystick".to_owned());
         }
         lines.push(format!("  wish     {}", self.twist_text(command.twist)));
         lines.push(format!("  state    {}", state_text(command)));
@@ -271,12 +271,12 @@ fn bar(value: f64) -> String {
     (-HALF..=HALF).map(cell).collect()
 }
 
-fn state_text(command: &StickCommand) -> String {
+fn state_text(command: &JoystickCommand) -> String {
     let block = block(command).map(|why| format!(", blocked ({why}): press the enable button"));
     format!("{}, {}, {} frame{}", presence(command), hold(command), frame(command), block.unwrap_or_default())
 }
 
-fn asked(command: &StickCommand) -> Option<&'static str> {
+fn asked(command: &JoystickCommand) -> Option<&'static str> {
     let requests = command.requests;
     match (requests.stop, requests.enable, requests.reset_frame) {
         (true, _, _) => Some("stop"),
@@ -286,28 +286,28 @@ fn asked(command: &StickCommand) -> Option<&'static str> {
     }
 }
 
-fn frame(command: &StickCommand) -> &'static str {
+fn frame(command: &JoystickCommand) -> &'static str {
     match command.frame {
-        StickFrame::Platform => "platform",
-        StickFrame::Fixed => "fixed",
+        JoystickFrame::Platform => "platform",
+        JoystickFrame::Fixed => "fixed",
     }
 }
 
-fn hold(command: &StickCommand) -> &'static str {
+fn hold(command: &JoystickCommand) -> &'static str {
     match command.hold {
         Hold::Held => "held",
         Hold::Released => "released",
     }
 }
 
-fn presence(command: &StickCommand) -> &'static str {
+fn presence(command: &JoystickCommand) -> &'static str {
     match command.presence {
         Presence::Present => "present",
         Presence::Absent => "absent",
     }
 }
 
-fn block(command: &StickCommand) -> Option<&'static str> {
+fn block(command: &JoystickCommand) -> Option<&'static str> {
     command.block.map(|block| match block {
         Block::Lost => "lost",
         Block::Stopped => "stopped",

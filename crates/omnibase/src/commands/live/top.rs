@@ -141,7 +141,7 @@ fn state(view: &View) -> Paragraph<'_> {
         .block(block(word(&view.robot["name"])))
 }
 
-/// What became of the stick at the robot's computer, and what brings it back.
+/// What became of the joystick at the robot's computer, and what brings it back.
 fn joystick(now: &Value) -> &'static str {
     match word(&now["joystick"]) {
         "present" => "joystick: present",

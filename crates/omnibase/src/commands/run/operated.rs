@@ -1,11 +1,11 @@
 //! A run that people and programs lead: its page, and where the command line finds it.
 
-use super::stick_thread::StickThread;
+use super::joystick_thread::JoystickThread;
 use crate::WrongUsage;
 use crate::progress::note;
 use crate::token;
 use anyhow::Context;
-use omnibase_client::robots::{self, Place, RunningRobot};
+use omnibase_client::robots::{self, Endpoint, RunningRobot};
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
@@ -75,7 +75,7 @@ pub struct Options {
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     #[expect(clippy::option_option, reason = "not wanted, wanted, wanted with a device")]
     joystick: Option<Option<PathBuf>>,
-    /// Take no stick, whatever the robot's file says.
+    /// Take no joystick, whatever the robot's file says.
     #[arg(long, conflicts_with = "joystick")]
     no_joystick: bool,
 }
@@ -83,7 +83,7 @@ pub struct Options {
 /// What serves people while a robot runs.
 pub struct Operated {
     _page: Option<Dashboard>,
-    _stick: Option<StickThread>,
+    _joystick: Option<JoystickThread>,
 }
 
 impl Options {
@@ -95,11 +95,11 @@ impl Options {
         {
             self.dashboard = Some(served.unwrap_or(DASHBOARD).parse().context("[run] dashboard")?);
         }
-        if let Some(stick) = table.joystick.as_ref().and_then(Switch::is_on)
+        if let Some(joystick) = table.joystick.as_ref().and_then(Switch::is_on)
             && self.joystick.is_none()
             && !self.no_joystick
         {
-            self.joystick = Some(stick.map(|device| folder.join(device)));
+            self.joystick = Some(joystick.map(|device| folder.join(device)));
         }
         let of_page = [
             ("--token-file", self.token_file.is_some()),
@@ -141,8 +141,8 @@ impl Options {
         if let Some(describer) = describer {
             live.describe_to(describer);
         }
-        let stick = match &self.joystick {
-            Some(path) => Some(StickThread::start(path.as_deref(), &robot.plan, live.clone())?),
+        let joystick = match &self.joystick {
+            Some(path) => Some(JoystickThread::start(path.as_deref(), &robot.plan, live.clone())?),
             None => None,
         };
         let streams = Streams {
@@ -168,7 +168,7 @@ impl Options {
             }
             end.stand_beside_plan();
         }
-        Ok(Some((Operated { _page: page, _stick: stick }, end)))
+        Ok(Some((Operated { _page: page, _joystick: joystick }, end)))
     }
 
     fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
@@ -179,7 +179,7 @@ impl Options {
         let name = about.robot.plan.name.clone();
         let dashboard = Dashboard::start(access.clone(), live, about)?;
         // Before its address is told: whoever waits for that finds the robot by then.
-        let announced = RunningRobot::announce(&name, Place::Address(dashboard.address), &access.token);
+        let announced = RunningRobot::announce(&name, Endpoint::Address(dashboard.address), &access.token);
         let unfound = announced.map(|running| dashboard.keep(running)).err();
         note(format_args!("dashboard: {}", access.url(dashboard.address)));
         if dashboard.address.ip().is_unspecified() {
@@ -199,7 +199,7 @@ impl Options {
 fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
     let socket = robots::socket()?;
     let name = about.robot.plan.name.clone();
-    let running = RunningRobot::announce(&name, Place::Socket(socket.clone()), "")?;
+    let running = RunningRobot::announce(&name, Endpoint::Socket(socket.clone()), "")?;
     let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
     dashboard.keep(running);
     Ok(dashboard)

@@ -58,7 +58,7 @@ impl Wrong {
 }
 
 /// What was measured.
-pub(super) struct Seen {
+pub(super) struct AxisMeasurement {
     /// `None` where nobody knows it, or the drive looks for its home.
     pub(super) position: Option<f64>,
     /// How far it is from where it shall be.
@@ -87,7 +87,7 @@ impl Watch {
         self.wrong = self.wrong.or(Some(wrong));
     }
 
-    pub(super) fn look(&mut self, time: &CycleTime, plan: &AxisPlan, seen: &Seen) {
+    pub(super) fn look(&mut self, time: &CycleTime, plan: &AxisPlan, seen: &AxisMeasurement) {
         let limits = &plan.limits;
         let most_nm = MARGIN * limits.torque_nm + TORQUE_MARGIN * plan.scale.rated_torque_nm;
         let is_strong = seen.torque_nm.abs() > most_nm;

@@ -1,6 +1,7 @@
 //! Homing: the drive's own way to a limit switch and back from it (CiA 402-2, methods 17 and 18), or none (35, 37).
 
-use super::{FOLLOWING_ERROR, FOLLOWS, HALT, Motion, Reference, TARGET_REACHED};
+use super::shown::{FOLLOWING_ERROR, FOLLOWS, TARGET_REACHED};
+use super::{HALT, Motion, Reference};
 use crate::device::servo::objects::Fields;
 use crate::dictionary::Dictionary;
 

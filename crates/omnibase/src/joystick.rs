@@ -1,24 +1,24 @@
-//! Where commands take a stick from: a device that may come and go, or a recording.
+//! Where commands take a joystick from: a device that may come and go, or a recording.
 
 use anyhow::Context;
 use omnibase_joystick::find::OpenError;
-use omnibase_joystick::{Device, Finder, Installed, Map, Port, Recorded, Stick};
+use omnibase_joystick::{Device, Finder, Installed, Joystick, Map, Port, Recorded};
 use omnibase_robot::config::JoystickTable;
 use std::path::{Path, PathBuf};
 
-/// Age of a stick's values where the file gives none, ms.
+/// Age of a joystick's values where the file gives none, ms.
 const AGE_MS: u32 = 200;
 
-/// What a command is told about a stick.
+/// What a command is told about a joystick.
 #[derive(Clone, Debug, Default)]
-pub struct StickOptions {
+pub struct JoystickOptions {
     /// A device or a recording of one; `None`: the first device that fits.
     pub path: Option<PathBuf>,
     /// The robot file's table.
     pub table: JoystickTable,
 }
 
-/// A stick, or where one is looked for.
+/// A joystick, or where one is looked for.
 pub enum Source {
     /// Devices of this machine.
     Installed(Box<Installed>),
@@ -28,8 +28,8 @@ pub enum Source {
 
 impl Source {
     /// Opens it: what is named must be there and fit now; otherwise the first device that fits is awaited.
-    pub fn open(options: &StickOptions) -> anyhow::Result<Self> {
-        let StickOptions { path, table } = options;
+    pub fn open(options: &JoystickOptions) -> anyhow::Result<Self> {
+        let JoystickOptions { path, table } = options;
         match path {
             Some(path) if !is_device(path) => {
                 let words = || format!("`{}`", path.display());
@@ -59,7 +59,7 @@ impl Source {
     /// The port at which it is, or will be.
     pub fn port(self, table: &JoystickTable) -> Port<Source> {
         let age_ms = table.age_ms.unwrap_or(AGE_MS);
-        Port::new(self, Stick::new(u64::from(age_ms) * 1_000_000))
+        Port::new(self, Joystick::new(u64::from(age_ms) * 1_000_000))
     }
 }
 

@@ -1,11 +1,11 @@
-//! Recordings of a stick, in place of one.
+//! Recordings of a joystick, in place of one.
 
 use omnibase_joystick::{AxisRange, Description, RawEvent, Recorder, State};
 use std::path::{Path, PathBuf};
 
 const ABS_Y: u16 = 1;
 
-/// A recording of the thesis's stick: each change (ms, axis or button, value) with its report.
+/// A recording of the thesis's joystick: each change (ms, axis or button, value) with its report.
 pub fn recording(folder: &Path, changes: &[(u64, u16, i32)]) -> PathBuf {
     let range = AxisRange { minimum: 0, maximum: 255, flat: 15, fuzz: 0 };
     let device = Description {
@@ -16,7 +16,7 @@ pub fn recording(folder: &Path, changes: &[(u64, u16, i32)]) -> PathBuf {
         buttons: (0x120..=0x12B).collect(),
     };
     let state = State { axes: [(0, 128), (ABS_Y, 128), (5, 128), (6, 0)].into(), pressed: [].into() };
-    let path = folder.join("stick.events");
+    let path = folder.join("joystick.events");
     let file = Box::new(std::fs::File::create(&path).unwrap());
     let mut recorder = Recorder::start(file, &device, &state).unwrap();
     recorder.write(&[RawEvent::report(0)]).unwrap();

@@ -1,7 +1,7 @@
-//! The thread that reads the stick and tells the robot what it wishes; the cycle never waits for it.
+//! The thread that reads the joystick and tells the robot what it wishes; the cycle never waits for it.
 
+use crate::joystick::{JoystickOptions, Source};
 use crate::progress::note;
-use crate::stick::{Source, StickOptions};
 use omnibase_joystick::Map;
 use omnibase_joystick::port::Happened;
 use omnibase_robot::RobotPlan;
@@ -12,19 +12,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two looks at the stick. The operator takes a stick that is silent for the command age as lost.
+/// Between two looks at the joystick. The operator takes a joystick that is silent for the command age as lost.
 const TURN: Duration = Duration::from_millis(5);
 
-/// Reads a stick as long as it lives.
-pub struct StickThread {
+/// Reads a joystick as long as it lives.
+pub struct JoystickThread {
     ends: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl StickThread {
+impl JoystickThread {
     /// Starts it; a device that is named must be there, otherwise the first one that fits is awaited.
     pub fn start(path: Option<&Path>, plan: &RobotPlan, live: Live) -> anyhow::Result<Self> {
-        let options = StickOptions { path: path.map(Path::to_owned), table: plan.joystick.clone() };
+        let options = JoystickOptions { path: path.map(Path::to_owned), table: plan.joystick.clone() };
         let source = Source::open(&options)?;
         if let Source::Installed(finder) = &source
             && finder.path().is_none()
@@ -41,9 +41,9 @@ impl StickThread {
             let (mut tickets, mut event) = (Vec::new(), 0);
             while !is_over.load(Ordering::Relaxed) {
                 let seen = live.snapshot();
-                driver.agree(port.stick_mut(), &seen);
+                driver.agree(port.joystick_mut(), &seen);
                 let (command, happened) = port.turn(began.elapsed().as_nanos() as u64);
-                match (happened, port.stick().map()) {
+                match (happened, port.joystick().map()) {
                     (Some(Happened::Plugged(..)), Some(map)) => tell(map),
                     (Some(Happened::Unplugged), _) => note("joystick: gone"),
                     _ => {}
@@ -77,11 +77,11 @@ impl StickThread {
                 std::thread::sleep(TURN);
             }
         })?;
-        Ok(StickThread { ends, thread: Some(thread) })
+        Ok(JoystickThread { ends, thread: Some(thread) })
     }
 }
 
-impl Drop for StickThread {
+impl Drop for JoystickThread {
     fn drop(&mut self) {
         self.ends.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

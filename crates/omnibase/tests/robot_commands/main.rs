@@ -1,27 +1,17 @@
 //! `omnibase run`, `check`, `kinematics` and `replay` as a user runs them, on virtual time.
 
+mod check;
+#[path = "../command_line/mod.rs"]
+mod command_line;
+
+use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 const SQUARE: [&str; 4] = ["run", "robots/bmm.toml", "--path", "robots/square.dat"];
 const CIRCLE: [&str; 4] = ["run", "robots/bmm.toml", "--circle", "radius_m=0.2,duration_s=5"];
 
-/// A folder of the test's own that vanishes with it.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path =
-            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("robot-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).to_str().unwrap().to_owned()
-    }
-
     /// A file with a text, by its path.
     fn file(&self, name: &str, text: &str) -> String {
         std::fs::write(self.0.join(name), text).unwrap();
@@ -29,27 +19,8 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
 fn bmm() -> String {
     std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap()
-}
-
-fn omnibase(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-    command.args(arguments).current_dir(root()).stdin(Stdio::null()).output().unwrap()
-}
-
-fn words(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// What a command prints, where it succeeds.
@@ -140,7 +111,7 @@ fn the_square_as_text_has_its_figures_with_units() {
 
 #[test]
 fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
-    let folder = Folder::new("same");
+    let folder = Folder::new("robot-same");
     let further = ["--controller", "adaptive_torque", "--payload-kg", "100", "--json"];
     let record = |name: &str| {
         let (mcap, columns) = (folder.path(&format!("{name}.mcap")), folder.path(&format!("{name}.txt")));
@@ -173,7 +144,7 @@ fn the_same_input_gives_the_same_bytes_and_a_replay_the_same_bits() {
 
 #[test]
 fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
-    let folder = Folder::new("part");
+    let folder = Folder::new("robot-part");
     let path = folder.path("run.mcap");
     let summary = json(&[&CIRCLE[..], &["--record", &path, "--json"]].concat());
     let bytes = std::fs::read(&path).unwrap();
@@ -204,7 +175,7 @@ fn a_replay_of_a_part_is_no_success_unless_it_was_asked_for() {
 
 #[test]
 fn a_run_without_an_end_is_refused() {
-    let folder = Folder::new("endless");
+    let folder = Folder::new("robot-endless");
     let far = folder.file("far.dat", "0 0 0 0\n1e18 1 0 0\n");
     for motion in [["--circle", "radius_m=0.3,duration_s=1e18"], ["--path", &far]] {
         let (code, says) = refused(&[&["run", "robots/bmm.toml"], &motion[..]].concat());
@@ -215,7 +186,7 @@ fn a_run_without_an_end_is_refused() {
 
 #[test]
 fn a_recording_or_page_that_is_no_file_is_refused_before_the_run() {
-    let folder = Folder::new("pipe");
+    let folder = Folder::new("robot-pipe");
     let pipe = folder.path("pipe");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for option in ["--record", "--columns", "--report"] {
@@ -238,121 +209,8 @@ fn a_replay_of_what_is_no_recording_is_refused() {
 }
 
 #[test]
-fn a_sound_file_is_checked_to_a_plan_with_units() {
-    let text = prints(&["check", "robots/bmm.toml"]);
-    for words in ["wheel_1", "position 2", "process image", "6041:00@0:16", "1 m/s", "N·m", "cycle 1000 us"]
-    {
-        assert!(text.contains(words), "{words} in {text}");
-    }
-    let plan = json(&["check", "robots/mecanum.toml", "--json"]);
-    assert_eq!(plan["problems"], Value::Array(Vec::new()));
-    assert_eq!(plan["wheels"].as_array().unwrap().len(), 4);
-    assert_eq!(plan["limits"]["speed"]["unit"], "m/s");
-    let folder = Folder::new("resolved");
-    let more = "\n[safety]\non_lost_device = \"ramp\"\n[fence]\nrectangle_m = [-1, -1, 2, 1.5]\n\
-                [[obstacle]]\ncentre_m = [1.2, 0.9]\nradius_m = 0.1\n";
-    let file =
-        folder.file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + more));
-    let text = prints(&["check", &file]);
-    for words in [
-        "on_lost_device       category 1",
-        "fence                (-1, -1) (2, -1) (2, 1.5) (-1, 1.5) m, margin 0.05 m",
-        "obstacle             at (1.2, 0.9) m, radius 0.1 m",
-    ] {
-        assert!(text.contains(words), "{words} in {text}");
-    }
-    let schema = json(&["check", "--schema"]);
-    let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
-    assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");
-}
-
-#[test]
-fn kinds_and_their_keys_are_told_by_the_registry() {
-    let registry = omnibase_robot::Registry::with_built_in();
-    let (text, help) = (prints(&["check", "--kinds"]), prints(&["run", "--help"]));
-    let told = json(&["check", "--kinds", "--json"]);
-    for ((sort, kinds), told) in registry.sorts().into_iter().zip(told.as_array().unwrap()) {
-        assert_eq!((&told["table"], &told["key"]), (&sort.table.into(), &sort.key.into()));
-        for (kind, told) in kinds.iter().zip(told["kinds"].as_array().unwrap()) {
-            let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", kind.name)));
-            assert!(line.is_some_and(|line| line.contains(kind.meaning)), "{} in {text}", kind.name);
-            let names: Vec<&str> =
-                told["keys"].as_array().unwrap().iter().map(|key| key["name"].as_str().unwrap()).collect();
-            assert_eq!(
-                (&told["name"], names),
-                (&kind.name.into(), kind.keys.iter().map(|key| key.name).collect())
-            );
-        }
-    }
-    let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap();
-    assert!(line("* mass_kg").ends_with("First estimate of the mass, kg. Allowed: above 0."), "{text}");
-    assert!(line("heading").ends_with("Allowed: fixed, follows_tangent."), "{text}");
-    assert!(line("turns").ends_with("Allowed: above 0, or endless."), "{text}");
-    let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
-    let shape = shape.split_whitespace().collect::<Vec<_>>().join(" ");
-    let keys = "semi_axis_x_m, semi_axis_y_m, duration_s, period_s, turns, heading, frame";
-    assert!(shape.starts_with(&format!("An ellipse to the left; takes {keys}")), "{help}");
-}
-
-/// The file of the BMM with four mistakes, and what is to be said of each: line, column, expected, found.
-fn four_mistakes() -> (String, [(String, &'static str); 4]) {
-    let sound = bmm();
-    let text = sound
-        .replace("position = 2", "position = 1")
-        .replace("\nspeed_m_s = 1.0", "\nspeed_mm_s = 1.0")
-        .replace("rated_torque_nm", "rated_torqe_nm")
-        .replace("wheel_radius_m = 0.10", "wheel_radius_m = \"big\"");
-    let place = |start: &str, column: usize| {
-        let found = text.lines().enumerate().filter(|(_, line)| line.starts_with(start)).last();
-        format!("{}:{column}", found.expect("the line").0 + 1)
-    };
-    let mistakes = [
-        (place("position = 1", 1), "drive[2].position = 1: drive[1] has the same position"),
-        (place("speed_mm_s", 1), "the unit of this setting is m_s, not mm_s: write `speed_m_s`"),
-        (place("rated_torqe_nm", 1), "did you mean `rated_torque_nm`?"),
-        (
-            place("wheel_radius_m", 1),
-            "wheel_radius_m = \"big\": the value has another type than number (allowed: number)",
-        ),
-    ];
-    (text, mistakes)
-}
-
-#[test]
-fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
-    let folder = Folder::new("mistakes");
-    let (text, mistakes) = four_mistakes();
-    let file = folder.file("robot.toml", &text);
-    for command in [
-        &["check", &file][..],
-        &["run", &file, "--circle", "radius_m=0.5"],
-        &["kinematics", &file, "--twist", "1 0 0"],
-    ] {
-        let (code, says) = refused(command);
-        assert_eq!(code, Some(1), "{says}");
-        for (place, what) in &mistakes {
-            let line = says.lines().find(|line| line.starts_with(&format!("{file}:{place}:")));
-            let line = line.unwrap_or_else(|| panic!("{command:?}: {place} in {says}"));
-            assert!(line.contains(what), "{what} in {line}");
-        }
-    }
-    let output = omnibase(&["check", &file, "--json"]);
-    assert_eq!(output.status.code(), Some(1));
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let places: Vec<String> = told["problems"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|problem| format!("{}:{}", problem["line"], problem["column"]))
-        .collect();
-    for (place, _) in &mistakes {
-        assert!(places.contains(place), "{place} in {places:?}");
-    }
-}
-
-#[test]
 fn missing_limits_are_refused_before_anything_moves() {
-    let folder = Folder::new("limits");
+    let folder = Folder::new("robot-limits");
     let text: String = bmm()
         .lines()
         .filter(|line| !line.starts_with("wheel_speed_rad_s"))
@@ -366,7 +224,7 @@ fn missing_limits_are_refused_before_anything_moves() {
 
 #[test]
 fn wrong_words_on_the_command_line_are_refused_in_words() {
-    let folder = Folder::new("words");
+    let folder = Folder::new("robot-words");
     let letters = folder.file("letters.dat", "(0, 0, 0, 0)\n(1, 2, x, 0)\n");
     let fast = folder.file("fast.dat", "(0, 0, 0, 0)\n(1, 2, 0, 0)\n");
     let robot = "robots/bmm.toml";
@@ -439,7 +297,7 @@ fn wrong_words_on_the_command_line_are_refused_in_words() {
 
 #[test]
 fn a_path_out_of_the_fence_ends_with_that_reason() {
-    let folder = Folder::new("fenced");
+    let folder = Folder::new("robot-fenced");
     let fence = "\n[fence]\nrectangle_m = [-1, -1, 1.5, 1]\n";
     let file = folder
         .file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + fence));
@@ -450,7 +308,7 @@ fn a_path_out_of_the_fence_ends_with_that_reason() {
 
 #[test]
 fn a_way_that_is_blocked_ends_with_that_reason() {
-    let folder = Folder::new("blocked");
+    let folder = Folder::new("robot-blocked");
     let robot = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
     let path = folder.file("ahead.dat", "(0, 0, 0, 0)\n(8, 3, 0, 0)\n");
     let row = |x: f64| -> String {
@@ -500,7 +358,7 @@ fn kinematics_go_both_ways_as_text_and_json() {
 
 #[test]
 fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
-    let folder = Folder::new("endless");
+    let folder = Folder::new("robot-motion-without-end");
     let recording = folder.path("run.mcap");
     let mut run = Command::new(env!("CARGO_BIN_EXE_omnibase"))
         .args(["run", "robots/bmm.toml", "--circle", "radius_m=0.3,period_s=8,turns=endless", "--json"])
@@ -530,7 +388,7 @@ fn a_motion_without_an_end_goes_on_until_it_is_stopped() {
 
 #[test]
 fn small_terminals_share_no_byte() {
-    let folder = Folder::new("small-terminals");
+    let folder = Folder::new("robot-small-terminals");
     let terminal = |position: usize, name: &str, on: u8| {
         format!(
             "\n[[device]]\nname = \"{name}\"\nposition = {position}\nkind = \"io\"\n\

@@ -1,14 +1,14 @@
-//! The state machine of a stick: from events and time to what a person wishes.
+//! The state machine of a joystick: from events and time to what a person wishes.
 
 use crate::description::State;
 use crate::event::{EV_KEY, EV_SYN, RawEvent, SYN_DROPPED, SYN_REPORT};
 use crate::map::Map;
-use omnibase_robot::StickShape;
+use omnibase_robot::JoystickShape;
 use omnibase_robot::config::ButtonCode;
 
-/// The frame in which a stick drives.
+/// The frame in which a joystick drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum StickFrame {
+pub enum JoystickFrame {
     /// Forward is the platform's own forward.
     #[default]
     Platform,
@@ -16,7 +16,7 @@ pub enum StickFrame {
     Fixed,
 }
 
-/// Whether somebody holds the stick.
+/// Whether somebody holds the joystick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hold {
     /// The dead-man button is held; where none is required: an axis is out of its dead zone.
@@ -26,7 +26,7 @@ pub enum Hold {
     Released,
 }
 
-/// Whether there is a stick.
+/// Whether there is a joystick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Presence {
     /// There is one, and the reading thread confirmed it within the age.
@@ -36,7 +36,7 @@ pub enum Presence {
     Absent,
 }
 
-/// Why a stick commands nothing until a person enables it.
+/// Why a joystick commands nothing until a person enables it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     /// It was unplugged, or nobody read it for longer than its age.
@@ -52,28 +52,28 @@ pub struct Requests {
     pub stop: bool,
     /// The fixed frame becomes the platform's present one.
     pub reset_frame: bool,
-    /// A person enables the stick, and what it drives.
+    /// A person enables the joystick, and what it drives.
     pub enable: bool,
     /// Remember the pose where the robot stands.
     pub teach_point: bool,
 }
 
-/// What a person at a stick wishes.
+/// What a person at a joystick wishes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StickCommand {
+pub struct JoystickCommand {
     /// Parts of the greatest speeds forward, to the left and about the vertical axis, −1..1; 0 unless it is held.
     pub twist: [f64; 3],
     /// The frame of the twist.
-    pub frame: StickFrame,
+    pub frame: JoystickFrame,
     /// Whether somebody drives; never while it is blocked or absent.
     pub hold: Hold,
-    /// Whether there is a stick.
+    /// Whether there is a joystick.
     pub presence: Presence,
     /// Why it is blocked, where it is.
     pub block: Option<Block>,
     /// What was asked by buttons.
     pub requests: Requests,
-    /// Since the reading thread confirmed the values, ns; `None` where no stick was ever there.
+    /// Since the reading thread confirmed the values, ns; `None` where no joystick was ever there.
     pub age_ns: Option<u64>,
 }
 
@@ -82,24 +82,24 @@ pub struct StickCommand {
 pub enum Next {
     /// Nothing.
     GoOn,
-    /// Events were lost: when all that is at hand was taken, give the device's state by [`Stick::reread`].
+    /// Events were lost: when all that is at hand was taken, give the device's state by [`Joystick::reread`].
     Reread,
 }
 
-/// A stick that may come and go.
+/// A joystick that may come and go.
 ///
 /// evdev says nothing while nothing moves, so a silence of events is no loss: the last values count on. What must
-/// not fall silent is the thread that reads: it confirms by [`Stick::heard`], many times within the age. A gap
-/// longer than the age means that values may be stale; then the stick counts as lost, as when it is unplugged.
+/// not fall silent is the thread that reads: it confirms by [`Joystick::heard`], many times within the age. A gap
+/// longer than the age means that values may be stale; then the joystick counts as lost, as when it is unplugged.
 #[derive(Clone, Debug)]
-pub struct Stick {
+pub struct Joystick {
     age_ns: u64,
     plugged: Option<Plugged>,
     heard_ns: Option<u64>,
     block: Option<Block>,
     /// It must be let go and rest once before it drives: after it came, and after it was enabled.
     must_release: bool,
-    frame: StickFrame,
+    frame: JoystickFrame,
     requests: Requests,
 }
 
@@ -135,16 +135,16 @@ enum Drops {
     UntilReport,
 }
 
-impl Stick {
-    /// No stick yet; `age_ns` is how long its reader may be silent.
+impl Joystick {
+    /// No joystick yet; `age_ns` is how long its reader may be silent.
     pub fn new(age_ns: u64) -> Self {
-        Stick {
+        Joystick {
             age_ns,
             plugged: None,
             heard_ns: None,
             block: None,
             must_release: true,
-            frame: StickFrame::Platform,
+            frame: JoystickFrame::Platform,
             requests: Requests::default(),
         }
     }
@@ -224,7 +224,7 @@ impl Stick {
         }
     }
 
-    /// A person allows the stick to command again: by its own button, or elsewhere. One that isn't there can't be.
+    /// A person allows the joystick to command again: by its own button, or elsewhere. One that isn't there can't be.
     pub fn enable(&mut self) {
         if self.plugged.is_some() && self.block.take().is_some() {
             self.must_release = true;
@@ -232,7 +232,7 @@ impl Stick {
     }
 
     /// Shapes it anew, as a whole. One that nobody holds must not begin to drive by that.
-    pub fn reshape(&mut self, shape: &StickShape) {
+    pub fn reshape(&mut self, shape: &JoystickShape) {
         if let Some(plugged) = &mut self.plugged {
             self.must_release |= !plugged.is_held();
             plugged.map.reshape(shape);
@@ -245,16 +245,16 @@ impl Stick {
     }
 
     /// What a person wishes now; what was asked by buttons is given once.
-    pub fn command(&mut self, now_ns: u64) -> StickCommand {
+    pub fn command(&mut self, now_ns: u64) -> JoystickCommand {
         self.look_at_age(now_ns);
         let age_ns = self.heard_ns.map(|heard_ns| now_ns.saturating_sub(heard_ns));
         let is_fresh = age_ns.is_some_and(|age_ns| age_ns <= self.age_ns);
-        let mut command = StickCommand {
+        let mut command = JoystickCommand {
             frame: self.frame,
             block: self.block,
             requests: std::mem::take(&mut self.requests),
             age_ns,
-            ..StickCommand::default()
+            ..JoystickCommand::default()
         };
         let Some(plugged) = self.plugged.as_ref().filter(|_| is_fresh) else { return command };
         command.presence = Presence::Present;
@@ -278,15 +278,15 @@ impl Stick {
             })
         };
         if went_down(map.platform_frame) {
-            self.frame = StickFrame::Platform;
+            self.frame = JoystickFrame::Platform;
         }
         if went_down(map.fixed_frame) {
-            self.frame = StickFrame::Fixed;
+            self.frame = JoystickFrame::Fixed;
         }
         if went_down(map.toggle_frame) {
             self.frame = match self.frame {
-                StickFrame::Platform => StickFrame::Fixed,
-                StickFrame::Fixed => StickFrame::Platform,
+                JoystickFrame::Platform => JoystickFrame::Fixed,
+                JoystickFrame::Fixed => JoystickFrame::Platform,
             };
         }
         self.requests.reset_frame |= went_down(map.reset_frame);

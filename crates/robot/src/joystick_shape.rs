@@ -1,6 +1,6 @@
-//! How a stick is shaped, as far as that may change while the robot runs.
+//! How a joystick is shaped, as far as that may change while the robot runs.
 
-use crate::config::{JoystickTable, StickAxisTable};
+use crate::config::{JoystickAxisTable, JoystickTable};
 use crate::stages::Gain;
 
 /// The names of an axis's settings, as in a robot's file, and what is allowed.
@@ -32,9 +32,9 @@ pub struct AxisShape {
     pub expo: f64,
 }
 
-/// How a stick is shaped: what a robot holds, changes between cycles and records, and the stick's reader follows.
+/// How a joystick is shaped: what a robot holds, changes between cycles and records, and the joystick's reader follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StickShape {
+pub struct JoystickShape {
     /// Forward, left and turn.
     pub axes: [AxisShape; 3],
     /// Part of the speed at the slow end of the slider.
@@ -47,13 +47,13 @@ impl Default for AxisShape {
     }
 }
 
-impl Default for StickShape {
+impl Default for JoystickShape {
     fn default() -> Self {
-        StickShape { axes: [AxisShape::default(); 3], least: 0.1 }
+        JoystickShape { axes: [AxisShape::default(); 3], least: 0.1 }
     }
 }
 
-impl StickShape {
+impl JoystickShape {
     /// How many settings there are.
     pub const SETTINGS: usize = 3 * OF_AXIS + 1;
 
@@ -64,19 +64,19 @@ impl StickShape {
             None => table.clone(),
         };
         let default = AxisShape::default();
-        let axis = |table: &StickAxisTable| AxisShape {
+        let axis = |table: &JoystickAxisTable| AxisShape {
             offset: table.offset.unwrap_or(default.offset),
             dead_zone: table.dead_zone.unwrap_or(default.dead_zone),
             gain: table.gain.unwrap_or(default.gain),
             expo: table.expo.unwrap_or(default.expo),
         };
-        StickShape {
+        JoystickShape {
             axes: [axis(&table.forward), axis(&table.left), axis(&table.turn)],
-            least: table.speed.least.unwrap_or(StickShape::default().least),
+            least: table.speed.least.unwrap_or(JoystickShape::default().least),
         }
     }
 
-    /// The setting of a place, below [`StickShape::SETTINGS`].
+    /// The setting of a place, below [`JoystickShape::SETTINGS`].
     pub fn setting(&self, index: usize) -> Option<Gain> {
         let (axis, place) = (index / OF_AXIS, index % OF_AXIS);
         let Some(shape) = self.axes.get(axis) else {

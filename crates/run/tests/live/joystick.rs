@@ -1,16 +1,16 @@
-//! Recorded events of a stick drive the simulated robot in virtual time, frames and all.
+//! Recorded events of a joystick drive the simulated robot in virtual time, frames and all.
 
 use std::collections::BTreeMap;
 
 use crate::hands::{Hands, plan, played};
 use omnibase_joystick::{
-    AxisRange, Description, Device, Finder, Map, Port, RawEvent, Recorded, Recorder, State, Stick,
+    AxisRange, Description, Device, Finder, Joystick, Map, Port, RawEvent, Recorded, Recorder, State,
 };
 use omnibase_robot::RequestKind;
 use omnibase_robot::config::JoystickTable;
 use omnibase_robot::signals::{Frame, Phase};
 use omnibase_run::live::{
-    Answer, Ask, Client, Commander, JoystickDriver, Live, Refusal, Snapshot, StickState,
+    Answer, Ask, Client, Commander, JoystickDriver, JoystickState, Live, Refusal, Snapshot,
 };
 
 const MS: u64 = 1_000_000;
@@ -23,7 +23,7 @@ const FIXED: u16 = 0x123;
 const RESET: u16 = 0x124;
 const ENABLE: u16 = 0x12B;
 
-/// The stick of the thesis.
+/// The joystick of the thesis.
 fn t_flight() -> Description {
     let range = AxisRange { minimum: 0, maximum: 255, flat: 15, fuzz: 0 };
     Description {
@@ -35,16 +35,16 @@ fn t_flight() -> Description {
     }
 }
 
-/// One change of the stick: when, ms after it was plugged in; axis or button; value.
+/// One change of the joystick: when, ms after it was plugged in; axis or button; value.
 type Change = (u64, u16, i32);
 
-/// The recording of these changes, each with its report; the stick is there until `until_ms`.
+/// The recording of these changes, each with its report; the joystick is there until `until_ms`.
 fn recording(changes: &[Change], until_ms: u64) -> Recorded {
     let device = t_flight();
     let mut axes: BTreeMap<u16, i32> = device.axes.keys().map(|axis| (*axis, 128)).collect();
     // The throttle at its fast end.
     axes.insert(ABS_THROTTLE, 0);
-    let path = std::env::temp_dir().join(format!("omnibase-stick-{:?}", std::thread::current().id()));
+    let path = std::env::temp_dir().join(format!("omnibase-joystick-{:?}", std::thread::current().id()));
     let file = std::fs::File::create(&path).expect("a file");
     let state = State { axes, pressed: [].into() };
     let mut recorder = Recorder::start(Box::new(file), &device, &state).expect("a recording");
@@ -75,16 +75,16 @@ impl Finder for Plugs {
     }
 }
 
-/// Gives the stick's port a turn every 10 ms from `from_s` on.
+/// Gives the joystick's port a turn every 10 ms from `from_s` on.
 fn drive(hands: &mut Hands, from_s: f64, found: Vec<Option<Recorded>>) {
-    let mut port = Port::new(Plugs(found.into_iter()), Stick::new(200 * MS));
+    let mut port = Port::new(Plugs(found.into_iter()), Joystick::new(200 * MS));
     let mut driver = JoystickDriver::new(&plan());
     hands.between(from_s, f64::INFINITY, move |live, seen| {
         let now_ns = seen.record.time.now_ns;
         if !now_ns.is_multiple_of(10 * MS) {
             return;
         }
-        driver.agree(port.stick_mut(), seen);
+        driver.agree(port.joystick_mut(), seen);
         let (command, _) = port.turn(now_ns);
         let changes = driver.changes();
         if !changes.is_empty() {
@@ -99,13 +99,13 @@ fn drive(hands: &mut Hands, from_s: f64, found: Vec<Option<Recorded>>) {
 fn stands(seen: &Snapshot) {
     let twist = seen.record.state.twist_in_body;
     assert!(twist.speed_m_s() < 0.005 && twist.w_rad_s.abs() < 0.01, "{twist:?}");
-    assert_eq!(seen.beside.say.commander, Commander::Nobody);
+    assert_eq!(seen.extras.authority.commander, Commander::Nobody);
 }
 
 #[test]
-fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
+fn a_moved_joystick_moves_the_robot_and_a_released_dead_man_stops_it() {
     let changes = [
-        // Drives on, by a person at the stick.
+        // Drives on, by a person at the joystick.
         (100, ENABLE, 1),
         (200, ENABLE, 0),
         // Without the dead-man button nothing moves.
@@ -121,18 +121,18 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
             stands(seen);
         });
         hands.at(4.5, |_, seen| {
-            assert_eq!(seen.beside.say.commander, Commander::Stick(Client::Joystick));
-            // The whole stick is the whole speed of the robot's file.
+            assert_eq!(seen.extras.authority.commander, Commander::Stick(Client::Joystick));
+            // The whole joystick is the whole speed of the robot's file.
             assert!((seen.record.state.twist_in_body.vx_m_s - 1.0).abs() < 0.02);
         });
         hands.at(6.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             stands(seen);
         });
     });
     let x_m = run.last.record.state.odom_from_body.x_m;
     assert!((1.8..2.4).contains(&x_m), "{x_m} m");
-    // Told once, however often the stick says so while the robot comes to rest.
+    // Told once, however often the joystick says so while the robot comes to rest.
     let events = run.live.events_after(0);
     let told = events.iter().filter(|event| event.text.starts_with("let go of the stick")).count();
     assert_eq!(told, 1, "{events:?}");
@@ -141,7 +141,7 @@ fn a_moved_stick_moves_the_robot_and_a_released_dead_man_stops_it() {
 }
 
 #[test]
-fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it() {
+fn an_unplugged_joystick_stops_the_robot_and_is_blocked_until_a_person_enables_it() {
     let first = recording(&[(100, ENABLE, 1), (1500, ABS_Y, 0), (1500, TRIGGER, 1)], 2500);
     // Plugged in again, with the trigger held and let go; enabled at 3 s of its own time.
     let second = recording(
@@ -163,11 +163,11 @@ fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it()
         hands.at(2.5, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
         // There again at once, but blocked, whatever is held.
         hands.at(4.9, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1));
             stands(seen);
         });
         hands.at(9.0, |_, seen| {
-            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert_eq!(seen.extras.authority.blocked_sticks, 0);
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });
@@ -177,7 +177,7 @@ fn an_unplugged_stick_stops_the_robot_and_is_blocked_until_a_person_enables_it()
 }
 
 #[test]
-fn a_stick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_drives_only_once_let_go() {
+fn a_joystick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_drives_only_once_let_go() {
     let first = recording(&[(100, ENABLE, 1), (1500, ABS_Y, 0), (1500, TRIGGER, 1)], 2500);
     // Plugged in again 1 s later: its trigger is held, and it is pushed, while a page enables it at 4.5 s.
     let second = recording(
@@ -196,18 +196,18 @@ fn a_stick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_driv
     );
     let page = Client::Page(2);
     let enable = || Ask::EnableStick(Client::Joystick);
-    let state = |seen: &Snapshot| seen.beside.say.joystick;
+    let state = |seen: &Snapshot| seen.extras.authority.joystick;
     let run = played(9.0, |hands| {
         drive(hands, 0.1, vec![Some(first), None, Some(second)]);
-        hands.at(0.05, move |_, seen| assert_eq!(state(seen), StickState::Absent));
-        hands.at(2.5, move |_, seen| assert_eq!(state(seen), StickState::Present));
-        hands.at(2.7, move |_, seen| assert_eq!(state(seen), StickState::Lost));
+        hands.at(0.05, move |_, seen| assert_eq!(state(seen), JoystickState::Absent));
+        hands.at(2.5, move |_, seen| assert_eq!(state(seen), JoystickState::Present));
+        hands.at(2.7, move |_, seen| assert_eq!(state(seen), JoystickState::Lost));
         hands.ask(2.7, page, enable(), Answer::Refused(Refusal::NoStick));
-        hands.at(4.4, move |_, seen| assert_eq!(state(seen), StickState::Blocked));
+        hands.at(4.4, move |_, seen| assert_eq!(state(seen), JoystickState::Blocked));
         hands.ask(4.5, page, enable(), Answer::Done);
         // Enabled, but still held and pushed as when it was plugged in: nothing moves until it was let go.
         hands.between(4.7, 7.0, move |_, seen| {
-            assert_eq!((state(seen), seen.beside.say.blocked_sticks), (StickState::Present, 0));
+            assert_eq!((state(seen), seen.extras.authority.blocked_sticks), (JoystickState::Present, 0));
             stands(seen);
         });
         hands.at(8.9, |_, seen| assert!(seen.record.state.twist_in_body.vx_m_s > 0.9));
@@ -219,13 +219,13 @@ fn a_stick_that_was_lost_is_enabled_by_a_page_but_not_before_it_is_back_and_driv
 }
 
 #[test]
-fn a_stick_that_nobody_holds_is_missed_too() {
+fn a_joystick_that_nobody_holds_is_missed_too() {
     let recorded = recording(&[(100, ENABLE, 1)], 1500);
     let run = played(3.0, |hands| {
         drive(hands, 0.1, vec![Some(recorded)]);
-        hands.at(1.5, |_, seen| assert_eq!(seen.beside.say.joystick, StickState::Present));
+        hands.at(1.5, |_, seen| assert_eq!(seen.extras.authority.joystick, JoystickState::Present));
         hands.at(2.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.joystick), (Phase::Holding, StickState::Lost));
+            assert_eq!((seen.phase, seen.extras.authority.joystick), (Phase::Holding, JoystickState::Lost));
         });
     });
     let told =
@@ -257,15 +257,15 @@ fn the_stop_button_stops_and_gives_the_command_back() {
     let run = played(9.0, |hands| {
         drive(hands, 0.1, vec![Some(recorded)]);
         hands.at(6.5, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 0));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 0));
             stands(seen);
         });
         hands.at(5.0, |_, seen| {
-            assert_eq!((seen.phase, seen.beside.say.blocked_sticks), (Phase::Holding, 1));
+            assert_eq!((seen.phase, seen.extras.authority.blocked_sticks), (Phase::Holding, 1));
             stands(seen);
         });
         hands.at(8.9, |_, seen| {
-            assert_eq!(seen.beside.say.blocked_sticks, 0);
+            assert_eq!(seen.extras.authority.blocked_sticks, 0);
             assert!(seen.record.state.twist_in_body.vx_m_s > 0.9);
         });
     });
@@ -311,7 +311,7 @@ fn the_fixed_frame_keeps_its_forward_while_the_platform_turns() {
 }
 
 #[test]
-fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows() {
+fn the_shape_of_a_joystick_is_set_while_it_drives_as_a_whole_and_the_device_follows() {
     let changes = [(100, ENABLE, 1), (1400, ABS_Y, 64), (1500, TRIGGER, 1)];
     let recorded = recording(&changes, 60_000);
     let vx_m_s = |seen: &Snapshot| seen.record.state.twist_in_body.vx_m_s;
@@ -328,10 +328,10 @@ fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows
     let curve = |expo: f64, part: f64| (1.0 - expo) * part + expo * part.powi(3);
     let run = played(8.0, |hands| {
         drive(hands, 0.1, vec![Some(recorded)]);
-        hands.at(0.05, |_, seen| assert_eq!(seen.stick.axes[0].dead_zone, 0.05));
+        hands.at(0.05, |_, seen| assert_eq!(seen.joystick.axes[0].dead_zone, 0.05));
         hands.at(3.0, move |live, seen| {
             // The device asked for more than the file's default, and the robot knows.
-            assert!((seen.stick.axes[0].dead_zone - 15.0 / 127.5).abs() < 1e-12, "{:?}", seen.stick);
+            assert!((seen.joystick.axes[0].dead_zone - 15.0 / 127.5).abs() < 1e-12, "{:?}", seen.joystick);
             let expected = curve(0.3, beyond(15.0 / 127.5, 63.5));
             assert!((vx_m_s(seen) - expected).abs() < 0.01, "{} for {expected}", vx_m_s(seen));
             let values = [
@@ -349,11 +349,11 @@ fn the_shape_of_a_stick_is_set_while_it_drives_as_a_whole_and_the_device_follows
             set(live, seen, Client::Command, &values);
         });
         hands.at(6.0, move |live, seen| {
-            assert_eq!((seen.stick.axes[0].gain, seen.stick.axes[0].expo), (0.5, 0.0));
+            assert_eq!((seen.joystick.axes[0].gain, seen.joystick.axes[0].expo), (0.5, 0.0));
             set(live, seen, Client::Command, &[("joystick.forward.gain", f64::NAN)]);
         });
         hands.at(7.9, move |_, seen| {
-            assert_eq!(seen.stick.axes[0].gain, 0.5);
+            assert_eq!(seen.joystick.axes[0].gain, 0.5);
             assert!((vx_m_s(seen) - 0.5 * beyond(0.2, 63.5)).abs() < 0.01);
         });
     });

@@ -1,0 +1,117 @@
+//! `omnibase check`: what it says of sound files and of mistakes.
+
+use crate::{Folder, bmm, json, omnibase, prints, refused, root};
+use serde_json::Value;
+
+#[test]
+fn a_sound_file_is_checked_to_a_plan_with_units() {
+    let text = prints(&["check", "robots/bmm.toml"]);
+    for words in ["wheel_1", "position 2", "process image", "6041:00@0:16", "1 m/s", "N·m", "cycle 1000 us"]
+    {
+        assert!(text.contains(words), "{words} in {text}");
+    }
+    let plan = json(&["check", "robots/mecanum.toml", "--json"]);
+    assert_eq!(plan["problems"], Value::Array(Vec::new()));
+    assert_eq!(plan["wheels"].as_array().unwrap().len(), 4);
+    assert_eq!(plan["limits"]["speed"]["unit"], "m/s");
+    let folder = Folder::new("robot-resolved");
+    let more = "\n[safety]\non_lost_device = \"ramp\"\n[fence]\nrectangle_m = [-1, -1, 2, 1.5]\n\
+                [[obstacle]]\ncentre_m = [1.2, 0.9]\nradius_m = 0.1\n";
+    let file =
+        folder.file("robot.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + more));
+    let text = prints(&["check", &file]);
+    for words in [
+        "on_lost_device       category 1",
+        "fence                (-1, -1) (2, -1) (2, 1.5) (-1, 1.5) m, margin 0.05 m",
+        "obstacle             at (1.2, 0.9) m, radius 0.1 m",
+    ] {
+        assert!(text.contains(words), "{words} in {text}");
+    }
+    let schema = json(&["check", "--schema"]);
+    let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
+    assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");
+}
+
+#[test]
+fn kinds_and_their_keys_are_told_by_the_registry() {
+    let registry = omnibase_robot::Registry::with_built_in();
+    let (text, help) = (prints(&["check", "--kinds"]), prints(&["run", "--help"]));
+    let told = json(&["check", "--kinds", "--json"]);
+    for ((sort, kinds), told) in registry.sorts().into_iter().zip(told.as_array().unwrap()) {
+        assert_eq!((&told["table"], &told["key"]), (&sort.table.into(), &sort.key.into()));
+        for (kind, told) in kinds.iter().zip(told["kinds"].as_array().unwrap()) {
+            let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", kind.name)));
+            assert!(line.is_some_and(|line| line.contains(kind.meaning)), "{} in {text}", kind.name);
+            let names: Vec<&str> =
+                told["keys"].as_array().unwrap().iter().map(|key| key["name"].as_str().unwrap()).collect();
+            assert_eq!(
+                (&told["name"], names),
+                (&kind.name.into(), kind.keys.iter().map(|key| key.name).collect())
+            );
+        }
+    }
+    let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap();
+    assert!(line("* mass_kg").ends_with("First estimate of the mass, kg. Allowed: above 0."), "{text}");
+    assert!(line("heading").ends_with("Allowed: fixed, follows_tangent."), "{text}");
+    assert!(line("turns").ends_with("Allowed: above 0, or endless."), "{text}");
+    let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
+    let shape = shape.split_whitespace().collect::<Vec<_>>().join(" ");
+    let keys = "semi_axis_x_m, semi_axis_y_m, duration_s, period_s, turns, heading, frame";
+    assert!(shape.starts_with(&format!("An ellipse to the left; takes {keys}")), "{help}");
+}
+
+/// The file of the BMM with four mistakes, and what is to be said of each: line, column, expected, found.
+fn four_mistakes() -> (String, [(String, &'static str); 4]) {
+    let sound = bmm();
+    let text = sound
+        .replace("position = 2", "position = 1")
+        .replace("\nspeed_m_s = 1.0", "\nspeed_mm_s = 1.0")
+        .replace("rated_torque_nm", "rated_torqe_nm")
+        .replace("wheel_radius_m = 0.10", "wheel_radius_m = \"big\"");
+    let place = |start: &str, column: usize| {
+        let found = text.lines().enumerate().filter(|(_, line)| line.starts_with(start)).last();
+        format!("{}:{column}", found.expect("the line").0 + 1)
+    };
+    let mistakes = [
+        (place("position = 1", 1), "drive[2].position = 1: drive[1] has the same position"),
+        (place("speed_mm_s", 1), "the unit of this setting is m_s, not mm_s: write `speed_m_s`"),
+        (place("rated_torqe_nm", 1), "did you mean `rated_torque_nm`?"),
+        (
+            place("wheel_radius_m", 1),
+            "wheel_radius_m = \"big\": the value has another type than number (allowed: number)",
+        ),
+    ];
+    (text, mistakes)
+}
+
+#[test]
+fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
+    let folder = Folder::new("robot-mistakes");
+    let (text, mistakes) = four_mistakes();
+    let file = folder.file("robot.toml", &text);
+    for command in [
+        &["check", &file][..],
+        &["run", &file, "--circle", "radius_m=0.5"],
+        &["kinematics", &file, "--twist", "1 0 0"],
+    ] {
+        let (code, says) = refused(command);
+        assert_eq!(code, Some(1), "{says}");
+        for (place, what) in &mistakes {
+            let line = says.lines().find(|line| line.starts_with(&format!("{file}:{place}:")));
+            let line = line.unwrap_or_else(|| panic!("{command:?}: {place} in {says}"));
+            assert!(line.contains(what), "{what} in {line}");
+        }
+    }
+    let output = omnibase(&["check", &file, "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let places: Vec<String> = told["problems"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|problem| format!("{}:{}", problem["line"], problem["column"]))
+        .collect();
+    for (place, _) in &mistakes {
+        assert!(places.contains(place), "{place} in {places:?}");
+    }
+}

@@ -1,0 +1,87 @@
+//! What is wished in a cycle, and what the platform's limits leave of it.
+
+use omnibase_platform::Twist2;
+
+use super::Robot;
+use crate::guard::Drive;
+use crate::signals::{Frame, LimitedBy, Phase, ReferenceStatus, Request, RequestKind, Setpoint};
+
+impl Robot {
+    /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
+    pub(super) fn wish(&mut self) -> Setpoint {
+        let here = self.record.state.odom_from_body;
+        match self.lifecycle.phase() {
+            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
+                Setpoint::at_rest(here)
+            }
+            Phase::Holding => {
+                let last = self.record.wished;
+                Setpoint {
+                    twist_in_odom: Twist2::default(),
+                    status: ReferenceStatus::Resting,
+                    ..Setpoint::at_rest(last.odom_from_body)
+                }
+            }
+            Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
+            Phase::Tracking => match self.motion.velocity() {
+                Some(&request) => self.velocity_wish(&request),
+                None => {
+                    let (inputs, mut outputs) = self.beside.open(&self.record.signals);
+                    self.motion.signals(&inputs, &mut outputs);
+                    self.motion.sample(&self.record.time, &self.settings, &self.guard)
+                }
+            },
+        }
+    }
+
+    /// A velocity command as a setpoint: its pose is where the platform will be led.
+    fn velocity_wish(&self, request: &Request) -> Setpoint {
+        let RequestKind::Velocity { twist, frame } = request.kind else {
+            return self.limiter.setpoint();
+        };
+        let now = self.limiter.setpoint();
+        let mut twist_in_odom = match frame {
+            Frame::Body => twist.rotated(now.odom_from_body.heading_rad),
+            Frame::Odom => twist,
+        };
+        twist_in_odom = self.reduced(self.settings.slowed(twist_in_odom));
+        Setpoint { twist_in_odom, status: ReferenceStatus::Moving, ..Setpoint::at_rest(now.odom_from_body) }
+    }
+
+    /// The platform's limits on speed, acceleration and jerk.
+    pub(super) fn limit(&mut self) -> Setpoint {
+        let wished = self.record.wished;
+        let state = &self.record.state;
+        let holding = self.limiter.leading_to(&wished);
+        let mut guarded = |drive: Drive<'_>| self.guard.step(&mut self.limiter, drive, state);
+        let limited = match self.lifecycle.phase() {
+            Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
+                self.limiter.reset(wished.odom_from_body);
+                self.limiter.setpoint()
+            }
+            Phase::Stopping => guarded(Drive::Stop),
+            // Fence and obstacles stand in odom, of which nothing is known: a person who sees the platform leads it.
+            Phase::Tracking if !self.record.state.pose_known => {
+                self.limiter.set_limits(&self.traction.limits());
+                self.limiter.toward(wished.twist_in_odom)
+            }
+            Phase::Tracking if self.motion.velocity().is_some() => {
+                guarded(Drive::Toward(wished.twist_in_odom))
+            }
+            Phase::Tracking => {
+                let followed = guarded(Drive::Follow(&wished, self.motion.bound()));
+                self.motion.note(&wished, &followed);
+                followed
+            }
+            // A robot that nobody leads stays, whatever comes near it: it gives way to nothing by itself.
+            Phase::Holding => guarded(Drive::Toward(holding)),
+        };
+        // A platform that something holds back may rest, and isn't there yet.
+        let is_held_back =
+            self.guard.limited_by() != LimitedBy::Nothing && wished.status != ReferenceStatus::Resting;
+        let rests =
+            (self.limiter.is_at_rest() && !is_held_back) || self.limiter.has_reached(&wished.odom_from_body);
+        let status = if rests { wished.status } else { ReferenceStatus::Moving };
+        Setpoint { status, ..limited }
+    }
+}
