@@ -47,7 +47,9 @@ fn a_power_cycled_drive_comes_back_into_the_run_while_the_others_stay_in_op() {
         assert_eq!(told("`wheel_3` (SubDevice 2): lost: "), 1, "{words:?}");
         assert_eq!((seen.states(0), seen.states(1)), (IN_OP.to_vec(), IN_OP.to_vec()));
         assert_eq!(seen.bus("losses"), 1.0, "{words:?}");
-        assert_eq!(told("`wheel_3` (SubDevice 2): back in OP"), tracking - 1, "{words:?}");
+        // A run that ends with its stop may end before its drive is back, or on a busy machine after.
+        let back = told("`wheel_3` (SubDevice 2): back in OP");
+        assert!((tracking - 1..=1).contains(&back), "{words:?}");
         if code != 0 || seen.is_undisturbed() {
             assert_eq!((seen.ended, told("tracking the reference")), (Some(code), tracking), "{words:?}");
         } else {
