@@ -2,10 +2,10 @@
 //!
 //! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
-//! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
+//! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -16,6 +16,7 @@ pub mod approaches;
 pub mod builds;
 pub mod framed;
 pub mod grip;
+pub mod mujoco;
 pub mod robots;
 mod run;
 mod servo_box;
