@@ -2,9 +2,11 @@
 //!
 //! - [`Trial`]: a robot, its simulated drives, motors, wheels, floor and body, one cycle after the other.
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
+//! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
+//! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
@@ -19,6 +21,7 @@ pub mod grip;
 pub mod mujoco;
 pub mod robots;
 mod run;
+pub mod seeded;
 mod servo_box;
 pub mod slip;
 pub mod stops;
