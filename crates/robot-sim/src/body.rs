@@ -6,6 +6,7 @@ mod mounted;
 use crate::contact::{self, Mass, Regime};
 use crate::floor::{Floor, GRAVITY_M_S2, Holds, Surface};
 use crate::load::{Carried, LoadShare};
+use crate::mechanics::Motion;
 use crate::pose::{Pose, Twist, Wrench};
 use crate::tread::Bent;
 use crate::wheel::{Grip, WheelParameters, WheelState};
@@ -273,6 +274,19 @@ impl Body {
             Some(0.5 * mounted.bristle?.stiffness_n_m * (along_m * along_m + across_m * across_m))
         });
         energies.sum()
+    }
+
+    /// Moves as something else says: pose, velocity, wheels and their slip along the force direction.
+    pub(crate) fn follow(&mut self, motion: &Motion) {
+        self.pose = motion.pose;
+        self.set_twist(motion.twist_in_body);
+        for ((row, wheel), [angle_rad, speed_rad_s]) in
+            self.rows.iter_mut().zip(&mut self.wheels).zip(&motion.wheels)
+        {
+            (row.speed, wheel.angle_rad, wheel.speed_rad_s) = (*speed_rad_s, *angle_rad, *speed_rad_s);
+            wheel.slip_m_s = row.slip_along(&self.velocity, *speed_rad_s);
+            wheel.roller_m_s = row.slip_across(&self.velocity, *speed_rad_s);
+        }
     }
 
     /// Lets the loads become those of rest.

@@ -10,6 +10,7 @@
 //!   and [`contact`] solves one step with stick and slip
 //! - [`motor`]: torque limit, heating, voltage and current loop of a motor
 //! - [`machine`]: body and motors, moved on to any instant in steps on a fixed grid, and the truth at the last one
+//! - [`mechanics`]: body, wheels and floor of another program in place of these
 //! - [`slide`]: an axis beside the wheels, with limit switches and ends
 //! - [`robot`]: simulated drives on the motors: a segment that any MainDevice can run, and the truth behind it
 //!
@@ -24,6 +25,7 @@ pub mod contact;
 pub mod floor;
 pub mod load;
 pub mod machine;
+pub mod mechanics;
 pub mod motor;
 pub mod pose;
 pub mod robot;
@@ -35,6 +37,7 @@ pub mod wiring;
 pub use body::{Body, BodyError, BodyParameters, Payload};
 pub use floor::{Contact, Floor, Patch, Place, Slope, Surface};
 pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
+pub use mechanics::{Mechanics, Motion};
 pub use motor::{Motor, MotorParameters, Waves};
 pub use pose::{Pose, Twist, Wrench};
 pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, SharedMachine};

@@ -2,6 +2,7 @@
 
 use crate::body::{Body, BodyError, BodyParameters, Payload};
 use crate::floor::{Floor, Surface};
+use crate::mechanics::Mechanics;
 use crate::motor::{Motor, MotorParameters};
 use crate::pose::{Pose, Twist};
 use crate::wheel::WheelParameters;
@@ -95,9 +96,11 @@ pub struct Truth {
 /// Time runs on a grid of whole steps from zero, so that it doesn't matter how often or by how many drives the machine
 /// is asked to move on (but for the rounding of a resting winding's temperature). Between two points of the grid everything goes on at its present speed: at 100 rad/s² that is
 /// wrong by less than a count of a 20-bit encoder.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Machine {
     body: Body,
+    /// What moves the body in place of its own equations.
+    mechanics: Option<Box<dyn Mechanics>>,
     motors: Vec<Motor>,
     wires: Vec<Wire>,
     torques_n_m: Vec<f64>,
@@ -134,6 +137,7 @@ impl Machine {
         let wheels = parameters.wheels.len();
         Ok(Self {
             body,
+            mechanics: None,
             motors,
             wires: wiring::complete(&parameters.wires, wheels).ok_or(MachineError::Wires { wheels })?,
             torques_n_m: vec![0.0; parameters.wheels.len()],
@@ -173,6 +177,10 @@ impl Machine {
             self.torques_n_m[i] = gear * motor.shaft_torque_n_m(gear * wheel.angle_rad);
             self.greatest_n_m[i] = self.greatest_n_m[i].max(self.torques_n_m[i].abs());
             settled &= motor.settled();
+        }
+        if let Some(mechanics) = &mut self.mechanics {
+            self.body.follow(mechanics.step(&self.torques_n_m));
+            return true;
         }
         self.body.step(&self.torques_n_m, self.step_ns as f64 * 1e-9);
         !(rested && settled && self.body.at_rest())
@@ -230,6 +238,17 @@ impl Machine {
         let gear = motor.parameters().gear_ratio;
         let share = self.body.mass_kg() / self.motors.len() as f64;
         (self.body.wheel_inertia_kg_m2(index) + share * self.body.lever_m(index).powi(2)) / (gear * gear)
+    }
+
+    /// Lets something else move the body from now on: with the masses, wheels and floor that it has, and in steps of
+    /// [`Machine::step_s`]. Loads, forces and grip of the wheels stay as they are.
+    pub fn set_mechanics(&mut self, mechanics: Box<dyn Mechanics>) {
+        self.mechanics = Some(mechanics);
+    }
+
+    /// The step of the integration.
+    pub fn step_s(&self) -> f64 {
+        self.step_ns as f64 * 1e-9
     }
 
     /// The body, with wheels, loads and forces.

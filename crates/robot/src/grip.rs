@@ -241,12 +241,17 @@ impl Grip {
         };
         self.identification.learn(&seen);
         let dynamics = self.identification.dynamics();
-        let rubs = |axis: usize| {
-            let [spin_n, roller_n] = dynamics.friction_n;
-            spin_n * seen.friction_per_newton[0][axis] + roller_n * seen.friction_per_newton[1][axis]
+        let [spin_n, roller_n] = dynamics.friction_n;
+        let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
+            spin_n * per_newton[0][axis] + roller_n * per_newton[1][axis]
         };
-        self.acceleration =
-            dynamics.acceleration(std::array::from_fn(|axis| seen.wrench[axis] - rubs(axis)), turn_rad_s);
+        let held = self.friction.held_per_newton(shown, dynamics.centre_m());
+        let moved = std::array::from_fn(|axis| {
+            let left = seen.wrench[axis] - of_both(&seen.friction_per_newton, axis);
+            // What axles and rollers that stand hold moves nothing.
+            left - left.abs().min(of_both(&held, axis).max(0.0)).copysign(left)
+        });
+        self.acceleration = dynamics.acceleration(moved, turn_rad_s);
         // What mass and friction may be off shows in v̂ until it is drawn away again.
         let doubts_n = self.identification.doubts_n(&Seen { acceleration: self.acceleration, ..seen });
         let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;

@@ -1,7 +1,9 @@
 //! Whether the covariance of the pose says how wrong it is: robots built with the tolerances of their file.
 //!
-//! `cargo run --release -p omnibase-trials --example nees [-- <robots> [<lines of [estimator]> [<robot and path>]]]`: 1000
-//! robots by default, seeds from 1, whose file says what creep their treads have. The table is that of `docs/accuracy.md`.
+//! `cargo run --release -p omnibase-trials --example nees [-- <robots> [<lines of [estimator]> [<robot and path> [<first seed>]]]]`:
+//! 1000 robots by default, seeds from 1, whose file says what creep their treads have. The table is that of `docs/accuracy.md`.
+
+use std::ops::Range;
 
 use omnibase_trials::builds::{CREEP_TOLD, Case, Driven, PLACES, Place, Summary, Wheels, drive, nees_band};
 
@@ -10,6 +12,7 @@ fn main() {
     let robots = arguments.next().map_or(1000, |text| text.parse().expect("how many robots"));
     let estimator = arguments.next().unwrap_or_else(|| CREEP_TOLD.to_owned());
     let asked = arguments.next().unwrap_or_default();
+    let first = arguments.next().map_or(1, |text| text.parse().expect("a seed"));
     let [low, high] = nees_band(robots);
     println!("{robots} robots; their mean NEES is right between {low:.3} and {high:.3}\n");
     println!(
@@ -18,7 +21,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|");
     let is_asked = |case: &Case| format!("{} {}", case.robot, case.path).contains(&asked);
     for case in Case::all().into_iter().filter(is_asked) {
-        let driven = all(&case, &estimator, robots);
+        let driven = all(&case, &estimator, first..first + robots as u64);
         let exact = [drive(case.plan(&estimator), Wheels::Exact, 1)];
         let even = |driven: &Driven| driven.even;
         print_row(&case, "wheels, start, floor", &driven, |driven| driven.drawn);
@@ -27,9 +30,10 @@ fn main() {
     }
 }
 
-/// Seeds from 1, on all cores.
-fn all(case: &Case, estimator: &str, robots: usize) -> Vec<Driven> {
+/// These seeds, on all cores.
+fn all(case: &Case, estimator: &str, seeds: Range<u64>) -> Vec<Driven> {
     let plan = case.plan(estimator);
+    let (first, robots) = (seeds.start, seeds.count());
     let mut driven = vec![Driven::default(); robots];
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let share = robots.div_ceil(threads).max(1);
@@ -38,7 +42,7 @@ fn all(case: &Case, estimator: &str, robots: usize) -> Vec<Driven> {
             let plan = &plan;
             scope.spawn(move || {
                 for (at, slot) in part.iter_mut().enumerate() {
-                    *slot = drive(plan.clone(), Wheels::Drawn, (thread * share + at + 1) as u64);
+                    *slot = drive(plan.clone(), Wheels::Drawn, first + (thread * share + at) as u64);
                 }
             });
         }

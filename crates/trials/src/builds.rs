@@ -144,7 +144,7 @@ pub fn drive(plan: RobotPlan, wheels: Wheels, seed: u64) -> Driven {
 }
 
 /// Another wheel than the file says.
-fn build(wheel: &mut WheelParameters, sigmas: &GeometrySigmas, random: &mut Random) {
+pub(crate) fn build(wheel: &mut WheelParameters, sigmas: &GeometrySigmas, random: &mut Random) {
     wheel.radius_m *= 1.0 + sigmas.radius_share * random.normal();
     let (sin, cos) = (sigmas.direction_rad * random.normal()).sin_cos();
     let turned = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];

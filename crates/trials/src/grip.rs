@@ -45,9 +45,9 @@ pub struct Ridden {
 
 /// A torque rings where it swings about its mean over this many cycles ...
 const WINDOW: usize = 50;
-/// ... with at least this root of the mean square, N·m: a seventh of the rated torque. What the square asks for changes by a
-/// tenth of that in such a time.
-const RINGING_N_M: f64 = 1.0;
+/// ... with at least this root of the mean square, over the rated torque. What the square asks for changes by a tenth of that
+/// in such a time.
+const RINGING_SHARE: f64 = 1.0 / 7.0;
 /// ... and at least so often through it, 40 Hz.
 const LEAST_CROSSINGS: usize = 4;
 
@@ -74,7 +74,8 @@ impl Case {
     pub fn ride(&self) -> Ridden {
         let mut trial = Trial::new(plan_of(&self.text()));
         trial.enable();
-        let mut swings: Vec<Swing> = trial.plan.drives.iter().map(|_| Swing::default()).collect();
+        let mut swings: Vec<Swing> =
+            trial.plan.drives.iter().map(|drive| Swing::new(drive.scale.rated_torque_nm)).collect();
         let machine = trial.machine.clone();
         let (mut ringing, mut ringing_hz) = (0_u64, 0.0_f64);
         let cycle_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
@@ -164,23 +165,25 @@ impl Case {
 pub const HEADING: &str = "| law | told of treads | tread N/m | damping | friction | payload kg | m̂ at start | side s | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | rings | at Hz | end |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";
 
-/// The last torques of a motor.
+/// The last torques of a motor, one a millisecond.
 #[derive(Clone, Debug)]
-struct Swing {
+pub(crate) struct Swing {
     torques_n_m: [f64; WINDOW],
     next: usize,
+    /// From what root of the mean square on it rings.
+    ringing_n_m: f64,
     /// How often it went through its mean in the window, where it rings.
-    crossings: Option<usize>,
-}
-
-impl Default for Swing {
-    fn default() -> Self {
-        Swing { torques_n_m: [0.0; WINDOW], next: 0, crossings: None }
-    }
+    pub(crate) crossings: Option<usize>,
 }
 
 impl Swing {
-    fn see(&mut self, torque_n_m: f64) {
+    /// Of a motor with this rated torque.
+    pub(crate) fn new(rated_n_m: f64) -> Self {
+        let ringing_n_m = RINGING_SHARE * rated_n_m;
+        Swing { torques_n_m: [0.0; WINDOW], next: 0, ringing_n_m, crossings: None }
+    }
+
+    pub(crate) fn see(&mut self, torque_n_m: f64) {
         self.torques_n_m[self.next] = torque_n_m;
         self.next = (self.next + 1) % WINDOW;
         let count = WINDOW as f64;
@@ -189,6 +192,7 @@ impl Swing {
         let in_order = || self.torques_n_m[self.next..].iter().chain(&self.torques_n_m[..self.next]);
         let crossings =
             in_order().zip(in_order().skip(1)).filter(|(a, b)| (**a > mean) != (**b > mean)).count();
-        self.crossings = (square.sqrt() > RINGING_N_M && crossings >= LEAST_CROSSINGS).then_some(crossings);
+        self.crossings =
+            (square.sqrt() > self.ringing_n_m && crossings >= LEAST_CROSSINGS).then_some(crossings);
     }
 }

@@ -6,6 +6,8 @@
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
+//! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
+//! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -16,8 +18,10 @@ pub mod approaches;
 pub mod builds;
 pub mod framed;
 pub mod grip;
+pub mod mujoco;
 pub mod robots;
 mod run;
+pub mod seeded;
 mod servo_box;
 pub mod slip;
 pub mod stops;

@@ -2,6 +2,7 @@
 
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
 
+use omnibase_robot_sim::{MachineParameters, Mechanics};
 use omnibase_run::simulated;
 
 use crate::robots::with_payload;
@@ -64,25 +65,7 @@ impl Case {
     /// Its file.
     pub fn text(&self) -> String {
         let Case { faster, friction, payload_kg, .. } = self;
-        let quick = [("\nspeed_m_s = 1.0", 1.0), ("\nturn_speed_rad_s = 1.5", 1.5)].map(|(line, value)| {
-            (line, format!("{} = {:?}", line.split(" =").next().unwrap_or_default(), value * faster))
-        });
-        let quicker = [("\nacceleration_m_s2 = 1.5", 1.5), ("\nturn_acceleration_rad_s2 = 3.0", 3.0)].map(
-            |(line, value)| {
-                (
-                    line,
-                    format!(
-                        "{} = {:?}",
-                        line.split(" =").next().unwrap_or_default(),
-                        value * faster * faster
-                    ),
-                )
-            },
-        );
-        let robot = quick
-            .iter()
-            .chain(&quicker)
-            .fold(self.robot.to_owned(), |text, (from, to)| text.replace(from, to));
+        let robot = quicker(self.robot, *faster);
         let mut text = with_payload(&robot, self.law, 1.0, *payload_kg);
         // The platform itself was weighed.
         let body = simulated::description(&plan_of(self.robot)).machine.body;
@@ -125,18 +108,22 @@ impl Case {
         Slid::of(&self.text(), self.gyro)
     }
 
+    /// Drives it on mechanics of another make.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or enabled.
+    pub fn ride_on(&self, mechanics: impl FnOnce(&MachineParameters) -> Box<dyn Mechanics>) -> Slid {
+        Slid::of_text_on(&self.text(), mechanics)
+    }
+
     /// A row of the table.
     pub fn row(&self, slid: &Slid) -> String {
         let at = |cycles: Option<u64>| {
             cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3))
         };
         let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
-        let end = match slid.stopped {
-            SafetyReason::None if slid.run.finished => "finished",
-            reason => reason.text(),
-        };
         format!(
-            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {end} |",
+            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {} |",
             self.law,
             if self.gyro { ", gyro" } else { "" },
             self.path,
@@ -152,8 +139,19 @@ impl Case {
             at(slid.began),
             at(slid.told.map(|(cycles, _)| cycles)),
             slid.friction.map_or("-".to_owned(), |friction| format!("{friction:.3}")),
+            slid.end(),
         )
     }
+}
+
+/// A robot that may drive as much faster as a factor says, and accelerate by its square.
+pub(crate) fn quicker(robot: &str, factor: f64) -> String {
+    let limits = [("speed_m_s", 1.0), ("turn_speed_rad_s", 1.5)].map(|limit| (limit, factor));
+    let accelerations =
+        [("acceleration_m_s2", 1.5), ("turn_acceleration_rad_s2", 3.0)].map(|limit| (limit, factor * factor));
+    limits.into_iter().chain(accelerations).fold(robot.to_owned(), |text, ((key, value), factor)| {
+        text.replace(&format!("\n{key} = {value:?}"), &format!("\n{key} = {:?}", value * factor))
+    })
 }
 
 impl Slid {
@@ -164,6 +162,31 @@ impl Slid {
     pub fn of(text: &str, gyro: bool) -> Slid {
         let mut trial = Trial::new(plan_of(text));
         trial.gyro = gyro.then_some(0);
+        Slid::of_trial(trial)
+    }
+
+    /// As [`Slid::of`] without a gyro, on mechanics of another make.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or enabled.
+    pub fn of_text_on(text: &str, mechanics: impl FnOnce(&MachineParameters) -> Box<dyn Mechanics>) -> Slid {
+        let mut other = None;
+        let trial = Trial::on_machine(plan_of(text), |machine| other = Some(mechanics(machine)));
+        if let Some(other) = other {
+            trial.machine.lock().set_mechanics(other);
+        }
+        Slid::of_trial(trial)
+    }
+
+    /// How it ended.
+    pub fn end(&self) -> &'static str {
+        match self.stopped {
+            SafetyReason::None if self.run.finished => "finished",
+            reason => reason.text(),
+        }
+    }
+
+    fn of_trial(mut trial: Trial) -> Slid {
         trial.enable();
         let machine = trial.machine.clone();
         let period_s = trial.plan.bus.cycle_ns as f64 * 1e-9;

@@ -59,3 +59,13 @@ fn what_slip_alone_leaves_lies_within_the_covariance() {
         }
     }
 }
+
+#[test]
+fn rollers_that_stand_hold_a_robot_straight_and_no_slip_is_told() {
+    // Wheels that contradict each other turn the platform while it drives straight ahead, and their rollers hold it.
+    let plan = Case { robot: "mecanum", path: "eight" }.plan(CREEP_TOLD);
+    for seed in [1001, 1013] {
+        // It doesn't stop on its way.
+        drive(plan.clone(), Wheels::Drawn, seed);
+    }
+}

@@ -55,6 +55,19 @@ impl WheelFriction {
         [sum(&self.spin), sum(&self.roller)]
     }
 
+    /// What axles and rollers that stand may hold, whatever the wrench, beyond what [`WheelFriction::per_newton`] counts with: of
+    /// 1 N on every wheel of mean load, by axis. Rollers of a mecanum wheel stand where it drives straight ahead.
+    pub(crate) fn held_per_newton(&self, twist: [f64; 3], centre_m: [f64; 2]) -> [[f64; 3]; 2] {
+        let sum = |rows: &[[f64; 3]; MAX_WHEELS]| {
+            rows[..self.wheels].iter().enumerate().fold([0.0; 3], |sum, (wheel, row)| {
+                let speed: f64 = row.iter().zip(twist).map(|(part, speed)| part * speed).sum();
+                let part = self.loads.of(wheel, centre_m) * (1.0 - (speed / DRY_M_S).abs()).max(0.0);
+                std::array::from_fn(|axis| sum[axis] + part * row[axis].abs())
+            })
+        };
+        [sum(&self.spin), sum(&self.roller)]
+    }
+
     /// Mean distance of the wheels' lines of force from the centre, m: by what a force becomes a moment.
     pub(crate) fn lever_m(&self) -> f64 {
         let square: f64 = self.spin[..self.wheels].iter().map(|row| row[2] * row[2]).sum();
@@ -97,6 +110,12 @@ mod tests {
         // Straight ahead the axle alone turns: its rollers stand where they touch the floor.
         assert!((spin[0] - 4.0).abs() < 1e-12, "{spin:?}");
         assert!(roller.iter().all(|part| part.abs() < 1e-9), "{roller:?}");
+        // So they hold what would turn it, 1 N·√2 at 0.24 m each, or push it sideways; and nothing along the way.
+        let [axles, rollers] = friction.held_per_newton([0.3, 0.0, 0.0], [0.0; 2]);
+        assert!(axles.iter().all(|part| part.abs() < 1e-9), "{axles:?}");
+        let root = 4.0 * 2.0_f64.sqrt();
+        assert!(rollers[0] < 1e-9 && (rollers[1] - root).abs() < 1e-9, "{rollers:?}");
+        assert!((rollers[2] - 0.24 * root).abs() < 1e-9, "{rollers:?}");
         // Sideways both turn: the rollers by √2 of the speed.
         let [spin, roller] = friction.per_newton([0.0, 0.3, 0.0], [0.0; 2]);
         assert!(
