@@ -236,7 +236,7 @@ impl Grip {
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: self.friction.per_newton(shown, self.identification.dynamics().centre_m()),
             is_trusted: is_whole && !self.wheels[..count].iter().any(|wheel| wheel.slips),
-            moves: drives && !self.stands(),
+            moves: drives,
             period_s: span_s,
         };
         self.identification.learn(&seen);
@@ -277,14 +277,9 @@ impl Grip {
         self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
         if !is_possible {
             self.forget();
-        } else if self.stands() {
+        } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
         }
-    }
-
-    /// Whether no wheel turns.
-    fn stands(&self) -> bool {
-        self.wheels.iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S)
     }
 
     /// Wheels that stand are held by dry friction, whatever their motors' torques.
