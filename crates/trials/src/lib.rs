@@ -6,6 +6,7 @@
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
+//! - [`wiring`]: robots that are not as their file says, and whether they are named.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -22,6 +23,7 @@ mod servo_box;
 pub mod slip;
 pub mod stops;
 mod trial;
+pub mod wiring;
 
 pub use run::Run;
 pub use trial::{Trial, Without, plan_of};
