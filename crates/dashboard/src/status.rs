@@ -291,6 +291,9 @@ fn stop_drive(record: &CycleRecord) -> Option<u64> {
             | SafetyReason::WheelTorque
             | SafetyReason::Oscillation
             | SafetyReason::WheelSlip
+            | SafetyReason::Wiring
+            | SafetyReason::EncoderDirection
+            | SafetyReason::WeakMotor
             | SafetyReason::Drive
             | SafetyReason::DeviceLost
     );
@@ -349,6 +352,9 @@ mod tests {
             SafetyReason::WheelTorque,
             SafetyReason::Oscillation,
             SafetyReason::WheelSlip,
+            SafetyReason::Wiring,
+            SafetyReason::EncoderDirection,
+            SafetyReason::WeakMotor,
         ] {
             record.stop_reason = reason;
             assert_eq!(stop_drive(&record), Some(1), "{reason:?}");

@@ -86,6 +86,40 @@ pub(crate) struct Grip {
     floor: Option<Floor>,
 }
 
+/// What is known of a platform before it moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FirstEstimates {
+    /// Mass and moment of inertia, each with its bounds, kg and kg·m².
+    pub(crate) mass: (f64, [f64; 2]),
+    pub(crate) inertia: (f64, [f64; 2]),
+    /// How uncertain the two are, over themselves.
+    pub(crate) share: f64,
+    /// The most that one wheel rubs, N.
+    pub(crate) friction_max_n: f64,
+}
+
+impl FirstEstimates {
+    pub(crate) fn of(plan: &RobotPlan) -> Self {
+        let table = &plan.controller;
+        let (unknown_kg, unknown_kg_m2) = UNKNOWN;
+        let is_known = table.mass_kg.is_some() && table.inertia_kg_m2.is_some();
+        let (share, factors) =
+            if is_known { (KNOWN_SHARE, ESTIMATE_BOUNDS) } else { (UNKNOWN_SHARE, UNKNOWN_BOUNDS) };
+        let first = |given: Option<f64>, unknown: f64, bounds: Option<[f64; 2]>| {
+            let first = given.unwrap_or(unknown);
+            // A law that takes no notice of them lets wrong ones pass.
+            let bounds = bounds.filter(|[low, high]| 0.0 < *low && (*low..=*high).contains(&first));
+            (first, bounds.unwrap_or(factors.map(|factor| factor * first)))
+        };
+        FirstEstimates {
+            mass: first(table.mass_kg, unknown_kg, table.mass_bounds_kg),
+            inertia: first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2),
+            share,
+            friction_max_n: table.friction_max_n.unwrap_or(FRICTION_MAX_N).max(0.0),
+        }
+    }
+}
+
 /// What is known of one wheel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Wheel {
@@ -113,24 +147,11 @@ struct Floor {
 
 impl Grip {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
-        let table = &plan.controller;
         let friction = WheelFriction::new(&plan.kinematics);
-        let (unknown_kg, unknown_kg_m2) = UNKNOWN;
-        let is_known = table.mass_kg.is_some() && table.inertia_kg_m2.is_some();
-        let (share, factors) =
-            if is_known { (KNOWN_SHARE, ESTIMATE_BOUNDS) } else { (UNKNOWN_SHARE, UNKNOWN_BOUNDS) };
-        let first = |given: Option<f64>, unknown: f64, bounds: Option<[f64; 2]>| {
-            let first = given.unwrap_or(unknown);
-            // A law that takes no notice of them lets wrong ones pass.
-            let bounds = bounds.filter(|[low, high]| 0.0 < *low && (*low..=*high).contains(&first));
-            (first, bounds.unwrap_or(factors.map(|factor| factor * first)))
-        };
-        let mass = first(table.mass_kg, unknown_kg, table.mass_bounds_kg);
-        let inertia = first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2);
+        let FirstEstimates { mass, inertia, share, friction_max_n } = FirstEstimates::of(plan);
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
-        let most_n = table.friction_max_n.unwrap_or(FRICTION_MAX_N).max(0.0);
         Grip {
-            identification: Identification::new(mass, inertia, share, most_n, friction.lever_m()),
+            identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),
             friction,
             loads: Loads::new(&plan.kinematics),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),

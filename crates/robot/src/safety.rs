@@ -1,7 +1,10 @@
 //! The last word on commands: limits, finite check and stops in one place.
 
 mod oscillation;
+mod runaway;
+mod shortfall;
 mod torque_watch;
+mod wiring;
 
 use crate::config::{Limits, RobotPlan, SafetyPlan, WheelLimits};
 use crate::signals::{
@@ -10,7 +13,10 @@ use crate::signals::{
 };
 use crate::stages::{Safety, SafetyView};
 use oscillation::OscillationWatch;
+use runaway::RunawayWatch;
+use shortfall::ShortfallWatch;
 use torque_watch::TorqueWatch;
+use wiring::WiringWatch;
 
 /// How far a measured wheel speed may lie above its limit before it stops: commands are held to the limit itself.
 const WHEEL_SPEED_MARGIN: f64 = 1.1;
@@ -26,6 +32,9 @@ pub struct SafetyChain {
     lost_in_a_row: u32,
     torques: TorqueWatch,
     oscillation: OscillationWatch,
+    runaway: RunawayWatch,
+    shortfall: ShortfallWatch,
+    wiring: WiringWatch,
     /// The platform gave way to an obstacle, and isn't back where the plan is.
     gives_way: bool,
 }
@@ -48,8 +57,20 @@ impl SafetyChain {
             lost_in_a_row: 0,
             torques: TorqueWatch::new(plan),
             oscillation: OscillationWatch::new(plan),
+            runaway: RunawayWatch::new(plan),
+            shortfall: ShortfallWatch::new(plan),
+            wiring: WiringWatch::new(plan),
             gives_way: false,
         }
+    }
+
+    /// Nothing was measured yet.
+    fn forget_motion(&mut self) {
+        self.torques.reset();
+        self.oscillation.reset();
+        self.runaway.reset();
+        self.shortfall.reset();
+        self.wiring.reset();
     }
 
     /// There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
@@ -137,6 +158,25 @@ impl SafetyChain {
     fn oscillation(&self, _: &SafetyView<'_>) -> Objection {
         let wheel = self.oscillation.swings()?;
         Some((SafetyAction::QuickStop, SafetyReason::Oscillation, wheel as u64))
+    }
+
+    /// Any loop that its drive closes would go on to run away, its quick stop too.
+    fn encoder(&self, _: &SafetyView<'_>) -> Objection {
+        let wheel = self.runaway.away()?;
+        let stop = SafetyAction::Stop(StopCategory::RemoveTorque);
+        Some((stop, SafetyReason::EncoderDirection, wheel as u64))
+    }
+
+    /// Nobody knows which way the platform truly goes; each wheel by itself comes to rest.
+    fn wires(&self, _: &SafetyView<'_>) -> Objection {
+        let wheel = self.wiring.suspect()?;
+        Some((SafetyAction::QuickStop, SafetyReason::Wiring, wheel as u64))
+    }
+
+    fn weak_motor(&self, _: &SafetyView<'_>) -> Objection {
+        let wheel = self.shortfall.short()?;
+        let stop = SafetyAction::Stop(StopCategory::RampThenRemove);
+        Some((stop, SafetyReason::WeakMotor, wheel as u64))
     }
 
     /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
@@ -237,8 +277,7 @@ fn first(wheels: u16) -> u64 {
 impl Safety for SafetyChain {
     fn reset(&mut self) {
         self.lost_in_a_row = 0;
-        self.torques.reset();
-        self.oscillation.reset();
+        self.forget_motion();
         self.gives_way = false;
     }
 
@@ -260,15 +299,15 @@ impl Safety for SafetyChain {
             true => {
                 self.torques.look(view);
                 self.oscillation.look(view);
+                self.runaway.look(view);
+                self.shortfall.look(view);
+                self.wiring.look(view);
             }
-            false => {
-                self.torques.reset();
-                self.oscillation.reset();
-            }
+            false => self.forget_motion(),
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 15] = [
+        let checks: [(bool, Check); 18] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
@@ -277,6 +316,9 @@ impl Safety for SafetyChain {
             (is_powered, Self::wheel_speed),
             (torque_counts, Self::wheel_torque),
             (torque_counts, Self::oscillation),
+            (torque_counts, Self::encoder),
+            (is_held, Self::wires),
+            (is_held, Self::weak_motor),
             (is_held, Self::slip),
             (is_tracking, Self::reference_speed),
             (is_held, Self::tracking),
@@ -291,7 +333,7 @@ impl Safety for SafetyChain {
                 objection = Some(found);
             }
         }
-        match objection {
+        let allowed = match objection {
             Some((action, reason, where_index))
                 if action.severity() >= SafetyAction::QuickStop.severity() =>
             {
@@ -312,7 +354,9 @@ impl Safety for SafetyChain {
                 };
                 Allowed { commands, action: SafetyAction::Pass, reason, where_index: 0 }
             }
-        }
+        };
+        self.shortfall.allowed(allowed.commands);
+        allowed
     }
 }
 

@@ -8,6 +8,7 @@
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
 //! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
+//! - [`wiring`]: robots that are not as their file says, and whether they are named.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -26,6 +27,7 @@ mod servo_box;
 pub mod slip;
 pub mod stops;
 mod trial;
+pub mod wiring;
 
 pub use run::Run;
 pub use trial::{Trial, Without, plan_of};

@@ -19,7 +19,7 @@ fn a_robot_too_weak_for_its_path_stops_and_says_so() {
         while trial.robot.phase() == Phase::Tracking {
             trial.step(None);
         }
-        assert_eq!(trial.robot.record().stop_reason, SafetyReason::TrackingError, "{law}");
+        assert_eq!(trial.robot.record().stop_reason, SafetyReason::WeakMotor, "{law}");
         let record = trial.run(8000);
         assert_eq!(record.phase, Phase::Fault, "{law}");
         let estimates = record.estimates();

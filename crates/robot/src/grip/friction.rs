@@ -68,6 +68,17 @@ impl WheelFriction {
         [sum(&self.spin), sum(&self.roller)]
     }
 
+    /// The square of what nobody knows of such a wrench near rest, where dry friction has no direction: of 1 N on every wheel,
+    /// by axis, all of it at 0 and none from this speed of a wheel on, m/s.
+    pub(crate) fn unknown_per_newton(&self, twist: [f64; 3], until_m_s: f64) -> [f64; 3] {
+        let rows = self.spin[..self.wheels].iter().chain(&self.roller[..self.wheels]);
+        rows.fold([0.0; 3], |sum, row| {
+            let speed: f64 = row.iter().zip(twist).map(|(part, speed)| part * speed).sum();
+            let part = (1.0 - speed.abs() / until_m_s).max(0.0);
+            std::array::from_fn(|axis| sum[axis] + (part * row[axis]).powi(2))
+        })
+    }
+
     /// Mean distance of the wheels' lines of force from the centre, m: by what a force becomes a moment.
     pub(crate) fn lever_m(&self) -> f64 {
         let square: f64 = self.spin[..self.wheels].iter().map(|row| row[2] * row[2]).sum();

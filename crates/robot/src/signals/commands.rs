@@ -149,6 +149,12 @@ pub enum SafetyReason {
     PoseUnknown,
     /// A wheel slipped further than is tolerated.
     WheelSlip,
+    /// The platform moves as if a wheel's drive were wired backwards, or swapped with another's.
+    Wiring,
+    /// A wheel speeds up against its own motor: its encoder counts the wrong way.
+    EncoderDirection,
+    /// A motor gives less torque than it is asked for.
+    WeakMotor,
 }
 
 coded!(SafetyReason {
@@ -174,6 +180,9 @@ coded!(SafetyReason {
     Axis = 19,
     PoseUnknown = 21,
     WheelSlip = 22,
+    Wiring = 23,
+    EncoderDirection = 24,
+    WeakMotor = 25,
 });
 
 impl SafetyReason {
@@ -202,6 +211,11 @@ impl SafetyReason {
             SafetyReason::Axis => "an axis failed",
             SafetyReason::PoseUnknown => "nobody knows any more where the platform stands",
             SafetyReason::WheelSlip => "a wheel slipped further than is tolerated",
+            SafetyReason::Wiring => "a wheel seems to be wired backwards, or swapped with another",
+            SafetyReason::EncoderDirection => {
+                "a wheel sped up against its motor: its encoder seems to count the wrong way"
+            }
+            SafetyReason::WeakMotor => "a motor gave less torque than it was asked for",
         }
     }
 }

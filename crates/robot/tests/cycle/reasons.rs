@@ -1,6 +1,6 @@
 //! Every reason for which the robot stops: what leads to it, what it does at first, and where it ends.
 
-use omnibase_platform::{Pose2, Twist2};
+use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2};
 use omnibase_robot::config::{PdoPlan, parse_map};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::registry::PeripheralDefaults;
@@ -11,7 +11,7 @@ use omnibase_robot::signals::{
 use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral, Reference, Standing};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
-use crate::support::{BMM, Bench, kind, plan_with};
+use crate::support::{BMM, Bench, MECANUM, kind, plan_with};
 
 /// Cycles in which a stage of these tests does as it should.
 const GOOD_CYCLES: u32 = 300;
@@ -121,6 +121,34 @@ fn forward(bench: &mut Bench, speed_m_s: f64, cycles: u32) {
 fn driven(more: &str) -> Bench {
     let mut bench = enabled(BMM, more);
     forward(&mut bench, 0.3, 500);
+    bench
+}
+
+/// Four mecanum wheels to and fro along x, their torques those of a platform of which one truly turns the other way.
+fn wired_backwards(wheel: usize) -> Bench {
+    let known = "[controller]\nmass_kg = 60.0\ninertia_kg_m2 = 4.0";
+    let mut bench = enabled(&MECANUM.replace("[controller]", known), "");
+    let kinematics = bench.kinematics.clone();
+    let turned =
+        |values: PerWheel| PerWheel::from_fn(4, |at| if at == wheel { -values[at] } else { values[at] });
+    for cycle in 0..4000 {
+        let vx_m_s = if cycle / 400 % 2 == 0 { 0.5 } else { -0.5 };
+        let twist = Twist2::new(vx_m_s, 0.0, 0.0);
+        let record = bench.step(Some(RequestKind::Velocity { twist, frame: Frame::Body }));
+        if record.stop_reason == SafetyReason::Wiring {
+            break;
+        }
+        let believed = kinematics.wheel_speeds_rad_s(record.setpoint.acceleration_in_odom);
+        let truly = kinematics.twist(&turned(believed)).twist_in_base;
+        let (mass_kg, inertia_kg_m2) = (bench.mass_kg, bench.inertia_kg_m2);
+        let wrench =
+            Wrench2::new(mass_kg * truly.vx_m_s, mass_kg * truly.vy_m_s, inertia_kg_m2 * truly.w_rad_s);
+        // What moves nothing: the front wheels against those behind.
+        let fights = PerWheel::from_fn(4, |at| if at < 2 { 3.0 } else { -3.0 } * vx_m_s.signum());
+        let (moves, fights) = (turned(kinematics.wheel_torques_nm(wrench)), turned(fights));
+        (0..4).for_each(|at| bench.lie_about_torque(at, moves[at] + fights[at]));
+    }
+    assert_eq!(bench.robot.record().stop_where, wheel as u64);
     bench
 }
 
@@ -235,6 +263,22 @@ fn case(reason: SafetyReason) -> Option<(Phase, Phase)> {
             bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
             bench
         }
+        SafetyReason::Wiring => wired_backwards(1),
+        SafetyReason::EncoderDirection => {
+            // It speeds up faster than any push would, and its third motor pushes back.
+            let quick = BMM.replace("\nacceleration_m_s2 = 1.5", "\nacceleration_m_s2 = 15.0");
+            let mut bench = enabled(&quick.replace("jerk_m_s3 = 40.0", "jerk_m_s3 = 4000.0"), "");
+            bench.lie_about_torque(2, -7.0);
+            forward(&mut bench, 0.9, 100);
+            bench
+        }
+        SafetyReason::WeakMotor => {
+            let mut bench = enabled(&BMM.replace("\"closed_loop_speed\"", "\"adaptive_torque\""), "");
+            bench.friction_nm = 5.0;
+            bench.lie_about_torque(1, 0.0);
+            bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
+            bench
+        }
         SafetyReason::WayBlocked => {
             let mut bench = enabled(BMM, "[avoidance]\ngive_up_s = 1.0");
             bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(1.0, 0.0, 0.0) }));
@@ -271,6 +315,7 @@ fn every_reason_stops_the_robot_as_it_should() {
         | SafetyReason::EnableInput
         | SafetyReason::Axis
         | SafetyReason::WheelSlip
+        | SafetyReason::WeakMotor
         | SafetyReason::PoseUnknown => Some((Phase::Stopping, Phase::Fault)),
         SafetyReason::CommandAge | SafetyReason::Fence | SafetyReason::WayBlocked => {
             Some((Phase::Stopping, Phase::Holding))
@@ -278,18 +323,19 @@ fn every_reason_stops_the_robot_as_it_should() {
         SafetyReason::NotFinite
         | SafetyReason::Drive
         | SafetyReason::Oscillation
+        | SafetyReason::Wiring
         | SafetyReason::StopTimeout
         | SafetyReason::DeviceLost => Some((Phase::QuickStopping, Phase::Fault)),
         // Nobody is heard: for so long as a stop may take.
         SafetyReason::ExchangeLost => Some((Phase::QuickStopping, Phase::QuickStopping)),
-        SafetyReason::EnablingTimeout => Some((Phase::Fault, Phase::Fault)),
+        SafetyReason::EnablingTimeout | SafetyReason::EncoderDirection => Some((Phase::Fault, Phase::Fault)),
     };
     let mut seen = 0;
     for reason in (0..64).filter_map(SafetyReason::from_code) {
         assert_eq!(case(reason), expected(reason), "{reason:?}");
         seen += 1;
     }
-    assert_eq!(seen, 22, "every reason has had its turn");
+    assert_eq!(seen, 25, "every reason has had its turn");
 }
 
 #[test]

@@ -1,0 +1,270 @@
+//! One way in which the wheels may be wired, and how well the platform's equation of motion explains what was measured so.
+//!
+//! In body axes, with the centre of mass at c, and slopes and pushes as a force g that stands in odom and a moment h,
+//! F = M(c)·a + (−ω²·m·c, 0) + c_spin·w_spin + c_roller·w_roller + (Rotᵀ·g, h), linear in
+//! θ = (m, J, c_spin, c_roller, m·cx, m·cy, gx, gy, h).
+//! A Kalman filter with θ as a random walk finds them (as in `grip/identification.rs`). The likelihood of its innovations says how
+//! well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
+//! Tracking and Navigation*, 2001, section 11.6), with the tails of a Student's distribution: slip and pushes are rare and far off.
+
+use omnibase_platform::{Kinematics, MAX_WHEELS};
+
+use crate::grip::friction::WheelFriction;
+use crate::grip::{FirstEstimates, GRAVITY_M_S2};
+
+/// What no equation tells, over the mass, m/s², and for how long such an error stays, s.
+const NOISE_M_S2: f64 = 0.04;
+const NOISE_S: f64 = 0.1;
+/// Squares of standard deviations from which on an equation says little more, and counts less.
+const TAIL: f64 = 4.0;
+const FAR: f64 = 9.0;
+/// Near rest a wheel may be held by so much of its load, until it is so fast, m/s.
+const HELD_SHARE: f64 = 0.04;
+const HELD_M_S: f64 = 0.03;
+/// Uncertainty at start of each friction, N; of the centre of mass, over the wheels' lever; and of what acts from outside, as a
+/// slope, rad.
+const FIRST_N: f64 = 10.0;
+const FIRST_CENTRE: f64 = 0.5;
+const FIRST_SLOPE_RAD: f64 = 0.05;
+/// Its moment, over that force at the wheels' lever.
+const FIRST_MOMENT: f64 = 0.3;
+/// What each may change by in the root of a second: over its first uncertainty, of friction, N, and of what acts from outside, for
+/// pushes come at once.
+const WALK_SHARE: f64 = 0.01;
+const WALK_N: f64 = 0.2;
+const WALK_OUTSIDE: f64 = 0.3;
+/// The centre of mass lies within this part of the wheels' lever.
+const MOST_CENTRE: f64 = 0.6;
+/// How long a misfit is remembered, s.
+const MISFIT_S: f64 = 0.3;
+
+const PARAMETERS: usize = 9;
+
+/// What was measured of the wheels, behind one low-pass: rim speeds, m/s, what they gain in a second, and the motors' forces, N.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rims {
+    pub(super) speed_m_s: [f64; MAX_WHEELS],
+    pub(super) gain_m_s2: [f64; MAX_WHEELS],
+    pub(super) force_n: [f64; MAX_WHEELS],
+}
+
+/// What all suppositions share.
+#[derive(Clone, Debug)]
+pub(super) struct Platform {
+    wheels: usize,
+    rows: [[f64; 3]; MAX_WHEELS],
+    /// The twist that each rim's 1 m/s adds, by least squares.
+    twist_per_rim: [[f64; 3]; MAX_WHEELS],
+    friction: WheelFriction,
+    first: FirstEstimates,
+    lever_m: f64,
+    /// Variances at start, and what each gains in a second.
+    start: [f64; PARAMETERS],
+    walk_1_s: [f64; PARAMETERS],
+}
+
+impl Platform {
+    pub(super) fn new(kinematics: &Kinematics, first: FirstEstimates) -> Self {
+        let friction = WheelFriction::new(kinematics);
+        let (lever_m, (mass_kg, _)) = (friction.lever_m(), first.mass);
+        let moment = FIRST_CENTRE * lever_m * mass_kg;
+        let slope_n = FIRST_SLOPE_RAD * GRAVITY_M_S2 * mass_kg;
+        let (mass, inertia) = (first.share * mass_kg, first.share * first.inertia.0);
+        let start = [
+            mass,
+            inertia,
+            FIRST_N,
+            FIRST_N,
+            moment,
+            moment,
+            slope_n,
+            slope_n,
+            FIRST_MOMENT * lever_m * slope_n,
+        ];
+        let walk = |index: usize| match index {
+            2 | 3 => WALK_N,
+            6..=8 => WALK_OUTSIDE * start[index],
+            _ => WALK_SHARE * start[index],
+        };
+        let mut platform = Platform {
+            wheels: kinematics.wheel_count(),
+            rows: [[0.0; 3]; MAX_WHEELS],
+            twist_per_rim: [[0.0; 3]; MAX_WHEELS],
+            friction,
+            first,
+            lever_m,
+            start: start.map(|deviation| deviation * deviation),
+            walk_1_s: std::array::from_fn(|index| walk(index).powi(2)),
+        };
+        for (wheel, (row, rim)) in kinematics.matrix().iter().zip(kinematics.wheels()).enumerate() {
+            platform.rows[wheel] = *row;
+            let alone = omnibase_platform::PerWheel::from_fn(platform.wheels, |at| {
+                if at == wheel { 1.0 / rim.radius_m } else { 0.0 }
+            });
+            platform.twist_per_rim[wheel] = crate::controllers::axes(&kinematics.twist(&alone).twist_in_base);
+        }
+        platform
+    }
+
+    fn sum(&self, rows: &[[f64; 3]; MAX_WHEELS], values: &[f64; MAX_WHEELS]) -> [f64; 3] {
+        let pairs = rows.iter().zip(values).take(self.wheels);
+        pairs.fold([0.0; 3], |sum, (row, value)| std::array::from_fn(|axis| sum[axis] + value * row[axis]))
+    }
+}
+
+/// How the wheels are wired, in one way that is thinkable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wiring {
+    /// As the file says.
+    AsTold,
+    /// Motor and encoder of this wheel are both the other way round.
+    Turned(usize),
+    /// Each of these two has the other's motor and encoder.
+    Swapped(usize, usize),
+}
+
+impl Wiring {
+    /// The wheel that a drive truly moves, and which way.
+    fn truly(self, drive: usize) -> (usize, f64) {
+        match self {
+            Wiring::Turned(wheel) if wheel == drive => (drive, -1.0),
+            Wiring::Swapped(one, other) if drive == one => (other, 1.0),
+            Wiring::Swapped(one, other) if drive == other => (one, 1.0),
+            Wiring::AsTold | Wiring::Turned(_) | Wiring::Swapped(..) => (drive, 1.0),
+        }
+    }
+
+    fn rewired(self, values: &[f64; MAX_WHEELS]) -> [f64; MAX_WHEELS] {
+        let mut truly = [0.0; MAX_WHEELS];
+        for (drive, value) in values.iter().enumerate() {
+            let (wheel, sign) = self.truly(drive);
+            truly[wheel] = sign * value;
+        }
+        truly
+    }
+}
+
+/// A supposition and what it came to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Supposition {
+    pub(super) wiring: Wiring,
+    theta: [f64; PARAMETERS],
+    covariance: [[f64; PARAMETERS]; PARAMETERS],
+    /// How far the platform has turned as it supposes, rad.
+    heading_rad: f64,
+    /// Log-likelihood of its last equations, and by how much all exceeded the file's.
+    last: f64,
+    pub(super) score: f64,
+    /// Mean square of what it leaves unexplained, over what no equation tells.
+    pub(super) misfit: f64,
+}
+
+impl Supposition {
+    pub(super) fn new(wiring: Wiring, platform: &Platform) -> Self {
+        let mut covariance = [[0.0; PARAMETERS]; PARAMETERS];
+        for (index, start) in platform.start.into_iter().enumerate() {
+            covariance[index][index] = start;
+        }
+        let FirstEstimates { mass, inertia, .. } = platform.first;
+        let theta = [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        Supposition { wiring, theta, covariance, heading_rad: 0.0, last: 0.0, score: 0.0, misfit: 0.0 }
+    }
+
+    /// Log-likelihood of its last equations.
+    pub(super) fn likelihood(&self) -> f64 {
+        self.last
+    }
+
+    /// Looks at the wheels once in so many s; `against` is the likelihood of the file's wiring, `None` for itself.
+    pub(super) fn look(&mut self, platform: &Platform, rims: &Rims, (span_s, against): (f64, Option<f64>)) {
+        let (likelihood, misfit) = self.learn(platform, rims, span_s);
+        self.last = likelihood;
+        let keep = |lasting_s: f64| (-span_s / lasting_s).exp();
+        self.misfit = keep(MISFIT_S) * self.misfit + (1.0 - keep(MISFIT_S)) * misfit;
+        self.score += likelihood - against.unwrap_or(likelihood);
+    }
+
+    fn learn(&mut self, platform: &Platform, rims: &Rims, span_s: f64) -> (f64, f64) {
+        let rewired = |values: &[f64; MAX_WHEELS]| self.wiring.rewired(values);
+        let twist = platform.sum(&platform.twist_per_rim, &rewired(&rims.speed_m_s));
+        let [gx, gy, gain] = platform.sum(&platform.twist_per_rim, &rewired(&rims.gain_m_s2));
+        let wrench = platform.sum(&platform.rows, &rewired(&rims.force_n));
+        let [vx, vy, turn] = twist;
+        let (ax, ay, square) = (gx - turn * vy, gy + turn * vx, turn * turn);
+        let centre_m = [self.theta[4] / self.theta[0], self.theta[5] / self.theta[0]];
+        let [spin, roller] = platform.friction.per_newton(twist, centre_m);
+        let (sin, cos) = self.heading_rad.sin_cos();
+        self.heading_rad += turn * span_s;
+        let rows = [
+            [ax, 0.0, spin[0], roller[0], -square, -gain, cos, sin, 0.0],
+            [ay, 0.0, spin[1], roller[1], gain, -square, -sin, cos, 0.0],
+            [0.0, gain, spin[2], roller[2], ay, -ax, 0.0, 0.0, 1.0],
+        ];
+        let mass_kg = platform.first.mass.0;
+        let held_n = HELD_SHARE * mass_kg * GRAVITY_M_S2 / platform.wheels as f64;
+        let held = platform.friction.unknown_per_newton(twist, HELD_M_S);
+        let (mut likelihood, mut misfit) = (0.0, 0.0);
+        for (axis, row) in rows.iter().enumerate() {
+            let lever_m = if axis == 2 { platform.lever_m } else { 1.0 };
+            let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
+            let untold = (NOISE_M_S2 * mass_kg * lever_m).powi(2) + held_n * held_n * held[axis];
+            let (said, left) = self.take(row, wrench[axis] - told, (untold, span_s));
+            likelihood += said;
+            misfit += left / rows.len() as f64;
+        }
+        self.walk(platform, span_s);
+        (likelihood, misfit)
+    }
+
+    /// One equation, `off` by how much the wrench exceeds what θ tells; its likelihood, and its square over its variance.
+    fn take(&mut self, row: &[f64; PARAMETERS], off: f64, (untold, span_s): (f64, f64)) -> (f64, f64) {
+        let spread: [f64; PARAMETERS] = std::array::from_fn(|index| {
+            self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
+        });
+        let known: f64 = row.iter().zip(&spread).map(|(row, spread)| row * spread).sum();
+        let noise = untold * NOISE_S / span_s;
+        let whole = noise + known;
+        if !(whole.is_finite() && whole > 0.0 && off.is_finite()) {
+            return (0.0, 0.0);
+        }
+        let far = off * off / whole;
+        let likelihood = -0.5 * (TAIL * (far / TAIL).ln_1p() + (whole / noise).ln());
+        let weighed = noise * (far / FAR).max(1.0) + known;
+        for index in 0..PARAMETERS {
+            self.theta[index] += spread[index] / weighed * off;
+            for other in 0..PARAMETERS {
+                self.covariance[index][other] -= spread[index] * spread[other] / weighed;
+            }
+        }
+        (likelihood, off * off / (untold + known))
+    }
+
+    /// Time passes, and θ stays within its bounds: what one may not be, those that belong with it make up for.
+    fn walk(&mut self, platform: &Platform, span_s: f64) {
+        for index in 0..PARAMETERS {
+            self.covariance[index][index] += platform.walk_1_s[index] * span_s;
+        }
+        let FirstEstimates { mass, inertia, friction_max_n, .. } = platform.first;
+        let friction = [0.0, friction_max_n];
+        let bounds = [mass.1, inertia.1, friction, friction];
+        for (index, [low, high]) in bounds.into_iter().enumerate() {
+            let off = self.theta[index].clamp(low, high) - self.theta[index];
+            let variance = self.covariance[index][index];
+            if off != 0.0 && variance > 0.0 {
+                for (theta, line) in self.theta.iter_mut().zip(&self.covariance) {
+                    *theta += line[index] / variance * off;
+                }
+            }
+        }
+        for (theta, [low, high]) in self.theta.iter_mut().zip(bounds) {
+            *theta = theta.clamp(low, high);
+        }
+        let [mass_kg, inertia_kg_m2, ..] = self.theta;
+        let most = (MOST_CENTRE * platform.lever_m * mass_kg).min((0.5 * mass_kg * inertia_kg_m2).sqrt());
+        let moment = self.theta[4].hypot(self.theta[5]);
+        if moment > most {
+            self.theta[4] *= most / moment;
+            self.theta[5] *= most / moment;
+        }
+    }
+}

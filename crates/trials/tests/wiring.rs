@@ -1,0 +1,72 @@
+//! Robots that aren't as their file says are named before they are far; those that are never are.
+
+use omnibase_robot::signals::SafetyReason;
+use omnibase_trials::wiring::{Case, Fault, LAWS, Named, PATHS};
+
+/// Robots as their files say.
+const ROBOTS: u64 = 60;
+/// So many of sixty wheels that are wired backwards, four by five paths by three laws, are named at least.
+const LEAST_OF_60: u32 = 52;
+/// A robot that is named later went astray, m.
+const FAR_M: f64 = 1.0;
+
+/// Those of a robot's faults that are named within half a metre of some law and path, out of how many.
+fn named(
+    robot: &'static str,
+    law: &'static str,
+    is_it: impl Fn(&Fault) -> bool,
+) -> Vec<(Fault, &'static str, Named)> {
+    let wheels = if robot == "bmm" { 3 } else { 4 };
+    let faults: Vec<Fault> = Fault::all(wheels).into_iter().filter(is_it).collect();
+    let ways = PATHS.into_iter().flat_map(|path| faults.iter().map(move |fault| (path, *fault)));
+    ways.map(|(path, fault)| (fault, path, Case::plain(robot, law, path, fault).ride(FAR_M))).collect()
+}
+
+#[test]
+fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
+    for robot in ["bmm", "mecanum"] {
+        for law in LAWS {
+            for (fault, path, named) in named(robot, law, |fault| matches!(fault, Fault::Encoder(_))) {
+                let Fault::Encoder(wheel) = fault else { continue };
+                // The BMM's first wheel stands while it drives along x.
+                if (robot, path, wheel) == ("bmm", "square", 0) {
+                    continue;
+                }
+                let is_right = (named.reason, named.wheel) == (SafetyReason::EncoderDirection, wheel as u64);
+                assert!(is_right, "{robot} {law} {path} {fault:?}: {named:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wheel_of_four_that_is_wired_backwards_is_named() {
+    let (mut told, mut right, mut near, mut all) = (0, 0, 0, 0);
+    for law in LAWS {
+        for (fault, path, named) in named("mecanum", law, |fault| matches!(fault, Fault::Turned(_))) {
+            let Fault::Turned(wheel) = fault else { continue };
+            println!("{law} {path} {fault:?}: {named:?}");
+            let is_named = named.reason == SafetyReason::Wiring;
+            told += u32::from(is_named);
+            right += u32::from(is_named && named.wheel == wheel as u64);
+            near += u32::from(is_named && named.way_m <= 0.5);
+            all += 1;
+        }
+    }
+    println!("{told} of {all} named within a metre, {near} within half of one, {right} by the right wheel");
+    assert!(told >= LEAST_OF_60 && near >= LEAST_OF_60 && right == told, "{told}, {near}, {right} of {all}");
+}
+
+#[test]
+fn no_robot_that_is_as_its_file_says_is_named() {
+    let mut wrong = 0;
+    for seed in 1..=ROBOTS {
+        let case = Case::seeded(seed);
+        let named = case.ride(f64::INFINITY);
+        if named.is_named() {
+            wrong += 1;
+            println!("{seed}: {named:?} {case:?}");
+        }
+    }
+    assert_eq!(wrong, 0);
+}
