@@ -218,7 +218,12 @@ impl Case {
             let wheels = machine.wheels.len();
             let mut wires: Vec<Wire> = (0..wheels).map(Wire::straight).collect();
             match self.fault {
-                Fault::None | Fault::Limited(_) => {}
+                Fault::None => {}
+                // Small motors: their rated torque is no more than that.
+                Fault::Limited(_) => machine.wheels.iter_mut().for_each(|wheel| {
+                    let motor = &mut wheel.motor;
+                    motor.rated_torque_n_m = motor.rated_torque_n_m.min(motor.peak_torque_n_m);
+                }),
                 Fault::Turned(wheel) => {
                     (wires[wheel].turns_motor, wires[wheel].turns_encoder) = (true, true);
                 }
