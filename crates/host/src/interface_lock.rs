@@ -3,6 +3,9 @@
 //! The lock is a listening socket with an abstract name: such names belong to the network namespace, as interfaces
 //! do, leave no file behind, and are free again however their holder ends. Nothing is ever accepted at it: who
 //! connects learns the holder's process from the kernel.
+//!
+//! A name lives as long as any copy of the socket. A child of the holder has one from its fork to the program that it
+//! becomes; so the holder also ends the listening, and a name at which nobody listens is waited for.
 
 use crate::interface;
 use crate::raw::OpenError;
@@ -11,11 +14,22 @@ use std::mem::size_of;
 use std::os::fd::AsRawFd;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
+use std::time::{Duration, Instant};
+
+/// How long the copies of an ended holder's socket may live on.
+const COPIES: Duration = Duration::from_secs(5);
 
 /// The sole use of an interface, as long as the value lives.
 #[derive(Debug)]
 pub struct InterfaceLock {
-    _listener: UnixListener,
+    listener: UnixListener,
+}
+
+impl Drop for InterfaceLock {
+    fn drop(&mut self) {
+        // It can't fail for a socket that listens; if it did, closing would still end it.
+        let _ = rustix::net::shutdown(&self.listener, rustix::net::Shutdown::Both);
+    }
 }
 
 /// Who has an interface.
@@ -69,28 +83,59 @@ impl InterfaceLock {
         let failed = |cause| LockError::System { interface: name.to_owned(), cause };
         let address =
             SocketAddr::from_abstract_name(format!("omnibase-interface-{index}")).map_err(failed)?;
-        match UnixListener::bind_addr(&address) {
-            Ok(listener) => Ok(InterfaceLock { _listener: listener }),
-            Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
-                Err(LockError::Held { interface: name.to_owned(), holder: holder(&address) })
+        let begin = Instant::now();
+        loop {
+            let error = match UnixListener::bind_addr(&address) {
+                Ok(listener) => return Ok(InterfaceLock { listener }),
+                Err(error) => error,
+            };
+            if error.kind() != io::ErrorKind::AddrInUse {
+                return Err(failed(error));
             }
-            Err(error) => Err(failed(error)),
+            match listening(&address) {
+                Listening::Nobody if begin.elapsed() < COPIES => std::thread::sleep(Duration::from_millis(1)),
+                Listening::Nobody | Listening::Unknown => {
+                    return Err(LockError::Held { interface: name.to_owned(), holder: None });
+                }
+                Listening::Holder(holder) => {
+                    return Err(LockError::Held { interface: name.to_owned(), holder: Some(holder) });
+                }
+            }
         }
     }
 }
 
+/// What connecting to a name tells.
+enum Listening {
+    /// Nobody listens, though the name may still be taken.
+    Nobody,
+    /// Somebody does, and the system doesn't tell who.
+    Unknown,
+    Holder(Holder),
+}
+
 /// Who listens at `address`.
-fn holder(address: &SocketAddr) -> Option<Holder> {
+fn listening(address: &SocketAddr) -> Listening {
+    match peer(address) {
+        Ok(pid) => pid.map_or(Listening::Unknown, |pid| {
+            Listening::Holder(Holder { pid, command: command_of(pid) })
+        }),
+        Err(rustix::io::Errno::CONNREFUSED) => Listening::Nobody,
+        Err(_) => Listening::Unknown,
+    }
+}
+
+/// The process that listens at `address`; `None` where the system doesn't tell.
+fn peer(address: &SocketAddr) -> rustix::io::Result<Option<u32>> {
     // A datagram could wait for ever at a full queue; this one asks and goes.
     let socket = rustix::net::socket_with(
         rustix::net::AddressFamily::UNIX,
         rustix::net::SocketType::STREAM,
         rustix::net::SocketFlags::CLOEXEC | rustix::net::SocketFlags::NONBLOCK,
         None,
-    )
-    .ok()?;
-    let name = rustix::net::SocketAddrUnix::new_abstract_name(address.as_abstract_name()?).ok()?;
-    rustix::net::connect(&socket, &name).ok()?;
+    )?;
+    let name = address.as_abstract_name().ok_or(rustix::io::Errno::INVAL)?;
+    rustix::net::connect(&socket, &rustix::net::SocketAddrUnix::new_abstract_name(name)?)?;
     // SAFETY: ucred is plain data for which zero bytes are valid; pointer and length are those of one live value.
     let peer = unsafe {
         let mut peer: libc::ucred = std::mem::zeroed();
@@ -103,9 +148,8 @@ fn holder(address: &SocketAddr) -> Option<Holder> {
             &mut length,
         );
         (asked == 0).then_some(peer)
-    }?;
-    let pid = u32::try_from(peer.pid).ok().filter(|pid| *pid != 0)?;
-    Some(Holder { pid, command: command_of(pid) })
+    };
+    Ok(peer.and_then(|peer| u32::try_from(peer.pid).ok()).filter(|pid| *pid != 0))
 }
 
 /// A process's program and its arguments up to the first option: options may hold secrets.
@@ -117,4 +161,24 @@ fn command_of(pid: u32) -> String {
     let arguments = words.take_while(|word| !word.starts_with('-'));
     let said: Vec<&str> = std::iter::once(program).chain(arguments).collect();
     said.join(" ").escape_debug().take(200).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A child of the holder keeps a copy of the socket until it has become its program.
+    #[test]
+    fn copies_of_an_ended_holders_socket_are_waited_for() {
+        let held = InterfaceLock::take("lo").unwrap();
+        let copy = held.listener.try_clone().unwrap();
+        drop(held);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(Duration::from_millis(50));
+                drop(copy);
+            });
+            InterfaceLock::take("lo").unwrap();
+        });
+    }
 }
