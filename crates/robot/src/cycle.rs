@@ -37,7 +37,7 @@ use pose::Counted;
 /// A robot: its stages, and what they remember from cycle to cycle.
 pub struct Robot {
     devices: Vec<Box<dyn Device>>,
-    beside: Peripherals,
+    peripherals: Peripherals,
     grip: Grip,
     traction: Traction,
     estimator: Box<dyn Estimator>,
@@ -84,12 +84,12 @@ impl Robot {
         let commanded: Vec<Quantity> = controllers.iter().map(|controller| controller.quantity()).collect();
         let mut record = CycleRecord::default();
         record.measurements.wheels = plan.drives.len();
-        let beside = Peripherals::new(plan, registry)?;
-        record.signals = beside.begin();
+        let peripherals = Peripherals::new(plan, registry)?;
+        record.signals = peripherals.begin();
         let estimator = registry.make_estimator(plan)?;
         Ok(Robot {
             devices,
-            beside,
+            peripherals,
             guard: Guard::new(&plan.guard, &plan.limits, period_s, &estimator.growth()),
             grip: Grip::new(plan),
             traction: Traction::new(plan),
@@ -124,7 +124,7 @@ impl Robot {
         self.record.phase = self.lifecycle.phase();
 
         self.read(exchange, image);
-        self.beside.read(&time, exchange, image, &mut self.record.signals);
+        self.peripherals.read(&time, exchange, image, &mut self.record.signals);
         self.record.grip = self.feel();
         self.record.state = self.estimate();
         self.carry();
@@ -154,12 +154,12 @@ impl Robot {
     /// What another program sent, by its place among the plan's sources; it counts in the next cycle, where it is no
     /// older than what was heard before.
     pub fn hear(&mut self, source: usize, heard: &Heard) {
-        self.beside.hear(source, heard);
+        self.peripherals.hear(source, heard);
     }
 
     /// What another program said since the last cycle, beside the last of it: a stop that was asked for in between counts.
     pub fn hear_between(&mut self, source: usize, between: Between) {
-        self.beside.hear_between(source, between);
+        self.peripherals.hear_between(source, between);
     }
 
     /// Computes a recorded cycle again, from what came in then; `buffer` takes the outputs.
@@ -168,7 +168,7 @@ impl Robot {
             let length = inputs.len().min(MAX_PROCESS_BYTES);
             inputs[..length].copy_from_slice(&recorded.0[..length]);
         }
-        self.beside.replay(&record.signals, &mut buffer.device_inputs);
+        self.peripherals.replay(&record.signals, &mut buffer.device_inputs);
         self.compute(record.time, record.exchange, record.request, buffer)
     }
 
@@ -231,7 +231,7 @@ impl Robot {
 
     /// Says what is wrong with a SubDevice without a wheel, in words, and whether anything is.
     pub fn tell_device_problem(&self, device: usize, words: &mut dyn Write) -> bool {
-        self.beside.tell_problem(device, words)
+        self.peripherals.tell_problem(device, words)
     }
 
     /// Devices: from process data to measurements.
@@ -284,7 +284,7 @@ impl Robot {
             time: &record.time,
             exchange: record.exchange,
             measurements: &record.measurements,
-            inputs: self.beside.inputs(&record.signals),
+            inputs: self.peripherals.inputs(&record.signals),
             wished: &record.wished,
             unread_rad: &unread_rad,
         });
@@ -321,7 +321,7 @@ impl Robot {
                 if is_held_back || record.grip.slips() || !is_heard {
                     controller.limited_by_drives();
                 }
-                let (inputs, mut outputs) = self.beside.open(&record.signals);
+                let (inputs, mut outputs) = self.peripherals.open(&record.signals);
                 controller.signals(&inputs, &mut outputs);
                 let commands = controller.update(&record.time, &record.state, &record.setpoint);
                 // What the drives' maps were checked for is the quantity that the law names.
@@ -345,7 +345,7 @@ impl Robot {
             phase: self.lifecycle.phase(),
             measurements: &record.measurements,
             signals: &record.signals,
-            failed_device: self.beside.standing(record.exchange).1,
+            failed_device: self.peripherals.standing(record.exchange).1,
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
@@ -372,7 +372,7 @@ impl Robot {
             allowed: &record.allowed,
             setpoint_rests: self.limiter.is_at_rest()
                 && !(self.lifecycle.is_blind() && record.commands.is_moving()),
-            beside: self.beside.standing(record.exchange).0,
+            peripherals: self.peripherals.standing(record.exchange).0,
             is_finished: self.motion.course() != Course::Velocity
                 && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
             finished_by: if self.motion.is_paused_at_fence() {
@@ -411,7 +411,7 @@ impl Robot {
                 command,
                 torque_limit_nm: self.settings.wheel_limits().torque_nm,
             };
-            let (inputs, mut told) = self.beside.open(&self.record.signals);
+            let (inputs, mut told) = self.peripherals.open(&self.record.signals);
             device.signals(&inputs, &mut told);
             let outputs = image.outputs(wheel);
             let progress = device.write(&self.record.time, &command, outputs);
@@ -429,6 +429,6 @@ impl Robot {
             wanted: self.lifecycle.wanted(),
             may_move: matches!(self.lifecycle.phase(), Phase::Holding | Phase::Tracking),
         };
-        self.beside.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
+        self.peripherals.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
     }
 }

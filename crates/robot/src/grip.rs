@@ -5,6 +5,7 @@
 //! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push or a slope does the opposite, for then the wheel's
 //! force is against it. How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s.
 
+pub(crate) mod equation;
 pub(crate) mod friction;
 mod identification;
 pub(crate) mod loads;
@@ -15,7 +16,7 @@ use crate::config::{RobotPlan, find_object};
 use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use friction::{DRY_M_S, WheelFriction};
-use identification::{Identification, Seen};
+use identification::{Identification, Motion};
 use loads::Loads;
 
 /// Standard gravity, m/s² (ISO 80000-3).
@@ -251,7 +252,7 @@ impl Grip {
         self.shown = shown;
         let [vx, vy, turn_rad_s] = shown;
         let Wrench2 { fx_n, fy_n, torque_nm } = self.kinematics.wrench(&torques_nm);
-        let seen = Seen {
+        let motion = Motion {
             acceleration: [gx - turn_rad_s * vy, gy + turn_rad_s * vx, gain],
             turn_rad_s,
             wrench: [fx_n, fy_n, torque_nm],
@@ -260,7 +261,7 @@ impl Grip {
             moves: drives,
             period_s: span_s,
         };
-        self.identification.learn(&seen);
+        self.identification.learn(&motion);
         let dynamics = self.identification.dynamics();
         let [spin_n, roller_n] = dynamics.friction_n;
         let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
@@ -268,13 +269,13 @@ impl Grip {
         };
         let held = self.friction.held_per_newton(shown, dynamics.centre_m());
         let moved = std::array::from_fn(|axis| {
-            let left = seen.wrench[axis] - of_both(&seen.friction_per_newton, axis);
+            let left = motion.wrench[axis] - of_both(&motion.friction_per_newton, axis);
             // What axles and rollers that stand hold moves nothing.
             left - left.abs().min(of_both(&held, axis).max(0.0)).copysign(left)
         });
         self.acceleration = dynamics.acceleration(moved, turn_rad_s);
         // What mass and friction may be off shows in v̂ until it is drawn away again.
-        let doubts_n = self.identification.doubts_n(&Seen { acceleration: self.acceleration, ..seen });
+        let doubts_n = self.identification.doubts_n(&Motion { acceleration: self.acceleration, ..motion });
         let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;
         let drawn = 1.0 - (-DRAWN_1_S * span_s).exp();
         for ((sigma, doubt_n), inertia) in

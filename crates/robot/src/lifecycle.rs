@@ -47,7 +47,7 @@ pub(crate) struct Outcome<'a> {
     /// The setpoint is at rest, and so is what the wheels are told where that isn't the same.
     pub(crate) setpoint_rests: bool,
     /// What moves beside the wheels.
-    pub(crate) beside: Standing,
+    pub(crate) peripherals: Standing,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
     /// What brought it there before its end.
@@ -148,12 +148,12 @@ impl Lifecycle {
         let now_ns = outcome.time.now_ns;
         let waited_ns = now_ns.saturating_sub(self.since_ns);
         let drives = outcome.measurements.present();
-        let stands = stand(drives, outcome.exchange) && outcome.beside.stands;
-        let rests = outcome.setpoint_rests && (outcome.beside.rests || outcome.beside.failed);
+        let stands = stand(drives, outcome.exchange) && outcome.peripherals.stands;
+        let rests = outcome.setpoint_rests && (outcome.peripherals.rests || outcome.peripherals.failed);
         let has_stopped = rests && self.has_stopped(now_ns, stands);
         match self.phase {
             Phase::Enabling
-                if outcome.beside.is_ready
+                if outcome.peripherals.is_ready
                     && drives.iter().all(|drive| drive.progress == DriveProgress::Running) =>
             {
                 self.enter(outcome.time, Phase::Holding);

@@ -1,7 +1,7 @@
 //! Peripherals: SubDevices that drive no wheel, between their process data and their signals.
 
 mod axis;
-mod beside;
+mod cyclic;
 mod io;
 mod sources;
 
@@ -9,7 +9,7 @@ use crate::registry::{Kind, PeripheralDefaults, Registry, needed, optional};
 use crate::stages::Peripheral;
 
 pub use axis::Axis;
-pub(crate) use beside::Peripherals;
+pub(crate) use cyclic::Peripherals;
 pub use io::Io;
 
 /// A SubDevice that is brought along as it describes itself: nobody reads its inputs, its outputs stay 0.

@@ -1,8 +1,8 @@
 //! The bus of a robot: from what is plugged in to OP, one exchange a cycle at the pace of clocks, and back to INIT.
 
-mod beside;
 mod error;
 mod modes;
+mod peripherals;
 
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
@@ -45,7 +45,7 @@ struct Wheels {
     image: BusImage,
     wiring: Vec<Wires>,
     /// Of the SubDevices without a wheel.
-    beside: Vec<Wires>,
+    peripherals: Vec<Wires>,
     supervisor: Supervisor,
 }
 
@@ -54,10 +54,10 @@ impl Wheels {
         &mut self,
         paced: &mut PacedBus<L, C>,
     ) -> Result<(Exchange, Times), LinkError> {
-        let Wheels { image, wiring, beside, supervisor } = self;
+        let Wheels { image, wiring, peripherals, supervisor } = self;
         let were_away = Away::now(supervisor);
         // Whoever is away mustn't find an old command when it comes back: all zero disables a drive.
-        for wires in wiring.iter().chain(&*beside).filter(|wires| supervisor.is_away(wires.position)) {
+        for wires in wiring.iter().chain(&*peripherals).filter(|wires| supervisor.is_away(wires.position)) {
             image.outputs[wires.outputs.clone()].fill(0);
         }
         let (exchange, times) = paced.exchange_and(image, |bus, deadline| supervisor.after(bus, deadline))?;
@@ -125,11 +125,11 @@ impl ProcessImage for Wheels {
     }
 
     fn device_inputs(&self, device: usize) -> &[u8] {
-        self.beside.get(device).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
+        self.peripherals.get(device).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
     }
 
     fn device_outputs(&mut self, device: usize) -> &mut [u8] {
-        match self.beside.get(device) {
+        match self.peripherals.get(device) {
             Some(wires) => &mut self.image.outputs[wires.outputs.clone()],
             None => &mut [],
         }
@@ -150,13 +150,13 @@ impl<L: Link, C: Clock> Session<L, C> {
         bus.scan()?;
         let drives = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus));
         let found = bus.subdevices();
-        let beside = plan.devices.iter().map(|device| beside::config(device, &plan.bus, found));
-        let configs: Vec<_> = drives.chain(beside).collect();
+        let peripherals = plan.devices.iter().map(|device| peripherals::config(device, &plan.bus, found));
+        let configs: Vec<_> = drives.chain(peripherals).collect();
         let configured = bus.configure(&configs);
         bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
-        configured.map_err(beside::unnamed)?;
+        configured.map_err(peripherals::unnamed)?;
         for device in &plan.devices {
-            beside::check_maps(device, bus.subdevices())?;
+            peripherals::check_maps(device, bus.subdevices())?;
         }
         check_watchdogs(&mut bus, plan)?;
         modes::check(&mut bus, plan)?;
@@ -165,18 +165,18 @@ impl<L: Link, C: Clock> Session<L, C> {
             ClockSource::Host => ClockDirection::DcFollowsHost,
         };
         let Handover { bus, clock, subdevices } = bus.into_cyclic(direction)?;
-        let (wiring, beside) = wire(plan, &bus, &subdevices)?;
+        let (wiring, peripherals) = wire(plan, &bus, &subdevices)?;
         let image = bus.plan().image();
         let paced = PacedBus::new(bus, clock, pace(&plan.bus));
         let place =
             |all: &[Wires], one: &SubDevice| all.iter().position(|wires| wires.position == one.position);
-        let role_of = |one: &SubDevice| match (place(&wiring, one), place(&beside, one)) {
+        let role_of = |one: &SubDevice| match (place(&wiring, one), place(&peripherals, one)) {
             (Some(wheel), _) => Role::Wheel(wheel),
             (None, Some(device)) => Role::Device(device),
             (None, None) => Role::Nobody,
         };
         let supervisor = Supervisor::new(subdevices, plan.safety.lost_exchanges_tolerated, role_of);
-        let wheels = Wheels { image, wiring, beside, supervisor };
+        let wheels = Wheels { image, wiring, peripherals, supervisor };
         Ok(Session { paced, wheels, counted_before: CycleCounters::default() })
     }
 
@@ -377,7 +377,7 @@ where
     L: Link,
 {
     let wires = |name: &str, place: BusPlace, inputs: usize, outputs: usize| {
-        let found = beside::found(place, subdevices);
+        let found = peripherals::found(place, subdevices);
         let placements = found.map_or(&[][..], |one| bus.plan().placements_of(one.position));
         let bytes = |direction: Direction, words, expected: usize| {
             let placement = placements.iter().find(|placement| placement.direction == direction);
@@ -403,8 +403,8 @@ where
     let drives = plan.drives.iter();
     let drives =
         drives.map(|drive| wires(&drive.name, drive.place, drive.input_bytes(), drive.output_bytes()));
-    let beside = plan.devices.iter();
-    let beside =
-        beside.map(|device| wires(&device.name, device.place, device.input_bytes(), device.output_bytes()));
-    Ok((drives.collect::<Result<_, _>>()?, beside.collect::<Result<_, SessionError>>()?))
+    let peripherals = plan.devices.iter();
+    let peripherals = peripherals
+        .map(|device| wires(&device.name, device.place, device.input_bytes(), device.output_bytes()));
+    Ok((drives.collect::<Result<_, _>>()?, peripherals.collect::<Result<_, SessionError>>()?))
 }

@@ -5,7 +5,9 @@
 
 use std::ops::Range;
 
-use omnibase_trials::builds::{CREEP_TOLD, Case, Driven, PLACES, Place, Summary, Wheels, drive, nees_band};
+use omnibase_trials::builds::{
+    CREEP_TOLD, Case, Driven, PLACES, PoseError, Summary, Wheels, drive, nees_band,
+};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -50,7 +52,7 @@ fn all(case: &Case, estimator: &str, seeds: Range<u64>) -> Vec<Driven> {
     driven
 }
 
-fn print_row(case: &Case, drawn: &str, driven: &[Driven], places: impl Fn(&Driven) -> [Place; PLACES]) {
+fn print_row(case: &Case, drawn: &str, driven: &[Driven], places: impl Fn(&Driven) -> [PoseError; PLACES]) {
     let summaries: Vec<Summary> = (0..PLACES)
         .map(|place| Summary::of(&driven.iter().map(|driven| places(driven)[place]).collect::<Vec<_>>()))
         .collect();

@@ -41,7 +41,7 @@ pub const PLACES: usize = 4;
 
 /// Where a robot truly was, and where it believed to be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
+pub struct PoseError {
     /// True less believed: x and y in m, heading in rad.
     pub error: Vector,
     /// Standard deviations of the three.
@@ -51,8 +51,8 @@ pub struct Place {
     pub nees: f64,
 }
 
-impl Place {
-    fn new(state: &PlatformState, truth: Pose2) -> Place {
+impl PoseError {
+    fn new(state: &PlatformState, truth: Pose2) -> PoseError {
         let believed = state.odom_from_body;
         let error = [
             truth.x_m - believed.x_m,
@@ -62,7 +62,7 @@ impl Place {
         let [xx, xy, xh, yy, yh, hh] = state.covariance;
         let covariance: Matrix = [[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]];
         let nees = sigmas(&root(&covariance), &error).powi(2);
-        Place { error, sigmas: [xx, yy, hh].map(f64::sqrt), nees }
+        PoseError { error, sigmas: [xx, yy, hh].map(f64::sqrt), nees }
     }
 
     /// How far away it is, m.
@@ -80,9 +80,9 @@ impl Place {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Driven {
     /// Start and floor as the file says.
-    pub drawn: [Place; PLACES],
+    pub drawn: [PoseError; PLACES],
     /// From exactly its start, on the simulator's even floor: of the file's tolerances only the wheels' count.
-    pub even: [Place; PLACES],
+    pub even: [PoseError; PLACES],
 }
 
 impl Case {
@@ -186,8 +186,8 @@ impl Floor {
 
     fn look(&self, trial: &Trial, driven: &mut Driven, place: usize) {
         let state = &trial.robot.record().state;
-        driven.drawn[place] = Place::new(state, self.truth);
-        driven.even[place] = Place::new(state, self.even);
+        driven.drawn[place] = PoseError::new(state, self.truth);
+        driven.even[place] = PoseError::new(state, self.even);
     }
 }
 
@@ -223,9 +223,9 @@ pub struct Summary {
 
 impl Summary {
     /// Of the same place of all robots.
-    pub fn of(places: &[Place]) -> Summary {
+    pub fn of(places: &[PoseError]) -> Summary {
         let count = places.len().max(1) as f64;
-        let mut distances: Vec<f64> = places.iter().map(Place::distance_m).collect();
+        let mut distances: Vec<f64> = places.iter().map(PoseError::distance_m).collect();
         distances.sort_by(f64::total_cmp);
         Summary {
             nees: places.iter().map(|place| place.nees).sum::<f64>() / count,

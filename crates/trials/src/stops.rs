@@ -6,6 +6,7 @@
 
 mod allowed;
 mod comeback;
+mod losses;
 mod row;
 
 use omnibase_robot::signals::{SafetyAction, StopCategory};

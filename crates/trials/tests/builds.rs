@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
-use omnibase_trials::builds::{CREEP_TOLD, Case, Driven, PLACES, Place, Summary, Wheels, drive, nees_band};
+use omnibase_trials::builds::{
+    CREEP_TOLD, Case, Driven, PLACES, PoseError, Summary, Wheels, drive, nees_band,
+};
 
 const ROBOTS: usize = 60;
 
-fn summaries(driven: &[Driven], places: fn(&Driven) -> [Place; PLACES]) -> Vec<Summary> {
+fn summaries(driven: &[Driven], places: fn(&Driven) -> [PoseError; PLACES]) -> Vec<Summary> {
     let at = |place: usize| driven.iter().map(|driven| places(driven)[place]).collect::<Vec<_>>();
     (0..PLACES).map(|place| Summary::of(&at(place))).collect()
 }

@@ -47,17 +47,23 @@ fn opened(page: &mut Browser) {
 /// Presses a button until what it shall bring about is true: what a busy machine makes late is refused, as it shall be,
 /// and a button that is drawn elsewhere between its press and its release isn't hit.
 fn press(page: &mut Browser, selector: &str, brings: &str) {
-    let (begin, refused) = (Instant::now(), "document.getElementById('said').classList.contains('no')");
-    loop {
-        assert!(begin.elapsed() < LONGEST, "{selector} never brought {brings}");
+    let (refused, brings) =
+        ("document.getElementById('said').classList.contains('no')", format!("Boolean({brings})"));
+    until(page, &brings, |page| {
         page.value(
             "void Object.assign(document.getElementById('said'), { className: 'said', textContent: '' })",
         );
         page.click(selector);
-        page.is_true_within(&format!("({brings}) || {refused}"), HIT);
-        if page.value(&format!("Boolean({brings})")) == json!(true) {
-            return;
-        }
+        page.is_true_within(&format!("{brings} || {refused}"), HIT);
+        page.value(&brings) == json!(true)
+    });
+}
+
+/// Does something again until it says that it was done.
+fn until(page: &mut Browser, what: &str, mut done: impl FnMut(&mut Browser) -> bool) {
+    let begin = Instant::now();
+    while !done(page) {
+        assert!(begin.elapsed() < LONGEST, "never came true: {what}");
     }
 }
 
@@ -224,17 +230,24 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
         .value("[document.getElementById('view').clientWidth, document.getElementById('view').clientHeight]");
     let scale = size[0].as_f64().unwrap().min(size[1].as_f64().unwrap()) / (8.0 * reach_m);
     let place = |x_m: f64, y_m: f64| [middle[0] + x_m * scale, middle[1] - y_m * scale];
-    page.click("#obstacle");
-    for what in ["mousePressed", "mouseReleased"] {
-        page.mouse(what, place(1.0, 1.0));
-    }
-    robot.wait("it is there", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() > Some(0.9));
-    page.wait("document.getElementById('view').dataset.obstacles === '1'");
-    page.mouse("mousePressed", place(1.0, 1.0));
-    page.mouse("mouseMoved", place(1.0, 0.6));
-    page.mouse("mouseMoved", place(1.0, 0.1));
-    page.mouse("mouseReleased", place(1.0, 0.1));
-    robot.wait("it was dragged", |robot| robot.read("now")["obstacles"][0]["y"].as_f64() < Some(0.2));
+    until(&mut page, "the obstacle is there", |page| {
+        if page.value("document.getElementById('obstacle').ariaPressed") != json!("true") {
+            page.click("#obstacle");
+        }
+        for what in ["mousePressed", "mouseReleased"] {
+            page.mouse(what, place(1.0, 1.0));
+        }
+        page.is_true_within("document.getElementById('view').dataset.obstacles === '1'", HIT)
+    });
+    let y_m = |robot: &Robot| robot.read("now")["obstacles"][0]["y"].as_f64().unwrap();
+    assert!(y_m(&robot) > 0.9, "{}", y_m(&robot));
+    until(&mut page, "the obstacle was dragged", |page| {
+        page.mouse("mousePressed", place(1.0, y_m(&robot)));
+        page.mouse("mouseMoved", place(1.0, 0.6));
+        page.mouse("mouseMoved", place(1.0, 0.1));
+        page.mouse("mouseReleased", place(1.0, 0.1));
+        robot.is_true_within(|robot| y_m(robot) < 0.2, HIT)
+    });
     // Tapped, it can be changed; the page may see a moment later than the robot where it was dropped.
     while page.value("document.getElementById('obstacle-bar').hidden") == json!(true) {
         for what in ["mousePressed", "mouseReleased"] {

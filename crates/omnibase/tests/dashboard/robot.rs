@@ -66,15 +66,20 @@ impl Robot {
     }
 
     pub fn wait(&self, what: &str, holds: impl Fn(&Robot) -> bool) {
+        let came_true = self.is_true_within(holds, Duration::from_secs(60));
+        assert!(came_true, "never came true: {what}: {}", self.read("now"));
+    }
+
+    /// Whether something becomes true in time.
+    pub fn is_true_within(&self, holds: impl Fn(&Robot) -> bool, within: Duration) -> bool {
         let begin = Instant::now();
         while !holds(self) {
-            assert!(
-                begin.elapsed() < Duration::from_secs(60),
-                "never came true: {what}: {}",
-                self.read("now")
-            );
+            if begin.elapsed() > within {
+                return false;
+            }
             std::thread::sleep(Duration::from_millis(10));
         }
+        true
     }
 
     /// Asks with the newest stamp, again where a busy machine made it old on its way.

@@ -58,9 +58,9 @@ impl Robot {
                 return self.set_pose(odom_from_body, [sigma_m, sigma_rad]);
             }
             RequestKind::SetOutput { .. } if self.lifecycle.lets_go() => return RequestAnswer::WrongPhase,
-            RequestKind::SetOutput { index, value } => return taken_if(self.beside.ask(index, value)),
-            RequestKind::Axis { device, ask } => return self.beside.move_by(&time, device, &ask),
-            RequestKind::ResetOutput { index } => return taken_if(self.beside.reset(index)),
+            RequestKind::SetOutput { index, value } => return taken_if(self.peripherals.ask(index, value)),
+            RequestKind::Axis { device, ask } => return self.peripherals.move_by(&time, device, &ask),
+            RequestKind::ResetOutput { index } => return taken_if(self.peripherals.reset(index)),
             RequestKind::Enable => {
                 match input_forbids(&self.safety_plan, &self.record.signals).map(|(reason, _)| reason) {
                     None => {}
@@ -76,7 +76,7 @@ impl Robot {
             Change::Begin => self.begin(),
             Change::Acknowledge => {
                 self.devices.iter_mut().for_each(|device| device.acknowledge());
-                self.beside.acknowledge();
+                self.peripherals.acknowledge();
                 self.safety.reset();
                 self.begin();
             }

@@ -26,7 +26,7 @@ impl Robot {
             Phase::Tracking => match self.motion.velocity() {
                 Some(&request) => self.velocity_wish(&request),
                 None => {
-                    let (inputs, mut outputs) = self.beside.open(&self.record.signals);
+                    let (inputs, mut outputs) = self.peripherals.open(&self.record.signals);
                     self.motion.signals(&inputs, &mut outputs);
                     self.motion.sample(&self.record.time, &self.settings, &self.guard)
                 }

@@ -1,12 +1,10 @@
 //! Mass, inertia, centre of mass and friction from what wrenches did: the platform's equation of motion, read backwards.
 //!
-//! In body axes, with the centre of mass at c, F = M(c)·a + (−ω²·m·c, 0) + c_spin·w_spin + c_roller·w_roller (B. Siciliano and
-//! others, *Robotics*, 2009, section 7.2: linear in its parameters), both sides behind one low-pass: three linear equations a
-//! cycle in θ = (m, J, c_spin, c_roller, m·cx, m·cy). A Kalman filter with θ as a random walk solves them (L. Ljung, *System
-//! Identification*, 1999, section 11.2). Unlike a gradient on the tracking error it needs no error of the path, and feeds
-//! nothing back into the loop but what feeds forward. An equation that is far off (a wheel that slips, a push) counts less
-//! by the square of how far.
+//! The equation of motion ([`super::equation`]), both sides behind one low-pass: three linear equations a cycle. Unlike a gradient
+//! on the tracking error it needs no error of the path, and feeds nothing back into the loop but what feeds forward. An equation
+//! that is far off (a wheel that slips, a push) counts less by the square of how far.
 
+use super::equation::{BODY, Estimate, body_rows};
 use crate::signals::Dynamics;
 
 /// The low-pass on both sides, 1/s: slower than treads swing, faster than platforms speed up.
@@ -31,22 +29,16 @@ const WALK_SHARE: f64 = 0.01;
 const WALK_N: f64 = 0.2;
 /// A platform at rest may be loaded and unloaded: after so long what was known of its mass is forgotten, s.
 const LOADED_S: f64 = 10.0;
-/// The centre of mass lies within this part of the wheels' lever.
-const MOST_CENTRE: f64 = 0.6;
-
-/// Mass, inertia, the friction of wheels and rollers, and mass times the centre's place.
-const PARAMETERS: usize = 6;
-/// Those that a load changes.
+/// The parameters that a load changes.
 const LOADS: [usize; 4] = [0, 1, 4, 5];
 
 /// The filter.
 #[derive(Clone, Debug)]
 pub(super) struct Identification {
-    theta: [f64; PARAMETERS],
-    covariance: [[f64; PARAMETERS]; PARAMETERS],
+    estimate: Estimate<BODY>,
     /// Variances: the most of each, and what it gains in a second.
-    most: [f64; PARAMETERS],
-    walk_1_s: [f64; PARAMETERS],
+    most: [f64; BODY],
+    walk_1_s: [f64; BODY],
     bounds: [[f64; 2]; 4],
     /// By what a force becomes a moment, m.
     lever_m: f64,
@@ -59,11 +51,11 @@ pub(super) struct Identification {
 #[derive(Clone, Copy, Debug, Default)]
 struct Past {
     wrench: [f64; 3],
-    rows: [[f64; PARAMETERS]; 3],
+    rows: [[f64; BODY]; 3],
 }
 
-/// What was seen in a cycle, in body axes.
-pub(super) struct Seen {
+/// What was measured in a cycle, in body axes.
+pub(super) struct Motion {
     /// The acceleration of base_link over the floor, m/s² and rad/s².
     pub(super) acceleration: [f64; 3],
     pub(super) turn_rad_s: f64,
@@ -79,16 +71,10 @@ pub(super) struct Seen {
     pub(super) period_s: f64,
 }
 
-impl Seen {
+impl Motion {
     /// What each parameter makes of the wrench.
-    fn rows(&self) -> [[f64; PARAMETERS]; 3] {
-        let ([ax, ay, turn], [spin, roller]) = (self.acceleration, self.friction_per_newton);
-        let square = self.turn_rad_s * self.turn_rad_s;
-        [
-            [ax, 0.0, spin[0], roller[0], -square, -turn],
-            [ay, 0.0, spin[1], roller[1], turn, -square],
-            [0.0, turn, spin[2], roller[2], ay, -ax],
-        ]
+    fn rows(&self) -> [[f64; BODY]; 3] {
+        body_rows(self.acceleration, self.turn_rad_s, self.friction_per_newton)
     }
 }
 
@@ -107,13 +93,8 @@ impl Identification {
             [share * mass.0, share * inertia.0, newton, newton, moment, moment]
         };
         let most = scales(first_share, FIRST_N, FIRST_CENTRE).map(|deviation| deviation * deviation);
-        let mut covariance = [[0.0; PARAMETERS]; PARAMETERS];
-        for (index, most) in most.into_iter().enumerate() {
-            covariance[index][index] = most;
-        }
         Identification {
-            theta: [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0],
-            covariance,
+            estimate: Estimate::new([mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0], most),
             most,
             walk_1_s: scales(WALK_SHARE, WALK_N, WALK_SHARE).map(|deviation| deviation * deviation),
             bounds: [mass.1, inertia.1, friction, friction],
@@ -125,57 +106,54 @@ impl Identification {
     }
 
     pub(super) fn dynamics(&self) -> Dynamics {
-        let [mass_kg, inertia_kg_m2, spin_n, roller_n, x, y] = self.theta;
+        let [mass_kg, inertia_kg_m2, spin_n, roller_n, x, y] = self.estimate.theta;
         Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
     }
 
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
     /// has nothing to lose.
-    pub(super) fn doubts_n(&self, seen: &Seen) -> [f64; 3] {
-        let sigma = |row: &[f64; PARAMETERS]| {
-            row.iter().zip(self.spread(row)).map(|(row, spread)| row * spread).sum::<f64>().max(0.0).sqrt()
-        };
-        seen.rows().map(|row| {
-            let bounded = row.iter().zip(self.theta).zip(self.bounds);
+    pub(super) fn doubts_n(&self, motion: &Motion) -> [f64; 3] {
+        let sigma = |row: &[f64; BODY]| self.estimate.spread(row).0.max(0.0).sqrt();
+        motion.rows().map(|row| {
+            let bounded = row.iter().zip(self.estimate.theta).zip(self.bounds);
             let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
             let centre = [0.0, 0.0, 0.0, 0.0, row[4], row[5]];
             sigma(&row).min(lost_n.abs() + sigma(&centre))
         })
     }
 
-    fn spread(&self, row: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
-        std::array::from_fn(|index| {
-            self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
-        })
-    }
-
     /// Learns from a cycle.
-    pub(super) fn learn(&mut self, seen: &Seen) {
-        let told = [seen.acceleration, seen.wrench, seen.friction_per_newton[0], seen.friction_per_newton[1]];
-        if !(told.as_flattened().iter().all(|number| number.is_finite()) && seen.turn_rad_s.is_finite()) {
+    pub(super) fn learn(&mut self, motion: &Motion) {
+        let told = [
+            motion.acceleration,
+            motion.wrench,
+            motion.friction_per_newton[0],
+            motion.friction_per_newton[1],
+        ];
+        if !(told.as_flattened().iter().all(|number| number.is_finite()) && motion.turn_rad_s.is_finite()) {
             (self.past, self.trusted_s) = (Past::default(), 0.0);
             return;
         }
-        if !seen.moves {
+        if !motion.moves {
             // A floor holds what stands against any wrench: no equation tells that, and none may begin with it.
             (self.past, self.trusted_s) = (Past::default(), f64::INFINITY);
             for index in LOADS {
-                self.grow(index, self.most[index] * seen.period_s / LOADED_S);
+                self.grow(index, self.most[index] * motion.period_s / LOADED_S);
             }
             return;
         }
-        self.trusted_s = if seen.is_trusted { self.trusted_s + seen.period_s } else { 0.0 };
-        let keep = (-LOW_PASS_1_S * seen.period_s).exp();
+        self.trusted_s = if motion.is_trusted { self.trusted_s + motion.period_s } else { 0.0 };
+        let keep = (-LOW_PASS_1_S * motion.period_s).exp();
         let low_pass = |old: &mut f64, new: f64| *old = keep * *old + (1.0 - keep) * new;
-        self.past.wrench.iter_mut().zip(seen.wrench).for_each(|(old, new)| low_pass(old, new));
-        let (rows, new) = (self.past.rows.as_flattened_mut(), seen.rows());
+        self.past.wrench.iter_mut().zip(motion.wrench).for_each(|(old, new)| low_pass(old, new));
+        let (rows, new) = (self.past.rows.as_flattened_mut(), motion.rows());
         rows.iter_mut().zip(new.as_flattened()).for_each(|(old, new)| low_pass(old, *new));
         if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
             let Past { wrench, rows } = self.past;
             let along = rows[0][0].hypot(rows[1][0]) > LEAST_ACCELERATION[0];
             let turns = [rows[2][1], rows[0][4]].iter().any(|turn| turn.abs() > LEAST_ACCELERATION[1]);
             for (axis, (mut row, wrench)) in rows.into_iter().zip(wrench).enumerate() {
-                let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
+                let told = self.estimate.told(&row);
                 let shows = if axis == 2 { [false, turns, along] } else { [along, false, turns] };
                 for (index, shows) in [(0, shows[0]), (1, shows[1]), (4, shows[2]), (5, shows[2])] {
                     if !shows {
@@ -183,59 +161,28 @@ impl Identification {
                     }
                 }
                 let lever = if axis == 2 { MOMENT_NOISE * self.lever_m } else { 1.0 };
-                self.take(&row, wrench - told, lever, seen.period_s);
+                self.take(&row, wrench - told, lever, motion.period_s);
             }
-            for index in 0..PARAMETERS {
-                self.grow(index, self.walk_1_s[index] * seen.period_s);
+            for index in 0..BODY {
+                self.grow(index, self.walk_1_s[index] * motion.period_s);
             }
-            self.bound();
+            self.estimate.bound(self.bounds, self.lever_m);
         }
     }
 
     fn grow(&mut self, index: usize, variance: f64) {
-        let grown = self.covariance[index][index] + variance;
-        self.covariance[index][index] = grown.min(self.most[index].max(self.covariance[index][index]));
-    }
-
-    /// To the nearest that its bounds allow, as the covariance measures distance: what one parameter may not be, those that
-    /// belong with it make up for (D. Simon, *IET Control Theory and Applications* 4, 2010, section 2.3).
-    fn bound(&mut self) {
-        for (index, [low, high]) in self.bounds.into_iter().enumerate() {
-            let off = self.theta[index].clamp(low, high) - self.theta[index];
-            let variance = self.covariance[index][index];
-            if off != 0.0 && variance > 0.0 {
-                for (theta, line) in self.theta.iter_mut().zip(&self.covariance) {
-                    *theta += line[index] / variance * off;
-                }
-            }
-        }
-        for (theta, [low, high]) in self.theta.iter_mut().zip(self.bounds) {
-            *theta = theta.clamp(low, high);
-        }
-        let [mass_kg, inertia_kg_m2, ..] = self.theta;
-        // Of a body whose inertia about its own centre is some of all.
-        let most = (MOST_CENTRE * self.lever_m * mass_kg).min((0.5 * mass_kg * inertia_kg_m2).sqrt());
-        let moment = self.theta[4].hypot(self.theta[5]);
-        if moment > most {
-            self.theta[4] *= most / moment;
-            self.theta[5] *= most / moment;
-        }
+        let held = &mut self.estimate.covariance[index][index];
+        *held = (*held + variance).min(self.most[index].max(*held));
     }
 
     /// One equation, `off` by how much the wrench exceeds what θ tells.
-    fn take(&mut self, row: &[f64; PARAMETERS], off: f64, lever: f64, period_s: f64) {
+    fn take(&mut self, row: &[f64; BODY], off: f64, lever: f64, period_s: f64) {
         let far = (off / (FAR_N * lever)).powi(2).max(1.0);
         let noise = (NOISE_N * lever).powi(2) * NOISE_S / period_s * far;
-        let spread = self.spread(row);
-        let whole: f64 = noise + row.iter().zip(&spread).map(|(row, spread)| row * spread).sum::<f64>();
-        if !(whole.is_finite() && whole > 0.0 && off.is_finite()) {
-            return;
-        }
-        for index in 0..PARAMETERS {
-            self.theta[index] += spread[index] / whole * off;
-            for other in 0..PARAMETERS {
-                self.covariance[index][other] -= spread[index] * spread[other] / whole;
-            }
+        let (known, spread) = self.estimate.spread(row);
+        let whole = noise + known;
+        if whole.is_finite() && whole > 0.0 && off.is_finite() {
+            self.estimate.take(&spread, whole, off);
         }
     }
 }
@@ -246,8 +193,8 @@ mod tests {
 
     const PERIOD_S: f64 = 1e-3;
 
-    /// A platform whose speeds follow the wrenches that `Seen` tells; what is learnt after so many seconds. `push_n` acts beside them.
-    fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; PARAMETERS] {
+    /// A platform whose speeds follow the wrenches of a motion; what is learnt after so many seconds. `push_n` acts beside them.
+    fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; BODY] {
         let (mass_kg, inertia_kg_m2, friction_n) = (173.0, 11.3, [4.0, 7.0]);
         let [cx, cy] = [0.08, -0.05];
         let mut one = Identification::new((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0]), 0.5, 100.0, 0.4);
@@ -271,7 +218,7 @@ mod tests {
                 mass_kg * cay + rubs[1],
                 own_kg_m2 * gain + mass_kg * (cx * cay - cy * cax) + rubs[2],
             ];
-            one.learn(&Seen {
+            one.learn(&Motion {
                 acceleration: [ax, ay, gain],
                 turn_rad_s: turn,
                 wrench,
@@ -281,10 +228,10 @@ mod tests {
                 period_s: PERIOD_S,
             });
         }
-        one.theta
+        one.estimate.theta
     }
 
-    fn off([mass_kg, inertia_kg_m2, spin_n, roller_n, x, y]: [f64; PARAMETERS]) -> [f64; PARAMETERS] {
+    fn off([mass_kg, inertia_kg_m2, spin_n, roller_n, x, y]: [f64; BODY]) -> [f64; BODY] {
         let centre = [x / (173.0 * 0.08) - 1.0, y / (173.0 * -0.05) - 1.0];
         let [x, y] = centre;
         [mass_kg / 173.0 - 1.0, inertia_kg_m2 / 11.3 - 1.0, spin_n / 4.0 - 1.0, roller_n / 7.0 - 1.0, x, y]
@@ -311,7 +258,7 @@ mod tests {
     fn what_a_platform_was_held_by_at_rest_tells_nothing_of_its_mass() {
         let after_rest = |wrench_n: f64| {
             let mut one = Identification::new((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0]), 0.5, 100.0, 0.4);
-            let seen = |moves: bool, wrench_n: f64, t: f64| Seen {
+            let seen = |moves: bool, wrench_n: f64, t: f64| Motion {
                 acceleration: [if moves { 0.8 * (4.0 * t).sin() } else { 0.0 }, 0.0, 0.0],
                 turn_rad_s: 0.0,
                 wrench: [wrench_n, 0.0, 0.0],
@@ -325,7 +272,7 @@ mod tests {
                 let t = f64::from(cycle) * PERIOD_S;
                 one.learn(&seen(true, 70.0 * 0.8 * (4.0 * t).sin(), t));
             }
-            one.theta
+            one.estimate.theta
         };
         assert_eq!(after_rest(300.0), after_rest(0.0));
         assert!((after_rest(300.0)[0] - 70.0).abs() < 0.1, "{:?}", after_rest(300.0));

@@ -28,7 +28,7 @@ impl Sources {
     pub(super) fn new(plan: &RobotPlan) -> Self {
         let mut at: usize = plan.devices.iter().map(|device| device.input.len()).sum();
         let all = plan.sources.iter().take(MAX_SOURCES).map(|source| {
-            let inputs = super::beside::next(&mut at, source.input.len());
+            let inputs = super::cyclic::next(&mut at, source.input.len());
             Sender {
                 inputs,
                 bounds: source.input.iter().map(|sent| sent.bounds).collect(),

@@ -8,7 +8,7 @@ use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{BusPlace, DriveMode};
 
-use super::{SessionError, beside};
+use super::{SessionError, peripherals};
 
 const SUPPORTED_MODES: ObjectAddress = ObjectAddress::new(0x6502, 0);
 
@@ -28,7 +28,7 @@ pub(super) fn check<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) ->
     });
     let named: Vec<(&String, BusPlace, Vec<Mode>)> = of_wheels.chain(of_axes).collect();
     for (name, place, needed) in named {
-        let Some(position) = beside::found(place, bus.subdevices()).map(|found| found.position) else {
+        let Some(position) = peripherals::found(place, bus.subdevices()).map(|found| found.position) else {
             continue;
         };
         let Ok(data) = bus.sdo_read(position, SUPPORTED_MODES, SdoAccess::Entry) else { continue };

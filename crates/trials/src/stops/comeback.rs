@@ -4,7 +4,7 @@ use omnibase_cia402::ErrorCode;
 use omnibase_robot::config::ComebackEnd;
 use omnibase_robot::signals::Phase;
 
-use super::row::OWN_FAULT;
+use super::losses::OWN_FAULT;
 use super::{Case, Comeback, Loss, STANDING_RAD_S, State, Stops, WATCHDOG_NS};
 
 /// What a drive whose process data went away says: the SGDV's A.A11.

@@ -1,14 +1,13 @@
 //! One way in which the wheels may be wired, and how well the platform's equation of motion explains what was measured so.
 //!
-//! In body axes, with the centre of mass at c, and slopes and pushes as a force g that stands in odom and a moment h,
-//! F = M(c)·a + (−ω²·m·c, 0) + c_spin·w_spin + c_roller·w_roller + (Rotᵀ·g, h), linear in
-//! θ = (m, J, c_spin, c_roller, m·cx, m·cy, gx, gy, h).
-//! A Kalman filter with θ as a random walk finds them (as in `grip/identification.rs`). The likelihood of its innovations says how
-//! well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
+//! To the body's equation ([`crate::grip::equation`]) come slopes and pushes, as a force g that stands in odom and a moment h:
+//! F = … + (Rotᵀ·g, h), θ = (…, gx, gy, h).
+//! The likelihood of the filter's innovations says how well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
 //! Tracking and Navigation*, 2001, section 11.6), with the tails of a Student's distribution: slip and pushes are rare and far off.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 
+use crate::grip::equation::{BODY, Estimate, body_rows};
 use crate::grip::friction::WheelFriction;
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
 
@@ -33,12 +32,11 @@ const FIRST_MOMENT: f64 = 0.3;
 const WALK_SHARE: f64 = 0.01;
 const WALK_N: f64 = 0.2;
 const WALK_OUTSIDE: f64 = 0.3;
-/// The centre of mass lies within this part of the wheels' lever.
-const MOST_CENTRE: f64 = 0.6;
 /// How long a misfit is remembered, s.
 const MISFIT_S: f64 = 0.3;
 
-const PARAMETERS: usize = 9;
+/// The body's, and what acts from outside.
+const PARAMETERS: usize = BODY + 3;
 
 /// What was measured of the wheels, behind one low-pass: rim speeds, m/s, what they gain in a second, and the motors' forces, N.
 #[derive(Clone, Copy, Debug, Default)]
@@ -148,8 +146,7 @@ impl Wiring {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Supposition {
     pub(super) wiring: Wiring,
-    theta: [f64; PARAMETERS],
-    covariance: [[f64; PARAMETERS]; PARAMETERS],
+    estimate: Estimate<PARAMETERS>,
     /// How far the platform has turned as it supposes, rad.
     heading_rad: f64,
     /// Log-likelihood of its last equations, and by how much all exceeded the file's.
@@ -161,13 +158,10 @@ pub(super) struct Supposition {
 
 impl Supposition {
     pub(super) fn new(wiring: Wiring, platform: &Platform) -> Self {
-        let mut covariance = [[0.0; PARAMETERS]; PARAMETERS];
-        for (index, start) in platform.start.into_iter().enumerate() {
-            covariance[index][index] = start;
-        }
         let FirstEstimates { mass, inertia, .. } = platform.first;
         let theta = [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        Supposition { wiring, theta, covariance, heading_rad: 0.0, last: 0.0, score: 0.0, misfit: 0.0 }
+        let estimate = Estimate::new(theta, platform.start);
+        Supposition { wiring, estimate, heading_rad: 0.0, last: 0.0, score: 0.0, misfit: 0.0 }
     }
 
     /// Log-likelihood of its last equations.
@@ -190,27 +184,25 @@ impl Supposition {
         let [gx, gy, gain] = platform.sum(&platform.twist_per_rim, &rewired(&rims.gain_m_s2));
         let wrench = platform.sum(&platform.rows, &rewired(&rims.force_n));
         let [vx, vy, turn] = twist;
-        let (ax, ay, square) = (gx - turn * vy, gy + turn * vx, turn * turn);
-        let centre_m = [self.theta[4] / self.theta[0], self.theta[5] / self.theta[0]];
-        let [spin, roller] = platform.friction.per_newton(twist, centre_m);
+        let [mass_kg, _, _, _, mx, my, ..] = self.estimate.theta;
+        let frictions = platform.friction.per_newton(twist, [mx / mass_kg, my / mass_kg]);
+        let body = body_rows([gx - turn * vy, gy + turn * vx, gain], turn, frictions);
         let (sin, cos) = self.heading_rad.sin_cos();
         self.heading_rad += turn * span_s;
-        let rows = [
-            [ax, 0.0, spin[0], roller[0], -square, -gain, cos, sin, 0.0],
-            [ay, 0.0, spin[1], roller[1], gain, -square, -sin, cos, 0.0],
-            [0.0, gain, spin[2], roller[2], ay, -ax, 0.0, 0.0, 1.0],
-        ];
+        let outside = [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]];
         let mass_kg = platform.first.mass.0;
         let held_n = HELD_SHARE * mass_kg * GRAVITY_M_S2 / platform.wheels as f64;
         let held = platform.friction.unknown_per_newton(twist, HELD_M_S);
         let (mut likelihood, mut misfit) = (0.0, 0.0);
-        for (axis, row) in rows.iter().enumerate() {
+        for axis in 0..3 {
+            let mut row = [0.0; PARAMETERS];
+            row[..BODY].copy_from_slice(&body[axis]);
+            row[BODY..].copy_from_slice(&outside[axis]);
             let lever_m = if axis == 2 { platform.lever_m } else { 1.0 };
-            let told: f64 = row.iter().zip(&self.theta).map(|(row, theta)| row * theta).sum();
             let untold = (NOISE_M_S2 * mass_kg * lever_m).powi(2) + held_n * held_n * held[axis];
-            let (said, left) = self.take(row, wrench[axis] - told, (untold, span_s));
+            let (said, left) = self.take(&row, wrench[axis] - self.estimate.told(&row), (untold, span_s));
             likelihood += said;
-            misfit += left / rows.len() as f64;
+            misfit += left / 3.0;
         }
         self.walk(platform, span_s);
         (likelihood, misfit)
@@ -218,10 +210,7 @@ impl Supposition {
 
     /// One equation, `off` by how much the wrench exceeds what θ tells; its likelihood, and its square over its variance.
     fn take(&mut self, row: &[f64; PARAMETERS], off: f64, (untold, span_s): (f64, f64)) -> (f64, f64) {
-        let spread: [f64; PARAMETERS] = std::array::from_fn(|index| {
-            self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
-        });
-        let known: f64 = row.iter().zip(&spread).map(|(row, spread)| row * spread).sum();
+        let (known, spread) = self.estimate.spread(row);
         let noise = untold * NOISE_S / span_s;
         let whole = noise + known;
         if !(whole.is_finite() && whole > 0.0 && off.is_finite()) {
@@ -230,41 +219,17 @@ impl Supposition {
         let far = off * off / whole;
         let likelihood = -0.5 * (TAIL * (far / TAIL).ln_1p() + (whole / noise).ln());
         let weighed = noise * (far / FAR).max(1.0) + known;
-        for index in 0..PARAMETERS {
-            self.theta[index] += spread[index] / weighed * off;
-            for other in 0..PARAMETERS {
-                self.covariance[index][other] -= spread[index] * spread[other] / weighed;
-            }
-        }
+        self.estimate.take(&spread, weighed, off);
         (likelihood, off * off / (untold + known))
     }
 
-    /// Time passes, and θ stays within its bounds: what one may not be, those that belong with it make up for.
+    /// Time passes, and θ stays within its bounds.
     fn walk(&mut self, platform: &Platform, span_s: f64) {
         for index in 0..PARAMETERS {
-            self.covariance[index][index] += platform.walk_1_s[index] * span_s;
+            self.estimate.covariance[index][index] += platform.walk_1_s[index] * span_s;
         }
         let FirstEstimates { mass, inertia, friction_max_n, .. } = platform.first;
         let friction = [0.0, friction_max_n];
-        let bounds = [mass.1, inertia.1, friction, friction];
-        for (index, [low, high]) in bounds.into_iter().enumerate() {
-            let off = self.theta[index].clamp(low, high) - self.theta[index];
-            let variance = self.covariance[index][index];
-            if off != 0.0 && variance > 0.0 {
-                for (theta, line) in self.theta.iter_mut().zip(&self.covariance) {
-                    *theta += line[index] / variance * off;
-                }
-            }
-        }
-        for (theta, [low, high]) in self.theta.iter_mut().zip(bounds) {
-            *theta = theta.clamp(low, high);
-        }
-        let [mass_kg, inertia_kg_m2, ..] = self.theta;
-        let most = (MOST_CENTRE * platform.lever_m * mass_kg).min((0.5 * mass_kg * inertia_kg_m2).sqrt());
-        let moment = self.theta[4].hypot(self.theta[5]);
-        if moment > most {
-            self.theta[4] *= most / moment;
-            self.theta[5] *= most / moment;
-        }
+        self.estimate.bound([mass.1, inertia.1, friction, friction], platform.lever_m);
     }
 }
