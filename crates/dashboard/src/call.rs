@@ -1,5 +1,7 @@
 //! What a client may ask, in words of JSON: `{"do": "go_to", "pose": [1.0, 0.0, 0.0]}`.
 
+mod words;
+
 use std::collections::BTreeMap;
 
 use omnibase_robot::config::{AxisMode, DriveMode, StopName};
@@ -214,9 +216,10 @@ pub enum Call {
     Alive,
 }
 
+pub(crate) use words::unknown;
+
 /// A call as it comes in, with what stands beside it.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "WrittenMessage")]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Message {
     /// The number by which a page knows the answer.
     pub(crate) number: u64,
@@ -226,23 +229,20 @@ pub(crate) struct Message {
     pub(crate) call: Call,
 }
 
-/// A [`Message`] as it is written.
-#[derive(Deserialize)]
-struct WrittenMessage {
-    #[serde(default)]
-    number: u64,
-    #[serde(default)]
-    stamp: Option<u64>,
-    #[serde(flatten)]
-    call: serde_json::Value,
-}
-
-impl TryFrom<WrittenMessage> for Message {
-    type Error = serde_json::Error;
-
-    fn try_from(written: WrittenMessage) -> Result<Self, Self::Error> {
-        let WrittenMessage { number, stamp, call } = written;
-        Ok(Message { number, stamp_ms: stamp, call: serde_json::from_value(call)? })
+impl Message {
+    /// From JSON; what is wrong with it, in words.
+    pub(crate) fn read(text: &[u8]) -> Result<Self, String> {
+        let mut written: serde_json::Value =
+            serde_json::from_slice(text).map_err(|error| format!("expected JSON: {error}"))?;
+        let mut count = |key: &str| match written.as_object_mut().and_then(|written| written.remove(key)) {
+            None | Some(serde_json::Value::Null) => Ok(None),
+            Some(found) => found
+                .as_u64()
+                .map(Some)
+                .ok_or_else(|| format!("{key}: expected a whole number, found `{found}`")),
+        };
+        let (number, stamp_ms) = (count("number")?.unwrap_or(0), count("stamp")?);
+        Ok(Message { number, stamp_ms, call: words::read(&written)? })
     }
 }
 

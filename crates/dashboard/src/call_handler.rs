@@ -17,7 +17,7 @@ use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
 
 use crate::bus::{BusCall, NewValue};
-use crate::call::{Call, CallResult, category};
+use crate::call::{Call, CallResult, category, unknown};
 use crate::planned::{Drawn, Planned};
 use crate::robot_info::RobotInfo;
 use crate::status::NS_OF_MS;
@@ -215,18 +215,14 @@ impl CallHandler {
     fn controller(&self, name: &str) -> Result<u32, String> {
         let plan = &self.about.robot.plan;
         let found = plan.controllers().position(|known| known == name);
-        let known = || plan.controllers().collect::<Vec<_>>().join(", ");
-        found
-            .map(|index| index as u32)
-            .ok_or_else(|| format!("controller: expected one of {}, found `{name}`", known()))
+        found.map(|index| index as u32).ok_or_else(|| unknown("controller", name, plan.controllers()))
     }
 
     /// What commands a wheel's drive so, where there is one.
     fn drive_mode(&self, name: &str, mode: Option<DriveMode>) -> Result<RequestKind, String> {
         let drives = &self.about.robot.plan.drives;
         let Some(wheel) = drives.iter().position(|drive| drive.name == name) else {
-            let names: Vec<&str> = drives.iter().map(|drive| drive.name.as_str()).collect();
-            return Err(format!("wheel: the robot's are {}, found `{name}`", listed(&names)));
+            return Err(unknown("wheel", name, drives.iter().map(|drive| drive.name.as_str())));
         };
         Ok(RequestKind::SetDriveMode { wheel: wheel as u32, mode })
     }
@@ -237,8 +233,7 @@ impl CallHandler {
         let outputs = plan.signals().outputs;
         let found = outputs.iter().position(|output| output.name == name);
         let Some(index) = found else {
-            let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
-            return Err(format!("output: the robot's are {}, found `{name}`", listed(&names)));
+            return Err(unknown("output", name, outputs.iter().map(|output| output.name.as_str())));
         };
         let coding = plan.devices.iter().flat_map(|device| &device.output).nth(index);
         if let Some(coding) = coding.and_then(|output| output.coding).filter(|coding| !coding.holds(value)) {
@@ -259,8 +254,7 @@ impl CallHandler {
         let sources = &self.about.robot.plan.sources;
         let found = sources.iter().position(|source| source.name == name);
         let Some(place) = found else {
-            let names: Vec<&str> = sources.iter().map(|source| source.name.as_str()).collect();
-            return Err(format!("source: the robot's are {}, found `{name}`", listed(&names)));
+            return Err(unknown("source", name, sources.iter().map(|source| source.name.as_str())));
         };
         let instant_ns = match (instant_ms, stamp) {
             (Some(ms), _) if ms.is_finite() && ms >= 0.0 => (ms * NS_OF_MS as f64) as u64,
@@ -275,8 +269,8 @@ impl CallHandler {
             let inputs = &sources[place].input;
             let found = inputs.iter().position(|input| input.name == *value_name);
             let Some(slot) = found.and_then(|input| heard.values.get_mut(input)) else {
-                let names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
-                return Err(format!("{name}: its values are {}, found `{value_name}`", listed(&names)));
+                let names = inputs.iter().map(|input| input.name.as_str());
+                return Err(format!("{name}: {}", unknown("value", value_name, names)));
             };
             *slot = value.unwrap_or(f64::NAN);
         }
@@ -288,8 +282,7 @@ impl CallHandler {
         let devices = &self.about.robot.plan.devices;
         let axes = || devices.iter().enumerate().filter_map(|(n, one)| Some((n, one, one.axis.as_ref()?)));
         let Some((device, _, axis)) = axes().find(|(_, one, _)| one.name == name) else {
-            let names: Vec<&str> = axes().map(|(_, one, _)| one.name.as_str()).collect();
-            return Err(format!("axis: the robot's are {}, found `{name}`", listed(&names)));
+            return Err(unknown("axis", name, axes().map(|(_, one, _)| one.name.as_str())));
         };
         match ask {
             AxisAsk::Home if axis.homing.is_none() => {
@@ -324,11 +317,8 @@ impl CallHandler {
         let snapshot = self.live.snapshot();
         let mut changes = Vec::new();
         for (name, value) in values {
-            let known =
-                || snapshot.settings.iter().flatten().map(|gain| gain.name).collect::<Vec<_>>().join(", ");
-            let found = snapshot.setting(name);
-            let (index, gain) =
-                found.ok_or_else(|| format!("expected one of {}, found `{name}`", known()))?;
+            let known = snapshot.settings.iter().flatten().map(|gain| gain.name);
+            let (index, gain) = snapshot.setting(name).ok_or_else(|| unknown("setting", name, known))?;
             if gain.least == gain.greatest && *value != gain.value {
                 return Err(format!(
                     "{name}: it is {} and can't be changed while the robot runs: a drive is told it at start-up only",
@@ -398,10 +388,6 @@ impl CallHandler {
 }
 
 /// Names in a row.
-fn listed(names: &[&str]) -> String {
-    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
-}
-
 /// Who asks from elsewhere names no files of this computer.
 fn no_files(_: &str) -> Result<String, String> {
     Err("names a file of this computer: expected `points`".to_owned())

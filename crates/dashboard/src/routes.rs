@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Query, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Extension, Json, Router};
@@ -64,8 +64,20 @@ pub(crate) fn all(shared: Shared) -> Router {
         .route("/api/states", get(follow))
         .route("/", get(file))
         .route("/{name}", get(file))
+        .fallback(nothing_there)
+        .method_not_allowed_fallback(another_method)
         .layer(DefaultBodyLimit::max(LONGEST_BODY))
         .with_state(shared)
+}
+
+async fn nothing_there(uri: Uri) -> Response {
+    let why = CallResult::refused(format!("there is no `{}`: /api tells what there is", uri.path()));
+    (StatusCode::NOT_FOUND, Json(why)).into_response()
+}
+
+async fn another_method(method: Method, uri: Uri) -> Response {
+    let why = CallResult::refused(format!("`{}` takes no {method}: /api tells what there is", uri.path()));
+    (StatusCode::METHOD_NOT_ALLOWED, Json(why)).into_response()
 }
 
 /// Lets everybody else have a turn, and begins where the request may.
@@ -272,11 +284,11 @@ fn said(said: CallResult) -> Response {
 }
 
 /// Reads a message, elsewhere where it is long.
-async fn read(shared: &Shared, body: Bytes) -> Result<serde_json::Result<Message>, Busy> {
+async fn read(shared: &Shared, body: Bytes) -> Result<Result<Message, String>, Busy> {
     if body.len() <= READ_AT_ONCE {
-        return Ok(serde_json::from_slice(&body));
+        return Ok(Message::read(&body));
     }
-    shared.work.run(For::Commander, move || serde_json::from_slice(&body)).await
+    shared.work.run(For::Commander, move || Message::read(&body)).await
 }
 
 impl IntoResponse for Busy {

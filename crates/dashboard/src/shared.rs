@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use axum::Json;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use omnibase_run::live::{Asker, Live, Stamp};
+use omnibase_robot::signals::RequestAnswer;
+use omnibase_run::live::{Answer, Asker, Live, Stamp};
 use tokio::sync::watch;
 
 use crate::access::{Access, Denied, Right};
@@ -15,7 +16,7 @@ use crate::call_handler::{CallHandler, Reply};
 use crate::connections::{Asking, Network};
 use crate::routes::Peer;
 use crate::states::Followers;
-use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage};
+use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage, unfit};
 use crate::strangers::{Strangers, TooMuch};
 use crate::work::{For, Work};
 
@@ -195,10 +196,12 @@ impl Shared {
         let mut waited = Duration::ZERO;
         while waited < ANSWER {
             if let Some(answer) = self.live.answer(ticket) {
-                return if answer.is_done() {
-                    CallResult::done(text)
-                } else {
-                    CallResult::not_done(answer.text())
+                return match answer {
+                    _ if answer.is_done() => CallResult::done(text),
+                    Answer::Robot(RequestAnswer::WrongPhase) => {
+                        CallResult::not_done(unfit(self.live.snapshot().phase))
+                    }
+                    other => CallResult::not_done(other.text()),
                 };
             }
             tokio::time::sleep(LOOK).await;

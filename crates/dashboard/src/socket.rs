@@ -199,7 +199,7 @@ impl Caller {
 /// nothing.
 pub(crate) fn at_once(text: &[u8]) -> Option<Message> {
     let is_short = text.len() <= LONGEST_AT_ONCE;
-    let message: Message = is_short.then(|| serde_json::from_slice(text).ok()).flatten()?;
+    let message: Message = is_short.then(|| Message::read(text).ok()).flatten()?;
     (message.call.stops() || message.call == Call::Release).then_some(message)
 }
 
@@ -273,8 +273,8 @@ impl Job {
         let read = match what {
             What::Read(message) => Ok(message),
             What::Written(text) => {
-                let read = shared.work.run(For::Commander, move || serde_json::from_str(&text)).await;
-                read.map_err(|busy| busy.to_string()).and_then(|read| read.map_err(|error| error.to_string()))
+                let read = shared.work.run(For::Commander, move || Message::read(text.as_bytes())).await;
+                read.map_err(|busy| busy.to_string()).flatten()
             }
         };
         let (number, reply) = match read {
@@ -325,7 +325,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
         }
         return None;
     }
-    let message: Message = match serde_json::from_str(text) {
+    let message = match Message::read(text.as_bytes()) {
         Ok(message) => message,
         Err(error) => {
             Counters::count(&shared.counters.malformed);

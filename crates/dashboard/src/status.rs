@@ -264,6 +264,22 @@ fn commander(commander: Commander) -> (String, bool) {
     }
 }
 
+/// Why a request doesn't fit a phase, and what would.
+pub(crate) fn unfit(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Disabled => "refused: the robot is disabled: enable it first",
+        Phase::Enabling => {
+            "refused: the drives are on their way to operation: ask again when the robot holds"
+        }
+        Phase::Holding => "refused: the robot holds its place already",
+        Phase::Tracking => "refused: the robot moves: pause or stop it first",
+        Phase::Stopping | Phase::QuickStopping => {
+            "refused: the robot comes to rest: ask again when it stands"
+        }
+        Phase::Fault => "refused: the robot was stopped by a fault: acknowledge it first",
+    }
+}
+
 fn phase_name(phase: Phase) -> &'static str {
     match phase {
         Phase::Disabled => "disabled",

@@ -8,7 +8,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 use bench::{Bench, Page, TOKEN};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
@@ -112,4 +112,20 @@ fn the_websockets_answer_as_the_description_says_and_it_names_nothing_else() {
         let named: BTreeSet<_> = described.as_object().unwrap().keys().cloned().collect();
         assert_eq!(found, named, "{path}");
     }
+}
+
+#[test]
+fn what_is_not_there_is_told_in_words() {
+    let bench = Bench::new();
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+    let url = |path: &str| format!("http://{}{path}", bench.dashboard.address);
+    let told = |mut answer: ureq::http::Response<ureq::Body>| {
+        let text = answer.body_mut().read_to_string().unwrap();
+        (answer.status().as_u16(), serde_json::from_str::<Value>(&text).unwrap()["text"].clone())
+    };
+    let why = |words: &str| json!(format!("refused: {words}: /api tells what there is"));
+    let nothing = told(agent.get(url("/api/nothing")).call().unwrap());
+    assert_eq!(nothing, (404, why("there is no `/api/nothing`")));
+    let another = told(agent.delete(url("/api/now")).call().unwrap());
+    assert_eq!(another, (405, why("`/api/now` takes no DELETE")));
 }

@@ -51,9 +51,9 @@ fn what_isnt_taken_is_told_with_its_reason() {
     assert_eq!((&said["heard"], &said["refused"], &said["why"]), (&json!(1), &json!(0), &Value::Null));
     let other = json!({"source": "door", "values": {}, "instant_ms": 0.0});
     for (number, (message, why)) in [
-        (sent(json!({"oben": 1.0})), "its values are open, force, found `oben`"),
+        (sent(json!({"oben": 1.0})), "gate: no value is called `oben`; did you mean `open`?"),
         (sent(json!({"open": "yes"})), "invalid type"),
-        (other, "the robot's are gate, found `door`"),
+        (other, "no source is called `door`: there is only `gate`"),
         (json!({"source": "gate", "values": {}}), "instant_ms"),
         (json!({"source": "gate", "values": {}, "instant_ms": -1.0}), "expected ms of the robot's clock"),
         (json!({"source": "gate", "values": {}, "instant_ms": 1e9}), "ahead of the robot's clock"),

@@ -89,7 +89,16 @@ impl Check {
 
     /// What was found, in the order of the file, unless it is sound.
     fn end<T>(self, found: Option<T>) -> Result<T, Vec<Problem>> {
-        let mut problems = self.problems;
+        // What stands once, as a default, may be found wrong for each that takes it.
+        let mut problems: Vec<Problem> = Vec::new();
+        for problem in self.problems {
+            if !problems.contains(&problem) {
+                problems.push(problem);
+            }
+        }
+        if let Some(header) = problems.iter().position(|problem| problem.kind == ProblemKind::Header) {
+            return Err(vec![problems.swap_remove(header)]);
+        }
         problems.sort_by_key(|problem| {
             problem.place.as_ref().map_or((true, 0), |place| (place.file.is_some(), place.span.start))
         });

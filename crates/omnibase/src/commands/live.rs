@@ -70,6 +70,9 @@ pub struct Set {
     /// New values.
     #[arg(required = true, value_name = "NAME=VALUE", value_parser = parse_setting)]
     values: Vec<(String, f64)>,
+    /// Print what came of it as one JSON object.
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     which: Which,
 }
@@ -108,6 +111,9 @@ pub struct Call {
     /// Its arguments; values as JSON, or text.
     #[arg(value_name = "NAME=VALUE", value_parser = parse_argument)]
     arguments: Vec<(String, Value)>,
+    /// Print what came of it as one JSON object: whether it was done, in words, and data where there are any.
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     which: Which,
 }
@@ -174,11 +180,6 @@ impl Line {
         Ok((answer.status().is_success(), text))
     }
 
-    fn call(&self, call: &Value) -> anyhow::Result<(bool, String)> {
-        let said = self.ask(call)?;
-        Ok((said["done"] == true, said["text"].as_str().unwrap_or_default().to_owned()))
-    }
-
     /// The robot that runs at `address`, or that was started last.
     pub fn to(address: Option<SocketAddr>) -> anyhow::Result<Self> {
         Line::new(&Which { at: address, token_file: None, token: None }).context(
@@ -210,8 +211,14 @@ impl Line {
     }
 }
 
-/// Prints what a call said.
-fn said((done, text): (bool, String), output: &mut dyn Write) -> anyhow::Result<Outcome> {
+/// Asks for something and prints what came of it.
+fn said(which: &Which, call: &Value, as_json: bool, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let said = Line::new(which)?.ask(call)?;
+    let (done, text) = (said["done"] == true, said["text"].as_str().unwrap_or("no answer"));
+    if as_json {
+        writeln!(output, "{said}")?;
+        return Ok(if done { Outcome::Done } else { Outcome::Failed });
+    }
     anyhow::ensure!(done, "{text}");
     writeln!(output, "{text}")?;
     Ok(Outcome::Done)
@@ -262,14 +269,14 @@ pub fn get(arguments: &Get, output: &mut dyn Write) -> anyhow::Result<Outcome> {
 pub fn set(arguments: &Set, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let values: Map<String, Value> =
         arguments.values.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
-    said(Line::new(&arguments.which)?.call(&json!({"do": "set", "values": values}))?, output)
+    said(&arguments.which, &json!({"do": "set", "values": values}), arguments.json, output)
 }
 
 /// Runs `omnibase call`.
 pub fn call(arguments: &Call, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let mut call: Map<String, Value> = arguments.arguments.iter().cloned().collect();
     call.insert("do".to_owned(), json!(arguments.what));
-    said(Line::new(&arguments.which)?.call(&Value::Object(call))?, output)
+    said(&arguments.which, &Value::Object(call), arguments.json, output)
 }
 
 /// Runs `omnibase top`.

@@ -367,7 +367,24 @@ fn the_command_line_reads_sets_and_calls_a_running_robot() {
     let (_, text, _) = omnibase(&["get", "settings/speed_factor"]);
     assert!(text.contains("0.5   0.01 to 1.0"), "{text}");
     let (code, _, error) = omnibase(&["call", "fly"]);
-    assert!(code == Some(1) && error.contains("unknown variant `fly`"), "{error}");
+    assert!(code == Some(1) && error.contains("no call is called `fly`"), "{error}");
+    let (code, _, error) = omnibase(&["call", "enabel"]);
+    assert!(code == Some(1) && error.contains("did you mean `enable`?"), "{error}");
+    let (code, _, error) = omnibase(&["call", "pause"]);
+    assert!(code == Some(1) && error.contains("the robot holds its place already"), "{error}");
+    let (code, _, error) = omnibase(&["set", "speed_facto=0.5"]);
+    assert!(code == Some(1) && error.contains("did you mean `speed_factor`?"), "{error}");
+    let (code, text, _) = omnibase(&["set", "speed_factor=7", "--json"]);
+    let refused: Value = serde_json::from_str(&text).unwrap();
+    assert!(code == Some(1) && refused["done"] == false, "{text}");
+    let (code, text, _) = omnibase(&["call", "go_to", "pose=[0.1,0,0]", "--json"]);
+    assert_eq!(
+        (code, serde_json::from_str::<Value>(&text).unwrap()),
+        (Some(0), json!({"done": true, "text": "done"}))
+    );
+    robot.wait("it is there", |robot| {
+        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m") > 0.09
+    });
     let view = omnibase(&["top", "--once"]).1;
     for word in ["HOLDING", "wheel_3", "running", "cycles", "speed", "wake-up late", "99 %", "round trip"] {
         assert!(view.contains(word), "{word} in\n{view}");

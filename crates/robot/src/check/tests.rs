@@ -183,11 +183,33 @@ fn a_pdo_of_the_other_direction_is_told_with_what_is_expected_and_found() {
 
 #[test]
 fn text_that_is_no_toml_says_where() {
-    let problems = problems(&BMM.replace("[limits]", "[limits"));
+    let problems = problems(&BMM.replace("speed_m_s = 1.0", "speed_m_s = 1.0 m/s"));
     let problem =
         problems.iter().find(|problem| problem.kind == ProblemKind::Syntax).expect("a syntax problem");
-    let line = BMM.lines().position(|line| line == "[limits]").unwrap() + 1;
+    let line = BMM.lines().position(|line| line == "speed_m_s = 1.0").unwrap() + 1;
     assert_eq!(problem.place.as_ref().unwrap().line, line);
+}
+
+#[test]
+fn a_broken_header_is_told_alone_for_nobody_knows_what_follows() {
+    for (whole, broken) in
+        [("[limits]", "[limits"), ("[[drive]]", "[[drive]"), ("[drive_defaults]", "[drive_defaults")]
+    {
+        let problems = problems(&BMM.replacen(whole, broken, 1));
+        assert_eq!((problems.len(), problems[0].kind), (1, ProblemKind::Header), "{}", show(&problems));
+        let line = BMM.lines().position(|line| line == whole).unwrap() + 1;
+        assert_eq!(problems[0].place.as_ref().unwrap().line, line);
+    }
+}
+
+#[test]
+fn what_is_wrong_in_the_defaults_is_told_once() {
+    let problems = problems(
+        &BMM.replace("device = \"sgdv\"", "device = \"sgdw\"\nrated_torque_nm = -7.0")
+            .replace("\nrated_torque_nm = 7.0", ""),
+    );
+    let told: Vec<&str> = problems.iter().map(|problem| problem.setting.as_str()).collect();
+    assert_eq!(told, ["drive_defaults.device", "drive_defaults.rated_torque_nm"], "{}", show(&problems));
 }
 
 #[test]

@@ -21,6 +21,8 @@ pub struct Location {
 pub enum ProblemKind {
     /// The text isn't TOML.
     Syntax,
+    /// A table's header isn't TOML: what follows it belongs to nobody knows what.
+    Header,
     /// No setting has this name.
     UnknownKey,
     /// The setting exists, with another unit.

@@ -97,8 +97,10 @@ impl<T: JsonSchema + DeserializeOwned + Default> Source<T> {
         let mut walk = Walk { root: &schema, locations: Locations { texts, spans }, problems: Vec::new() };
         for error in errors {
             let span = error.span().unwrap_or(0..0);
+            let is_header = line_of(text, span.start).trim_start().starts_with('[');
+            let kind = if is_header { ProblemKind::Header } else { ProblemKind::Syntax };
             let place = walk.locations.texts.first().map(|text| text.place_of(span));
-            let problem = Problem::new(ProblemKind::Syntax, "the text", error.message().trim());
+            let problem = Problem::new(kind, "the text", error.message().trim());
             walk.problems.push(Problem { place, ..problem });
         }
         let value = Value::Object(walk.table(table.get_ref(), &schema, name));
@@ -403,6 +405,12 @@ fn shown(value: &DeValue<'_>) -> String {
         DeValue::Array(items) => format!("a list of {}", items.len()),
         DeValue::Table(_) => "a table".into(),
     }
+}
+
+/// The line of which a byte is.
+fn line_of(text: &str, byte: usize) -> &str {
+    let begin = text.get(..byte).and_then(|before| before.rfind('\n')).map_or(0, |end| end + 1);
+    text[begin..].lines().next().unwrap_or_default()
 }
 
 /// The name that was most probably meant.

@@ -153,7 +153,7 @@ fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
         Ok(()) => RequestAnswer::Taken,
         Err(CantBegin::Nothing) => RequestAnswer::Refused,
         Err(CantBegin::TooFar) => RequestAnswer::TooFar,
-        Err(CantBegin::OutsideFence) => RequestAnswer::Refused,
+        Err(CantBegin::OutsideFence) => RequestAnswer::OutsideFence,
         Err(CantBegin::Blocked) => RequestAnswer::Blocked,
     }
 }

@@ -336,6 +336,8 @@ pub enum RequestAnswer {
     Homing,
     /// The drive can't follow every control law of the robot so.
     DriveMode,
+    /// The platform wouldn't fit inside the fence there.
+    OutsideFence,
 }
 
 coded!(RequestAnswer {
@@ -353,4 +355,5 @@ coded!(RequestAnswer {
     NotHomed = 11,
     Homing = 12,
     DriveMode = 13,
+    OutsideFence = 14,
 });

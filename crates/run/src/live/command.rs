@@ -213,6 +213,9 @@ impl Answer {
             Answer::Robot(RequestAnswer::Blocked) => {
                 "refused: an obstacle is too near to where the motion would begin or end"
             }
+            Answer::Robot(RequestAnswer::OutsideFence) => {
+                "refused: the platform wouldn't fit inside the fence where the motion would begin or end"
+            }
             Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
             Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",

@@ -1,6 +1,7 @@
 //! The terminal view of a running robot.
 
 use super::Line as Wire;
+use omnibase_platform::wrap_angle_rad;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
@@ -9,12 +10,15 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Cell, Paragraph, Row, Table};
 use serde_json::{Value, json};
+use std::io::IsTerminal;
 use std::time::Duration;
 
 /// Between two views.
 const TICK: Duration = Duration::from_millis(100);
-/// Size of a view that is printed once.
+/// Size of a view that is printed once where no terminal tells one.
 const PRINTED: (u16, u16) = (100, 30);
+/// In less than this what stands side by side stands below each other, and timing is told in one line.
+const ROOMY: (u16, u16) = (80, 24);
 
 /// What is shown.
 pub struct View {
@@ -45,13 +49,17 @@ impl View {
     }
 }
 
-/// One view as text.
+/// One view as text, as large as the terminal that shows it.
 pub fn text(view: &View) -> String {
-    let backend = TestBackend::new(PRINTED.0, PRINTED.1);
-    let Ok(mut terminal) = Terminal::new(backend);
+    let terminal = std::io::stdout().is_terminal().then(|| ratatui::crossterm::terminal::size().ok());
+    text_of_size(view, terminal.flatten().unwrap_or(PRINTED))
+}
+
+fn text_of_size(view: &View, (width, height): (u16, u16)) -> String {
+    let Ok(mut terminal) = Terminal::new(TestBackend::new(width, height));
     let Ok(_) = terminal.draw(|frame| draw(frame, view));
     let buffer = terminal.backend().buffer();
-    let rows = buffer.content().chunks(usize::from(PRINTED.0));
+    let rows = buffer.content().chunks(usize::from(width));
     let rows = rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>().trim_end().to_owned());
     rows.collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
@@ -69,8 +77,10 @@ pub fn show(line: &Wire) -> anyhow::Result<()> {
                 KeyCode::Char('q') | KeyCode::Esc => break Ok(()),
                 KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => break Ok(()),
                 KeyCode::Char(' ') => {
-                    view.said = match line.call(&json!({"do": "emergency_stop"})) {
-                        Ok((_, text)) => format!("emergency stop: {text}"),
+                    view.said = match line.ask(&json!({"do": "emergency_stop"})) {
+                        Ok(said) => {
+                            format!("emergency stop: {}", said["text"].as_str().unwrap_or("no answer"))
+                        }
                         Err(error) => format!("emergency stop: {error:#}"),
                     };
                 }
@@ -88,24 +98,39 @@ pub fn show(line: &Wire) -> anyhow::Result<()> {
 }
 
 fn draw(frame: &mut ratatui::Frame<'_>, view: &View) {
+    let area = frame.area();
+    let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
     let drives = view.now["drives"].as_array().map_or(0, Vec::len) as u16;
-    let [head, middle, timing, events, foot] = Layout::vertical([
-        Constraint::Length(5),
+    let state = state(view);
+    let (head_lines, times) = (state.len() as u16, times(view));
+    let times = if is_roomy { times } else { times.into_iter().take(1).collect() };
+    let pose = platform(view, is_roomy);
+    let below = if is_roomy { 0 } else { pose.len() as u16 + 2 };
+    let [head, above, middle, timing, events, foot] = Layout::vertical([
+        Constraint::Length(head_lines + 2),
+        Constraint::Length(below),
         Constraint::Length(drives + 3),
-        Constraint::Length(7),
-        Constraint::Min(3),
+        Constraint::Length(times.len() as u16 + 2),
+        Constraint::Min(0),
         Constraint::Length(1),
     ])
-    .areas(frame.area());
-    let [pose, wheels] =
-        Layout::horizontal([Constraint::Percentage(42), Constraint::Percentage(58)]).areas(middle);
-    frame.render_widget(state(view), head);
-    frame.render_widget(platform(view), pose);
-    frame.render_widget(table(view), wheels);
-    frame.render_widget(times(view), timing);
+    .areas(area);
+    let side_by_side = Layout::horizontal([Constraint::Percentage(42), Constraint::Percentage(58)]);
+    let [left, right] = if is_roomy { side_by_side.areas(middle) } else { [above, middle] };
+    frame.render_widget(Paragraph::new(state).block(block(word(&view.robot["name"]))), head);
+    frame.render_widget(Paragraph::new(pose).block(block("platform")), left);
+    frame.render_widget(table(view), right);
+    frame.render_widget(Paragraph::new(times).block(block("cycle")), timing);
     frame.render_widget(happened(view, events.height), events);
     let keys = if view.said.is_empty() { "space: emergency stop   q: leave" } else { &view.said };
     frame.render_widget(Paragraph::new(keys).style(Style::new().add_modifier(Modifier::DIM)), foot);
+}
+
+/// With so many decimals, and no sign before nothing.
+fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let is_nothing = text.starts_with('-') && text.chars().all(|one| matches!(one, '-' | '0' | '.'));
+    if is_nothing { text[1..].to_owned() } else { text }
 }
 
 fn block(title: &str) -> Block<'_> {
@@ -116,7 +141,7 @@ fn word(value: &Value) -> &str {
     value.as_str().unwrap_or("?")
 }
 
-fn state(view: &View) -> Paragraph<'_> {
+fn state(view: &View) -> Vec<Line<'_>> {
     let now = &view.now;
     let phase = word(&now["phase"]);
     let colour = match phase {
@@ -135,10 +160,15 @@ fn state(view: &View) -> Paragraph<'_> {
         first.push(Span::styled("  EMERGENCY STOP  ", style));
     }
     let stopped = word(&now["stop_reason"]);
-    let second = if stopped.is_empty() { String::new() } else { format!("last stop: {stopped}") };
-    let third = Span::styled(joystick(now), Style::new().fg(Color::Yellow));
-    Paragraph::new(vec![Line::from(first), Line::from(second), Line::from(third)])
-        .block(block(word(&view.robot["name"])))
+    let mut lines = vec![Line::from(first)];
+    if !stopped.is_empty() {
+        lines.push(Line::from(format!("last stop: {stopped}")));
+    }
+    let joystick = joystick(now);
+    if !joystick.is_empty() {
+        lines.push(Line::from(Span::styled(joystick, Style::new().fg(Color::Yellow))));
+    }
+    lines
 }
 
 /// What became of the joystick at the robot's computer, and what brings it back.
@@ -151,17 +181,20 @@ fn joystick(now: &Value) -> &'static str {
     }
 }
 
-fn platform(view: &View) -> Paragraph<'_> {
+fn platform(view: &View, is_roomy: bool) -> Vec<Line<'_>> {
     let speed_m_s = view.value("state/twist_in_body_x_m_s").hypot(view.value("state/twist_in_body_y_m_s"));
-    let lines = [
-        format!("x {:>9.4} m    y {:>9.4} m", view.value("state/pose_x_m"), view.value("state/pose_y_m")),
-        format!(
-            "heading {:>7.2}°   speed {speed_m_s:.3} m/s",
-            view.value("state/pose_heading_rad").to_degrees()
-        ),
-        format!("error {:.3} mm", 1e3 * view.value("error/believed_m")),
-    ];
-    Paragraph::new(lines.map(Line::from).to_vec()).block(block("platform"))
+    let [x, y] = ["x", "y"].map(|axis| fixed(view.value(&format!("state/pose_{axis}_m")), 4));
+    let place = format!("x {x:>9} m    y {y:>9} m");
+    let heading_deg = wrap_angle_rad(view.value("state/pose_heading_rad")).to_degrees();
+    let heading = format!("heading {:>7}°", fixed(heading_deg, 2));
+    let speed = format!("speed {} m/s", fixed(speed_m_s, 3));
+    let error = format!("error {} mm", fixed(1e3 * view.value("error/believed_m"), 3));
+    let lines = if is_roomy {
+        vec![place, heading, speed, error]
+    } else {
+        vec![place, format!("{heading}   {speed}   {error}")]
+    };
+    lines.into_iter().map(Line::from).collect()
 }
 
 fn table(view: &View) -> Table<'_> {
@@ -171,7 +204,7 @@ fn table(view: &View) -> Table<'_> {
         let error = word(&drive["error"]);
         let state = if error.is_empty() { word(&drive["state"]) } else { error };
         let style = if error.is_empty() { Style::new() } else { Style::new().fg(Color::Red) };
-        let number = |what: &str| format!("{:>8.2}", view.value(&format!("wheel_{}/{what}", n + 1)));
+        let number = |what: &str| format!("{:>8}", fixed(view.value(&format!("wheel_{}/{what}", n + 1)), 2));
         Row::new([
             Cell::from(word(&wheel["name"]).to_owned()),
             Cell::from(state.to_owned()).style(style),
@@ -194,7 +227,7 @@ const MEASURES: [(&str, &str); 4] = [
     ("dc_phase", "DC phase"),
 ];
 
-fn times(view: &View) -> Paragraph<'_> {
+fn times(view: &View) -> Vec<Line<'_>> {
     let count = |n: usize| view.now["counts"][n].as_u64().unwrap_or(0);
     let mut lines = vec![format!(
         "{:.1} s   {} cycles   {} frames lost   {} left out",
@@ -217,7 +250,7 @@ fn times(view: &View) -> Paragraph<'_> {
             ));
         }
     }
-    Paragraph::new(lines.into_iter().map(Line::from).collect::<Vec<_>>()).block(block("cycle"))
+    lines.into_iter().map(Line::from).collect()
 }
 
 fn happened(view: &View, height: u16) -> Paragraph<'_> {
@@ -226,4 +259,52 @@ fn happened(view: &View, height: u16) -> Paragraph<'_> {
         Line::from(format!("{:>9.3} s  {}", event["time_s"].as_f64().unwrap_or(0.0), word(&event["text"])))
     };
     Paragraph::new(last.map(line).collect::<Vec<_>>()).block(block("events"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view() -> View {
+        let wheels: Vec<Value> = (1..=4).map(|n| json!({"name": format!("wheel_{n}")})).collect();
+        let drives: Vec<Value> = (0..4).map(|_| json!({"state": "running", "error": ""})).collect();
+        let values = json!({
+            "state/pose_x_m": -0.000_04, "state/pose_y_m": -12.5, "state/pose_heading_rad": 7.0 * std::f64::consts::FRAC_PI_2,
+            "state/twist_in_body_x_m_s": 0.3, "state/twist_in_body_y_m_s": -0.4, "error/believed_m": -1e-9,
+            "wheel_4/torque_nm": -0.001, "wheel_4/speed_rad_s": -3.25,
+        });
+        let now = json!({
+            "phase": "tracking", "commander": "page 1", "stop_reason": "", "joystick": "none", "drives": drives,
+            "counts": [81_230, 1, 2], "time_s": 81.23, "values": values,
+            "timing": {"wake_up": {"p50_ns": 1e3, "p99_ns": 2e3, "max_ns": 3e3, "worst_cycle": 5, "worst_time_s": 0.1}},
+        });
+        let robot = json!({"name": "bmm", "wheels": wheels});
+        View { robot, now, events: vec![json!({"time_s": 1.5, "text": "holding"})], said: String::new() }
+    }
+
+    #[test]
+    fn all_that_matters_stands_in_sixty_by_twenty_and_nothing_is_cut() {
+        for size in [(60, 20), (80, 24), (200, 50)] {
+            let text = text_of_size(&view(), size);
+            for word in [
+                "TRACKING",
+                "commands: page 1",
+                "x    0.0000 m    y  -12.5000 m",
+                "heading  -90.00°",
+                "speed 0.500 m/s",
+                "error 0.000 mm",
+                "wheel_1",
+                "wheel_4",
+                "-3.25",
+                "0.00",
+                "81230 cycles",
+                "1 frames lost",
+                "q: leave",
+            ] {
+                assert!(text.contains(word), "{size:?}: {word}:\n{text}");
+            }
+            assert!(!text.contains("-0.00 "), "{text}");
+            assert_eq!(text.contains("wake-up late"), size.0 > 60, "{text}");
+        }
+    }
 }
