@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("", "text/html; charset=utf-8", include_str!("page/page.html")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("actions.js", "text/javascript; charset=utf-8", include_str!("page/actions.js")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("beside.js", "text/javascript; charset=utf-8", include_str!("page/beside.js")),
     ("fault.js", "text/javascript; charset=utf-8", include_str!("page/fault.js")),

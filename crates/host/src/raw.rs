@@ -14,7 +14,8 @@ pub enum OpenError {
     /// The process may not open packet sockets.
     #[error(
         "no right to send raw frames on `{interface}`: the capability CAP_NET_RAW is missing; \
-         grant it with `sudo setcap cap_net_raw=ep {program}` or run as root"
+         grant it with `{}` or run as root",
+        crate::real_time::grant(program)
     )]
     MissingRights {
         /// The interface that was wanted.

@@ -116,8 +116,13 @@ pub fn thread_cpu_time() -> Duration {
 const STACK_AHEAD: usize = 256 * 1024;
 /// Bytes of heap that are touched ahead and stay with the process: more than a run asks for after its set-up.
 const HEAP_AHEAD: usize = 16 * 1024 * 1024;
-/// What needs these rights, all of them.
-const SETCAP: &str = "`sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep <program>`";
+/// What gives a program all rights that it needs: frames, priority, locked memory.
+pub(crate) fn grant(program: &str) -> String {
+    format!("sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {program}")
+}
+
+/// Whose rights they are, where the program's own path doesn't matter.
+const PROGRAM: &str = "<program>";
 
 /// Applies `wishes` to the calling thread (memory and idle: to the whole process), and reads back what came of them.
 ///
@@ -170,8 +175,9 @@ fn set_fifo(priority: u8) -> Result<String, String> {
         Attributes { policy: libc::SCHED_FIFO as u32, priority: u32::from(priority), ..Attributes::new() };
     attributes.set().map_err(|error| match error.raw_os_error() {
         Some(libc::EPERM) => format!(
-            "the capability CAP_SYS_NICE or an rtprio limit is missing; grant it with {SETCAP} or a line \
-             `@realtime - rtprio 90` in /etc/security/limits.conf"
+            "the capability CAP_SYS_NICE or an rtprio limit is missing; grant it with `{}` or a line \
+             `@realtime - rtprio 90` in /etc/security/limits.conf",
+            grant(PROGRAM)
         ),
         _ => error.to_string(),
     })?;
@@ -192,8 +198,9 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> Result<String, String> {
     };
     attributes.set().map_err(|error| match error.raw_os_error() {
         Some(libc::EPERM) => format!(
-            "the capability CAP_SYS_NICE is missing (grant it with {SETCAP}; no limit stands in for it), or the \
-             thread may not use all CPUs (leave out --cpu and taskset)"
+            "the capability CAP_SYS_NICE is missing (grant it with `{}`; no limit stands in for it), or the \
+             thread may not use all CPUs (leave out --cpu and taskset)",
+            grant(PROGRAM)
         ),
         Some(libc::EBUSY) => "other threads under SCHED_DEADLINE have used up what \
              /proc/sys/kernel/sched_rt_runtime_us allows to all of them"
@@ -269,8 +276,9 @@ fn lock_memory() -> Result<String, String> {
 fn lock_advice(error: io::Error) -> String {
     match error.raw_os_error() {
         Some(libc::EPERM | libc::ENOMEM) => format!(
-            "the memlock limit is too low; grant CAP_IPC_LOCK with {SETCAP} or a line \
-             `@realtime - memlock unlimited` in /etc/security/limits.conf"
+            "the memlock limit is too low; grant CAP_IPC_LOCK with `{}` or a line \
+             `@realtime - memlock unlimited` in /etc/security/limits.conf",
+            grant(PROGRAM)
         ),
         _ => error.to_string(),
     }

@@ -15,6 +15,13 @@ pub fn shown(text: &str) -> String {
     shown
 }
 
+/// With so many decimals, and no sign before nothing.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let is_nothing = text.starts_with('-') && text.chars().all(|one| matches!(one, '-' | '0' | '.'));
+    if is_nothing { text[1..].to_owned() } else { text }
+}
+
 /// A writer of text for people and programs, in which nothing acts on a terminal but ends of lines and tabs. What is
 /// written for these holds in JSON, too.
 pub struct Shown<W> {

@@ -123,6 +123,23 @@ fn every_command_that_a_document_marks_as_tested_works() {
     assert!(checked > 0, "no command was found in the documents: is the search broken?");
 }
 
+#[test]
+fn every_document_gives_the_program_the_same_rights() {
+    let mut lines = 0;
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        for line in text.lines().filter(|line| line.contains("setcap cap_")) {
+            assert!(
+                line.contains("setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep "),
+                "{}: {line}",
+                document.display()
+            );
+            lines += 1;
+        }
+    }
+    assert!(lines > 2, "{lines}: is the search broken?");
+}
+
 /// A line's words as a shell takes them, without anything but double quotes.
 fn words(line: &str) -> Vec<String> {
     let quoted = line.split('"').enumerate();

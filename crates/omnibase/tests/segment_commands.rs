@@ -408,7 +408,7 @@ fn missing_rights_name_the_capability_and_the_command_that_grants_it() {
     let words = text(&output.stderr);
     let expected = format!(
         "error: no right to send raw frames on `lo`: the capability CAP_NET_RAW is missing; grant it with \
-         `sudo setcap cap_net_raw=ep {program}` or run as root\n"
+         `sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {program}` or run as root\n"
     );
     assert_eq!(words, expected);
 }

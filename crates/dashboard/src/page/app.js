@@ -3,6 +3,7 @@
 import { Beside } from "./beside.js";
 import { faultWords } from "./fault.js";
 import { AGAIN_MS, Link, OLD_MS, post, read } from "./link.js";
+import { showActions } from "./actions.js";
 import { Obstacles } from "./obstacles.js";
 import { Plots } from "./plots.js";
 import { Settings } from "./settings.js";
@@ -124,7 +125,11 @@ function pose(topic) {
   return found.includes(null) ? null : found;
 }
 
-const fixed = (number, digits) => (number === null ? "–" : number.toFixed(digits));
+/** With so many decimals, and no sign before nothing. */
+const fixed = (number, digits) => (number === null ? "–" : number.toFixed(digits).replace(/^-(?=[0.]*$)/, ""));
+
+/** An angle within ±180°. */
+const degrees = (rad) => ((((rad * 180) / Math.PI + 180) % 360) + 360) % 360 - 180;
 
 for (const change of ["open", "lost", "watched"]) link.addEventListener(change, showAge);
 link.addEventListener("welcome", async ({ detail }) => {
@@ -164,7 +169,8 @@ async function begin() {
   view.robot(facts);
   savedPaths(facts.saved_paths);
   if (!plots) {
-    plots = new Plots(by("plots"), facts.columns);
+    plots = new Plots(by("plots"), facts.columns, (name) =>
+      name.replace(/^wheel_(\d+)\//, (whole, number) => (facts.wheels[number - 1] ? `${facts.wheels[number - 1].name}/` : whole)));
     const wheels = (what) => facts.columns.filter((name) => name.endsWith(`/${what}`) && name.includes("wheel"));
     plots.add(["setpoint/twist_x_m_s", "setpoint/twist_y_m_s", "setpoint/twist_heading_rad_s"]);
     plots.add(wheels("speed_rad_s"));
@@ -224,11 +230,7 @@ function draw() {
   const how = seen.by_stick ? "by hand" : seen.course === "way" ? "going somewhere" : "on the path";
   by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
   showAge();
-  // What comes next, in green.
-  const next = seen.emergency_stop ? "" : seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
-  for (const button of document.querySelectorAll(".buttons [data-do]")) {
-    button.classList.toggle("go", button.dataset.do === next);
-  }
+  showActions(seen, me !== null);
   const taught = seen.taught_points;
   by("teach").textContent = taught !== null ? `End and save (${taught} point${taught === 1 ? "" : "s"})`
     : seen.teaching_since_s === null ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
@@ -238,6 +240,9 @@ function draw() {
   view.goal = seen.goal;
   view.kept = value("guard/fence_kept_m");
   by("view").dataset.obstacles = seen.obstacles.length;
+  const here = pose("state"), metres = here?.slice(0, 2).map((place) => `${fixed(place, 1)} m`);
+  const where = here ? `at x ${metres[0]}, y ${metres[1]}, heading ${fixed(degrees(here[2]), 0)}°` : "somewhere";
+  by("view").setAttribute("aria-label", `Top view: the platform ${where}; ${seen.obstacles.length} obstacles`);
   showPose(pose("state"));
   showDrives(seen);
   beside.show();
@@ -248,8 +253,6 @@ function draw() {
   plots.draw();
   drawPlanned(seen).catch(() => {});
 }
-
-const NEXT = { disabled: "enable", fault: "acknowledge", holding: "track" };
 
 const JOYSTICK = {
   present: "The joystick at the robot is there. It comes before this page.",
@@ -330,10 +333,10 @@ const WHY = {
 function showPose(believed) {
   const error = value("error/believed_m");
   const pairs = [
-    ["x", believed && `${believed[0].toFixed(4)} m`], ["y", believed && `${believed[1].toFixed(4)} m`],
-    ["heading", believed && `${((believed[2] * 180) / Math.PI).toFixed(2)}°`],
+    ["x", believed && `${fixed(believed[0], 4)} m`], ["y", believed && `${fixed(believed[1], 4)} m`],
+    ["heading", believed && `${fixed(degrees(believed[2]), 2)}°`],
     ["speed", `${Math.hypot(value("state/twist_in_body_x_m_s") ?? 0, value("state/twist_in_body_y_m_s") ?? 0).toFixed(3)} m/s`],
-    ["error", error === null ? "–" : `${(error * 1000).toFixed(3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
+    ["error", error === null ? "–" : `${fixed(error * 1000, 3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
     ["held back by", last.limited_by || "nothing"],
   ];
   const list = by("pose");

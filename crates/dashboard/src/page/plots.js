@@ -4,9 +4,11 @@ const SECONDS = 20;
 const COLOURS = ["--s1", "--s2", "--s3", "--s4", "--s5", "--s6"];
 
 export class Plots {
-  constructor(element, columns) {
+  /** `shown` is how a signal's name is shown. */
+  constructor(element, columns, shown) {
     this.element = element;
     this.columns = columns;
+    this.shown = shown;
     this.times = [];
     this.rows = [];
     this.plots = [];
@@ -49,13 +51,14 @@ class Plot {
     this.element = document.createElement("div");
     this.element.className = "plot";
     this.canvas = document.createElement("canvas");
+    this.canvas.setAttribute("role", "img");
     this.keys = document.createElement("div");
     this.keys.className = "keys";
     const bar = document.createElement("div");
     bar.className = "bar";
     const choice = document.createElement("select");
     choice.setAttribute("aria-label", "add a signal to this plot");
-    choice.append(new Option("add a signal…", ""), ...plots.columns.map((name) => new Option(name, name)));
+    choice.append(new Option("add a signal…", ""), ...plots.columns.map((name) => new Option(plots.shown(name), name)));
     choice.onchange = () => {
       if (choice.value && !this.names.includes(choice.value)) this.names.push(choice.value);
       choice.value = "";
@@ -64,6 +67,7 @@ class Plot {
     const close = document.createElement("button");
     close.textContent = "×";
     close.title = "Remove this plot";
+    close.setAttribute("aria-label", "Remove this plot");
     close.onclick = () => plots.remove(this);
     bar.append(choice, close);
     this.element.append(bar, this.canvas, this.keys);
@@ -71,6 +75,8 @@ class Plot {
   }
 
   legend() {
+    const names = this.names.map(this.plots.shown).join(", ");
+    this.canvas.setAttribute("aria-label", `Plot of ${names || "no signal yet"} over the last ${SECONDS} s`);
     this.keys.replaceChildren(
       ...this.names.map((name, n) => {
         const key = document.createElement("button");
@@ -144,7 +150,7 @@ class Plot {
       }
       g.stroke();
       const key = this.keys.children[n], now = rows.at(-1)?.[place];
-      if (key) key.textContent = `${this.names[n]} ${now === null || now === undefined ? "–" : Number(now.toPrecision(4))}`;
+      if (key) key.textContent = `${this.plots.shown(this.names[n])} ${now === null || now === undefined ? "–" : Number(now.toPrecision(4))}`;
     });
   }
 }

@@ -3,7 +3,10 @@
 const SEND_MS = 33;
 const DEAD_ZONE = 0.12;
 
-/** A place to drag in; gives x and y from -1 to 1, up is positive, while it is held. */
+/** Arrow keys, as x and y. */
+const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
+
+/** A place to drag in, or to hold arrow keys at; gives x and y from -1 to 1, up is positive, while it is held. */
 class Knob {
   constructor(element, axes) {
     this.element = element;
@@ -12,9 +15,21 @@ class Knob {
     this.x = 0;
     this.y = 0;
     this.pointer = null;
+    this.keys = new Set();
     this.mayHold = false;
+    element.addEventListener("keydown", (event) => {
+      if (!KEYS[event.key]) return;
+      event.preventDefault();
+      if (event.repeat || !this.mayHold || this.pointer !== null) return;
+      this.keys.add(event.key);
+      this.press();
+    });
+    element.addEventListener("keyup", (event) => this.keys.delete(event.key) && this.press());
+    // A key that is let go elsewhere isn't heard here.
+    element.addEventListener("blur", () => this.keys.size && this.let_go());
+    addEventListener("blur", () => this.keys.size && this.let_go());
     element.addEventListener("pointerdown", (event) => {
-      if (this.pointer !== null || !this.mayHold) return;
+      if (this.held || !this.mayHold) return;
       this.pointer = event.pointerId;
       // Where it was taken hold of: what makes way on the page meanwhile doesn't move it.
       this.box = element.getBoundingClientRect();
@@ -29,12 +44,24 @@ class Knob {
   }
 
   get held() {
-    return this.pointer !== null;
+    return this.pointer !== null || this.keys.size > 0;
+  }
+
+  /** How far the knob may be moved, pixels. */
+  static reach(box, axes) {
+    return axes === "x" ? box.width / 2 - box.height / 2 : box.width / 2 - 20;
+  }
+
+  press() {
+    let [x, y] = [0, 0];
+    for (const key of this.keys) [x, y] = [x + KEYS[key][0], y + (this.axes === "x" ? 0 : KEYS[key][1])];
+    const far = Math.max(1, Math.hypot(x, y));
+    this.show(x / far, y / far, Knob.reach(this.element.getBoundingClientRect(), this.axes));
   }
 
   move(event) {
     const { box } = this;
-    const reach = this.axes === "x" ? box.width / 2 - box.height / 2 : box.width / 2 - 20;
+    const reach = Knob.reach(box, this.axes);
     let x = (event.clientX - box.left - box.width / 2) / reach;
     let y = this.axes === "x" ? 0 : -(event.clientY - box.top - box.height / 2) / reach;
     const far = Math.max(1, Math.hypot(x, y));
@@ -43,6 +70,7 @@ class Knob {
 
   let_go() {
     this.pointer = null;
+    this.keys.clear();
     this.show(0, 0, 1);
   }
 

@@ -42,7 +42,7 @@ fn limit(machine: &Machine, name: &str) -> Option<u64> {
 fn grant() -> String {
     let program =
         std::env::current_exe().map_or_else(|_| "<omnibase>".to_owned(), |path| path.display().to_string());
-    format!("sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {program}")
+    crate::real_time::grant(&program)
 }
 
 const OWNER: How = How::ByHand("who may do what is for the machine's owner to say");

@@ -2,6 +2,7 @@
 
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource};
+use crate::terminal::fixed;
 use omnibase_platform::{PerWheel, Twist2};
 use omnibase_robot::Registry;
 use serde_json::{Map, Value, json};
@@ -46,7 +47,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             writeln!(output, "{}", serde_json::to_string_pretty(&json!({ "wheel_speeds_rad_s": speeds }))?)?;
         } else {
             for (name, speed) in names.iter().zip(speeds.iter()) {
-                writeln!(output, "{name:<16} {speed:>12.6} rad/s")?;
+                writeln!(output, "{name:<16} {:>12} rad/s", fixed(*speed, 6))?;
             }
         }
         return Ok(Outcome::Done);
@@ -60,8 +61,13 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         let all = json!({ "twist": twist, "residual_m_s": residual_m_s });
         writeln!(output, "{}", serde_json::to_string_pretty(&all)?)?;
     } else {
-        writeln!(output, "vx       {vx_m_s:>12.6} m/s\nvy       {vy_m_s:>12.6} m/s")?;
-        writeln!(output, "w        {w_rad_s:>12.6} rad/s\nresidual {residual_m_s:>12.6} m/s")?;
+        writeln!(output, "vx       {:>12} m/s\nvy       {:>12} m/s", fixed(vx_m_s, 6), fixed(vy_m_s, 6))?;
+        writeln!(
+            output,
+            "w        {:>12} rad/s\nresidual {:>12} m/s",
+            fixed(w_rad_s, 6),
+            fixed(residual_m_s, 6)
+        )?;
     }
     Ok(Outcome::Done)
 }

@@ -7,6 +7,7 @@ mod inputs;
 mod joystick_recording;
 mod line;
 mod old;
+mod reach;
 mod robot;
 mod seat;
 mod socket;
@@ -314,7 +315,7 @@ fn without_the_token_and_from_elsewhere_nothing_is_commanded() {
     // To let a joystick drive again is a command like any other.
     assert_eq!(status(&[], r#"{"do":"enable_joystick"}"#), 403);
     let (code, said) = robot.call(&json!({"do": "set", "values": {"speed_m_s": 0.5, "speed": 1.0}}));
-    assert!(code == 409 && said["text"].as_str().unwrap().contains("found `speed`"), "{said}");
+    assert!(code == 409 && said["text"].as_str().unwrap().contains("no setting is called `speed`"), "{said}");
     let (code, said) =
         robot.call(&json!({"do": "load", "reference": {"kind": "path", "points_file": "/etc/passwd"}}));
     assert!(code == 409 && said["text"].as_str().unwrap().contains("points_file"), "{said}");

@@ -45,7 +45,13 @@ fn missing_rights_name_the_capability_and_the_command() {
         eprintln!("SKIPPED: setpriv can't take the rights away here: {}", run.said);
         return;
     }
-    contains(&run.said, &["CAP_NET_RAW is missing", &format!("sudo setcap cap_net_raw=ep {program}")]);
+    contains(
+        &run.said,
+        &[
+            "CAP_NET_RAW is missing",
+            &format!("sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {program}"),
+        ],
+    );
 }
 
 #[test]

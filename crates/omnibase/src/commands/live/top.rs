@@ -1,6 +1,7 @@
 //! The terminal view of a running robot.
 
 use super::Line as Wire;
+use crate::terminal::fixed;
 use omnibase_platform::wrap_angle_rad;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -124,13 +125,6 @@ fn draw(frame: &mut ratatui::Frame<'_>, view: &View) {
     frame.render_widget(happened(view, events.height), events);
     let keys = if view.said.is_empty() { "space: emergency stop   q: leave" } else { &view.said };
     frame.render_widget(Paragraph::new(keys).style(Style::new().add_modifier(Modifier::DIM)), foot);
-}
-
-/// With so many decimals, and no sign before nothing.
-fn fixed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let is_nothing = text.starts_with('-') && text.chars().all(|one| matches!(one, '-' | '0' | '.'));
-    if is_nothing { text[1..].to_owned() } else { text }
 }
 
 fn block(title: &str) -> Block<'_> {

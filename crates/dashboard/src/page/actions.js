@@ -1,0 +1,36 @@
+// Which button can bring something about now; one that can't says why.
+
+const HOLDING = (seen) =>
+  seen.phase === "holding" ? ""
+  : seen.phase === "tracking" ? "It moves: pause or stop it first."
+  : seen.phase === "fault" ? "Acknowledge the fault first."
+  : seen.phase === "disabled" ? "Enable the drives first."
+  : "Wait until it holds.";
+
+const WHY_NOT = {
+  enable: (seen) => (seen.phase === "disabled" ? "" : seen.phase === "fault" ? "Acknowledge the fault first." : "The drives are enabled."),
+  acknowledge: (seen) => (seen.phase === "fault" ? "" : "There is no fault."),
+  track: HOLDING,
+  go: HOLDING,
+  go_to_start: HOLDING,
+  pause: (seen) => (seen.phase === "tracking" && !seen.by_stick ? "" : "It follows no path."),
+  resume: (seen) => HOLDING(seen) || (seen.reference_begun ? "" : "No path was left."),
+};
+
+/** What comes next, in green. */
+const NEXT = { disabled: "enable", fault: "acknowledge", holding: "track" };
+
+/** Shows at all buttons what they can do. */
+export function showActions(seen, isAllowed) {
+  const next = seen.emergency_stop ? "" : seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
+  for (const button of document.querySelectorAll(".buttons [data-do], #go")) {
+    const name = button.dataset.do ?? button.id;
+    const why = !isAllowed ? "Without the token one may look, and stop."
+      : seen.emergency_stop ? "Release the emergency stop first."
+      : WHY_NOT[name]?.(seen) ?? "";
+    button.classList.toggle("go", name === next);
+    button.disabled = Boolean(why);
+    button.dataset.title ??= button.title;
+    button.title = why || button.dataset.title;
+  }
+}
