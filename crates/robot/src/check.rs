@@ -3,6 +3,7 @@
 mod axis;
 mod bus;
 mod devices;
+mod doubts;
 mod drives;
 mod grip;
 mod guard;

@@ -12,7 +12,8 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// Checks a robot's file without any hardware: all problems at once with file, line and column, else the plan.
+/// Checks a robot's file without any hardware: all problems at once with file, line and column, else the plan, and warnings of what
+/// is allowed and probably not meant.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase check robots/bmm.toml
@@ -59,6 +60,9 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
                 writeln!(output)?;
             } else {
                 print(&robot.plan, output)?;
+                for doubt in robot.plan.doubts() {
+                    writeln!(output, "\nWARNING: {doubt}")?;
+                }
             }
             Ok(Outcome::Done)
         }
@@ -449,6 +453,7 @@ fn plan_json(plan: &RobotPlan) -> Value {
     });
     json!({
         "problems": [],
+        "warnings": plan.doubts(),
         "robot": plan.name,
         "cycle_us": plan.bus.cycle_ns / 1000,
         "controllers": plan.controllers().collect::<Vec<_>>(),

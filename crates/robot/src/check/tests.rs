@@ -213,6 +213,31 @@ fn what_is_wrong_in_the_defaults_is_told_once() {
 }
 
 #[test]
+fn what_is_probably_not_meant_is_warned_of() {
+    let doubts = |from: &str, to: &str| {
+        let text = BMM.replace(from, to);
+        assert_ne!(text, BMM, "{from}");
+        check(&text).unwrap().doubts()
+    };
+    assert_eq!(check(BMM).unwrap().doubts(), Vec::<String>::new());
+    assert_eq!(check(MECANUM).unwrap().doubts(), Vec::<String>::new());
+    for (from, to, setting) in [
+        ("wheel_radius_m = 0.10", "wheel_radius_m = 100.0", "platform.wheel_radius_m = 100 m"),
+        ("p_m = 0.40", "p_m = 400.0", "platform: the outermost wheel's distance from the centre = 400 m"),
+        ("speed_m_s = 1.0", "speed_m_s = 100.0", "limits.speed_m_s = 100 m/s: usual are 0.01 to 10 m/s"),
+        (
+            "speed_m_s = 1.0",
+            "speed_m_s = 1.6",
+            "limits.speed_m_s = 1.6 m/s: wheels of limits.wheel_speed_rad_s = 15 rad/s reach 1.5",
+        ),
+        ("cycle_us = 1000", "cycle_us = 1100", "bus.cycle_us = 1100: few drives take it"),
+    ] {
+        let found = doubts(from, to);
+        assert!(found.iter().any(|doubt| doubt.starts_with(setting)), "{to}: {found:?}");
+    }
+}
+
+#[test]
 fn values_that_are_no_numbers_are_refused() {
     for wrong in ["nan", "inf", "-inf", "true", "\"1\"", "[1]"] {
         let problems = problems(&BMM.replace("speed_m_s = 1.0", &format!("speed_m_s = {wrong}")));
