@@ -160,8 +160,24 @@ fn platform(view: &View) -> Paragraph<'_> {
             view.value("state/pose_heading_rad").to_degrees()
         ),
         format!("error {:.3} mm", 1e3 * view.value("error/believed_m")),
+        floor(view),
     ];
     Paragraph::new(lines.map(Line::from).to_vec()).block(block("platform"))
+}
+
+/// The floor's friction as slipping wheels found it, and what it leaves of the accelerations.
+fn floor(view: &View) -> String {
+    let friction = view.value("estimate/floor_friction");
+    let mut text = if friction.is_nan() {
+        "floor: no slip yet".to_owned()
+    } else {
+        format!("floor: friction {friction:.3} ± {:.3}", view.value("estimate/floor_friction_sigma"))
+    };
+    let share = view.value("traction/share");
+    if share < 1.0 {
+        text += &format!(", {:.0} %", 100.0 * share);
+    }
+    text
 }
 
 fn table(view: &View) -> Table<'_> {
