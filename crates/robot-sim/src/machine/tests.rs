@@ -249,8 +249,8 @@ fn a_speed_loop_with_the_greatest_gain_holds_a_wheel_without_grip_with_6_db_to_s
         let spare = left_of_a_swing(1e-6 * lag_us, 1.99);
         assert!(spare < 0.5, "{lag_us} us: {spare}");
     }
-    // What the loop would have for the whole platform, 300 rad/s of 0.35 kg·m², rings away.
+    // Three times as much rings away with a fast current loop; for the whole platform, 300 rad/s of 0.35 kg·m², it would be nearly two.
     let whole = 300.0 * machine().nominal_inertia_kg_m2(0);
     let alone = machine().greatest_speed_gain_n_m_s(0, 250e-6);
-    assert!(left_of_a_swing(20e-6, 2.05) > 1.0 && whole > 1.5 * alone, "{whole} {alone}");
+    assert!(left_of_a_swing(20e-6, 3.0) > 1.0 && whole > 1.5 * alone, "{whole} {alone}");
 }
