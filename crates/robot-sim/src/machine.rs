@@ -240,6 +240,16 @@ impl Machine {
         (self.body.wheel_inertia_kg_m2(index) + share * self.body.lever_m(index).powi(2)) / (gear * gear)
     }
 
+    /// The greatest gain, N·m·s/rad at the shaft, that motor `index` may have in a speed loop that runs once in `loop_s`: where its
+    /// wheel gives way on its tread, or has no grip, the motor moves the wheel alone. Inertia of that over the loop's period and half of the
+    /// current loop's lag leaves at least 6 dB and 40° (a sampled integrator behind a lag). Infinite for an index without a motor.
+    pub fn greatest_speed_gain_n_m_s(&self, index: usize, loop_s: f64) -> f64 {
+        let Some(motor) = self.motors.get(index) else { return f64::INFINITY };
+        let MotorParameters { gear_ratio, current_loop_s, .. } = *motor.parameters();
+        let alone_kg_m2 = self.body.wheel_inertia_kg_m2(index) / (gear_ratio * gear_ratio);
+        alone_kg_m2 / (loop_s + 0.5 * current_loop_s)
+    }
+
     /// Lets something else move the body from now on: with the masses, wheels and floor that it has, and in steps of
     /// [`Machine::step_s`]. Loads, forces and grip of the wheels stay as they are.
     pub fn set_mechanics(&mut self, mechanics: Box<dyn Mechanics>) {

@@ -38,6 +38,7 @@ pub mod safety;
 mod settings;
 pub mod signals;
 pub mod stages;
+mod swing;
 mod traction;
 mod unread;
 

@@ -251,7 +251,7 @@ pub(crate) fn input_forbids(plan: &SafetyPlan, signals: &Signals) -> Option<(Saf
 }
 
 /// The motors' rated torques at the wheels, N·m.
-fn rated_nm(plan: &RobotPlan) -> [f64; MAX_WHEELS] {
+pub(crate) fn rated_nm(plan: &RobotPlan) -> [f64; MAX_WHEELS] {
     let mut rated_nm = [0.0; MAX_WHEELS];
     for (rated_nm, drive) in rated_nm.iter_mut().zip(&plan.drives) {
         *rated_nm = drive.scale.rated_torque_nm * drive.scale.gear_ratio;

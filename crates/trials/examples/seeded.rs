@@ -1,12 +1,12 @@
 //! Drives robots of every kind on every floor, and prints what must happen to none of them.
 //!
 //! `cargo run --release -p omnibase-trials --example seeded [robots [first seed]]`: 1000 robots by default, on all cores.
-//! What went wrong is told by its seed as it happens; `seeded 1 SEED` drives it again.
+//! What went wrong is told by its seed as it happens; `seeded 1 SEED` drives it again, `seeded seeds SEED SEED ...` many.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use omnibase_trials::seeded::{Outcome, Seeded, Wrong};
@@ -21,24 +21,23 @@ struct Tally {
 }
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
-    let robots = arguments.next().unwrap_or(1000);
-    let first = arguments.next().unwrap_or(1);
+    let mut arguments = std::env::args().skip(1).peekable();
+    let are_listed = arguments.next_if(|first| first == "seeds").is_some();
+    let numbers: Vec<u64> = arguments.map(|text| text.parse().expect("a number")).collect();
+    let (robots, first) = (numbers.first().copied().unwrap_or(1000), numbers.get(1).copied().unwrap_or(1));
+    let seeds = if are_listed { numbers } else { (first..first + robots).collect() };
     let tally = Mutex::new(Tally::default());
-    let next = AtomicU64::new(first);
+    let next = AtomicUsize::new(0);
     let began = Instant::now();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
                 loop {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= first + robots {
-                        return;
-                    }
+                    let Some(seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)).copied() else { return };
                     let seeded = Seeded::new(seed);
                     let outcome = catch_unwind(AssertUnwindSafe(|| seeded.ride())).ok();
-                    tally.lock().expect("no thread panics with it").see(&seeded, outcome, robots == 1);
+                    tally.lock().expect("no thread panics with it").see(&seeded, outcome, seeds.len() == 1);
                 }
             });
         }

@@ -1,4 +1,4 @@
-//! Each law holds on treads that give way; one that is told of stiffer treads than there are rings, and is stopped for it.
+//! Each law holds on treads that give way; one that is told of stiffer treads than there are becomes soft.
 
 use omnibase_robot::signals::SafetyReason;
 use omnibase_robot_sim::Tread;
@@ -49,12 +49,12 @@ fn the_laws_hold_on_every_tread_for_which_they_are_designed() {
 }
 
 #[test]
-fn a_tread_softer_than_the_file_says_rings_and_stops_the_robot_by_name() {
+fn on_a_tread_softer_than_the_file_says_the_law_becomes_soft_and_holds() {
     for damping_ratio in [0.1, 0.3] {
         let ridden = ride(&case(STIFF, 1e5, damping_ratio));
-        assert!(ridden.ringing > 0.0 && ridden.ringing_hz > 20.0, "{ridden:?}");
-        assert_eq!(ridden.stopped, SafetyReason::Oscillation);
-        assert!(ridden.run.true_final_m < 0.015, "{ridden:?}");
+        assert!(ridden.ringing < 0.02, "{ridden:?}");
+        assert!(ridden.stopped == SafetyReason::None && ridden.run.finished, "{ridden:?}");
+        assert!(ridden.run.believed_rms_m < 0.01 && ridden.run.true_final_m < 0.015, "{ridden:?}");
     }
 }
 

@@ -330,6 +330,14 @@ const WHY = {
   "quick stopping": "The drives brake.",
 };
 
+// The floor's friction as slipping wheels found it, and what it leaves of the accelerations.
+function floor() {
+  const friction = value("estimate/floor_friction"), share = value("traction/share") ?? 1;
+  const found = friction === null ? "no slip yet" :
+    `friction ${friction.toFixed(3)} ± ${(value("estimate/floor_friction_sigma") ?? 0).toFixed(3)}`;
+  return share < 1 ? `${found}, accelerates by ${(100 * share).toFixed(0)} %` : found;
+}
+
 function showPose(believed) {
   const error = value("error/believed_m");
   const pairs = [
@@ -337,7 +345,7 @@ function showPose(believed) {
     ["heading", believed && `${fixed(degrees(believed[2]), 2)}°`],
     ["speed", `${Math.hypot(value("state/twist_in_body_x_m_s") ?? 0, value("state/twist_in_body_y_m_s") ?? 0).toFixed(3)} m/s`],
     ["error", error === null ? "–" : `${fixed(error * 1000, 3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
-    ["held back by", last.limited_by || "nothing"],
+    ["held back by", last.limited_by || "nothing"], ["floor", floor()],
   ];
   const list = by("pose");
   if (list.children.length !== pairs.length) {

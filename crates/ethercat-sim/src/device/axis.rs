@@ -40,6 +40,12 @@ pub trait Axis: Send {
 
     /// What the servo's speed loop takes for the inertia that it moves, kg·m².
     fn nominal_inertia_kg_m2(&self) -> f64;
+
+    /// The most that whoever tunes the servo's speed loop may give it for its gain, N·m·s/rad, where it runs once in so many s.
+    fn greatest_speed_gain_n_m_s(&self, loop_s: f64) -> f64 {
+        let _ = loop_s;
+        f64::INFINITY
+    }
 }
 
 /// A rigid load with viscous and Coulomb friction.

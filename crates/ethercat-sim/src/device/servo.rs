@@ -160,7 +160,7 @@ impl Servo {
             Ok(fields) => fields,
             Err(index) => unreachable!("a servo's own dictionary has 0x{index:04X}"),
         };
-        let motion = Motion::new(&config, axis.nominal_inertia_kg_m2());
+        let motion = Motion::new(&config, &*axis);
         let servo = Servo {
             config,
             fields,

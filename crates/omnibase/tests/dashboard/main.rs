@@ -387,7 +387,17 @@ fn the_command_line_reads_sets_and_calls_a_running_robot() {
         robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m") > 0.09
     });
     let view = omnibase(&["top", "--once"]).1;
-    for word in ["HOLDING", "wheel_3", "running", "cycles", "speed", "wake-up late", "99 %", "round trip"] {
+    for word in [
+        "HOLDING",
+        "wheel_3",
+        "running",
+        "cycles",
+        "speed",
+        "no slip yet",
+        "wake-up late",
+        "99 %",
+        "round trip",
+    ] {
         assert!(view.contains(word), "{word} in\n{view}");
     }
     assert_eq!(omnibase(&["call", "emergency_stop"]).0, Some(0));

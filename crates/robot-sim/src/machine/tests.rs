@@ -217,3 +217,40 @@ fn wires_lead_from_each_drive_to_a_motor_of_its_own() {
     }
     assert_eq!(refused(&[2, 0, 1]), None);
 }
+
+/// How fast wheel 0 still swings, over its first speed, 50 ms after a speed loop that runs every 250 us began to hold it still,
+/// with so many times the gain that a drive may have; on a floor without friction, so that the motor moves the wheel alone.
+fn left_of_a_swing(lag_s: f64, times: f64) -> f64 {
+    const LOOP_NS: u64 = 250_000;
+    let mut slippery = parameters();
+    for drive in &mut slippery.wheels {
+        drive.motor.current_loop_s = lag_s;
+        drive.wheel.bearing_coulomb_n_m = 0.0;
+        drive.wheel.contact = crate::floor::Contact::ideal(0.0);
+    }
+    let mut machine = Machine::new(&slippery).expect("a sound machine");
+    let gain = times * machine.greatest_speed_gain_n_m_s(0, LOOP_NS as f64 * 1e-9);
+    machine.ask(0, 0.01);
+    machine.advance(8 * LOOP_NS);
+    let first = machine.shaft(0).speed_rad_s;
+    let mut last = 0.0_f64;
+    for step in 9..200 {
+        let torque = -gain * machine.shaft(0).speed_rad_s;
+        machine.ask(0, torque);
+        machine.advance(step * LOOP_NS);
+        last = if step > 180 { last.max(machine.shaft(0).speed_rad_s.abs()) } else { 0.0 };
+    }
+    last / first
+}
+
+#[test]
+fn a_speed_loop_with_the_greatest_gain_holds_a_wheel_without_grip_with_6_db_to_spare() {
+    for lag_us in [0.0, 20.0, 60.0, 110.0, 160.0, 300.0, 500.0] {
+        let spare = left_of_a_swing(1e-6 * lag_us, 1.99);
+        assert!(spare < 0.5, "{lag_us} us: {spare}");
+    }
+    // Three times as much rings away with a fast current loop; for the whole platform, 300 rad/s of 0.35 kg·m², it would be nearly two.
+    let whole = 300.0 * machine().nominal_inertia_kg_m2(0);
+    let alone = machine().greatest_speed_gain_n_m_s(0, 250e-6);
+    assert!(left_of_a_swing(20e-6, 3.0) > 1.0 && whole > 1.5 * alone, "{whole} {alone}");
+}

@@ -69,4 +69,8 @@ impl Axis for WheelAxis {
     fn nominal_inertia_kg_m2(&self) -> f64 {
         self.machine.lock().nominal_inertia_kg_m2(self.wheel)
     }
+
+    fn greatest_speed_gain_n_m_s(&self, loop_s: f64) -> f64 {
+        self.machine.lock().greatest_speed_gain_n_m_s(self.wheel, loop_s)
+    }
 }

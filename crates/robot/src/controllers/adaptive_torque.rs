@@ -9,6 +9,7 @@
 //! - mass and friction are fed forward for the instant at which the torque acts;
 //! - the measured speed is brought up to the instant of the pose, by the reference's acceleration;
 //! - the correction asks for no more speed than the platform may, or a robot that was held fast would come back faster;
+//! - where the file says what the treads are, and torques swing all the same, it goes on with the gains for all treads until it begins anew;
 //! - d̂ learns nothing at rest, while a wheel slips or torques are saturated, here or by a drive, nor from an η within the
 //!   measurement's noise, and stays within its bounds.
 
@@ -20,12 +21,19 @@ use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed,
 use crate::config::{Limits, RobotPlan, WheelLimits};
 use crate::grip::friction::WheelFriction;
 use crate::registry::{Kind, Made, given, needed, optional};
-use crate::signals::{Commands, CycleTime, Dynamics, PlatformState, Quantity, ReferenceStatus, Setpoint};
+use crate::safety::rated_nm;
+use crate::signals::{
+    Commands, CycleTime, Dynamics, MAX_WHEELS, PlatformState, Quantity, ReferenceStatus, Setpoint,
+};
 use crate::stages::{Controller, Gain};
+use crate::swing::{NOISE_OF_RATED, Swing, taken};
 
 /// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
 /// encoder over the speed filter's time.
 const NOISE_M_S: f64 = 1e-4;
+
+/// So many half swings of what it commands, and its gains are those for all treads: before the stop for a torque that swings.
+const HALF_SWINGS: u32 = 3;
 
 /// Its name and keys.
 pub(super) fn kind() -> Kind {
@@ -46,6 +54,12 @@ pub struct AdaptiveTorque {
     kinematics: Kinematics,
     limits: Limits,
     gains: [LoopGains; 3],
+    /// Those for where torques swing, and whether they do since it began.
+    softer: Option<[LoopGains; 3]>,
+    is_softer: bool,
+    swings: [Swing; MAX_WHEELS],
+    /// What reaches less far is no swing, N·m.
+    noise_nm: [f64; MAX_WHEELS],
     /// The greatest Kp that the design allows, 1/s.
     greatest_kp_1_s: [f64; 3],
     friction_max_n: f64,
@@ -88,21 +102,49 @@ impl AdaptiveTorque {
             limits: plan.limits,
             greatest_kp_1_s: design.gains.map(|gains| gains.kp_1_s),
             gains: design.gains,
+            softer: design.softer,
+            is_softer: false,
+            swings: [Swing::default(); MAX_WHEELS],
+            noise_nm: rated_nm(plan).map(|rated_nm| NOISE_OF_RATED * rated_nm),
             friction_max_n,
             dynamics,
             force: [0.0; 3],
         })
     }
 
+    /// The gains of now: at most the Kp that was set.
+    fn gains(&self) -> [LoopGains; 3] {
+        match self.softer.filter(|_| self.is_softer) {
+            None => self.gains,
+            Some(softer) => std::array::from_fn(|axis| LoopGains {
+                kp_1_s: self.gains[axis].kp_1_s.min(softer[axis].kp_1_s),
+                ..softer[axis]
+            }),
+        }
+    }
+
+    /// Whether what it commands swings: then the treads, or a floor on which they slip, aren't what it was designed for.
+    fn watch(&mut self, commands: &Commands, time: &CycleTime) {
+        if self.softer.is_none() || self.is_softer {
+            return;
+        }
+        let now = (time.now_ns, taken(time.period_s()));
+        let wheels = self.kinematics.wheel_count();
+        for (wheel, swing) in self.swings.iter_mut().take(wheels).enumerate() {
+            swing.see(commands.values[wheel], self.noise_nm[wheel], now);
+        }
+        self.is_softer = self.swings.iter().any(|swing| swing.half_swings >= HALF_SWINGS);
+    }
+
     /// The slow force follows what η asks for.
-    fn observe(&mut self, eta: &[f64; 3], period_s: f64) {
+    fn observe(&mut self, eta: &[f64; 3], gains: &[LoopGains; 3], period_s: f64) {
         let surface = [eta[0], eta[1], eta[2] * self.lever_m];
         if surface.iter().all(|eta| eta.abs() <= NOISE_M_S) {
             return;
         }
         for (axis, force) in self.force.iter_mut().enumerate() {
             let most = if axis == 2 { self.lever_m * self.friction_max_n } else { self.friction_max_n };
-            let rate = -INTEGRAL_1_S * self.gains[axis].damping * eta[axis];
+            let rate = -INTEGRAL_1_S * gains[axis].damping * eta[axis];
             *force = (*force + period_s * rate).clamp(-most, most);
         }
     }
@@ -126,6 +168,7 @@ impl Controller for AdaptiveTorque {
     fn reset(&mut self) {
         self.force = [0.0; 3];
         self.before = None;
+        (self.swings, self.is_softer) = ([Swing::default(); MAX_WHEELS], false);
     }
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {
@@ -147,21 +190,21 @@ impl Controller for AdaptiveTorque {
         let wished_speed = axes(&setpoint.twist_in_odom);
         let acceleration = axes(&setpoint.acceleration_in_odom);
         let age_s = state.twist_age_s;
+        let gains = self.gains();
         // η is the speed against a wished one that includes the correction: żr − Kp·Ze, kept within the limits.
         let (corrected, correction) = within_speed(
-            std::array::from_fn(|axis| wished_speed[axis] + self.gains[axis].kp_1_s * error[axis]),
+            std::array::from_fn(|axis| wished_speed[axis] + gains[axis].kp_1_s * error[axis]),
             &self.limits,
         );
         let before = self.before.map_or([0.0; 3], |before| before.eta);
         let eta: [f64; 3] = std::array::from_fn(|axis| {
             let now = speed[axis] + age_s * acceleration[axis] - corrected[axis];
-            let keep = (-self.gains[axis].filter_1_s * period_s).exp();
+            let keep = (-gains[axis].filter_1_s * period_s).exp();
             keep * before[axis] + (1.0 - keep) * now
         });
         let led = self.led(acceleration, period_s);
         self.before = Some(Before { eta, acceleration });
-        let force: [f64; 3] =
-            std::array::from_fn(|axis| self.force[axis] - self.gains[axis].damping * eta[axis]);
+        let force: [f64; 3] = std::array::from_fn(|axis| self.force[axis] - gains[axis].damping * eta[axis]);
         let lead_s = LEAD_PERIODS * period_s;
         let heading_rad = state.odom_from_body.heading_rad + lead_s * wished_speed[2];
         let wished_in_body = setpoint.twist_in_odom.rotated(-heading_rad);
@@ -178,11 +221,12 @@ impl Controller for AdaptiveTorque {
         }
         let torques = self.kinematics.wheel_torques_nm(wrench_in_body);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
+        self.watch(&commands, time);
         let is_held_back = std::mem::take(&mut self.is_held_back);
         let moves = setpoint.status == ReferenceStatus::Moving;
         let is_obeyed = commands.saturation >= 1.0 && correction == Correction::Whole && !is_held_back;
         if moves && is_obeyed {
-            self.observe(&eta, period_s);
+            self.observe(&eta, &gains, period_s);
         }
         commands
     }

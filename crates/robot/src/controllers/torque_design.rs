@@ -27,6 +27,9 @@ pub struct TorqueDesign {
     pub loops: [TorqueLoop; 3],
     /// Its gains.
     pub gains: [LoopGains; 3],
+    /// Gains for all treads, for where torques swing though the file says what the treads are: a floor on which wheels slip is as
+    /// soft as none. `None` where it says nothing, or where there are none.
+    pub softer: Option<[LoopGains; 3]>,
 }
 
 impl TorqueDesign {
@@ -66,6 +69,9 @@ impl TorqueDesign {
         let along = axis([mean - apart, mean + apart], mass_kg);
         let turn = axis([product(2, 2); 2], inertia_kg_m2);
         let (along_gains, turn_gains) = (along.design(), turn.design());
+        let is_told = table.tread_stiffness_n_m.is_some() || table.tread_damping_ratio.is_some();
+        let softer = is_told.then(|| softer(&along).zip(softer(&turn))).flatten();
+        let softer = softer.map(|(along, turn)| [along, along, turn]);
         let loops = [along.clone(), along, turn];
         let designed = [along_gains, along_gains, turn_gains];
         let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0 }; 3];
@@ -83,8 +89,23 @@ impl TorqueDesign {
                 Err(StageError(found)) => problems.extend(found),
             }
         }
-        if problems.is_empty() { Ok(TorqueDesign { loops, gains }) } else { Err(StageError(problems)) }
+        if problems.is_empty() {
+            Ok(TorqueDesign { loops, gains, softer })
+        } else {
+            Err(StageError(problems))
+        }
     }
+}
+
+/// Gains for the same axis on all treads.
+fn softer(told: &TorqueLoop) -> Option<LoopGains> {
+    let ([soft, stiff], [softest, stiffest]) = (told.stiffness_n_m, TREAD_STIFFNESS_N_M);
+    let all = TorqueLoop {
+        stiffness_n_m: [soft.min(softest), stiff.max(stiffest)],
+        damping_ratio: told.damping_ratio.min(TREAD_DAMPING_RATIO),
+        ..told.clone()
+    };
+    all.design()
 }
 
 /// A wheel of a platform with its rotor and gear, as a mass at its rim, kg.

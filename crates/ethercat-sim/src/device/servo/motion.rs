@@ -117,9 +117,12 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    pub fn new(config: &ServoConfig, inertia_kg_m2: f64) -> Self {
+    pub fn new(config: &ServoConfig, axis: &dyn Axis) -> Self {
         let counts_per_revolution = f64::from(config.counts_per_revolution);
-        let speed_gain = inertia_kg_m2 * config.speed_bandwidth_rad_s;
+        let inertia_kg_m2 = axis.nominal_inertia_kg_m2();
+        let loop_s = config.loop_period_ns as f64 * 1e-9;
+        let speed_gain =
+            (inertia_kg_m2 * config.speed_bandwidth_rad_s).min(axis.greatest_speed_gain_n_m_s(loop_s));
         Motion {
             counts_per_rad: counts_per_revolution / TAU,
             rated_torque_n_m: config.rated_torque_n_m,

@@ -106,11 +106,12 @@ fn draw(frame: &mut ratatui::Frame<'_>, view: &View) {
     let (head_lines, times) = (state.len() as u16, times(view));
     let times = if is_roomy { times } else { times.into_iter().take(1).collect() };
     let pose = platform(view, is_roomy);
-    let below = if is_roomy { 0 } else { pose.len() as u16 + 2 };
+    let tall = pose.len() as u16 + 2;
+    let (below, beside) = if is_roomy { (0, tall) } else { (tall, 0) };
     let [head, above, middle, timing, events, foot] = Layout::vertical([
         Constraint::Length(head_lines + 2),
         Constraint::Length(below),
-        Constraint::Length(drives + 3),
+        Constraint::Length((drives + 3).max(beside)),
         Constraint::Length(times.len() as u16 + 2),
         Constraint::Min(0),
         Constraint::Length(1),
@@ -184,11 +185,26 @@ fn platform(view: &View, is_roomy: bool) -> Vec<Line<'_>> {
     let speed = format!("speed {} m/s", fixed(speed_m_s, 3));
     let error = format!("error {} mm", fixed(1e3 * view.value("error/believed_m"), 3));
     let lines = if is_roomy {
-        vec![place, heading, speed, error]
+        vec![place, heading, speed, error, floor(view)]
     } else {
         vec![place, format!("{heading}   {speed}   {error}")]
     };
     lines.into_iter().map(Line::from).collect()
+}
+
+/// The floor's friction as slipping wheels found it, and what it leaves of the accelerations.
+fn floor(view: &View) -> String {
+    let friction = view.value("estimate/floor_friction");
+    let mut text = if friction.is_nan() {
+        "floor: no slip yet".to_owned()
+    } else {
+        format!("floor: friction {friction:.3} ± {:.3}", view.value("estimate/floor_friction_sigma"))
+    };
+    let share = view.value("traction/share");
+    if share < 1.0 {
+        text += &format!(", {:.0} %", 100.0 * share);
+    }
+    text
 }
 
 fn table(view: &View) -> Table<'_> {

@@ -1,0 +1,23 @@
+//! Robots of the thousands of `--example seeded` that once did what none may, each the plainest of its kind.
+
+use omnibase_trials::seeded::{Seeded, Wrong};
+
+/// Drives the robots of these seeds; none of them may be wrong in this way.
+fn none_is(wrong: Wrong, seeds: &[u64]) {
+    for seed in seeds {
+        let seeded = Seeded::new(*seed);
+        let outcome = seeded.ride();
+        println!("{}: {}", seeded.row(), outcome.row());
+        assert!(!outcome.is(wrong), "{}: {}: {}", wrong.text(), seeded.row(), outcome.row());
+    }
+}
+
+#[test]
+fn a_drive_with_a_fast_current_loop_holds_a_heavy_platforms_wheels_still() {
+    none_is(Wrong::LimitCycle, &[22, 118, 363, 3023]);
+}
+
+#[test]
+fn a_law_that_was_told_its_treads_becomes_soft_where_they_slip() {
+    none_is(Wrong::LimitCycle, &[1428, 5941, 7697, 502]);
+}
