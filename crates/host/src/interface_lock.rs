@@ -117,9 +117,9 @@ enum Listening {
 /// Who listens at `address`.
 fn listening(address: &SocketAddr) -> Listening {
     match peer(address) {
-        Ok(pid) => pid.map_or(Listening::Unknown, |pid| {
-            Listening::Holder(Holder { pid, command: command_of(pid) })
-        }),
+        Ok(pid) => {
+            pid.map_or(Listening::Unknown, |pid| Listening::Holder(Holder { pid, command: command_of(pid) }))
+        }
         Err(rustix::io::Errno::CONNREFUSED) => Listening::Nobody,
         Err(_) => Listening::Unknown,
     }
