@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 /// From one time that something is said to the next.
 const QUIET: Duration = Duration::from_secs(5);
 
-/// What was said when, and how often it was held back since.
+/// What was said when.
 #[derive(Default)]
-pub struct Loud(BTreeMap<&'static str, (Instant, u64)>);
+pub struct Loud(BTreeMap<&'static str, Instant>);
 
 impl Loud {
     /// The words, where it is time for them.
@@ -18,19 +18,11 @@ impl Loud {
         words: impl FnOnce() -> String,
         now: Instant,
     ) -> Option<String> {
-        match self.0.get_mut(kind) {
-            Some((said, held_back)) if now.saturating_duration_since(*said) < QUIET => {
-                *held_back += 1;
-                None
-            }
-            known => {
-                let held_back = known.map_or(0, |(_, count)| *count);
-                self.0.insert(kind, (now, 0));
-                let again =
-                    if held_back == 0 { String::new() } else { format!(" ({held_back} times more since)") };
-                Some(words() + &again)
-            }
+        if self.0.get(kind).is_some_and(|said| now.saturating_duration_since(*said) < QUIET) {
+            return None;
         }
+        self.0.insert(kind, now);
+        Some(words())
     }
 }
 
@@ -39,14 +31,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_is_said_every_five_seconds_with_how_often_it_was() {
+    fn the_same_is_said_every_five_seconds() {
         let (mut loud, now) = (Loud::default(), Instant::now());
         let at = |ms: u64| now + Duration::from_millis(ms);
-        assert_eq!(loud.say("a", || "old".into(), at(0)).as_deref(), Some("old"));
-        assert_eq!(loud.say("b", || "new".into(), at(1)).as_deref(), Some("new"));
-        assert_eq!(loud.say("a", || "old".into(), at(4000)), None);
-        assert_eq!(loud.say("a", || "old".into(), at(4999)), None);
-        assert_eq!(loud.say("a", || "old".into(), at(5001)).as_deref(), Some("old (2 times more since)"));
-        assert_eq!(loud.say("a", || "old".into(), at(10_002)).as_deref(), Some("old"));
+        let mut said = |kind, ms| loud.say(kind, || format!("{kind} {ms}"), at(ms));
+        assert_eq!(said("a", 0).as_deref(), Some("a 0"));
+        assert_eq!(said("b", 1).as_deref(), Some("b 1"));
+        assert_eq!((said("a", 4000), said("a", 4999)), (None, None));
+        assert_eq!(said("a", 5001).as_deref(), Some("a 5001"));
     }
 }

@@ -29,6 +29,23 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 
 
+class Other:
+    """A publisher of cmd_vel in a participant of its own: one participant has one type for a name."""
+
+    def __init__(self, kind):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("other", context=self.context)
+        self.publisher = self.node.create_publisher(kind, "cmd_vel", 10)
+
+    def publish(self, message):
+        self.publisher.publish(message)
+
+    def end(self):
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
 class Witness:
     """A node, with what it heard."""
 
@@ -91,16 +108,26 @@ class Witness:
         self.rests()
         return answer
 
-    def publisher(self, kind, topic="cmd_vel", qos=10):
-        publisher = self.node.create_publisher(kind, topic, qos)
+    def publisher(self, kind, topic="cmd_vel"):
+        publisher = self.node.create_publisher(kind, topic, 10)
         self.until(f"{topic} is heard", lambda: publisher.get_subscription_count() > 0)
         # Until the bridge knows it too.
         self.spin(0.5)
         return publisher
 
+    def unheard(self, kind):
+        """A publisher of cmd_vel with which ROS 2 itself matches no reader: its type is another one."""
+        other = Other(kind)
+        self.spin(1.0)
+        assert other.publisher.get_subscription_count() == 0, kind
+        return other
+
     def gone(self, *publishers):
         for publisher in publishers:
-            self.node.destroy_publisher(publisher)
+            if isinstance(publisher, Other):
+                publisher.end()
+            else:
+                self.node.destroy_publisher(publisher)
         self.spin(0.5)
 
     def moves_nothing(self, what, seconds, each):
@@ -184,21 +211,21 @@ def another_type_moves_nothing(w):
     twist = Twist()
     twist.linear.x = 0.25
     # The wrong one alone, then beside the right one, in both orders of creation.
-    wrong = w.publisher(Twist)
+    wrong = w.unheard(Twist)
     w.moves_nothing("Twist alone", 1.0, lambda: wrong.publish(twist))
     right = w.publisher(TwistStamped)
     w.moves_nothing("Twist, then TwistStamped", 1.0, lambda: (wrong.publish(twist), right.publish(w.stamped())))
     w.gone(wrong)
     w.drives(right, w.stamped)
     w.rests()
-    wrong = w.publisher(Twist)
+    wrong = w.unheard(Twist)
     w.moves_nothing("TwistStamped, then Twist", 1.0, lambda: (wrong.publish(twist), right.publish(w.stamped())))
     w.gone(right)
     w.moves_nothing("Twist that is left", 1.0, lambda: wrong.publish(twist))
     w.gone(wrong)
     # Other types, of other lengths.
     for kind in (PoseStamped, String, Odometry, PoseWithCovarianceStamped):
-        other = w.publisher(kind)
+        other = w.unheard(kind)
         message = kind()
         if kind is String:
             message.data = "\x00" * 200
@@ -295,7 +322,7 @@ def topics_are_there(w):
 
     for topic, (kind, durability) in told.items():
         w.until(topic, lambda: of_bridge(topic, w.node.get_publishers_info_by_topic))
-        (info,) = of_bridge(topic, w.node.get_publishers_info_by_topic)
+        info, *_ = of_bridge(topic, w.node.get_publishers_info_by_topic)
         assert info.topic_type == kind, info
         assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE, (topic, info.qos_profile)
         if topic != "/parameter_events":
@@ -424,7 +451,14 @@ def the_pose_is_set_and_measured(w):
 
 def services_ask_the_robot(w):
     w.hold()
+
+    def call_it(name):
+        value = ParameterValue(type=4, string_value=name)
+        request = SetParameters.Request(parameters=[Parameter(name="path_name", value=value)])
+        assert w.call(SetParameters, "omnibase/set_parameters", request).results[0].successful
+
     # The robot's own words, where it refuses.
+    call_it("of_nobody")
     refused = w.call(Trigger, "load")
     assert not refused.success and refused.message, refused
     assert w.call(Trigger, "emergency_stop").success
@@ -436,9 +470,7 @@ def services_ask_the_robot(w):
     assert w.call(Trigger, "enable").success
     w.spin(1.0)
     # A path that is driven by commands is kept, loaded and driven again.
-    request = SetParameters.Request(parameters=[
-        Parameter(name="path_name", value=ParameterValue(type=4, string_value="of_the_witness"))])
-    assert w.call(SetParameters, "omnibase/set_parameters", request).results[0].successful
+    call_it("of_the_witness")
     assert w.call(SetBool, "teach", SetBool.Request(data=True)).success
     publisher = w.publisher(TwistStamped)
     until = time.monotonic() + 1.5
