@@ -132,6 +132,7 @@ impl Robot {
             .args(checks)
             .env("ROS_DOMAIN_ID", &self.domain)
             .env("ROS_LOG_DIR", self.folder.path())
+            .env("LD_LIBRARY_PATH", python.parent().unwrap().with_file_name("lib"))
             .spawn()
             .unwrap()
     }
