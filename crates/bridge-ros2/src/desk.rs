@@ -112,7 +112,8 @@ impl Desk {
                     self.ros.warn(&words);
                 }
             }
-            if drive.said.is_none() && now.saturating_duration_since(lived) > LIVE {
+            let is_quiet = drive.said.is_none() || drive.stopped.is_some();
+            if is_quiet && now.saturating_duration_since(lived) > LIVE {
                 lived = now;
                 self.seat.live()?;
             }

@@ -28,6 +28,11 @@ pub fn telling() -> QosProfile {
         .history(History::KeepLast { depth: DEPTH })
 }
 
+/// A topic that tells so often that ten messages are a moment: those of a second are kept.
+pub fn telling_at(hz: f64) -> QosProfile {
+    telling().history(History::KeepLast { depth: DEPTH.max(hz.ceil() as usize) })
+}
+
 /// A topic whose last message is for those who come later too.
 pub fn latched() -> QosProfile {
     telling().durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 })

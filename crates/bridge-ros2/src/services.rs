@@ -173,7 +173,7 @@ mod tests {
         assert!(set_pose(&message("map", upright.clone(), 1.0), "odom").is_err());
         assert!(set_pose(&message("odom", upright, f64::NAN), "odom").is_err());
         assert!(set_pose(&message("odom", Quaternion::default(), 1.0), "odom").is_err());
-        let (lying, nowhere) = (Quaternion { x: 0.7071, w: 0.7071, ..Quaternion::default() }, f64::NAN);
+        let (lying, nowhere) = (Quaternion { x: 0.6, w: 0.8, ..Quaternion::default() }, f64::NAN);
         assert!(set_pose(&message("odom", lying, 1.0), "odom").is_err());
         assert!(
             set_pose(&message("odom", Quaternion { w: nowhere, ..Quaternion::default() }, 1.0), "odom")

@@ -11,7 +11,7 @@ use std::time::Duration;
 use crate::arguments::Arguments;
 use crate::clock::Clock;
 use crate::messages::*;
-use crate::node::{Ros, telling};
+use crate::node::{Ros, telling, telling_at};
 
 /// The longest silence between two looks.
 const LOOK: Duration = Duration::from_millis(100);
@@ -129,6 +129,9 @@ impl Teller {
         let signals = std::iter::once("state.*".to_owned()).chain(of_wheels).collect();
         let states = States::follow(robot, &Wanted { signals, every_ms: None })?;
         let places = Places::find(states.names(), &wheels)?;
+        let every_cycle = 1000.0 / states.cycle_ms();
+        let odom_hz = if arguments.odom_hz == 0.0 { every_cycle } else { arguments.odom_hz };
+        let odom = ros.publisher("odom", telling_at(odom_hz))?;
         let (tf_ns, joint_ns) = (every_ns(arguments.tf_hz)?, every_ns(arguments.joint_hz)?);
         let transform = (tf_ns > 0).then(|| ros.publisher(&arguments.tf_topic, telling())).transpose()?;
         let joints = (joint_ns > 0).then(|| ros.publisher("joint_states", telling())).transpose()?;
@@ -140,7 +143,7 @@ impl Teller {
             counts: Arc::default(),
             odom_frame: arguments.odom_frame(),
             base_frame: arguments.base_frame(),
-            odom: (Due::new(every_ns(arguments.odom_hz)?), ros.publisher("odom", telling())?),
+            odom: (Due::new(every_ns(arguments.odom_hz)?), odom),
             transform: transform.map(|publisher| (Due::new(tf_ns), publisher)),
             joints: joints.map(|publisher| (Due::new(joint_ns), publisher)),
             clocks: clocks.map(|publisher| (Due::new(CLOCK_NS), publisher)),

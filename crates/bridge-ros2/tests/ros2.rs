@@ -5,11 +5,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use omnibase_client::Found;
 use omnibase_client::robots::Endpoint;
-use serde_json::Value;
+use omnibase_client::{Found, Seat};
+use serde_json::{Value, json};
 
 const LONGEST: Duration = Duration::from_secs(60);
 /// One robot at a time: the machine may be small, and what is looked at is in real time.
@@ -55,7 +56,9 @@ impl Robot {
         let file = folder.path().join("robot.toml");
         std::fs::write(&file, std::fs::read_to_string(usual).unwrap() + &more).unwrap();
         // Domains above 101 take ports that the kernel gives to others.
-        let domain = (1 + std::process::id() % 100).to_string();
+        static STARTED: AtomicU32 = AtomicU32::new(0);
+        let number = 3 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
+        let domain = (1 + number % 100).to_string();
         let said = File::create(folder.path().join("said.txt")).unwrap();
         let process = Command::new(omnibase)
             .args(["run", file.to_str().unwrap(), "--json", "--dashboard=127.0.0.1:0", "--paths"])
@@ -125,16 +128,18 @@ impl Robot {
         self.found.read("now").unwrap()
     }
 
-    fn witness(&self, python: &Path, checks: &[&str]) -> Child {
+    fn witness(&self, python: &Path, checks: &[&str]) -> Witness {
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/witness.py");
-        Command::new(python)
+        let started = Command::new(python)
             .arg(script)
             .args(checks)
             .env("ROS_DOMAIN_ID", &self.domain)
             .env("ROS_LOG_DIR", self.folder.path())
+            .env("PYTHONDONTWRITEBYTECODE", "1")
             .env("LD_LIBRARY_PATH", python.parent().unwrap().with_file_name("lib"))
             .spawn()
-            .unwrap()
+            .unwrap();
+        Witness(started)
     }
 }
 
@@ -148,6 +153,16 @@ impl Drop for Robot {
     }
 }
 
+/// A node of real ROS 2, which ends with its test.
+struct Witness(Child);
+
+impl Drop for Witness {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 fn signal(name: &str, pid: u32) {
     assert!(Command::new("kill").args([name, &pid.to_string()]).status().unwrap().success());
 }
@@ -157,7 +172,7 @@ fn real_ros_2_sees_it_drives_it_and_cannot_make_it_move_wrongly() {
     let _one = ONE.lock();
     for (name, python) in pythons() {
         let robot = Robot::start(&["--pose-source", "mocap"]);
-        let status = robot.witness(&python, &[]).wait().unwrap();
+        let status = robot.witness(&python, &[]).0.wait().unwrap();
         assert!(status.success(), "{name}; said:\n{}", robot.said());
     }
 }
@@ -167,7 +182,7 @@ fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
     let _one = ONE.lock();
     let Some((_, python)) = pythons().into_iter().next() else { return };
     let robot = Robot::start(&[]);
-    let mut driver = robot.witness(&python, &["drive_on"]);
+    let driver = robot.witness(&python, &["drive_on"]);
     let drives = |robot: &Robot| (robot.speed_m_s() > 0.1).then_some(());
     let rests = |robot: &Robot| (robot.speed_m_s() < 5e-3).then_some(());
     robot.wait("it drives", drives);
@@ -185,11 +200,24 @@ fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
         robot.wait("it drives again", drives);
     }
     assert_eq!(robot.now()["phase"], "tracking");
-    driver.kill().unwrap();
-    driver.wait().unwrap();
+    // A person stops it, and then the bridge is killed: the next one drives nothing, whatever is published on.
+    let mut person = Seat::take(&robot.found).unwrap();
+    let number = person.ask(json!({ "do": "stop", "category": "category_2" }), Instant::now()).unwrap();
+    assert!(person.answer(number, LONGEST).unwrap().done);
+    robot.wait("the bridge knows", |robot| robot.said().contains("cmd_vel moves nothing").then_some(()));
     robot.wait("it rests", rests);
+    signal("-KILL", robot.bridge(3));
+    let bridge = robot.bridge(4);
+    robot.wait("it says why", |robot| {
+        (robot.said().matches("cmd_vel moves nothing").count() > 1).then_some(())
+    });
+    let seen = robot.now()["counts"][0].as_u64().unwrap();
+    while robot.now()["counts"][0].as_u64().unwrap() < seen + 1000 {
+        assert!(robot.speed_m_s() < 5e-3, "{} m/s", robot.speed_m_s());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    drop(driver);
     // The run is killed: its bridge doesn't outlive it.
-    let bridge = robot.bridge(3);
     signal("-KILL", robot.process.id());
     robot.wait("the bridge is gone", |_| {
         let state = std::fs::read_to_string(format!("/proc/{bridge}/stat")).unwrap_or_default();

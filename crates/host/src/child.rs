@@ -26,7 +26,7 @@ mod tests {
 
     #[test]
     fn a_program_ends_with_the_thread_that_started_it() {
-        let mut output = std::thread::spawn(|| {
+        let (mut child, mut output) = std::thread::spawn(|| {
             let mut command = Command::new("sh");
             command.args(["-c", "echo there; exec sleep 1000"]).stdout(Stdio::piped());
             let mut child = ends_with_this(&mut command).spawn().unwrap();
@@ -34,8 +34,7 @@ mod tests {
             let mut line = String::new();
             output.read_line(&mut line).unwrap();
             assert_eq!(line, "there\n");
-            // Reaped when the test ends.
-            output
+            (child, output)
         })
         .join()
         .unwrap();
@@ -43,5 +42,6 @@ mod tests {
         let mut rest = String::new();
         output.read_to_string(&mut rest).unwrap();
         assert_eq!(rest, "");
+        assert!(!child.wait().unwrap().success());
     }
 }
