@@ -113,3 +113,26 @@ fn a_bridge_by_hand_is_found_by_its_name() {
         assert_eq!(omnibase("mine").status.code(), Some(expected), "{code}");
     }
 }
+
+#[test]
+fn mistakes_about_bridges_are_told_before_anything_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.toml");
+    let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
+    let said = |command: &str, more: &str| {
+        std::fs::write(&file, std::fs::read_to_string(usual).unwrap() + more).unwrap();
+        let mut omnibase = Command::new(env!("CARGO_BIN_EXE_omnibase"));
+        let output = omnibase.args([command, file.to_str().unwrap()]).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
+    };
+    let wrong = "\n[bridge.\"a b\"]\n[bridge.x]\nprogram = \"\"\n[bridge.y]\nargment = []\n";
+    let said_of_check = said("check", wrong);
+    for words in ["bridge.a b", "letters, digits", "bridge.x.program", "did you mean `arguments`?"] {
+        assert!(said_of_check.contains(words), "{words}: {said_of_check}");
+    }
+    let missing = said("run", "\n[bridge.nobodys]\n");
+    assert!(missing.contains("there is no bridge `nobodys`"), "{missing}");
+    let missing = said("run", "\n[bridge.x]\nprogram = \"./nothing\"\n");
+    assert!(missing.contains("[bridge.x] program: there is no "), "{missing}");
+}
