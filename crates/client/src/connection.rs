@@ -21,7 +21,7 @@ const LONGEST: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// A connection to the robot's computer, or on it.
-enum Stream {
+pub(crate) enum Stream {
     Tcp(TcpStream),
     Unix(UnixStream),
 }
@@ -60,6 +60,23 @@ impl AsFd for Stream {
     }
 }
 
+/// Reaches a robot; how it is called in a request.
+pub(crate) fn reach(robot: &Found) -> io::Result<(Stream, String)> {
+    Ok(match &robot.place {
+        Endpoint::Address(address) => {
+            let stream = TcpStream::connect_timeout(address, LONGEST)?;
+            stream.set_nodelay(true)?;
+            stream.set_read_timeout(Some(LONGEST))?;
+            (Stream::Tcp(stream), address.to_string())
+        }
+        Endpoint::Socket(path) => {
+            let stream = connect(path, LONGEST)?;
+            stream.set_read_timeout(Some(LONGEST))?;
+            (Stream::Unix(stream), "localhost".to_owned())
+        }
+    })
+}
+
 /// What a robot says on a connection, and what it is told; nothing of it waits but where a time is given.
 pub(crate) struct Connection {
     socket: WebSocket<Stream>,
@@ -70,22 +87,7 @@ impl Connection {
     /// Opens an address of the API, as `states?every_ms=10`, and hears the first message.
     pub(crate) fn open(robot: &Found, what: &str) -> Result<(Self, Message), Error> {
         let no_answer = |error: &dyn std::fmt::Display| Error::NoAnswer(format!("{}: {error}", robot.place));
-        let reach = || -> io::Result<(Stream, String)> {
-            Ok(match &robot.place {
-                Endpoint::Address(address) => {
-                    let stream = TcpStream::connect_timeout(address, LONGEST)?;
-                    stream.set_nodelay(true)?;
-                    stream.set_read_timeout(Some(LONGEST))?;
-                    (Stream::Tcp(stream), address.to_string())
-                }
-                Endpoint::Socket(path) => {
-                    let stream = connect(path, LONGEST)?;
-                    stream.set_read_timeout(Some(LONGEST))?;
-                    (Stream::Unix(stream), "localhost".to_owned())
-                }
-            })
-        };
-        let (stream, host) = reach().map_err(|error| no_answer(&error))?;
+        let (stream, host) = reach(robot).map_err(|error| no_answer(&error))?;
         let request = format!("ws://{host}/api/{what}").into_client_request();
         let mut request = request.map_err(|error| Error::Refused(error.to_string()))?;
         if !robot.token.is_empty() {

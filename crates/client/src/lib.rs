@@ -26,6 +26,7 @@
 
 mod clock;
 mod connection;
+mod facts;
 mod inputs;
 pub mod robots;
 mod seat;

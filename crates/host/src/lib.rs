@@ -7,6 +7,7 @@
 //! - [`MonotonicClock`]: the clock that runners own.
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
 //! - [`doctor`]: whether the machine is fit for that, and what mends it.
+//! - [`ends_with_this`]: a program of ours that doesn't outlive us, however we end.
 //! - [`stop_on_signals`]: a clean end on Ctrl-C.
 //! - [`interface`]: which network interfaces there are, and whether their cables are in.
 //! - [`CountingAllocator`] and [`Namespace`]: for tests and benches that count allocations or need a cable.
@@ -15,6 +16,7 @@
 //! frame means.
 
 mod allocator;
+mod child;
 mod clock;
 pub mod doctor;
 mod ethtool;
@@ -29,6 +31,7 @@ pub mod real_time;
 mod stop;
 
 pub use allocator::CountingAllocator;
+pub use child::ends_with_this;
 pub use clock::MonotonicClock;
 pub use ethtool::EthtoolError;
 pub use interface::LinkState;

@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    check, decode, doctor, exchange, export, joystick, kinematics, live, margins, new, replay, report, run,
-    scan, sdo, sii, simulate,
+    bridge, check, decode, doctor, exchange, export, joystick, kinematics, live, margins, new, replay,
+    report, run, scan, sdo, sii, simulate,
 };
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use omnibase_robot::Registry;
@@ -36,6 +36,7 @@ pub enum Command {
     Drive(live::Drive),
     Watch(live::Watch),
     Top(live::Top),
+    Bridge(bridge::Arguments),
     Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),
     Scan(scan::Arguments),

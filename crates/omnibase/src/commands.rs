@@ -1,6 +1,7 @@
 //! One file per command, and what several of them do alike.
 
 pub mod at_robot;
+pub mod bridge;
 pub mod check;
 pub mod decode;
 pub mod doctor;
@@ -45,6 +46,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Drive(arguments) => live::drive(arguments, output),
         Command::Watch(arguments) => live::watch(arguments, output),
         Command::Top(arguments) => live::top(arguments, output),
+        Command::Bridge(arguments) => bridge::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments, output),
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),

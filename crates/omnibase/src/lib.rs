@@ -15,6 +15,7 @@
 //! crate. [`simulate`] drives a robot once, for tests.
 #![forbid(unsafe_code)]
 
+mod bridges;
 mod cli;
 mod commands;
 mod decode;

@@ -170,6 +170,7 @@ impl Check {
         self.joystick(&file.joystick);
         let events = simulation::resolve(self, &file.simulation, &file.drive, registry, read_file);
         self.run(&file.run);
+        self.bridges(&file.bridge);
         let recording = self.recording(&file.recording, file.bus.cycle_us);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
             self.reachable(reference, limits, registry);
@@ -203,6 +204,7 @@ impl Check {
             events: events?,
             run: file.run,
             recording,
+            bridges: file.bridge,
         };
         self.stages(&plan, registry);
         Some(plan)

@@ -254,7 +254,7 @@ impl Arguments {
             is_real || !all.real_time.is_wished(),
             "--realtime and --cpu are for --interface: without it time is virtual",
         )?;
-        all.operated.fill(table, folder)?;
+        all.operated.fill(&robot.plan, folder)?;
         Ok(all)
     }
 

@@ -1,9 +1,12 @@
 //! The tables `run` and `recording` against themselves; interfaces, devices and folders are looked for when a run begins.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
 use super::Check;
-use crate::config::{ProblemKind, RecordingPlan, RecordingTable, RunTable, Switch, TIME_IN_NAME};
+use crate::config::{
+    BridgeTable, ProblemKind, RecordingPlan, RecordingTable, RunTable, Switch, TIME_IN_NAME,
+};
 
 impl Check {
     pub(super) fn run(&mut self, table: &RunTable) {
@@ -48,6 +51,23 @@ impl Check {
             let reason = "nobody asks for a token where no page is served";
             self.report(ProblemKind::Contradiction, "run.token_file", reason).limit =
                 Some("run.dashboard beside it".into());
+        }
+    }
+
+    pub(super) fn bridges(&mut self, bridges: &BTreeMap<String, BridgeTable>) {
+        for (name, bridge) in bridges {
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            if name.is_empty() || !name.chars().all(is_plain) {
+                let reason = "a program has to be found by it";
+                let problem = self.report(ProblemKind::OutOfRange, &format!("bridge.{name}"), reason);
+                problem.value = Some(format!("\"{name}\""));
+                problem.limit = Some("letters, digits, `-` and `_`".into());
+            }
+            if bridge.program.as_deref() == Some("") {
+                let setting = format!("bridge.{name}.program");
+                let problem = self.report(ProblemKind::OutOfRange, &setting, "there is nothing of this name");
+                (problem.value, problem.limit) = (Some("\"\"".into()), Some("a name, or no such key".into()));
+            }
         }
     }
 

@@ -3,6 +3,8 @@
 //! What is missing or impossible is found by [`RobotPlan::check`](super::RobotPlan::check), so that all problems
 //! come at once. The bounds in the attributes stand in the JSON schema too and are checked when the file is read.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +15,7 @@ use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::problem::Problem;
 use super::reference_table::ReferenceTable;
-use super::run_tables::{RecordingTable, RunTable};
+use super::run_tables::{BridgeTable, RecordingTable, RunTable};
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
 
@@ -84,6 +86,8 @@ pub struct RobotFile {
     pub run: RunTable,
     /// What is recorded of each run.
     pub recording: RecordingTable,
+    /// Programs that join the robot with other systems, by their names; they are started with the run.
+    pub bridge: BTreeMap<String, BridgeTable>,
 }
 
 /// The bus and its cycle.

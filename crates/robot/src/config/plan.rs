@@ -1,5 +1,7 @@
 //! What a robot's file means once everything in it is resolved.
 
+use std::collections::BTreeMap;
+
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::start_up::ReadBack;
@@ -16,7 +18,7 @@ use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use super::reference_table::ReferenceTable;
-use super::run_tables::{RecordingPlan, RunTable};
+use super::run_tables::{BridgeTable, RecordingPlan, RunTable};
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
@@ -64,6 +66,8 @@ pub struct RobotPlan {
     pub run: RunTable,
     /// What is recorded of its runs; `None`: nothing.
     pub recording: Option<RecordingPlan>,
+    /// Programs that are started beside it, by their names.
+    pub bridges: BTreeMap<String, BridgeTable>,
 }
 
 impl RobotPlan {

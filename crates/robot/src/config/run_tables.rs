@@ -31,6 +31,19 @@ pub struct RunTable {
     pub joystick: Option<Switch>,
 }
 
+/// A program that `omnibase run` starts beside the robot, and again where it ends: `[bridge.ros2]`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct BridgeTable {
+    /// The program: one that stands beside `omnibase` or in PATH, or a path with a `/`, from the folder of the robot's file;
+    /// default: `omnibase-bridge-` with the bridge's name.
+    pub program: Option<String>,
+    /// What it is given, as `["--namespace", "/robot_1"]`; default: nothing.
+    pub arguments: Vec<String>,
+    /// Whether it is started; default: `true`.
+    pub enabled: Option<bool>,
+}
+
 /// Off, on, or on with something of one's own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]

@@ -203,6 +203,13 @@ impl<'s> Walk<'s> {
             let setting = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
             let span = key.span().start..value.span().end.max(key.span().end);
             self.locations.spans.insert(setting.clone(), (0, span));
+            if let Some(named) = schema.get("additionalProperties").filter(|named| named.is_object()) {
+                // Names of one's own, for tables that are all alike.
+                if let Some(value) = self.value(value, named, &setting) {
+                    known.insert(name.into(), value);
+                }
+                continue;
+            }
             let Some(properties) = properties else {
                 // A registered stage's own parameters: no schema here.
                 if let Some(value) = self.free(value, &setting) {

@@ -2,14 +2,16 @@
 
 use super::joystick_thread::JoystickThread;
 use crate::WrongUsage;
+use crate::bridges::{Bridge, Bridges};
 use crate::progress::note;
 use crate::token;
 use anyhow::Context;
-use omnibase_client::robots::{self, Endpoint, RunningRobot};
+use omnibase_client::robots::{self, Endpoint, Found, RunningRobot};
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
-use omnibase_robot::config::{RunTable, Switch};
+use omnibase_robot::RobotPlan;
+use omnibase_robot::config::Switch;
 use omnibase_robot::signals::StopCategory;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::Known;
@@ -78,17 +80,29 @@ pub struct Options {
     /// Take no joystick, whatever the robot's file says.
     #[arg(long, conflicts_with = "joystick")]
     no_joystick: bool,
+    /// Start no bridge, whatever the robot's file says.
+    #[arg(long)]
+    no_bridges: bool,
+    /// What the file's tables `bridge` want.
+    #[arg(skip)]
+    bridges: Vec<Bridge>,
 }
 
 /// What serves people while a robot runs.
 pub struct Operated {
+    /// They end before what they talk to.
+    _bridges: Option<Bridges>,
     _page: Option<Dashboard>,
     _joystick: Option<JoystickThread>,
 }
 
 impl Options {
     /// Takes over what the robot's file says where the command line says nothing; paths begin at the file's folder.
-    pub fn fill(&mut self, table: &RunTable, folder: &Path) -> anyhow::Result<()> {
+    pub fn fill(&mut self, plan: &RobotPlan, folder: &Path) -> anyhow::Result<()> {
+        let table = &plan.run;
+        if !self.no_bridges {
+            self.bridges = Bridges::wanted(&plan.bridges, folder)?;
+        }
         if let Some(served) = table.dashboard.as_ref().and_then(Switch::is_on)
             && self.dashboard.is_none()
             && !self.no_dashboard
@@ -122,7 +136,7 @@ impl Options {
 
     /// Whether people lead the robot.
     pub fn is_wanted(&self) -> bool {
-        self.dashboard.is_some() || self.joystick.is_some()
+        self.dashboard.is_some() || self.joystick.is_some() || !self.bridges.is_empty()
     }
 
     /// Starts what is wanted. On virtual time a run that nobody leads is over before it could answer anybody.
@@ -156,6 +170,9 @@ impl Options {
             Some(address) => Some(self.serve(address, live, about)?),
             None => match serve_owner(live, about) {
                 Ok(page) => Some(page),
+                Err(error) if !self.bridges.is_empty() => {
+                    return Err(error.context("a place for the bridges"));
+                }
                 Err(error) => {
                     note(format_args!("warning: `omnibase get` won't reach this robot: {error:#}"));
                     None
@@ -168,10 +185,15 @@ impl Options {
             }
             end.stand_beside_plan();
         }
-        Ok(Some((Operated { _page: page, _joystick: joystick }, end)))
+        let (page, found) = page.unzip();
+        let bridges = match found {
+            Some(found) if !self.bridges.is_empty() => Some(Bridges::start(self.bridges.clone(), &found)?),
+            _ => None,
+        };
+        Ok(Some((Operated { _bridges: bridges, _page: page, _joystick: joystick }, end)))
     }
 
-    fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
+    fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<(Dashboard, Found)> {
         let mut access = Access::new(address).context("making a token")?;
         if let Some(token) = token::given(self.token_file.as_deref())? {
             access.token = token;
@@ -191,18 +213,20 @@ impl Options {
         if let Some(error) = unfound {
             note(format_args!("warning: `omnibase get` won't find this robot: {error}"));
         }
-        Ok(dashboard)
+        let found =
+            Found { robot: name, place: Endpoint::Address(dashboard.address), token: access.token.clone() };
+        Ok((dashboard, found))
     }
 }
 
 /// Serves the commands of the robot's own user, by a socket.
-fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<Dashboard> {
+fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<(Dashboard, Found)> {
     let socket = robots::socket()?;
     let name = about.robot.plan.name.clone();
     let running = RunningRobot::announce(&name, Endpoint::Socket(socket.clone()), "")?;
     let dashboard = Dashboard::start_for_owner(&socket, live, about)?;
     dashboard.keep(running);
-    Ok(dashboard)
+    Ok((dashboard, Found { robot: name, place: Endpoint::Socket(socket), token: String::new() }))
 }
 
 /// Whoever connects may read: that is for this machine alone.
