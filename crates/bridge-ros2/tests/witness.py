@@ -70,10 +70,10 @@ def what_is_wrong_moves_nothing(w):
         "infinity": lambda: changed(lambda m: setattr(m.twist.angular, "z", math.inf)),
         "1e308": lambda: changed(lambda m: setattr(m.twist.linear, "y", 1e308)),
         "NaN where nothing is driven": lambda: changed(lambda m: setattr(m.twist.angular, "x", math.nan)),
-        "a stamp of a second ago": lambda: w.stamped(age=1.0),
+        "a stamp of three seconds ago": lambda: w.stamped(age=3.0),
         "a stamp of 1970": lambda: changed(lambda m: stamp(m, 1)),
         "no stamp": lambda: changed(lambda m: (stamp(m, 0), setattr(m.header.stamp, "nanosec", 0))),
-        "a stamp of a second ahead": lambda: w.stamped(age=-1.0),
+        "a stamp of three seconds ahead": lambda: w.stamped(age=-3.0),
         "a stamp of 2038": lambda: changed(lambda m: stamp(m, 2**31 - 1)),
     }
     for what, message in cases.items():
@@ -120,6 +120,7 @@ def two_publishers_move_nothing(w):
     # A second one that comes while the first drives ends that.
     two = w.node.create_publisher(TwistStamped, "cmd_vel", 10)
     w.until("it rests", lambda: w.speed() < RESTS_M_S, each=lambda: one.publish(w.stamped()))
+    w.came(1)
     w.gone(one, two)
 
 
@@ -323,7 +324,7 @@ def the_pose_is_set_and_measured(w):
     assert 5e-5 < w.odom[-1].pose.covariance[0] < 2e-4, w.odom[-1].pose.covariance[0]
     publisher.publish(pose(0.0, 0.0))
     w.until("it stands at the beginning", lambda: abs(x()) < 1e-3)
-    w.gone(publisher)
+    w.node.destroy_publisher(publisher)
 
 
 def services_ask_the_robot(w):

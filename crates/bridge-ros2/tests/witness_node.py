@@ -4,6 +4,7 @@ import math
 import time
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -44,6 +45,20 @@ class Witness:
         self.joints = []
         self.odom_subscription = self.node.create_subscription(Odometry, "odom", self.odom.append, 1000)
         self.node.create_subscription(JointState, "joint_states", self.joints.append, 1000)
+        # Publishers of cmd_vel that are there, and that the bridge says it knows.
+        self.publishers, self.known_publishers = 0, None
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self.diagnosed, 10)
+
+    def diagnosed(self, message):
+        (bridge,) = [status for status in message.status if status.name.endswith(": bridge")]
+        (count,) = [one.value for one in bridge.values if one.key == "cmd_vel_publishers"]
+        self.known_publishers = int(count)
+
+    def came(self, count):
+        """So many publishers of cmd_vel came, or went: until the bridge knows."""
+        self.publishers += count
+        self.known_publishers = None
+        self.until("the bridge knows who publishes cmd_vel", lambda: self.known_publishers == self.publishers)
 
     def spin(self, seconds):
         until = time.monotonic() + seconds
@@ -99,14 +114,14 @@ class Witness:
     def publisher(self, kind, topic="cmd_vel"):
         publisher = self.node.create_publisher(kind, topic, 10)
         self.until(f"{topic} is heard", lambda: publisher.get_subscription_count() > 0)
-        # Until the bridge knows it too.
-        self.spin(0.5)
+        if topic == "cmd_vel":
+            self.came(1)
         return publisher
 
     def unheard(self, kind):
         """A publisher of cmd_vel with which ROS 2 itself matches no reader: its type is another one."""
         other = Other(kind)
-        self.spin(1.0)
+        self.came(1)
         assert other.publisher.get_subscription_count() == 0, kind
         return other
 
@@ -116,7 +131,7 @@ class Witness:
                 publisher.end()
             else:
                 self.node.destroy_publisher(publisher)
-        self.spin(0.5)
+        self.came(-len(publishers))
 
     def moves_nothing(self, what, seconds, each):
         """No wheel moves while something is done fifty times a second."""
