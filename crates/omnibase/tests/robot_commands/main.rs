@@ -307,6 +307,16 @@ fn a_path_out_of_the_fence_ends_with_that_reason() {
 }
 
 #[test]
+fn a_run_that_never_came_to_its_path_prints_no_errors_of_it() {
+    let failed = "simulation.event=[{kind=\"drive_fault\",at_s=0.002,drive=\"wheel_1\",error_code=8976}]";
+    let run = ["run", "robots/bmm.toml", "--circle", "radius_m=0.3,duration_s=8", "--set", failed];
+    let (code, text) = refused(&run);
+    assert_eq!(code, Some(1), "{text}");
+    assert!(text.contains("events\n") && text.contains("a drive failed"), "{text}");
+    assert!(!text.contains("tracking error") && !text.contains(" -\n"), "{text}");
+}
+
+#[test]
 fn a_way_that_is_blocked_ends_with_that_reason() {
     let folder = Folder::new("robot-blocked");
     let robot = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();

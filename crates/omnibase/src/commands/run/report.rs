@@ -6,17 +6,10 @@ use std::io::{self, Write};
 
 /// Prints it.
 pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
-    writeln!(output, "{:<22} {:>12} {:>12}", "tracking error", "believed", "true")?;
-    for (name, figure) in [
-        ("  final", summary.final_error_m),
-        ("  RMS", summary.rms_error_m),
-        ("  greatest", summary.max_error_m),
-    ] {
-        let BelievedAndTrue { believed, truth } = figure;
-        writeln!(output, "{name:<22} {:>12} {:>12}", millimetres(believed), millimetres(truth))?;
+    // A run that ended before it followed anything has no errors.
+    if summary.final_error_m.believed.is_some() {
+        print_errors(summary, output)?;
     }
-    let heading = summary.final_heading_error_rad.map(|rad| format!("{:.3} mrad", 1e3 * rad));
-    writeln!(output, "{:<22} {:>12}", "final heading error", heading.unwrap_or_else(|| "-".to_owned()))?;
     writeln!(output, "{:<22} {:>12}", "cycles", summary.cycles)?;
     writeln!(output, "{:<22} {:>12}", "lost frames", summary.lost_frames)?;
     writeln!(output, "{:<22} {:>12}", "overruns", summary.overruns)?;
@@ -35,6 +28,20 @@ pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
         writeln!(output, "  {:>10.3} s  {}", event.time_s, event.text)?;
     }
     Ok(())
+}
+
+fn print_errors(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
+    writeln!(output, "{:<22} {:>12} {:>12}", "tracking error", "believed", "true")?;
+    for (name, figure) in [
+        ("  final", summary.final_error_m),
+        ("  RMS", summary.rms_error_m),
+        ("  greatest", summary.max_error_m),
+    ] {
+        let BelievedAndTrue { believed, truth } = figure;
+        writeln!(output, "{name:<22} {:>12} {:>12}", millimetres(believed), millimetres(truth))?;
+    }
+    let heading = summary.final_heading_error_rad.map(|rad| format!("{:.3} mrad", 1e3 * rad));
+    writeln!(output, "{:<22} {:>12}", "final heading error", heading.unwrap_or_else(|| "-".to_owned()))
 }
 
 fn millimetres(metres: Option<f64>) -> String {
