@@ -4,7 +4,7 @@ use serde_json::json;
 
 use crate::browser::Browser;
 use crate::robot::Robot;
-use crate::{browser, opened, press};
+use crate::{HIT, browser, opened, press, until};
 
 const BMM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 const HOLDS: &str = "document.getElementById('phase').textContent === 'holding'";
@@ -43,6 +43,20 @@ fn theme(page: &mut Browser, name: &str) {
 
 fn key(page: &mut Browser, what: &str, key: &str) {
     page.ask("Input.dispatchKeyEvent", json!({ "type": what, "key": key, "code": key }));
+}
+
+/// Holds a key at a stick until that brings something. On a busy machine the stick may be lost meanwhile, as it shall be; then it is
+/// enabled and taken again.
+fn held(page: &mut Browser, stick: &str, name: &str, mut brings: impl FnMut(&mut Browser) -> bool) {
+    until(page, stick, |page| {
+        if page.value("document.getElementById('enable-stick').hidden") == json!(false) {
+            press(page, "#enable-stick", "document.getElementById('enable-stick').hidden");
+        }
+        page.value(&format!("document.getElementById('{stick}').focus()"));
+        key(page, "keyUp", name);
+        key(page, "keyDown", name);
+        brings(page)
+    });
 }
 
 #[test]
@@ -87,23 +101,15 @@ fn the_stick_is_held_by_arrow_keys_and_let_go_with_them() {
     page.open(&robot.url());
     opened(&mut page);
     press(&mut page, "[data-do=enable]", HOLDS);
-    page.value("document.getElementById('stick').focus()");
-    // On a busy machine the stick may be lost while it is held, as it shall be; then it is taken again.
-    crate::until(&mut page, "it drives forward", |page| {
-        if page.value("document.getElementById('enable-stick').hidden") == json!(false) {
-            press(page, "#enable-stick", "document.getElementById('enable-stick').hidden");
-            page.value("document.getElementById('stick').focus()");
-        }
-        key(page, "keyUp", "ArrowUp");
-        key(page, "keyDown", "ArrowUp");
-        robot.is_true_within(|robot| robot.value("state/twist_in_body_x_m_s") > 0.1, crate::HIT)
+    held(&mut page, "stick", "ArrowUp", |_| {
+        robot.is_true_within(|robot| robot.value("state/twist_in_body_x_m_s") > 0.1, HIT)
     });
     key(&mut page, "keyUp", "ArrowUp");
     robot.wait("it holds again", |robot| robot.speed_m_s() < 1e-3 && robot.read("now")["phase"] == "holding");
     // A window that loses the focus lets go.
-    page.value("document.getElementById('turn').focus()");
-    key(&mut page, "keyDown", "ArrowLeft");
-    page.wait("document.getElementById('turn').classList.contains('held')");
+    held(&mut page, "turn", "ArrowLeft", |page| {
+        page.is_true_within("document.getElementById('turn').classList.contains('held')", HIT)
+    });
     page.value("window.dispatchEvent(new Event('blur'))");
     page.wait("!document.getElementById('turn').classList.contains('held')");
 }
