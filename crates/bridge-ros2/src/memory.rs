@@ -1,6 +1,8 @@
 //! That a person stopped the robot under the bridge, kept for the bridge that is started in its place.
 
-use std::fs;
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
@@ -35,7 +37,16 @@ impl Memory {
     /// Keeps it. Where that can't be written the bridge itself knows it still.
     pub fn keep(&mut self, clock_ms: u64, why: &str) {
         let text = format!("{} {why}", began(clock_ms));
-        if let Err(error) = fs::write(&self.path, text) {
+        // In a folder that is everybody's the name may be somebody's link to elsewhere.
+        let flags = rustix::fs::OFlags::NOFOLLOW.bits() as i32;
+        let file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .mode(0o600)
+            .custom_flags(flags)
+            .open(&self.path);
+        if let Err(error) = file.and_then(|mut file| file.write_all(text.as_bytes())) {
             eprintln!("warning: {}: {error}", self.path.display());
         }
         self.is_there = true;
@@ -68,6 +79,11 @@ mod tests {
         assert_eq!(memory().read(5000), None);
         memory().keep(5000, "a stop was asked for");
         assert_eq!(memory().read(5100).as_deref(), Some("a stop was asked for"));
+        // A link isn't followed.
+        let (link, elsewhere) = (folder.path().join("link"), folder.path().join("elsewhere"));
+        std::os::unix::fs::symlink(&elsewhere, &link).unwrap();
+        Memory { path: link, is_there: false }.keep(5000, "a stop was asked for");
+        assert!(!elsewhere.exists());
         // Another run.
         assert_eq!(memory().read(100), None);
         let mut next = memory();
