@@ -339,7 +339,7 @@ impl Actions {
             {
                 motion.is_cancelled = true;
                 if matches!(motion.stage, Stage::Begins(_) | Stage::Follows(_)) {
-                    seat.ask(json!({ "do": "stop", "category": "category_2" }), Instant::now())?;
+                    seat.ask(json!({ "do": "end_motion" }), Instant::now())?;
                 }
             }
             match self.ports[action].next_goal(situation, &self.about) {

@@ -10,7 +10,6 @@ use crate::actions::{Actions, Situation};
 use crate::clock::Clock;
 use crate::command::{Commands, Wish};
 use crate::loud::Loud;
-use crate::memory::Memory;
 use crate::news::News;
 use crate::node::Ros;
 use crate::parameters::Parameters;
@@ -33,8 +32,6 @@ const WATCH: Duration = Duration::from_millis(100);
 pub struct Desk {
     /// The node.
     pub ros: Ros,
-    /// What is kept for the next bridge.
-    pub memory: Memory,
     /// The seat at the robot.
     pub seat: Seat,
     /// `cmd_vel`.
@@ -62,10 +59,8 @@ pub struct Desk {
 struct Drive {
     wish: Option<Wish>,
     said: Option<Instant>,
-    /// Why nothing is driven until a person says so.
-    stopped: Option<String>,
-    /// The robot's clock, as it was told last, ms; nothing before the first word.
-    clock_ms: Option<u64>,
+    /// Whether the robot said how it stands: before that nobody knows whether the stick may drive.
+    is_told: bool,
 }
 
 impl Desk {
@@ -98,10 +93,7 @@ impl Desk {
             self.hear_commands(&mut drive, &mut loud, (now, waited));
             self.drive(&mut drive, &mut loud, now)?;
             let phase = situation.as_ref().map_or("", |situation: &Situation| situation.phase.as_str());
-            if self.services.take(&mut self.seat, (phase, self.parameters.path_name()))? {
-                drive.stopped = None;
-                self.memory.forget();
-            }
+            self.services.take(&mut self.seat, (phase, self.parameters.path_name()))?;
             self.parameters.take(&mut self.seat)?;
             let mut refused = self.poses.take(&mut self.seat, &self.clock, now)?;
             if let Some(situation) = &situation {
@@ -112,15 +104,13 @@ impl Desk {
                     self.ros.warn(&words);
                 }
             }
-            let is_quiet = drive.said.is_none() || drive.stopped.is_some();
-            if is_quiet && now.saturating_duration_since(lived) > LIVE {
+            if drive.said.is_none() && now.saturating_duration_since(lived) > LIVE {
                 lived = now;
-                self.seat.live()?;
+                // One that came too late doesn't count as let go.
+                self.seat.let_go()?;
             }
-            if let Some((said, clock_ms)) = self.hear_robot(&mut loud, now)? {
-                if drive.clock_ms.replace(clock_ms).is_none() {
-                    drive.stopped = self.memory.read(clock_ms);
-                }
+            if let Some(said) = self.hear_robot(&mut loud, now)? {
+                drive.is_told = true;
                 self.actions.look(&said);
                 situation = Some(said);
             }
@@ -155,26 +145,24 @@ impl Desk {
         };
         match drive.wish {
             Some(wish) if is_due(drive.said, RENEW) => {
-                if drive.stopped.is_none() && drive.clock_ms.is_some() {
-                    match self.seat.drive(wish.twist, wish.frame, now) {
-                        Err(omnibase_client::Error::Stopped(why)) => {
-                            self.memory.keep(drive.clock_ms.unwrap_or(0), &why);
-                            drive.stopped = Some(why);
-                        }
-                        said => {
-                            said?;
-                            drive.said = Some(now);
+                if !drive.is_told {
+                    return Ok(());
+                }
+                match self.seat.drive(wish.twist, wish.frame, now) {
+                    Err(omnibase_client::Error::Stopped(why)) => {
+                        drive.said = None;
+                        let words = || {
+                            format!(
+                                "cmd_vel moves nothing: the robot was stopped ({why}); the service `enable` lets it drive again"
+                            )
+                        };
+                        if let Some(words) = loud.say("stopped", words, now) {
+                            self.ros.warn(&words);
                         }
                     }
-                }
-                if let Some(why) = &drive.stopped {
-                    let words = || {
-                        format!(
-                            "cmd_vel moves nothing: the robot was stopped ({why}); the service `enable` lets it drive again"
-                        )
-                    };
-                    if let Some(words) = loud.say("stopped", words, now) {
-                        self.ros.warn(&words);
+                    said => {
+                        said?;
+                        drive.said = Some(now);
                     }
                 }
             }
@@ -186,7 +174,7 @@ impl Desk {
     }
 
     /// Hears what the robot says; how it stands, where it says that.
-    fn hear_robot(&mut self, loud: &mut Loud, now: Instant) -> anyhow::Result<Option<(Situation, u64)>> {
+    fn hear_robot(&mut self, loud: &mut Loud, now: Instant) -> anyhow::Result<Option<Situation>> {
         let mut situation = None;
         while let Some(heard) = self.seat.hear(Duration::ZERO)? {
             match heard {
@@ -208,7 +196,7 @@ impl Desk {
                             commands.objection(now).map(|refusal| refusal.words(commands.expected()));
                         (commands.publishers(), objection)
                     });
-                    situation = Situation::of(&status, &self.columns).zip(status["stamp"].as_u64());
+                    situation = Situation::of(&status, &self.columns);
                 }
             }
         }

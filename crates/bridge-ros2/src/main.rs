@@ -15,7 +15,6 @@ mod description;
 mod desk;
 mod diagnostics;
 mod loud;
-mod memory;
 mod messages;
 mod news;
 mod node;
@@ -61,7 +60,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         facts.simulated || !arguments.sim_time,
         "--sim-time is for a simulated robot, and this one is real"
     );
-    let seat = Seat::take(&found)?;
+    let mut seat = Seat::take(&found)?;
+    seat.recover()?;
     let clock = Clock::new(if arguments.sim_time { Kind::Robot } else { Kind::System });
     let mut ros = Ros::join(arguments)?;
     let commands = command::Commands::new(&mut ros, arguments)?;
@@ -78,10 +78,8 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .spawn(move || tell_end.send(teller.tell()))
         .context("starting a thread")?;
     eprintln!("{} at {} is {} in ROS 2's graph", facts.name, found.place, ros.full_name());
-    let memory = memory::Memory::new(&ros.full_name());
     Desk {
         ros,
-        memory,
         seat,
         commands,
         clock,

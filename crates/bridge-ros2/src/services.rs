@@ -84,16 +84,14 @@ impl Services {
         })
     }
 
-    /// Takes what is asked now; whether somebody enabled the bridge's stick. `path_name` is the path that is loaded, or taught.
+    /// Takes what is asked now. `path_name` is the path that is loaded, or taught.
     pub fn take(
         &mut self,
         seat: &mut Seat,
         (phase, path_name): (&str, &str),
-    ) -> Result<bool, omnibase_client::Error> {
-        let mut is_enabled = false;
+    ) -> Result<(), omnibase_client::Error> {
         for (at, (name, call, server)) in self.plain.iter().enumerate() {
             while let Ok(Some((id, _))) = server.receive_request() {
-                is_enabled |= matches!(*name, "enable" | "enable_stick");
                 let number = match *name {
                     // Whoever enables looked at the robot: that holds for this bridge's stick too.
                     "enable" if phase == "disabled" => {
@@ -122,7 +120,7 @@ impl Services {
                 }
             }
         }
-        Ok(is_enabled)
+        Ok(())
     }
 
     /// Hands an answer to who waits for it; whether somebody did.

@@ -92,7 +92,7 @@ impl Robot {
     }
 
     /// Waits until something is there.
-    fn wait<T>(&self, what: &str, look: impl Fn(&Robot) -> Option<T>) -> T {
+    fn wait<T>(&self, what: &str, mut look: impl FnMut(&Robot) -> Option<T>) -> T {
         let begun = Instant::now();
         loop {
             if let Some(found) = look(self) {
@@ -122,6 +122,19 @@ impl Robot {
         let now = self.found.read("now").unwrap();
         let value = |name: &str| now["values"][name].as_f64().unwrap_or(f64::NAN);
         value("state/twist_in_body_x_m_s").hypot(value("state/twist_in_body_y_m_s"))
+    }
+
+    /// It stands though somebody publishes; the bridge said so often why.
+    fn drives_nothing(&self, times: usize) {
+        self.wait("it says why", |robot| {
+            (robot.said().matches("cmd_vel moves nothing").count() >= times).then_some(())
+        });
+        self.wait("it rests", |robot| (robot.speed_m_s() < 5e-3).then_some(()));
+        let seen = self.now()["counts"][0].as_u64().unwrap();
+        while self.now()["counts"][0].as_u64().unwrap() < seen + 1000 {
+            assert!(self.speed_m_s() < 5e-3, "{} m/s", self.speed_m_s());
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     fn now(&self) -> Value {
@@ -177,6 +190,11 @@ fn real_ros_2_sees_it_drives_it_and_cannot_make_it_move_wrongly() {
     }
 }
 
+fn stop(person: &mut Seat) {
+    let number = person.ask(json!({ "do": "stop", "category": "category_2" }), Instant::now()).unwrap();
+    assert!(person.answer(number, LONGEST).unwrap().done);
+}
+
 #[test]
 fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
     let _one = ONE.lock();
@@ -185,6 +203,7 @@ fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
     let driver = robot.witness(&python, &["drive_on"]);
     let drives = |robot: &Robot| (robot.speed_m_s() > 0.1).then_some(());
     let rests = |robot: &Robot| (robot.speed_m_s() < 5e-3).then_some(());
+    let said = |robot: &Robot| robot.said().matches("cmd_vel moves nothing").count();
     robot.wait("it drives", drives);
     for (times, signals) in [(2, &["-KILL"][..]), (3, &["-STOP", "-CONT"])] {
         let bridge = robot.bridge(times - 1);
@@ -202,20 +221,25 @@ fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
     assert_eq!(robot.now()["phase"], "tracking");
     // A person stops it, and then the bridge is killed: the next one drives nothing, whatever is published on.
     let mut person = Seat::take(&robot.found).unwrap();
-    let number = person.ask(json!({ "do": "stop", "category": "category_2" }), Instant::now()).unwrap();
-    assert!(person.answer(number, LONGEST).unwrap().done);
-    robot.wait("the bridge knows", |robot| robot.said().contains("cmd_vel moves nothing").then_some(()));
-    robot.wait("it rests", rests);
+    person.recover().unwrap();
+    stop(&mut person);
+    robot.drives_nothing(1);
     signal("-KILL", robot.bridge(3));
     let bridge = robot.bridge(4);
-    robot.wait("it says why", |robot| {
-        (robot.said().matches("cmd_vel moves nothing").count() > 1).then_some(())
+    robot.drives_nothing(said(&robot) + 1);
+    robot.wait("it is enabled", |_| {
+        // It heard nothing for long: its clock must be told anew.
+        while person.hear(Duration::from_millis(50)).unwrap().is_none() {}
+        while person.hear(Duration::ZERO).unwrap().is_some() {}
+        let number = person.enable_stick().unwrap();
+        person.answer(number, LONGEST).unwrap().done.then_some(())
     });
-    let seen = robot.now()["counts"][0].as_u64().unwrap();
-    while robot.now()["counts"][0].as_u64().unwrap() < seen + 1000 {
-        assert!(robot.speed_m_s() < 5e-3, "{} m/s", robot.speed_m_s());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    robot.wait("it drives again", drives);
+    // It is killed, and a person stops the robot before the next one is there.
+    signal("-KILL", bridge);
+    stop(&mut person);
+    let bridge = robot.bridge(5);
+    robot.drives_nothing(said(&robot) + 1);
     drop(driver);
     // The run is killed: its bridge doesn't outlive it.
     signal("-KILL", robot.process.id());

@@ -45,10 +45,10 @@ pub enum Heard {
 /// A seat at a robot: a session among those of its pages, with a stick of its own.
 ///
 /// A twist counts from the instant at which it was meant, or the last news of the robot before it (30 times a second), for
-/// `safety.command_age_ms`. Where none follows it, or the program
-/// says nothing at all for a second, the stick is lost: the robot stops, and somebody has to enable it again
-/// ([`Seat::enable_stick`]). A program that has nothing more to say for now lets go, and may drive again by itself. Whatever
-/// else stops the robot while it follows the stick ends the seat's drive too, until the stick is enabled.
+/// `safety.command_age_ms`. Where none follows it, or the program says nothing at all for a second, the stick is lost: the robot
+/// stops, and somebody has to enable it again ([`Seat::enable_stick`]), but after [`Seat::recover`]. A program that has nothing
+/// more to say for now lets go, and may drive again by itself. Whatever else stops the robot while it follows the stick ends the
+/// seat's drive too, until the stick is enabled.
 pub struct Seat {
     connection: Connection,
     clock: RobotClock,
@@ -57,6 +57,7 @@ pub struct Seat {
     name: String,
     stick_bit: Option<u64>,
     is_blocked: bool,
+    recovers: bool,
     hand: Hand,
     /// Why the robot stopped while this program drove it.
     stopped: Option<String>,
@@ -86,6 +87,7 @@ impl Seat {
             name: String::new(),
             stick_bit: None,
             is_blocked: false,
+            recovers: false,
             hand: Hand::Off,
             stopped: None,
             number: 0,
@@ -110,6 +112,14 @@ impl Seat {
     /// Whether this program's stick was lost, and has to be enabled.
     pub fn is_blocked(&self) -> bool {
         self.is_blocked
+    }
+
+    /// From now on this seat drives again by itself after a silence, once twists come again: for a program that hands on what
+    /// others say. Whatever else stops the robot, whether this seat drives or not, ends its drive until its stick is enabled.
+    pub fn recover(&mut self) -> Result<(), Error> {
+        self.recovers = true;
+        self.say(json!({ "do": "recover_stick" }), None)?;
+        self.let_go()
     }
 
     /// Holds a twist: vx m/s, vy m/s, turn rad/s, as it was meant at an instant; [`Error::Stopped`] once something else than
@@ -207,16 +217,28 @@ impl Seat {
         }
         let Some(commander) = said["commander"].as_str() else { return };
         let drives = said["by_stick"] == true && commander == self.name;
-        match (self.hand, drives) {
-            (Hand::On, true) => self.hand = Hand::Drives,
-            (Hand::Drives, false) => {
-                let words = |key: &str| said[key].as_str().filter(|text| !text.is_empty());
-                let why = words("stop_reason").or(words("phase")).unwrap_or("it doesn't say why");
-                (self.hand, self.stopped) = (Hand::Off, Some(why.to_owned()));
+        let is_lost = match (self.hand, drives) {
+            (Hand::On, true) => {
+                self.hand = Hand::Drives;
+                false
             }
-            _ => {}
+            (before, _) => before == Hand::Drives && !drives,
+        };
+        if is_lost {
+            self.hand = Hand::Off;
         }
+        // The robot itself knows which stops a seat may not end that recovers.
+        self.stopped = match (self.recovers, self.is_blocked, is_lost) {
+            (true, true, _) | (false, _, true) => self.stopped.take().or_else(|| Some(why_stopped(said))),
+            (true, false, _) => None,
+            (false, _, false) => self.stopped.take(),
+        };
     }
+}
+
+fn why_stopped(said: &Value) -> String {
+    let words = |key: &str| said[key].as_str().filter(|text| !text.is_empty());
+    words("stop_reason").unwrap_or("somebody stopped it").to_owned()
 }
 
 fn read(message: &Message) -> Result<Value, Error> {

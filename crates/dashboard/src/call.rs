@@ -39,6 +39,8 @@ pub enum Call {
     },
     /// Go the straight way to where the reference begins.
     GoToStart,
+    /// End the motion that this session began, and nobody else's; the robot comes to rest and holds.
+    EndMotion,
     /// Stop: `category_0`, `category_1` or `category_2` of IEC 60204-1.
     Stop {
         /// How.
@@ -93,6 +95,9 @@ pub enum Call {
     LoseStick,
     /// The page's own stick, which was lost, may command again.
     EnableStick,
+    /// From now on the session's stick drives again by itself after a silence, as a program's does that hands on what others
+    /// say; whatever else stops the robot blocks it until it is enabled.
+    RecoverStick,
     /// The joystick at the robot's computer, which was lost or stopped, may command again once it was let go.
     EnableJoystick,
     /// Put an obstacle on the floor, or move the one that is there.
@@ -249,7 +254,7 @@ impl Message {
 impl Call {
     /// Whether it ends a motion, and begins none.
     pub(crate) fn stops(&self) -> bool {
-        matches!(self, Call::Stop { .. } | Call::EmergencyStop | Call::StopAxis { .. })
+        matches!(self, Call::Stop { .. } | Call::EndMotion | Call::EmergencyStop | Call::StopAxis { .. })
     }
 
     /// Whether carrying it out takes more than a moment: it computes, or reads files.
@@ -276,6 +281,8 @@ impl Call {
             | Call::Drive { .. }
             | Call::ReleaseStick
             | Call::LoseStick
+            | Call::RecoverStick
+            | Call::EndMotion
             | Call::EnableStick
             | Call::EnableJoystick
             | Call::SetObstacle { .. }
@@ -302,6 +309,7 @@ impl Call {
         matches!(
             self,
             Call::Stop { .. }
+                | Call::EndMotion
                 | Call::EmergencyStop
                 | Call::StopAxis { .. }
                 | Call::Release
@@ -310,6 +318,7 @@ impl Call {
                 | Call::Drive { .. }
                 | Call::ReleaseStick
                 | Call::LoseStick
+                | Call::RecoverStick
                 | Call::SendInputs { .. }
                 | Call::Alive
         )

@@ -115,6 +115,7 @@ impl CallHandler {
             }
             Call::GoToStart => robot(RequestKind::GoTo { odom_from_body: self.start()? }),
             Call::Stop { category: name } => robot(RequestKind::Stop(category(name))),
+            Call::EndMotion => Ask::EndMotion,
             Call::EmergencyStop => Ask::EmergencyStop,
             Call::Release => Ask::ReleaseEmergencyStop,
             Call::Controller { name } => {
@@ -161,6 +162,7 @@ impl CallHandler {
             }
             Call::ReleaseStick => return self.send_silently(asker, Ask::Stick(StickWish::Released)),
             Call::LoseStick => return self.send_silently(asker, Ask::Stick(StickWish::Lost)),
+            Call::RecoverStick => return self.send_silently(asker, Ask::RecoverStick),
             Call::Alive => return self.send_silently(asker, Ask::Alive),
             Call::EnableStick => Ask::EnableStick(asker.client),
             Call::EnableJoystick => Ask::EnableStick(Client::Joystick),

@@ -12,7 +12,7 @@ use crate::states::{StatesBegin, Wanted};
 use crate::status::{EventSeen, StatusMessage};
 
 /// The API's version: the first number changes where a client of before would no longer work.
-pub const VERSION: &str = "1.1.0";
+pub const VERSION: &str = "1.2.0";
 
 /// Where schemas stand in the description.
 const SCHEMAS: &str = "/components/schemas";

@@ -267,6 +267,7 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
             | Call::Drive { .. }
             | Call::ReleaseStick
             | Call::LoseStick
+            | Call::RecoverStick
             | Call::EnableStick
             | Call::Alive
     );

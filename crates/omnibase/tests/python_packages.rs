@@ -94,7 +94,7 @@ fn a_client_of_the_description_alone_drives_the_robot() {
     let drove: serde_json::Value = serde_json::from_slice(&drove.unwrap()).unwrap();
     println!("{drove}");
     assert_eq!(drove["done"], serde_json::json!(["enable", "load", "track", "stop"]));
-    assert_eq!((&drove["unknown"], &drove["api"]), (&400.into(), &"1.1.0".into()));
+    assert_eq!((&drove["unknown"], &drove["api"]), (&400.into(), &"1.2.0".into()));
     assert_eq!(drove["on_page"], drove["calls"], "the page for people has them all");
     assert!(drove["calls"].as_array().unwrap().len() > 25, "{}", drove["calls"]);
 }

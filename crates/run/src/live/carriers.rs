@@ -264,7 +264,7 @@ impl Live {
         }
         match &ask {
             Ask::EmergencyStop | Ask::PagesLost | Ask::Robot(RequestKind::Stop(_)) => sending.stops += 1,
-            Ask::Gone => {
+            Ask::Gone | Ask::EndMotion => {
                 if let Client::Page(number) = client
                     && let Some(ended) = sending.ended.get_mut(usize::from(number))
                 {

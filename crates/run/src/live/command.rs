@@ -83,6 +83,10 @@ pub enum Ask {
     Stick(StickWish),
     /// The stick of this client, which was lost or withdrawn, may command again once it was let go.
     EnableStick(Client),
+    /// From now on the session's stick drives again by itself after a silence; whatever else stops the robot blocks it.
+    RecoverStick,
+    /// The motion that the session began shall end, and nobody else's.
+    EndMotion,
     /// The session is alive.
     Alive,
     /// A session begins under this number.
@@ -99,6 +103,7 @@ impl Ask {
         matches!(
             self,
             Ask::EmergencyStop
+                | Ask::EndMotion
                 | Ask::Gone
                 | Ask::PagesLost
                 | Ask::Robot(RequestKind::Stop(_))

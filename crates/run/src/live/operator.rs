@@ -7,7 +7,9 @@ mod authors;
 mod sticks;
 mod stops;
 
-use omnibase_robot::signals::{AxisAsk, Batch, CycleRecord, Phase, RequestAnswer, StopCategory};
+use omnibase_robot::signals::{
+    AxisAsk, Batch, CycleRecord, Phase, RequestAnswer, SafetyReason, StopCategory,
+};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Request, RequestKind};
 
@@ -81,6 +83,10 @@ pub struct Operator {
     sessions: [Option<u64>; MAX_SESSIONS],
     commander: Commander,
     is_emergency: bool,
+    /// Something else than letting go and a program's silence stopped the robot, and nobody enabled programs since.
+    programs_wait: bool,
+    /// Why the robot stopped, as it said last.
+    stop_reason: SafetyReason,
     stop: Option<(StopCategory, Client, u64)>,
     waiting: std::collections::VecDeque<Waiting>,
     /// The next of the values that were heard last and belong together.
@@ -109,6 +115,8 @@ impl Operator {
             sessions: [None; MAX_SESSIONS],
             commander: Commander::Nobody,
             is_emergency: false,
+            programs_wait: false,
+            stop_reason: SafetyReason::None,
             stop: None,
             waiting: std::collections::VecDeque::with_capacity(MOST_WAITING),
             next_of_batch: None,
@@ -165,12 +173,13 @@ impl Operator {
 
     /// Whether a client's stick is blocked until a person enables it.
     pub fn is_blocked(&self, client: Client) -> bool {
-        stick_of(client).is_some_and(|stick| self.sticks[stick].is_blocked)
+        stick_of(client).is_some_and(|stick| self.waits_to_be_enabled(&self.sticks[stick]))
     }
 
     /// Sticks that are blocked, as bits: bit 0 the joystick's, then the pages'.
     pub fn blocked_bits(&self) -> u64 {
-        self.sticks.iter().enumerate().fold(0, |bits, (n, stick)| bits | u64::from(stick.is_blocked) << n)
+        let blocked = self.sticks.iter().map(|stick| u64::from(self.waits_to_be_enabled(stick)));
+        blocked.enumerate().fold(0, |bits, (n, blocked)| bits | blocked << n)
     }
 
     /// What has become of the joystick at the robot's computer.
@@ -208,7 +217,9 @@ impl Operator {
     /// Takes in a command, at the time of the coming cycle.
     pub fn hear(&mut self, now_ns: u64, command: Command) {
         let Command { client, ticket, ask, stamp } = command;
-        self.hear_page(now_ns, client, stamp);
+        if !matches!(ask, Ask::Begun | Ask::Gone) {
+            self.hear_page(now_ns, client, stamp);
+        }
         let asked_ns = match stamp.judge(now_ns, &ask, self.ages.stick_ns) {
             Ok(asked_ns) => asked_ns,
             Err(refusal) => {
@@ -234,6 +245,8 @@ impl Operator {
             Ask::PagesLost => self.pages_lost(),
             Ask::Stick(wish) => self.take_wish(now_ns, client, wish, stamp),
             Ask::EnableStick(of) => self.enable(client, ticket, of),
+            Ask::RecoverStick => self.recover_stick(client),
+            Ask::EndMotion => self.end_motion(client, ticket),
             Ask::EmergencyStop => {
                 if !self.is_emergency {
                     self.say("emergency stop", client);
@@ -331,6 +344,7 @@ impl Operator {
 
     /// The answer to what was asked in the cycle before, and the end of what it commanded.
     fn settle(&mut self, last: &CycleRecord, phase: Phase) {
+        self.see_stop(last);
         if let Some((client, ticket, kind)) = self.asked.take() {
             self.answer(ticket, Answer::Robot(last.answer));
             if last.answer == RequestAnswer::Taken {
@@ -365,7 +379,8 @@ impl Operator {
         }
         let drives = |client: &Client| {
             let stick = self.sticks[stick_of(*client)?];
-            (stick.is_held() && !stick.is_blocked && !stick.must_release).then_some(*client)
+            let may = !stick.must_release && !self.waits_to_be_enabled(&stick);
+            (stick.is_held() && may).then_some(*client)
         };
         let present = match self.commander {
             Commander::Stick(client) => drives(&client),
@@ -471,6 +486,7 @@ fn is_of_a_leader(ask: &Ask) -> bool {
         Ask::Robot(RequestKind::SetOutput { .. }) => true,
         Ask::Robot(kind) => leads(kind),
         Ask::Stick(_) | Ask::EnableStick(_) | Ask::Load { .. } => true,
+        Ask::RecoverStick | Ask::EndMotion => false,
         Ask::Alive | Ask::Begun | Ask::Gone | Ask::PagesLost => false,
         Ask::EmergencyStop | Ask::ReleaseEmergencyStop => false,
     }

@@ -90,6 +90,8 @@ fn counts(ask: &Ask) -> Counts {
         Ask::Stick(StickWish::Released | StickWish::Lost | StickWish::Withdrawn | StickWish::Blocked)
         | Ask::Load { .. }
         | Ask::EmergencyStop
+        | Ask::RecoverStick
+        | Ask::EndMotion
         | Ask::Alive
         | Ask::Begun
         | Ask::Gone

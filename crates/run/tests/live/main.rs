@@ -9,6 +9,7 @@ mod inputs;
 mod joystick;
 mod limits;
 mod own_reference;
+mod programs;
 mod sources;
 mod stamps;
 mod teaching;

@@ -3,7 +3,7 @@
 use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Phase, StopCategory};
 
-use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Refusal, StickWish, begins_motion};
+use super::super::command::{Answer, Client, Commander, MAX_SESSIONS, Refusal, StickWish};
 use super::super::stamp::{BEGINNING_AGE_NS, Stamp};
 use super::Operator;
 
@@ -16,6 +16,8 @@ pub(super) struct Stick {
     pub(super) wish: Option<StickWish>,
     pub(super) heard_ns: u64,
     pub(super) is_blocked: bool,
+    /// A program's that drives again by itself after a silence, and waits for a person after whatever else stopped the robot.
+    recovers: bool,
     /// It must be let go before it can take command: whoever is enabled with a stick in hand starts nothing.
     pub(super) must_release: bool,
     /// It was told that its wishes aren't taken: once, until it is let go.
@@ -41,7 +43,7 @@ impl Operator {
                 Client::Page(_) | Client::Command => stick.is_held(),
             };
             if must_speak && old(stick.heard_ns, self.ages.stick_ns) {
-                self.stick_lost(client, "the stick fell silent: it is blocked until it is enabled");
+                self.stick_silent(client, "the stick fell silent: it is blocked until it is enabled");
             }
         }
         for number in 0..MAX_SESSIONS {
@@ -142,7 +144,8 @@ impl Operator {
         if of == Client::Joystick && stick.is_blocked && stick.wish.is_none() {
             return self.answer(ticket, Answer::Refused(Refusal::NoStick));
         }
-        if stick.is_blocked {
+        let waits = stick.recovers && std::mem::take(&mut self.programs_wait);
+        if stick.is_blocked || waits {
             (stick.is_blocked, stick.must_release) = (false, true);
             self.say(
                 if of == client { "enabled its stick again" } else { "enabled the joystick again" },
@@ -150,6 +153,33 @@ impl Operator {
             );
         }
         self.answer(ticket, Answer::Done);
+    }
+
+    /// From now on it drives again by itself after a silence.
+    pub(super) fn recover_stick(&mut self, client: Client) {
+        if let Some(number) = stick_of(client) {
+            self.sticks[number].recovers = true;
+        }
+    }
+
+    /// Whether a stick drives nothing until a person enables it.
+    pub(super) fn waits_to_be_enabled(&self, stick: &Stick) -> bool {
+        stick.is_blocked || (stick.recovers && self.programs_wait)
+    }
+
+    /// Nothing was heard of a stick for too long.
+    fn stick_silent(&mut self, client: Client, text: &'static str) {
+        let Some(number) = stick_of(client) else { return };
+        let stick = &mut self.sticks[number];
+        if !stick.recovers {
+            return self.stick_lost(client, text);
+        }
+        stick.wish = None;
+        if self.commander == Commander::Stick(client) {
+            self.comeback = None;
+            self.say("the program that drove fell silent: stopped until it is heard", client);
+            self.stop_with(StopCategory::RampAndHold, client, 0);
+        }
     }
 
     pub(super) fn stick_lost(&mut self, client: Client, text: &'static str) {
@@ -161,7 +191,7 @@ impl Operator {
         let counts = stick.is_held() || drives || (client == Client::Joystick && !is_known);
         stick.wish = None;
         if counts {
-            self.comeback = None;
+            (self.comeback, self.programs_wait) = (None, true);
             let stick = &mut self.sticks[number];
             (stick.is_blocked, stick.must_release) = (true, true);
             self.say(text, client);
@@ -203,11 +233,15 @@ impl Operator {
     pub(super) fn gone(&mut self, client: Client) {
         let Client::Page(number) = client else { return };
         let Some(session) = self.sessions.get_mut(usize::from(number)) else { return };
-        *session = None;
+        if session.take().is_none() {
+            // Its end was seen already; who comes under its number is another.
+            return;
+        }
         self.comeback = self.comeback.take().filter(|(of, _)| *of != client);
-        self.stick_lost(client, "the page that drove is gone: stopped");
+        self.stick_silent(client, "the page that drove is gone: stopped");
         // Nor may a finger that went down while the line was dead start anything when it is back.
-        self.sticks[1 + usize::from(number)].must_release = true;
+        let stick = &mut self.sticks[1 + usize::from(number)];
+        stick.must_release |= !stick.recovers;
         self.drop_waiting(|waiting| waiting.client == client);
         if let Some((by, _, kind)) = self.asked
             && by == client
@@ -215,8 +249,7 @@ impl Operator {
             self.authors.note(&kind, client);
         }
         self.authors.gone(client);
-        let asked_now = self.asked.is_some_and(|(by, _, kind)| by == client && begins_motion(&kind));
-        if self.commander == Commander::Reference(client) || asked_now {
+        if self.has_begun_motion(client) {
             self.say("the page that asked for this motion is gone: stopped", client);
             self.stop_with(StopCategory::RampAndHold, client, 0);
         }
