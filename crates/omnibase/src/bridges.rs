@@ -1,6 +1,6 @@
 //! Programs beside a robot: bridges to other systems, each a process of its own that is started, watched and started again.
 
-use crate::progress::note;
+use crate::progress::{error, note, warn};
 use anyhow::Context;
 use omnibase_client::Found;
 use omnibase_host::ends_with_this;
@@ -98,7 +98,7 @@ impl Bridge {
                         return true;
                     }
                     Ok(Some(status)) if status.code() == Some(WRONG_USAGE) => {
-                        note(format_args!(
+                        error(format_args!(
                             "bridge {}: its arguments are wrong: it isn't started again",
                             self.name
                         ));
@@ -113,10 +113,7 @@ impl Bridge {
                 wait = WAITS[0];
             }
             let seconds = wait.as_secs_f64();
-            note(format_args!(
-                "warning: bridge {}: it is gone ({why}): started again in {seconds} s",
-                self.name
-            ));
+            warn(format_args!("bridge {}: it is gone ({why}): started again in {seconds} s", self.name));
             let until = Instant::now() + wait;
             while Instant::now() < until {
                 if ends.load(Ordering::Relaxed) {

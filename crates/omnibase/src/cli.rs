@@ -1,9 +1,10 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    bridge, check, decode, doctor, exchange, export, joystick, kinematics, live, margins, new, replay,
-    report, run, scan, sdo, sii, simulate,
+    bridge, check, completions, decode, doctor, exchange, export, joystick, kinematics, live, margins, new,
+    replay, report, run, scan, sdo, sii, simulate,
 };
+use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use omnibase_robot::Registry;
 
@@ -14,6 +15,9 @@ use omnibase_robot::Registry;
 #[derive(Debug, Parser)]
 #[command(name = "omnibase", version, max_term_width = 110)]
 pub struct Cli {
+    /// What is printed on the standard error: this and what is graver.
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "info")]
+    pub log_level: LogLevel,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -46,6 +50,8 @@ pub enum Command {
     Decode(decode::Arguments),
     Sii(sii::Arguments),
     New(new::Arguments),
+    Completions(completions::Arguments),
+    Manual(completions::Manual),
 }
 
 impl Cli {

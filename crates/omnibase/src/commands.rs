@@ -3,6 +3,7 @@
 pub mod at_robot;
 pub mod bridge;
 pub mod check;
+pub mod completions;
 pub mod decode;
 pub mod doctor;
 pub mod exchange;
@@ -22,7 +23,7 @@ pub mod simulate;
 
 use crate::Outcome;
 use crate::cli::Command;
-use crate::progress::note;
+use crate::progress::warn;
 use crate::target::{AnyBus, Target};
 use anyhow::Context;
 use omnibase_robot::Registry;
@@ -56,6 +57,8 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Decode(arguments) => decode::run(arguments, output),
         Command::Sii(arguments) => sii::run(arguments, output),
         Command::New(arguments) => new::run(arguments, output),
+        Command::Completions(arguments) => completions::run(arguments, registry, output),
+        Command::Manual(arguments) => completions::manual(arguments, registry, output),
     }
 }
 
@@ -68,6 +71,6 @@ fn scan_bus(bus: &mut AnyBus, target: &Target) -> anyhow::Result<()> {
 /// Tells what a person should know of the segment.
 fn note_warnings(bus: &AnyBus) {
     for warning in bus.warnings() {
-        note(format_args!("warning: {warning}"));
+        warn(format_args!("{warning}"));
     }
 }

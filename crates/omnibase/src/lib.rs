@@ -97,7 +97,7 @@ pub fn simulate(robot: &Path, register: impl FnOnce(&mut Registry)) -> anyhow::R
         stop: &AtomicBool::new(false),
         progress: &Progress::default(),
     };
-    Ok(omnibase_run::run(link, clock, setup, &mut |text| progress::note(format_args!("warning: {text}")))?)
+    Ok(omnibase_run::run(link, clock, setup, &mut |text| progress::warn(text))?)
 }
 
 /// The whole program: the command line of omnibase, with the kinds that `register` adds to the built-in ones.
@@ -107,6 +107,7 @@ pub fn cli(register: impl FnOnce(&mut Registry)) -> ExitCode {
     let mut registry = Registry::with_built_in();
     register(&mut registry);
     let cli = cli::Cli::read(&registry);
+    progress::show(cli.log_level);
     omnibase_host::real_time::exact_timers();
     let mut output = terminal::Shown::new(BufWriter::new(io::stdout().lock()));
     let result = commands::run(&cli.command, &Arc::new(registry), &mut output).and_then(|outcome| {
@@ -121,7 +122,7 @@ pub fn cli(register: impl FnOnce(&mut Registry)) -> ExitCode {
         Err(error) => {
             // What was printed before the error belongs above it.
             let _ = output.flush();
-            progress::note(format_args!("error: {}", words(&error)));
+            progress::error(words(&error));
             if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

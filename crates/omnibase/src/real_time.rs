@@ -1,6 +1,6 @@
 //! What the command line asks of the machine for a thread that must keep its times.
 
-use crate::progress::note;
+use crate::progress::{note, warn};
 use omnibase_host::real_time::{self, Idle, Memory, Scheduling, Wishes};
 use omnibase_robot::config::RunTable;
 use std::time::Duration;
@@ -66,7 +66,7 @@ impl RealTime {
             note(format_args!("real time: {outcome}"));
         }
         if granted.refused().next().is_some() {
-            note("real time: DEGRADED, cycles may be late; `omnibase doctor` says what this machine lacks");
+            warn("real time: DEGRADED, cycles may be late; `omnibase doctor` says what this machine lacks");
         }
         Ok(Some(granted))
     }

@@ -1,6 +1,6 @@
 //! What a command talks to: a network interface, or a simulated segment in the process.
 
-use crate::progress::note;
+use crate::progress::{note, warn};
 use anyhow::Context;
 use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::{VirtualClock, in_process};
@@ -90,7 +90,7 @@ impl Manners {
                 "`{name}`: another MainDevice drives this segment, and its drives would stop: {heard}; end it, or \
                  take the segment from it by --force"
             );
-            note(format_args!("warning: `{name}`: the segment is taken from another MainDevice: {heard}"));
+            warn(format_args!("`{name}`: the segment is taken from another MainDevice: {heard}"));
         }
         let cable = target.open(port)?;
         Ok(Cable { link: Box::new(Held { link: cable.link, _lock: lock }), ..cable })

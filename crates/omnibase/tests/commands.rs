@@ -139,6 +139,30 @@ fn wrong_usage_is_code_2_and_help_has_examples() {
 }
 
 #[test]
+fn shells_complete_and_man_shows_every_command() {
+    let help = text(&omnibase(&["--help"]).stdout);
+    let listed = help.split("Commands:").nth(1).unwrap().split("Options:").next().unwrap();
+    let is_name = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
+    let commands: Vec<&str> =
+        listed.lines().filter(is_name).filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(commands.len() > 20 && commands.contains(&"run"), "{commands:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_str().unwrap();
+    assert_eq!(omnibase(&["manual", path]).status.code(), Some(0));
+    let scripts = ["bash", "zsh", "fish"].map(|shell| text(&omnibase(&["completions", shell]).stdout));
+    for command in commands.into_iter().filter(|&command| command != "help") {
+        let page = std::fs::read_to_string(folder.path().join(format!("omnibase-{command}.1"))).unwrap();
+        assert!(page.contains(".SH SYNOPSIS"), "{command}");
+        assert!(scripts.iter().all(|script| script.contains(command)), "{command}");
+    }
+    // Options of registered motions are among them.
+    assert!(scripts.iter().all(|script| script.contains("spiral")));
+    let unmade = omnibase(&["manual", "/proc/nowhere"]);
+    assert_eq!(unmade.status.code(), Some(1));
+    assert!(text(&unmade.stderr).starts_with("error: writing manual pages to `/proc/nowhere`"));
+}
+
+#[test]
 fn a_reader_that_goes_away_is_no_error() {
     let mut frames = PcapngWriter::new(Vec::new(), "eth0").unwrap();
     let mut frame = FrameBuilder::new();

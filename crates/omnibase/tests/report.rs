@@ -192,7 +192,10 @@ fn a_recording_that_was_cut_off_is_shown_as_far_as_it_goes() {
     std::fs::write(&recording, &whole[..whole.len() / 2]).unwrap();
     let output = omnibase(&["report", &recording, "-o", &page]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(words(&output.stderr).contains("ends early"), "{}", words(&output.stderr));
+    assert!(words(&output.stderr).contains("warning: ") && words(&output.stderr).contains("ends early"));
+    // Who wants errors alone isn't warned; the exit code says it.
+    let output = omnibase(&["--log-level", "error", "report", &recording, "-o", &page]);
+    assert_eq!((output.status.code(), words(&output.stderr).as_str()), (Some(1), ""));
     let html = std::fs::read_to_string(&page).unwrap();
     assert!(html.contains("The recording ends early") && html.contains("<h2>Wheels</h2>"));
 }

@@ -2,7 +2,7 @@
 
 use crate::Outcome;
 use crate::every::Every;
-use crate::progress::{bar, note};
+use crate::progress::{bar, warn};
 use anyhow::{Context, ensure};
 use omnibase_record::export::{self, TableFormat};
 use omnibase_record::run::{Keep, RecordedRun, Selection};
@@ -46,7 +46,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         let name = recording.display();
         let (next, every_ns) = read(recording, arguments)?;
         if let Some(why) = &next.truncated {
-            note(format_args!("warning: `{name}` ends early ({why}); the table holds what is there"));
+            warn(format_args!("`{name}` ends early ({why}); the table holds what is there"));
             is_whole = false;
         }
         if number == 0 {

@@ -34,8 +34,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let until_s = run.times_ns.last().map_or(0.0, |&time_ns| time_ns as f64 * 1e-9);
     if let Some(why) = &run.truncated {
         let way_out = if arguments.partial { "" } else { "; give --partial to be content with that" };
-        crate::progress::note(format_args!(
-            "warning: `{path}` ends early ({why}): there are {} cycles, up to {until_s:.3} s{way_out}",
+        crate::progress::warn(format_args!(
+            "`{path}` ends early ({why}): there are {} cycles, up to {until_s:.3} s{way_out}",
             run.raw.len()
         ));
     }

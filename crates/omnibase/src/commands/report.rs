@@ -1,7 +1,7 @@
 //! `omnibase report`: a recorded run as one page of HTML.
 
 use crate::Outcome;
-use crate::progress::{bar, note};
+use crate::progress::{bar, note, warn};
 use anyhow::Context;
 use omnibase_record::report;
 use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
@@ -49,7 +49,7 @@ pub fn write(recording: &Path, page: &Path) -> anyhow::Result<RecordedRun> {
     bar.finish_and_clear();
     let run = run.with_context(|| format!("`{name}`"))?;
     if let Some(reason) = &run.truncated {
-        note(format_args!("warning: `{name}` ends early ({reason}); the page shows what is there"));
+        warn(format_args!("`{name}` ends early ({reason}); the page shows what is there"));
     }
     if let Some(words) = run.description.get(SELECTION) {
         note(format_args!("`{name}` holds only {words}; the page shows what is there"));

@@ -8,7 +8,7 @@ mod recording;
 mod reference;
 mod report;
 
-use crate::progress::{bar, note};
+use crate::progress::{bar, error, note, warn};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{AnyClock, Manners, PacedClock, Port, Target};
@@ -145,15 +145,14 @@ pub fn run(
             describer.describe("real_time".to_owned(), words.join("; "));
         }
         let share = CpuShare::new();
-        let ran =
-            omnibase_run::run(way.link, way.clock, setup, &mut |text| note(format_args!("warning: {text}")));
+        let ran = omnibase_run::run(way.link, way.clock, setup, &mut |text| warn(text));
         let share = share.so_far();
         drop(ended);
         // A bar that died is no reason to lose the figures.
         if let Some(shown) = shown
             && shown.join().is_err()
         {
-            note("warning: the progress bar died");
+            warn("the progress bar died");
         }
         anyhow::Ok((ran?, share))
     })?;
@@ -163,10 +162,7 @@ pub fn run(
     if let Some(name) = robot.plan.grip.memory.as_ref().filter(|_| !is_try) {
         let path = source.text.folder.join(name);
         if let Err(error) = floor_memory::keep(&path, &ran.last.grip) {
-            note(format_args!(
-                "warning: {}: what was found of the floor isn't kept: {error}",
-                path.display()
-            ));
+            warn(format_args!("{}: what was found of the floor isn't kept: {error}", path.display()));
         }
     }
     let mut summary: Summary = ran.summary;
@@ -188,7 +184,7 @@ pub fn run(
     let failures = [told.err(), ran.ended.err().map(Into::into), lost, page.err()];
     let mut failures: Vec<anyhow::Error> = failures.into_iter().flatten().collect();
     if let Some(last) = failures.pop() {
-        failures.iter().for_each(|failure| note(format_args!("error: {}", crate::words(failure))));
+        failures.iter().for_each(|failure| error(format_args!("{}", crate::words(failure))));
         return Err(last);
     }
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })

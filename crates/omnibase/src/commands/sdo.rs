@@ -2,7 +2,7 @@
 
 use crate::commands::at_robot::Remote;
 use crate::hex;
-use crate::progress::note;
+use crate::progress::error as say_error;
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::value::DataType;
 use crate::{Outcome, commands, dictionary};
@@ -114,7 +114,7 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
             Ok(data) => data,
             // The other objects may be there all the same.
             Err(error) => {
-                note(format_args!("error: {error:#}"));
+                say_error(format_args!("{error:#}"));
                 failed = true;
                 continue;
             }

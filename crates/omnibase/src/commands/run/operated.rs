@@ -3,7 +3,7 @@
 use super::joystick_thread::JoystickThread;
 use crate::WrongUsage;
 use crate::bridges::{Bridge, Bridges};
-use crate::progress::note;
+use crate::progress::{note, warn};
 use crate::token;
 use anyhow::Context;
 use omnibase_client::robots::{self, Endpoint, Found, RunningRobot};
@@ -174,7 +174,7 @@ impl Options {
                     return Err(error.context("a place for the bridges"));
                 }
                 Err(error) => {
-                    note(format_args!("warning: `omnibase get` won't reach this robot: {error:#}"));
+                    warn(format_args!("`omnibase get` won't reach this robot: {error:#}"));
                     None
                 }
             },
@@ -211,7 +211,7 @@ impl Options {
             ));
         }
         if let Some(error) = unfound {
-            note(format_args!("warning: `omnibase get` won't find this robot: {error}"));
+            warn(format_args!("`omnibase get` won't find this robot: {error}"));
         }
         let found =
             Found { robot: name, place: Endpoint::Address(dashboard.address), token: access.token.clone() };
