@@ -16,8 +16,8 @@ const FILES: [(&str, &str); 7] = [
     ("src/lib.rs", include_str!("../../template/src/lib.rs")),
     ("src/main.rs", include_str!("../../template/src/main.rs")),
     ("tests/robot.rs", include_str!("../../template/tests/robot.rs")),
-    ("src/controller.rs", include_str!("../../../../examples/own-stages/src/controller.rs")),
-    ("src/estimator.rs", include_str!("../../../../examples/own-stages/src/estimator.rs")),
+    ("src/controller.rs", include_str!("../../template/src/controller.rs")),
+    ("src/estimator.rs", include_str!("../../template/src/estimator.rs")),
 ];
 
 /// Makes a crate of one's own: a robot's file, a controller, an estimator and a test, which run at once.

@@ -1,0 +1,1 @@
+../../../../examples/own-stages/src/controller.rs
