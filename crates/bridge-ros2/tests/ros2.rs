@@ -105,14 +105,15 @@ impl Robot {
         self.wait("the bridge is there", |robot| {
             (robot.said().matches("in ROS 2's graph").count() >= times).then_some(())
         });
-        let children = format!("/proc/{}/task", self.process.id());
-        self.wait("the bridge's process", |_| {
-            let tasks = std::fs::read_dir(&children).ok()?;
+        // Below the run is who keeps it.
+        let child = |of: u32| {
+            let tasks = std::fs::read_dir(format!("/proc/{of}/task")).ok()?;
             let all =
                 tasks.flatten().filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());
             all.flat_map(|line| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>())
                 .find_map(|pid| pid.parse().ok())
-        })
+        };
+        self.wait("the bridge's process", |robot| child(robot.process.id()).and_then(child))
     }
 
     fn speed_m_s(&self) -> f64 {

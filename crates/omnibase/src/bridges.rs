@@ -1,7 +1,8 @@
 //! Programs beside a robot: bridges to other systems, each a process of its own that is started, watched and started again.
 
-use crate::progress::{error, note, warn};
+use crate::progress::{self, warn};
 use anyhow::Context;
+use clap::ValueEnum;
 use omnibase_client::Found;
 use omnibase_host::ends_with_this;
 use omnibase_robot::config::BridgeTable;
@@ -75,6 +76,21 @@ impl Bridge {
         }
     }
 
+    /// A program that is there, under a bridge's name.
+    pub fn at(name: &str, program: PathBuf, arguments: Vec<String>) -> Bridge {
+        Bridge { name: name.to_owned(), program, arguments }
+    }
+
+    /// What starts it and looks after it in a process of its own: `omnibase bridge`. A process that forks copies each page
+    /// that it writes to next, which no cycle has time for.
+    fn keeper(&self) -> anyhow::Result<Bridge> {
+        let program = self.program.to_str().context("the bridge's program has a name that is no text")?;
+        let level = progress::level().to_possible_value().expect("each level has a name");
+        let own = ["bridge", "--log-level", level.get_name(), "--program", program, &self.name];
+        let arguments = own.map(str::to_owned).into_iter().chain(self.arguments.iter().cloned()).collect();
+        Ok(Bridge::at(&self.name, std::env::current_exe()?, arguments))
+    }
+
     fn start(&self, robot: Option<&Found>) -> anyhow::Result<Child> {
         let mut command = Command::new(&self.program);
         // A Ctrl-C is for the run, which ends its bridges.
@@ -85,7 +101,7 @@ impl Bridge {
         ends_with_this(&mut command).spawn().with_context(|| self.program.display().to_string())
     }
 
-    /// Starts it again and again, until it is over by its own will or ours; whether it did what it was asked for.
+    /// Starts it again and again, until it is over by its own will or ours; false where its arguments are wrong.
     pub fn supervise(&self, robot: Option<&Found>, ends: &AtomicBool) -> bool {
         let mut wait = WAITS[0];
         loop {
@@ -93,17 +109,8 @@ impl Bridge {
             let why = match self.start(robot) {
                 Ok(mut child) => match watch(&mut child, ends) {
                     Ok(None) => return true,
-                    Ok(Some(status)) if status.success() => {
-                        note(format_args!("bridge {}: it ended", self.name));
-                        return true;
-                    }
-                    Ok(Some(status)) if status.code() == Some(WRONG_USAGE) => {
-                        error(format_args!(
-                            "bridge {}: its arguments are wrong: it isn't started again",
-                            self.name
-                        ));
-                        return false;
-                    }
+                    Ok(Some(status)) if status.success() => return true,
+                    Ok(Some(status)) if status.code() == Some(WRONG_USAGE) => return false,
                     Ok(Some(status)) => how(status),
                     Err(error) => error.to_string(),
                 },
@@ -160,7 +167,7 @@ fn how(status: ExitStatus) -> String {
     }
 }
 
-/// The bridges of a run, each with a thread that looks after it; they end with it.
+/// The bridges of a run, each with a keeper, and a thread that looks after that; they end with it.
 pub struct Bridges {
     ends: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
@@ -177,9 +184,9 @@ impl Bridges {
     pub fn start(bridges: Vec<Bridge>, robot: &Found) -> anyhow::Result<Bridges> {
         let mut all = Bridges { ends: Arc::default(), threads: Vec::new() };
         for bridge in bridges {
-            let (ends, robot) = (Arc::clone(&all.ends), robot.clone());
+            let (ends, robot, keeper) = (Arc::clone(&all.ends), robot.clone(), bridge.keeper()?);
             let thread = std::thread::Builder::new().name(format!("bridge {}", bridge.name));
-            let thread = thread.spawn(move || _ = bridge.supervise(Some(&robot), &ends));
+            let thread = thread.spawn(move || _ = keeper.supervise(Some(&robot), &ends));
             all.threads.push(thread.context("starting a thread for a bridge")?);
         }
         Ok(all)

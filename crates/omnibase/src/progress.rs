@@ -1,6 +1,7 @@
 //! Notes and progress on the standard error; never an error of their own.
 
 use crate::terminal::shown;
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -24,6 +25,12 @@ static SHOWN: AtomicU8 = AtomicU8::new(LogLevel::Info as u8);
 /// From now on nothing is printed that is less grave.
 pub fn show(level: LogLevel) {
     SHOWN.store(level as u8, Ordering::Relaxed);
+}
+
+/// The least grave that is printed.
+pub fn level() -> LogLevel {
+    let of = |level: &&LogLevel| **level as u8 == SHOWN.load(Ordering::Relaxed);
+    LogLevel::value_variants().iter().find(of).copied().unwrap_or_default()
 }
 
 fn is_shown(level: LogLevel) -> bool {

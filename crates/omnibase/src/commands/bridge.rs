@@ -1,8 +1,9 @@
 //! `omnibase bridge`: a bridge to another system, beside a robot that runs.
 
-use crate::Outcome;
 use crate::bridges::Bridge;
+use crate::{Outcome, WrongUsage};
 use omnibase_host::stop_on_signals;
+use std::path::PathBuf;
 
 /// Starts a bridge from a running robot to another system, and starts it again where it ends.
 #[derive(Clone, Debug, clap::Args)]
@@ -14,6 +15,9 @@ use omnibase_host::stop_on_signals;
 The bridge NAME is the program `omnibase-bridge-NAME`, beside `omnibase` or in PATH: yours too. In the robot's file a table
 [bridge.NAME] starts it with the run. It finds its robot in the environment (OMNIBASE_ROBOT), or as `omnibase get` does.")]
 pub struct Arguments {
+    /// Which program it is; default: `omnibase-bridge-NAME`.
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
     /// Which bridge.
     name: String,
     /// What the bridge is told.
@@ -23,7 +27,19 @@ pub struct Arguments {
 
 /// Runs the command, until the bridge has done what it was asked for, or Ctrl-C.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let bridge = Bridge::find(&arguments.name, arguments.arguments.clone())?;
-    let done = bridge.supervise(None, stop_on_signals()?);
-    Ok(if done { Outcome::Done } else { Outcome::Failed })
+    let (name, words) = (&arguments.name, arguments.arguments.clone());
+    let bridge = match &arguments.program {
+        None => Bridge::find(name, words)?,
+        Some(program) => {
+            anyhow::ensure!(program.is_file(), "--program: there is no {}", program.display());
+            Bridge::at(name, program.clone(), words)
+        }
+    };
+    match bridge.supervise(None, stop_on_signals()?) {
+        true => Ok(Outcome::Done),
+        false => {
+            Err(WrongUsage(anyhow::anyhow!("bridge {name}: its arguments are wrong: it isn't started again"))
+                .into())
+        }
+    }
 }

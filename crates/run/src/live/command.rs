@@ -296,3 +296,39 @@ impl Commander {
 pub(super) fn begins_motion(kind: &RequestKind) -> bool {
     matches!(kind, RequestKind::Track | RequestKind::Resume | RequestKind::GoTo { .. })
 }
+
+/// What must not begin while the robot shall stand: motion, and what moves beside it.
+pub(super) fn begins(kind: &RequestKind) -> bool {
+    let is_of_an_axis = matches!(kind, RequestKind::Axis { ask, .. } if *ask != AxisAsk::Stop);
+    begins_motion(kind)
+        || is_of_an_axis
+        || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
+}
+
+/// What only those ask who lead a robot.
+pub(super) fn is_of_a_leader(ask: &Ask) -> bool {
+    match ask {
+        Ask::Robot(RequestKind::Stop(_) | RequestKind::Axis { ask: AxisAsk::Stop, .. }) => false,
+        Ask::Robot(RequestKind::Axis { .. }) => true,
+        // What moves beside it is the plan's, too.
+        Ask::Robot(RequestKind::SetOutput { .. }) => true,
+        Ask::Robot(kind) => leads(kind),
+        Ask::Stick(_) | Ask::EnableStick(_) | Ask::Load { .. } => true,
+        Ask::RecoverStick | Ask::EndMotion => false,
+        Ask::Alive | Ask::Begun | Ask::Gone | Ask::PagesLost => false,
+        Ask::EmergencyStop | Ask::ReleaseEmergencyStop => false,
+    }
+}
+
+/// What decides about motion: who asks for that leads the robot.
+pub(super) fn leads(kind: &RequestKind) -> bool {
+    !matches!(
+        kind,
+        RequestKind::Set { .. }
+            | RequestKind::SetObstacle { .. }
+            | RequestKind::RemoveObstacle { .. }
+            | RequestKind::SetOutput { .. }
+            | RequestKind::ResetOutput { .. }
+            | RequestKind::Axis { .. }
+    )
+}

@@ -21,7 +21,8 @@ use crate::conductor::{Conductor, Wish};
 use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
-    Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins_motion,
+    Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins,
+    begins_motion, is_of_a_leader, leads,
 };
 use super::stamp::BEGINNING_AGE_NS;
 
@@ -467,40 +468,4 @@ impl Operator {
             self.notes.push(Note { text, client: client.into() });
         }
     }
-}
-
-/// What must not begin while the robot shall stand: motion, and what moves beside it.
-fn begins(kind: &RequestKind) -> bool {
-    let is_of_an_axis = matches!(kind, RequestKind::Axis { ask, .. } if *ask != AxisAsk::Stop);
-    begins_motion(kind)
-        || is_of_an_axis
-        || matches!(kind, RequestKind::Enable | RequestKind::SetOutput { .. })
-}
-
-/// What only those ask who lead a robot.
-fn is_of_a_leader(ask: &Ask) -> bool {
-    match ask {
-        Ask::Robot(RequestKind::Stop(_) | RequestKind::Axis { ask: AxisAsk::Stop, .. }) => false,
-        Ask::Robot(RequestKind::Axis { .. }) => true,
-        // What moves beside it is the plan's, too.
-        Ask::Robot(RequestKind::SetOutput { .. }) => true,
-        Ask::Robot(kind) => leads(kind),
-        Ask::Stick(_) | Ask::EnableStick(_) | Ask::Load { .. } => true,
-        Ask::RecoverStick | Ask::EndMotion => false,
-        Ask::Alive | Ask::Begun | Ask::Gone | Ask::PagesLost => false,
-        Ask::EmergencyStop | Ask::ReleaseEmergencyStop => false,
-    }
-}
-
-/// What decides about motion: who asks for that leads the robot.
-fn leads(kind: &RequestKind) -> bool {
-    !matches!(
-        kind,
-        RequestKind::Set { .. }
-            | RequestKind::SetObstacle { .. }
-            | RequestKind::RemoveObstacle { .. }
-            | RequestKind::SetOutput { .. }
-            | RequestKind::ResetOutput { .. }
-            | RequestKind::Axis { .. }
-    )
 }
