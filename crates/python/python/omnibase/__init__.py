@@ -1,0 +1,9 @@
+"""omnibase for Python: simulated robots, cycle by cycle and many side by side, recordings, running robots.
+
+Lengths are in m, angles in rad, times in s. A pose is (x, y, heading) in odom; a twist is (vx, vy, turn), in the platform's
+frame unless something else is said.
+"""
+
+from ._omnibase import Error, Recording, Refused, Simulation, Simulations, __version__
+
+__all__ = ["Error", "Recording", "Refused", "Simulation", "Simulations", "__version__"]
