@@ -2,6 +2,8 @@
 //!
 //! - [`simulation`]: a simulated robot, cycle by cycle.
 //! - [`side_by_side`]: many of them, on all processors.
+//! - [`running`]: a robot that runs in a process of its own.
+//! - [`geometry`]: kinematics, odometry, trajectories.
 //! - [`recording`]: what was recorded of a run.
 //! - [`robot_file`]: what both are made of.
 //! - [`arrays`]: numbers from and to numpy.
@@ -11,8 +13,10 @@
 
 mod arrays;
 mod failure;
+mod geometry;
 mod recording;
 mod robot_file;
+mod running;
 mod side_by_side;
 mod simulated;
 mod simulation;
@@ -25,7 +29,11 @@ mod _omnibase {
     #[pymodule_export]
     use crate::failure::{Error, Refused};
     #[pymodule_export]
+    use crate::geometry::{Kinematics, Odometry, trajectory};
+    #[pymodule_export]
     use crate::recording::Recording;
+    #[pymodule_export]
+    use crate::running::{Robot, Signals};
     #[pymodule_export]
     use crate::side_by_side::Simulations;
     #[pymodule_export]

@@ -26,7 +26,7 @@ fn package(folder: &Path) {
     let built = std::env::current_exe().unwrap().with_file_name("libomnibase_python.so");
     assert!(built.is_file(), "{} is missing: cargo builds it for this test", built.display());
     let package = folder.join("omnibase");
-    std::fs::create_dir(&package).unwrap();
+    std::fs::create_dir_all(&package).unwrap();
     for entry in std::fs::read_dir(root().join("crates/python/python/omnibase")).unwrap() {
         let from = entry.unwrap().path();
         if from.is_file() {
@@ -42,11 +42,12 @@ fn tests_pass(name: &str) {
     let omnibase = std::env::current_exe().unwrap().parent().unwrap().with_file_name("omnibase");
     assert!(omnibase.is_file(), "{} is missing: cargo build --workspace", omnibase.display());
     let folder = tempfile::tempdir().unwrap();
-    package(folder.path());
+    let site = folder.path().join("site");
+    package(&site);
     let status = Command::new(python)
         .args(["-m", "unittest", "--quiet", name])
         .current_dir(root().join("crates/python/tests"))
-        .env("PYTHONPATH", folder.path())
+        .env("PYTHONPATH", site)
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("OMNIBASE_PROGRAM", omnibase)
         .env("OMNIBASE_FOLDER", folder.path())
@@ -73,4 +74,19 @@ fn recordings_are_arrays_and_tables() {
 #[test]
 fn gymnasium_takes_the_environments_for_its_own() {
     tests_pass("environments");
+}
+
+#[test]
+fn wheels_poses_and_trajectories_are_computed() {
+    tests_pass("geometry");
+}
+
+#[test]
+fn a_running_robot_is_driven_and_seen() {
+    tests_pass("running");
+}
+
+#[test]
+fn the_notebook_runs_and_the_types_are_those_of_the_module() {
+    tests_pass("notebook");
 }

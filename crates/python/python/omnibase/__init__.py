@@ -4,6 +4,30 @@ Lengths are in m, angles in rad, times in s. A pose is (x, y, heading) in odom; 
 frame unless something else is said.
 """
 
-from ._omnibase import Error, Recording, Refused, Simulation, Simulations, __version__
+from ._omnibase import (
+    Error,
+    Kinematics,
+    Odometry,
+    Recording,
+    Refused,
+    Robot,
+    Signals,
+    Simulation,
+    Simulations,
+    __version__,
+    trajectory,
+)
 
-__all__ = ["Error", "Recording", "Refused", "Simulation", "Simulations", "__version__"]
+__all__ = [
+    "Error",
+    "Kinematics",
+    "Odometry",
+    "Recording",
+    "Refused",
+    "Robot",
+    "Signals",
+    "Simulation",
+    "Simulations",
+    "__version__",
+    "trajectory",
+]

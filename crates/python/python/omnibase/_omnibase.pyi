@@ -137,3 +137,77 @@ class Recording:
     @property
     def truncated(self) -> str | None:
         """Where the file breaks off, in words."""
+
+class Kinematics:
+    """The wheels of a robot's file. Twists are in the platform's frame."""
+
+    def __init__(self, robot: str | PathLike[str]) -> None: ...
+    @property
+    def wheels(self) -> list[str]:
+        """Their names, in the order of all values of wheels."""
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """A row for each wheel: surface speed per vx, vy (no unit) and turn (m)."""
+    def wheel_speeds_rad_s(self, twist: tuple[float, float, float]) -> list[float]: ...
+    def twist(self, wheel_speeds_rad_s: Sequence[float]) -> tuple[tuple[float, float, float], float]:
+        """The twist that wheel speeds show, and what no twist explains of them, m/s."""
+    def wheel_torques_nm(self, wrench: tuple[float, float, float]) -> list[float]:
+        """The smallest torques that make a wrench: N ahead, N to the left, N m."""
+    def wrench(self, wheel_torques_nm: Sequence[float]) -> tuple[float, float, float]: ...
+
+class Odometry:
+    """Odometry of wheels that turn by angles."""
+
+    def __init__(self, kinematics: Kinematics) -> None: ...
+    def advance(self, increments_rad: Sequence[float], period_s: float) -> tuple[float, float, float]:
+        """The pose after the wheels turned by these angles in this time."""
+    @property
+    def pose(self) -> tuple[float, float, float]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of x, y and heading: m² and rad²."""
+    def set_pose(self, pose: tuple[float, float, float]) -> None: ...
+
+def trajectory(points: ArrayLike, period_s: float, interpolation: str = "spline") -> NDArray[np.float64]:
+    """The motion along points (t, x, y, heading), a row every ``period_s``: t since its beginning, then pose, twist and
+    acceleration in odom. ``interpolation`` is ``cubic``, ``quintic``, ``spline`` or ``b_spline``."""
+
+class Robot:
+    """A seat at a running robot: the one of this machine that was started last, or the one at an address. It must be heard
+    from: a program that says nothing for a second is gone, and what it drove stops."""
+
+    def __init__(self, address: str | None = None, token: str | None = None) -> None: ...
+    def drive(self, vx_m_s: float, vy_m_s: float, turn_rad_s: float, frame: str = "body") -> None:
+        """Holds a twist as it is meant now, for ``safety.command_age_ms``. Refused once something else stopped the robot."""
+    def let_go(self) -> None:
+        """The robot comes to rest, and holds."""
+    def enable_stick(self) -> None:
+        """The stick that was lost may drive again. A person decides that, after looking at the robot."""
+    def call(self, what: str, **keys: Any) -> Any:
+        """Asks for something, by its name and keys in the robot's description, and waits for its answer."""
+    def status(self, timeout_s: float = 1.0) -> dict[str, Any]:
+        """What the robot does, as it says next; it says so thirty times a second."""
+    @property
+    def drives(self) -> bool:
+        """Whether the robot follows this program, as it said last."""
+
+class Signals:
+    """Signals of a running robot, cycle by cycle."""
+
+    def __init__(
+        self,
+        signals: Sequence[str] | None = None,
+        every_ms: float | None = None,
+        *,
+        address: str | None = None,
+        token: str | None = None,
+    ) -> None: ...
+    @property
+    def names(self) -> list[str]: ...
+    @property
+    def cycle_ms(self) -> float: ...
+    @property
+    def missing(self) -> int:
+        """Cycles that never came, because this program or its line was too slow for them."""
+    def rows(self, timeout_s: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The rows that came: their instants in s on the robot's clock, and their values. None where none comes in that time."""
