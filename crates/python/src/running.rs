@@ -190,8 +190,16 @@ impl Signals {
     #[pyo3(signature = (timeout_s=1.0))]
     fn rows<'py>(&self, py: Python<'py>, timeout_s: f64) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let longest = duration(timeout_s)?;
-        let (rows, width) = self.with(py, |states| (states.rows(longest), states.names().len()));
-        let rows = rows.map_err(Failure::from)?;
+        let (rows, width) = self.with(py, |states| {
+            let mut rows = states.rows(longest)?;
+            let mut more = rows.len();
+            while more > 0 {
+                let next = states.rows(Duration::ZERO)?;
+                more = next.len();
+                rows.extend(next);
+            }
+            Ok::<_, Failure>((rows, states.names().len()))
+        })?;
         let times: Vec<f64> = rows.iter().map(|row| row.instant_ns as f64 * 1e-9).collect();
         let values: Vec<f64> = rows.into_iter().flat_map(|row| row.values).collect();
         Ok((array(py, &times, &[times.len()])?, array(py, &values, &[times.len(), width])?))
