@@ -1,12 +1,12 @@
 //! omnibase for Python: the module `omnibase._omnibase`, which the package in `python/` hands on.
 //!
-//! - [`simulation`]: a simulated robot, cycle by cycle.
-//! - [`side_by_side`]: many of them, on all processors.
-//! - [`running`]: a robot that runs in a process of its own.
-//! - [`geometry`]: kinematics, odometry, trajectories.
-//! - [`recording`]: what was recorded of a run.
-//! - [`robot_file`]: what both are made of.
-//! - [`arrays`]: numbers from and to numpy.
+//! - `simulation`: a simulated robot, cycle by cycle.
+//! - `side_by_side`: many of them, on all processors.
+//! - `running`: a robot that runs in a process of its own.
+//! - `geometry`: kinematics, odometry, trajectories.
+//! - `recording`: what was recorded of a run.
+//! - `robot_file`: what both are made of.
+//! - `arrays`: numbers from and to numpy.
 //!
 //! Whatever takes time lets other threads of Python run meanwhile.
 #![forbid(unsafe_code)]

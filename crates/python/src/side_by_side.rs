@@ -11,8 +11,9 @@ use crate::failure::Failure;
 use crate::robot_file::Wanted;
 use crate::simulated::{REGISTRY, Simulated, frame};
 
-/// Cycles of all robots between two looks whether somebody pressed Ctrl-C.
-const PIECE: usize = 20_000;
+/// Cycles of all robots between two looks whether somebody pressed Ctrl-C: a second or two. Few for each robot cost time, for
+/// none finds its memory near again.
+const PIECE: usize = 200_000;
 
 /// Many simulated robots, each on a virtual time of its own.
 #[pyclass(frozen, module = "omnibase")]
