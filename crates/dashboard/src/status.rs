@@ -201,7 +201,7 @@ impl StatusMessage {
         StatusMessage {
             time_s: record.time.now_ns as f64 * 1e-9,
             stamp: record.time.now_ns / NS_OF_MS,
-            phase: phase_name(snapshot.phase),
+            phase: snapshot.phase.name(),
             commander,
             by_stick,
             course: course_name(record.course),
@@ -277,18 +277,6 @@ pub(crate) fn unfit(phase: Phase) -> &'static str {
             "refused: the robot comes to rest: ask again when it stands"
         }
         Phase::Fault => "refused: the robot was stopped by a fault: acknowledge it first",
-    }
-}
-
-fn phase_name(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Disabled => "disabled",
-        Phase::Enabling => "enabling",
-        Phase::Holding => "holding",
-        Phase::Tracking => "tracking",
-        Phase::Stopping => "stopping",
-        Phase::QuickStopping => "quick stopping",
-        Phase::Fault => "fault",
     }
 }
 

@@ -7,6 +7,7 @@
 //! - [`drive_errors`]: which error each drive has.
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
+//! - [`stepped`]: a simulated robot cycle by cycle, for programs that ask for each.
 //! - [`live`]: the same run under the hands of people and programs.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
@@ -22,6 +23,7 @@ pub mod replay;
 pub mod robot_text;
 pub mod run;
 pub mod simulated;
+pub mod stepped;
 pub mod teach;
 
 pub use replay::{Replayed, replay};

@@ -22,6 +22,21 @@ pub enum Phase {
     Fault,
 }
 
+impl Phase {
+    /// Its name, as programs are told it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Phase::Disabled => "disabled",
+            Phase::Enabling => "enabling",
+            Phase::Holding => "holding",
+            Phase::Tracking => "tracking",
+            Phase::Stopping => "stopping",
+            Phase::QuickStopping => "quick stopping",
+            Phase::Fault => "fault",
+        }
+    }
+}
+
 coded!(Phase {
     Disabled = 0,
     Enabling = 1,
