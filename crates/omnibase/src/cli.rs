@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    bridge, check, decode, doctor, exchange, export, joystick, kinematics, live, margins, new, replay,
-    report, run, scan, sdo, sii, simulate,
+    bridge, check, decode, description, doctor, exchange, export, joystick, kinematics, live, margins, new,
+    replay, report, run, scan, sdo, sii, simulate,
 };
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use omnibase_robot::Registry;
@@ -29,6 +29,8 @@ pub enum Command {
     Replay(replay::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),
+    Urdf(description::Urdf),
+    Mjcf(description::Mjcf),
     Get(live::Get),
     Set(live::Set),
     Call(live::Call),

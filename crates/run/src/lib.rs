@@ -8,6 +8,7 @@
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`live`]: the same run under the hands of people and programs.
+//! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
@@ -18,6 +19,7 @@ pub mod describe;
 pub mod drive_errors;
 pub mod floor_memory;
 pub mod live;
+pub mod mechanics;
 pub mod replay;
 pub mod robot_text;
 pub mod run;
