@@ -98,7 +98,7 @@ fn what_cannot_be_a_table_is_refused_in_words() {
     let run = recorded(folder.path(), &["--every", "10ms"]);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     for (arguments, expected) in [
-        (vec!["--output", "run.xlsx"], "expected a name that ends in .csv, .parquet or .mat"),
+        (vec!["--output", "run.xlsx"], "expected a name that ends in .csv, .parquet, .mat or .mcap"),
         (vec!["--output", &path("a.csv"), "--signals", "stat.*"], "holds no signal of this name"),
         (
             vec!["--output", &path("a.csv"), "--every", "2.5ms"],

@@ -9,6 +9,7 @@
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`live`]: the same run under the hands of people and programs.
 //! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
+//! - [`view`]: what viewers draw of it.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
@@ -25,6 +26,7 @@ pub mod robot_text;
 pub mod run;
 pub mod simulated;
 pub mod teach;
+pub mod view;
 
 pub use replay::{Replayed, replay};
 pub use robot_text::{LoadedRobot, RobotText};

@@ -124,3 +124,89 @@ fn names_are_those_of_ros_2_with_a_prefix() {
         assert_eq!(text.matches(name).count(), 1, "{name}: {text}");
     }
 }
+
+#[test]
+fn a_recording_for_viewers_is_drawn_by_foxgloves_own_messages() {
+    let Some(python) = python() else { return };
+    let folder = Folder::new("viewers-recording");
+    let robot = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap()
+        + "\n[fence]\nrectangle_m = [-3, -3, 3, 3]\n\n[[obstacle]]\ncentre_m = [1.5, 1.5]\nradius_m = 0.2\nvelocity_m_s = [0.1, 0]\n";
+    let (file, run, view) = (folder.path("robot.toml"), folder.path("run.mcap"), folder.path("view.mcap"));
+    std::fs::write(&file, robot).unwrap();
+    let before_ns = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos();
+    let told = prints(&["run", &file, "--circle", "radius_m=0.2,duration_s=5", "--record", &run, "--json"]);
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let cycles = told["cycles"].as_u64().unwrap();
+    let said = prints(&["export", &run, "--signals", "wheel_1.speed*", "--every", "10ms", "--output", &view]);
+    assert!(said.contains(" drawings\n"), "{said}");
+    let seen = read(&python, "recording.py", &[&view]);
+    println!("{}", serde_json::json!([seen["counts"], seen["log"], seen["phases"], seen["off"]]));
+
+    // Foxglove's own descriptors of every message, field by field, and of those within.
+    assert_eq!(seen["differing"], serde_json::json!([]));
+    let schemas = &seen["schemas"];
+    assert_eq!(schemas["/tf"], "foxglove.FrameTransforms");
+    assert_eq!(
+        (&schemas["/pose"], &schemas["/wished_pose"]),
+        (&"foxglove.PoseInFrame".into(), &"foxglove.PoseInFrame".into())
+    );
+    assert_eq!(
+        (&schemas["/scene"], &schemas["/log"]),
+        (&"foxglove.SceneUpdate".into(), &"foxglove.Log".into())
+    );
+    let frames = serde_json::json!({ "base_link": "odom", "wheel_1_link": "base_link", "wheel_2_link": "base_link", "wheel_3_link": "base_link" });
+    assert_eq!(seen["frames"], frames);
+    // Every tenth cycle, and thirty drawings a second.
+    let count = |topic: &str| seen["counts"][topic].as_u64().unwrap();
+    let rows = cycles.div_ceil(10);
+    assert_eq!((count("/state"), count("/wheel_1"), count("/cycle")), (rows, rows, rows));
+    let drawings = cycles * 3 / 100;
+    for topic in ["/tf", "/pose", "/wished_pose", "/scene"] {
+        assert!(count(topic).abs_diff(drawings) <= 1, "{topic}: {} of {drawings}", count(topic));
+    }
+    assert_eq!(seen["whole_scenes"].as_u64().unwrap(), cycles.div_ceil(1000));
+    let all: u64 = seen["counts"].as_object().unwrap().values().map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(seen["counted"], all);
+    // Where the robot believed to be, to the bit but for the quaternion's.
+    assert!(seen["off"].as_f64().unwrap() < 1e-12, "{}", seen["off"]);
+    let phases = ["DISABLED", "ENABLING", "HOLDING", "TRACKING", "HOLDING", "STOPPING", "DISABLED"];
+    let phases: Vec<String> = phases.iter().map(|phase| format!("PHASE_{phase}")).collect();
+    let seen_phases: Vec<&str> =
+        seen["phases"].as_array().unwrap().iter().map(|phase| phase.as_str().unwrap()).collect();
+    // What lasts a cycle is between two rows.
+    let mut expected = phases.iter();
+    assert!(seen_phases.iter().all(|phase| expected.any(|one| one == phase)), "{seen_phases:?}");
+    assert!(seen_phases.contains(&"PHASE_TRACKING"), "{seen_phases:?}");
+    let log = seen["log"].as_array().unwrap();
+    let events = told["events"].as_array().unwrap();
+    assert_eq!(log.len(), events.len());
+    assert!(log.iter().zip(events).all(|(line, event)| line[0] == event["text"]), "{log:?}");
+
+    let entities = &seen["entities"];
+    let kinds = |name: &str| entities[name]["kinds"].clone();
+    for (name, frame) in
+        [("footprint", "base_link"), ("wheel_2", "wheel_2_link"), ("fence", "odom"), ("path", "odom")]
+    {
+        assert_eq!(entities[name]["frame"], frame, "{name}: {entities}");
+    }
+    assert_eq!(kinds("wheel_2"), serde_json::json!({ "lines": 1, "cylinders": 1 }));
+    assert_eq!(entities["fence"]["points"].as_array().unwrap().len(), 4);
+    let path = entities["path"]["points"].as_array().unwrap();
+    assert!((100..=201).contains(&path.len()), "{}", path.len());
+    // A circle of 0.2 m about a point 0.2 m from its begin.
+    let around: Vec<[f64; 2]> =
+        path.iter().map(|at| [at[0].as_f64().unwrap(), at[1].as_f64().unwrap()]).collect();
+    let widest = around.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+    assert!((widest - 0.4).abs() < 1e-3, "{widest}");
+    // It moved on until the last drawing.
+    let obstacle = numbers(&entities["obstacle_1"]["at"][0]);
+    let moved_m = 0.1 * (cycles as f64 * 1e-3);
+    assert!((obstacle[0] - 1.5 - moved_m).abs() < 0.1 * 0.04, "{obstacle:?} after {moved_m} m");
+    assert_eq!(obstacle[1..], [1.5, 0.2]);
+    // The wall clock, and no place of this machine among the keys.
+    let begun_ns = seen["begun_ns"].as_u64().map(u128::from).unwrap();
+    assert!((before_ns..before_ns + 60_000_000_000).contains(&begun_ns), "{begun_ns}");
+    assert_eq!(seen["ordered"], true);
+    let keys = seen["keys"].as_array().unwrap();
+    assert!(keys.iter().all(|key| !key.as_str().unwrap().contains("//")), "{keys:?}");
+}
