@@ -105,6 +105,8 @@ fn what_cannot_be_a_table_is_refused_in_words() {
             "expected a whole multiple of the cycle of 1 ms",
         ),
         (vec!["--output", &path("none/a.csv")], "none/a.csv"),
+        // The recording itself by another name.
+        (vec!["--output", &path("./run.mcap")], "would be written over what it is made of"),
     ] {
         let refused = omnibase(&[&["export", &run][..], &arguments].concat()).unwrap_err();
         assert!(refused.contains(expected), "{refused}");

@@ -52,7 +52,11 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let (mut all, mut is_whole) = (RecordedRun::default(), true);
     for (number, recording) in arguments.recording.iter().enumerate() {
-        ensure!(recording != path, "`{}` would be written over what it is made of", path.display());
+        ensure!(
+            !is_same_file(recording, path),
+            "`{}` would be written over what it is made of",
+            path.display()
+        );
         let name = recording.display();
         // What is drawn is made of these signals, whatever else is wished.
         let more: &[&str] = if format.is_none() { &DRAWN_FROM } else { &[] };
@@ -88,6 +92,12 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         .with_context(|| format!("writing `{}`", path.display()))?;
     writeln!(output, "{}: {} rows of {} signals", path.display(), all.times_ns.len(), all.schema.width())?;
     Ok(outcome)
+}
+
+/// Whether two names are of one file that is there.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    let place = |path: &Path| path.canonicalize().ok();
+    one == other || place(one).is_some_and(|place_of_one| place(other) == Some(place_of_one))
 }
 
 /// What is wanted of a recording, and the time from row to row, ns.
