@@ -11,7 +11,6 @@ mod arguments;
 mod clock;
 mod command;
 mod course;
-mod description;
 mod desk;
 mod diagnostics;
 mod loud;

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use omnibase_client::{Error, Found};
+use omnibase_description::{Names, urdf};
 use ros2_client::Publisher;
 use serde_json::Value;
 
 use crate::arguments::Arguments;
 use crate::clock::Clock;
-use crate::description;
 use crate::diagnostics::{Diagnostics, OfBridge};
 use crate::messages::*;
 use crate::node::{Ros, latched, telling};
@@ -52,7 +52,10 @@ impl News {
         let base_frame = arguments.base_frame();
         let urdf = match &arguments.urdf {
             Some(path) => std::fs::read_to_string(path).with_context(|| path.display().to_string())?,
-            None => description::urdf(facts, &arguments.frame_prefix, &base_frame),
+            None => {
+                let names = Names { prefix: &arguments.frame_prefix, base: &base_frame };
+                urdf(&facts.description(), names)
+            }
         };
         let description = ros.publisher("robot_description", latched())?;
         let unsent = || anyhow::anyhow!("DDS didn't take what never changes");

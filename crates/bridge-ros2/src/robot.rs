@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use omnibase_client::robots::{Endpoint, Found, latest};
+use omnibase_description::{Body, Description, Wheel};
 use serde::Deserialize;
 
 use crate::arguments::Arguments;
@@ -34,6 +35,8 @@ pub struct Facts {
     pub name: String,
     /// Whether it is simulated.
     pub simulated: bool,
+    /// What it weighs.
+    pub body: Body,
     /// In the order of its file.
     pub wheels: Vec<Wheel>,
     /// x m, y m in the platform's frame.
@@ -42,19 +45,6 @@ pub struct Facts {
     pub columns: Vec<String>,
     /// What it never exceeds.
     pub limits: Limits,
-}
-
-/// A wheel.
-#[derive(Clone, Debug, Deserialize)]
-pub struct Wheel {
-    /// Its name.
-    pub name: String,
-    /// Where it touches the floor, m.
-    pub position_m: [f64; 2],
-    /// The direction in which it rolls when its motor turns positive.
-    pub rolling: [f64; 2],
-    /// Its radius, m.
-    pub radius_m: f64,
 }
 
 /// What a robot never exceeds.
@@ -74,5 +64,17 @@ impl Facts {
     /// Asks the robot.
     pub fn of(found: &Found) -> anyhow::Result<Facts> {
         serde_json::from_value(found.read("robot")?).context("what the robot tells of itself")
+    }
+
+    /// As URDF is made of it.
+    pub fn description(&self) -> Description {
+        Description {
+            name: self.name.clone(),
+            body: self.body,
+            footprint_m: self.footprint.clone(),
+            wheels: self.wheels.clone(),
+            wheel_speed_rad_s: self.limits.wheel_speed_rad_s,
+            wheel_torque_nm: self.limits.wheel_torque_nm,
+        }
     }
 }

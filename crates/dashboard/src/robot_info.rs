@@ -39,6 +39,8 @@ pub(crate) struct Facts<'a> {
     api: &'static str,
     simulated: bool,
     cycle_s: f64,
+    /// What it weighs, as it is simulated, with its payload.
+    body: BodyFacts,
     wheels: Vec<WheelFacts<'a>>,
     devices: Vec<DeviceFacts<'a>>,
     limits: LimitFacts,
@@ -57,6 +59,19 @@ struct WheelFacts<'a> {
     position_m: [f64; 2],
     rolling: [f64; 2],
     radius_m: f64,
+    /// About its axis.
+    inertia_kg_m2: f64,
+    /// Seen at the wheel.
+    rotor_inertia_kg_m2: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct BodyFacts {
+    mass_kg: f64,
+    /// About the vertical axis through its centre of mass.
+    inertia_kg_m2: f64,
+    /// Centre of mass in base_link.
+    centre_m: [f64; 3],
 }
 
 /// A SubDevice that drives no wheel.
@@ -131,20 +146,25 @@ struct LimitFacts {
 impl RobotInfo {
     pub(crate) fn facts(&self, may_command: bool) -> Facts<'_> {
         let plan = &self.robot.plan;
-        let wheels = plan.kinematics.wheels().iter().zip(&plan.drives);
+        let described = omnibase_run::mechanics::description(plan);
+        let omnibase_description::Body { mass_kg, inertia_kg_m2, centre_m } = described.body;
+        let wheels = described.wheels.iter().zip(&plan.drives);
         Facts {
             name: &plan.name,
             version: env!("CARGO_PKG_VERSION"),
             api: crate::openapi::VERSION,
             simulated: self.known == Known::Truth,
             cycle_s: plan.bus.cycle_ns as f64 * 1e-9,
+            body: BodyFacts { mass_kg, inertia_kg_m2, centre_m },
             wheels: wheels
                 .map(|(wheel, drive)| WheelFacts {
                     name: &drive.name,
                     device: &drive.device,
                     position_m: wheel.position_m,
-                    rolling: wheel.rolling_direction,
+                    rolling: wheel.rolling,
                     radius_m: wheel.radius_m,
+                    inertia_kg_m2: wheel.inertia_kg_m2,
+                    rotor_inertia_kg_m2: wheel.rotor_inertia_kg_m2,
                 })
                 .collect(),
             devices: plan.devices.iter().map(DeviceFacts::of).collect(),

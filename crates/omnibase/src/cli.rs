@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    bridge, check, completions, decode, doctor, exchange, export, joystick, kinematics, live, margins, new,
-    replay, report, run, scan, sdo, sii, simulate,
+    bridge, check, completions, decode, description, doctor, exchange, export, joystick, kinematics, live,
+    margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -33,6 +33,8 @@ pub enum Command {
     Replay(replay::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),
+    Urdf(description::Urdf),
+    Mjcf(description::Mjcf),
     Get(live::Get),
     Set(live::Set),
     Call(live::Call),

@@ -5,6 +5,7 @@ pub mod bridge;
 pub mod check;
 pub mod completions;
 pub mod decode;
+pub mod description;
 pub mod doctor;
 pub mod exchange;
 pub mod export;
@@ -39,7 +40,9 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Margins(arguments) => margins::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
-        Command::Export(arguments) => export::run(arguments, output),
+        Command::Export(arguments) => export::run(arguments, registry, output),
+        Command::Urdf(arguments) => description::urdf(arguments, registry, output),
+        Command::Mjcf(arguments) => description::mjcf(arguments, registry, output),
         Command::Get(arguments) => live::get(arguments, output),
         Command::Set(arguments) => live::set(arguments, output),
         Command::Call(arguments) => live::call(arguments, output),

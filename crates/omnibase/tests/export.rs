@@ -98,13 +98,15 @@ fn what_cannot_be_a_table_is_refused_in_words() {
     let run = recorded(folder.path(), &["--every", "10ms"]);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     for (arguments, expected) in [
-        (vec!["--output", "run.xlsx"], "expected a name that ends in .csv, .parquet or .mat"),
+        (vec!["--output", "run.xlsx"], "expected a name that ends in .csv, .parquet, .mat or .mcap"),
         (vec!["--output", &path("a.csv"), "--signals", "stat.*"], "holds no signal of this name"),
         (
             vec!["--output", &path("a.csv"), "--every", "2.5ms"],
             "expected a whole multiple of the cycle of 1 ms",
         ),
         (vec!["--output", &path("none/a.csv")], "none/a.csv"),
+        // The recording itself by another name.
+        (vec!["--output", &path("./run.mcap")], "would be written over what it is made of"),
     ] {
         let refused = omnibase(&[&["export", &run][..], &arguments].concat()).unwrap_err();
         assert!(refused.contains(expected), "{refused}");

@@ -7,6 +7,7 @@
 //! - [`create`]: the file of a recording; nothing but a regular one.
 //! - [`export`]: a run as a table for other programs.
 //! - [`report`]: a page of HTML that shows a run.
+//! - [`viewer`]: a run as viewers draw it.
 //! - [`run`]: every signal of every cycle of a robot's run, as MCAP and as columns of text.
 #![forbid(unsafe_code)]
 
@@ -19,6 +20,7 @@ mod recording_link;
 pub mod report;
 mod ring;
 pub mod run;
+pub mod viewer;
 
 pub use background::{BackgroundRecorder, Recorded, WhenFull};
 pub use capture::{Capture, CaptureError, CapturedFrame, Warning};

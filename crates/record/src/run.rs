@@ -5,7 +5,7 @@
 
 mod columns;
 mod mcap_file;
-mod protobuf;
+pub(crate) mod protobuf;
 mod recorded;
 mod recorder;
 mod selection;
@@ -13,7 +13,8 @@ mod series;
 mod writers;
 
 pub use columns::{ColumnError, ColumnWriter};
-pub use mcap_file::{McapRun, RunError};
+pub(crate) use mcap_file::message_name;
+pub use mcap_file::{BEGUN, McapRun, RunError};
 pub use recorded::{Keep, RecordedRun};
 pub use recorder::{OnFull, RecorderError, RunDescriber, RunFiles, RunRecorded, RunRecorder, RunSink};
 pub use selection::{Due, SELECTION, Selection, fits};

@@ -2,7 +2,7 @@
 
 use omnibase_record::report;
 use omnibase_record::run::{
-    Keep, McapRun, OnFull, RecordedRun, RunError, RunEvent, RunFiles, RunRecorder, RunSchema,
+    BEGUN, Keep, McapRun, OnFull, RecordedRun, RunError, RunEvent, RunFiles, RunRecorder, RunSchema,
 };
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -51,6 +51,31 @@ fn every_bit_of_every_cycle_is_read_back() {
     let x: Vec<f64> = run.column("/platform/believed", "x_m").unwrap().collect();
     assert_eq!(x[10], 1.0);
     assert!(run.column("/platform/believed", "z_m").is_none());
+}
+
+#[test]
+fn others_see_the_wall_clock_and_the_run_is_read_back_by_its_own_time() {
+    let begun_unix_ns = 1_800_000_000_000_000_000;
+    let description = BTreeMap::from([(BEGUN.to_owned(), begun_unix_ns.to_string())]);
+    let mut file = Cursor::new(Vec::new());
+    let mut run = McapRun::create(&mut file, &schema(), &description).unwrap();
+    run.write_event(&RunEvent { time_ns: 5, text: "begun".to_owned() }).unwrap();
+    for (number, row) in odd_rows()[..3].iter().enumerate() {
+        run.write_row(number as u64 * 1_000_000, row, &[]).unwrap();
+    }
+    run.finish().unwrap();
+    let bytes = file.into_inner();
+    let mut seen = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        assert_eq!(message.log_time, begun_unix_ns + message.publish_time);
+        seen += 1;
+    }
+    let run = RecordedRun::read(&bytes).unwrap();
+    assert_eq!(run.times_ns, [0, 1_000_000, 2_000_000]);
+    assert_eq!(run.events[0].time_ns, 5);
+    // Three rows of each topic and of the raw cycles, and the event.
+    assert_eq!(seen, 3 * (run.schema.topics.len() + 1) + 1);
 }
 
 #[test]

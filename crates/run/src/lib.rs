@@ -9,6 +9,8 @@
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
 //! - [`stepped`]: a simulated robot cycle by cycle, for programs that ask for each.
 //! - [`live`]: the same run under the hands of people and programs.
+//! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
+//! - [`view`]: what viewers draw of it.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
@@ -19,12 +21,14 @@ pub mod describe;
 pub mod drive_errors;
 pub mod floor_memory;
 pub mod live;
+pub mod mechanics;
 pub mod replay;
 pub mod robot_text;
 pub mod run;
 pub mod simulated;
 pub mod stepped;
 pub mod teach;
+pub mod view;
 
 pub use replay::{Replayed, replay};
 pub use robot_text::{LoadedRobot, RobotText};

@@ -74,7 +74,41 @@ impl RobotText {
         }
         let mut description = read.into_inner();
         description.insert(ROBOT_KEY.into(), effective);
+        without_places(&mut description);
         Ok(LoadedRobot { plan, description })
+    }
+}
+
+/// Calls files of the description by their own names where the robot's file names them by their places on this machine.
+fn without_places(description: &mut BTreeMap<String, String>) {
+    let is_placed =
+        |key: &&String| key.strip_prefix(FILE_KEY).is_some_and(|name| Path::new(name).is_absolute());
+    let placed: Vec<String> = description.keys().filter(is_placed).cloned().collect();
+    let robot = description.get(ROBOT_KEY).and_then(|text| text.parse::<toml::Table>().ok());
+    let Some(mut robot) = robot.filter(|_| !placed.is_empty()).map(toml::Value::Table) else { return };
+    for key in &placed {
+        let place = key.trim_start_matches(FILE_KEY);
+        let name = Path::new(place).file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let names = std::iter::once(name.clone()).chain((2..).map(|number| format!("{number}/{name}")));
+        let mut free = names.filter(|name| !description.contains_key(&format!("{FILE_KEY}{name}")));
+        let name = free.next().unwrap_or_default();
+        rename(&mut robot, place, &name);
+        let text = description.get(key).cloned().unwrap_or_default();
+        description.insert(format!("{FILE_KEY}{name}"), text);
+    }
+    if let Ok(text) = toml::to_string(&robot) {
+        description.insert(ROBOT_KEY.into(), text);
+        description.retain(|key, _| !placed.contains(key));
+    }
+}
+
+/// Replaces one text wherever it is a value.
+fn rename(value: &mut toml::Value, from: &str, to: &str) {
+    match value {
+        toml::Value::String(text) if text == from => to.clone_into(text),
+        toml::Value::Array(values) => values.iter_mut().for_each(|value| rename(value, from, to)),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| rename(value, from, to)),
+        _ => {}
     }
 }
 
@@ -165,6 +199,32 @@ mod tests {
             format!("{plan:?}")
         };
         assert_eq!(text(again), text(robot.plan));
+    }
+
+    #[test]
+    fn files_are_called_by_their_names_and_not_by_where_they_lie() {
+        let registry = Registry::with_built_in();
+        let folder = std::env::temp_dir().join(format!("omnibase-places-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let points = "(0, 0, 0, 0)\n(10, 1, 0, 0)\n(20, 1, 1, 0)\n";
+        std::fs::write(folder.join("way.dat"), points).unwrap();
+        std::fs::write(folder.join("events.toml"), "").unwrap();
+        let table = "kind = \"path\"\npoints_file = \"way.dat\"\n";
+        let text = RobotText {
+            text: BMM.into(),
+            changes: vec![format!("simulation.events_file = {:?}", folder.join("events.toml"))],
+            reference: Some(read_reference(table, "way.toml", &folder)),
+            ..Default::default()
+        };
+        let robot = text.load(&registry).unwrap();
+        let keys: Vec<&str> = robot.description.keys().map(String::as_str).collect();
+        assert_eq!(keys, ["file/events.toml", "file/way.dat", "robot.toml"]);
+        assert_eq!(robot.description["file/way.dat"], points);
+        let here = folder.to_str().unwrap();
+        assert!(!robot.description[ROBOT_KEY].contains(here), "{}", robot.description[ROBOT_KEY]);
+        let again = from_description(&robot.description, &registry).unwrap();
+        assert_eq!(again.reference.points_file.as_deref(), Some("way.dat"));
+        std::fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
+use omnibase_description::Body;
 use omnibase_robot::config::{
     AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, Limits, PdoPlan, RunTable,
     SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
@@ -330,7 +331,13 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             "the wheels and their radius; a body that reaches further needs platform.footprint_m"
         }
     };
-    writeln!(output, "footprint   {} corners: {source}\n", plan.guard.footprint_m.len())?;
+    writeln!(output, "footprint   {} corners: {source}", plan.guard.footprint_m.len())?;
+    let described = omnibase_run::mechanics::description(plan);
+    let Body { mass_kg, inertia_kg_m2, centre_m: [x_m, y_m, z_m] } = described.body;
+    writeln!(
+        output,
+        "body        {mass_kg} kg with its payload, {inertia_kg_m2} kg·m² about the centre of mass ({x_m}, {y_m}, {z_m}) m, as simulated\n"
+    )?;
     writeln!(
         output,
         "{:<14} {:>9} {:>9} {:>10} {:>10} {:>9}  {:<12} device",
@@ -421,7 +428,9 @@ fn position(bit: u32, bits: u8) -> String {
 }
 
 fn plan_json(plan: &RobotPlan) -> Value {
-    let wheels = plan.kinematics.wheels().iter().zip(&plan.drives).map(|(wheel, drive)| {
+    let described = omnibase_run::mechanics::description(plan);
+    let drives = plan.drives.iter().zip(&described.wheels);
+    let wheels = plan.kinematics.wheels().iter().zip(drives).map(|(wheel, (drive, described))| {
         let image = |pdos| -> Vec<Value> {
             let object = |(object, bit, bits)| json!({ "object": object, "bit": bit, "bits": bits });
             objects(pdos).into_iter().map(object).collect()
@@ -432,6 +441,8 @@ fn plan_json(plan: &RobotPlan) -> Value {
             "rolling_direction": wheel.rolling_direction,
             "force_direction": wheel.force_direction,
             "radius_m": wheel.radius_m,
+            "inertia_kg_m2": described.inertia_kg_m2,
+            "rotor_inertia_kg_m2": described.rotor_inertia_kg_m2,
             "place": bus_place(drive.place),
             "device": drive.device,
             "outputs": { "bytes": drive.output_bytes(), "objects": image(&drive.outputs) },
@@ -457,6 +468,7 @@ fn plan_json(plan: &RobotPlan) -> Value {
         "robot": plan.name,
         "cycle_us": plan.bus.cycle_ns / 1000,
         "controllers": plan.controllers().collect::<Vec<_>>(),
+        "body": described.body,
         "wheels": wheels.collect::<Vec<_>>(),
         "devices": devices.collect::<Vec<_>>(),
         "run": plan.run,

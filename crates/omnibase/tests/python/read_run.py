@@ -25,7 +25,7 @@ with open(mcap_file, "rb") as file:
             for field in content.DESCRIPTOR.fields:
                 name = topic.strip("/").replace("/", ".") + "." + field.name
                 decoded.setdefault(name, []).append(getattr(content, field.name))
-            times_s[message.log_time] = message.log_time / 1e9
+            times_s[message.publish_time] = message.publish_time / 1e9
 decoded["time_s"] = list(times_s.values())
 
 columns = numpy.genfromtxt(column_file, names=True, deletechars="")

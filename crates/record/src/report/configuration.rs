@@ -3,6 +3,7 @@
 use super::sections::{absent, section};
 use super::signals::Signals;
 use super::text::{self, escape};
+use crate::run::BEGUN;
 use std::fmt::Write;
 
 /// Lines shown of each file.
@@ -11,12 +12,13 @@ const MOST_LINES: usize = 150;
 const LONG: usize = 200;
 
 /// What the head of the page and its summary show already.
-const SHOWN: [&str; 11] = [
+const SHOWN: [&str; 12] = [
     "robot",
     "reference",
     "mode",
     "version",
     "date",
+    BEGUN,
     "ended_early",
     "cycles",
     "lost_frames",

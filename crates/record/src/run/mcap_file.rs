@@ -15,6 +15,9 @@ pub(super) const EVENT_TOPIC: &str = "/events";
 /// Name of the metadata record that describes the run.
 pub(super) const METADATA: &str = "omnibase";
 
+/// Key of the wall clock at the run's time 0, ns since 1970, in the description of a recording.
+pub const BEGUN: &str = "begun_unix_ns";
+
 /// Bytes of records after which a chunk ends.
 const CHUNK_BYTES: u64 = 768 * 1024;
 /// Time of the run after which a chunk ends, ns: what is lost where the process is killed.
@@ -73,6 +76,8 @@ pub struct McapRun<W: Write + Seek> {
     row: u32,
     message: Vec<u8>,
     size: Size,
+    /// The wall clock at the run's time 0, ns since 1970; 0 where nobody told it.
+    begun_unix_ns: u64,
 }
 
 /// What a file takes, and will take at most when it is finished.
@@ -140,7 +145,8 @@ impl<W: Write + Seek> McapRun<W> {
         let raw = is_whole.then(|| channel(RAW_TOPIC, &[("data", Kind::Bytes)])).transpose()?;
         let events = channel(EVENT_TOPIC, &[("text", Kind::Text)])?;
         let (width, message) = (schema.width(), Vec::new());
-        let mut run = McapRun { writer, topics, raw, events, width, row: 0, message, size };
+        let begun_unix_ns = description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
+        let mut run = McapRun { writer, topics, raw, events, width, row: 0, message, size, begun_unix_ns };
         run.end_chunk()?;
         Ok(run)
     }
@@ -220,8 +226,9 @@ impl<W: Write + Seek> McapRun<W> {
     }
 
     fn send(&mut self, channel_id: u16, time_ns: u64) -> Result<(), RunError> {
-        let header =
-            MessageHeader { channel_id, sequence: self.row, log_time: time_ns, publish_time: time_ns };
+        // Programs of others show the log time; the run's own is what is read back.
+        let log_time = self.begun_unix_ns.saturating_add(time_ns);
+        let header = MessageHeader { channel_id, sequence: self.row, log_time, publish_time: time_ns };
         if self.size.open == 0 {
             self.size.open_since_ns = time_ns;
         }
@@ -258,7 +265,7 @@ impl<W: Seek> Seek for Measured<W> {
 }
 
 /// `/platform/believed` becomes `PlatformBelieved`.
-fn message_name(topic: &str) -> String {
+pub(crate) fn message_name(topic: &str) -> String {
     let words = topic.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(|word| word[..1].to_ascii_uppercase() + &word[1..]).collect()
 }

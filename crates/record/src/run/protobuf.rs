@@ -2,11 +2,13 @@
 //! descriptors that explain them to a reader (protobuf.dev, "Encoding"; descriptor.proto).
 
 /// What a field holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Double = 1,
-    Text = 9,
-    Bytes = 12,
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Double,
+    Text,
+    Bytes,
+    /// A code of the enum with this full name.
+    Choice(String),
 }
 
 const FIXED64: u32 = 1;
@@ -25,25 +27,31 @@ fn push_tag(bytes: &mut Vec<u8>, number: u32, wire_type: u32) {
 }
 
 /// Appends field `number` as a double; all 64 bits survive, NaN's too.
-pub(super) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
+pub(crate) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
     push_tag(bytes, number, FIXED64);
     bytes.extend_from_slice(&value.to_bits().to_le_bytes());
 }
 
 /// Appends field `number` as bytes or text.
-pub(super) fn push_bytes(bytes: &mut Vec<u8>, number: u32, value: &[u8]) {
+pub(crate) fn push_bytes(bytes: &mut Vec<u8>, number: u32, value: &[u8]) {
     push_tag(bytes, number, LENGTH_DELIMITED);
     push_varint(bytes, value.len() as u64);
     bytes.extend_from_slice(value);
 }
 
-fn push_number(bytes: &mut Vec<u8>, number: u32, value: u64) {
+pub(crate) fn push_number(bytes: &mut Vec<u8>, number: u32, value: u64) {
     push_tag(bytes, number, 0);
     push_varint(bytes, value);
 }
 
 /// A `FileDescriptorSet` with the one message `omnibase.<name>`, its fields numbered from 1.
 pub(super) fn descriptor(name: &str, fields: &[(&str, Kind)]) -> Vec<u8> {
+    let fields: Vec<_> = fields.iter().map(|(name, kind)| ((*name).to_owned(), kind.clone())).collect();
+    descriptor_with(name, &fields, &[])
+}
+
+/// The same with enums of the message, each an `EnumDescriptorProto`.
+pub(crate) fn descriptor_with(name: &str, fields: &[(String, Kind)], enums: &[Vec<u8>]) -> Vec<u8> {
     let mut message = Vec::new();
     push_bytes(&mut message, 1, name.as_bytes());
     for (number, (field_name, kind)) in (1..).zip(fields) {
@@ -51,8 +59,20 @@ pub(super) fn descriptor(name: &str, fields: &[(&str, Kind)]) -> Vec<u8> {
         push_bytes(&mut field, 1, field_name.as_bytes());
         push_number(&mut field, 3, number);
         push_number(&mut field, 4, 1);
-        push_number(&mut field, 5, *kind as u64);
+        let code = match kind {
+            Kind::Double => 1,
+            Kind::Text => 9,
+            Kind::Bytes => 12,
+            Kind::Choice(_) => 14,
+        };
+        push_number(&mut field, 5, code);
+        if let Kind::Choice(name) = kind {
+            push_bytes(&mut field, 6, name.as_bytes());
+        }
         push_bytes(&mut message, 2, &field);
+    }
+    for one in enums {
+        push_bytes(&mut message, 4, one);
     }
     let mut file = Vec::new();
     push_bytes(&mut file, 1, format!("omnibase/{name}.proto").as_bytes());

@@ -233,9 +233,9 @@ impl<'a> Reading<'a> {
                     Content::Signals { .. } | Content::Raw => false,
                 };
                 // All messages of a row have its time.
-                if !is_event && self.row_ns != Some(header.log_time) {
+                if !is_event && self.row_ns != Some(header.publish_time) {
                     self.end_row();
-                    self.row_ns = Some(header.log_time);
+                    self.row_ns = Some(header.publish_time);
                 }
                 match &self.channels[&header.channel_id] {
                     Content::Signals { at, width, fields } => {
@@ -258,7 +258,7 @@ impl<'a> Reading<'a> {
                     Content::Events => {
                         let text =
                             String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
-                        self.run.events.push(RunEvent { time_ns: header.log_time, text });
+                        self.run.events.push(RunEvent { time_ns: header.publish_time, text });
                     }
                 }
             }

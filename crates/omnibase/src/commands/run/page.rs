@@ -4,7 +4,7 @@ use super::calendar::Moment;
 use crate::commands::report;
 use anyhow::Context;
 use omnibase_measure::Summary;
-use omnibase_record::run::RunRecorded;
+use omnibase_record::run::{BEGUN, RunRecorded};
 use omnibase_run::RunError;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -79,7 +79,9 @@ impl Drop for Page {
 /// What a recording is told at the begin of its run: when it was, and what was asked for.
 pub fn first_words() -> BTreeMap<String, String> {
     let command: Vec<String> = std::env::args().collect();
-    let words = [("date", utc(SystemTime::now())), ("command", command.join(" "))];
+    let now = SystemTime::now();
+    let begun_unix_ns = now.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_nanos());
+    let words = [("date", utc(now)), (BEGUN, begun_unix_ns.to_string()), ("command", command.join(" "))];
     words.into_iter().map(|(key, text)| (key.to_owned(), text)).collect()
 }
 
