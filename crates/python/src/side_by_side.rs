@@ -11,8 +11,7 @@ use crate::failure::Failure;
 use crate::robot_file::Wanted;
 use crate::simulated::{REGISTRY, Simulated, frame};
 
-/// Cycles of all robots between two looks whether somebody pressed Ctrl-C: a second or two. Few for each robot cost time, for
-/// none finds its memory near again.
+/// Cycles of all robots between two looks whether somebody pressed Ctrl-C: a second or two.
 const PIECE: usize = 200_000;
 
 /// Many simulated robots, each on a virtual time of its own.
