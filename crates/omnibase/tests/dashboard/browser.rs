@@ -1,9 +1,11 @@
 //! Headless Chromium, driven by its DevTools protocol.
 
 use serde_json::{Value, json};
+use std::cell::Cell;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
@@ -18,8 +20,42 @@ const TAMPER: &str = "(() => { const Real = WebSocket; window.tamper = (message)
     const message = window.tamper(JSON.parse(event.data)); \
     if (message) hear({ data: JSON.stringify(message) }); }); } }; })()";
 
+/// How many tests have browsers now.
+static TESTS: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+
+thread_local! {
+    /// How many browsers this test has.
+    static MINE: Cell<usize> = const { Cell::new(0) };
+}
+
+/// A test's leave to have browsers: as many tests as processors at a time. With more a page hears its robot too late, and what
+/// is asked by it is refused, as it shall be.
+struct Turn;
+
+impl Turn {
+    fn take() -> Turn {
+        if MINE.replace(MINE.get() + 1) == 0 {
+            let most = std::thread::available_parallelism().map_or(1, usize::from);
+            let tests = TESTS.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let tests = TESTS.1.wait_while(tests, |tests| *tests >= most);
+            *tests.unwrap_or_else(PoisonError::into_inner) += 1;
+        }
+        Turn
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if MINE.replace(MINE.get() - 1) == 1 {
+            *TESTS.0.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+            TESTS.1.notify_one();
+        }
+    }
+}
+
 /// A browser with one page.
 pub struct Browser {
+    _turn: Turn,
     process: Child,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     number: u64,
@@ -29,6 +65,7 @@ pub struct Browser {
 impl Browser {
     /// Starts it with a window of so many pixels; `None` where Chromium isn't installed.
     pub fn start(width: u32, height: u32) -> Option<Browser> {
+        let turn = Turn::take();
         let profile = tempfile::tempdir().unwrap();
         let mut process = ["chromium", "chromium-browser", "google-chrome"].iter().find_map(|name| {
             Command::new(name)
@@ -56,7 +93,7 @@ impl Browser {
         let pages: Value = serde_json::from_str(&body.unwrap()).unwrap();
         let page = pages.as_array().unwrap().iter().find(|page| page["type"] == "page").unwrap();
         let (socket, _) = tungstenite::connect(page["webSocketDebuggerUrl"].as_str().unwrap()).unwrap();
-        let mut browser = Browser { process, socket, number: 0, profile };
+        let mut browser = Browser { _turn: turn, process, socket, number: 0, profile };
         browser.ask("Page.enable", json!({}));
         browser.ask("Runtime.enable", json!({}));
         let metrics =
