@@ -120,6 +120,23 @@ fn a_persons_stick_that_is_lost_hands_nothing_over_to_a_program() {
 }
 
 #[test]
+fn a_persons_motion_that_ends_with_its_page_hands_nothing_over_but_a_programs_own_does() {
+    for (who, drives_again) in [(PERSON, false), (PROGRAM, true)] {
+        played(7.0, move |hands: &mut Hands| {
+            holding(hands);
+            let far = Pose2 { x_m: 1.5, y_m: 0.0, heading_rad: 0.0 };
+            hands.send(1.0, who, Ask::Robot(RequestKind::GoTo { odom_from_body: far }));
+            hands.alive(1.0, 2.0, who);
+            // From 2 s on nothing is heard of it.
+            hands.at(3.5, |_, seen| assert!(rests(seen) && seen.phase == Phase::Holding));
+            hands.send(3.6, PROGRAM, Ask::Stick(StickWish::Released));
+            hands.stick(3.7, 5.0, PROGRAM, FORWARD);
+            hands.at(4.9, move |_, seen| assert_eq!(drives(seen), drives_again, "{who:?}"));
+        });
+    }
+}
+
+#[test]
 fn a_motion_is_ended_by_who_began_it_and_that_is_no_stop_of_a_person() {
     for (by, ends) in [(PROGRAM, true), (PERSON, false)] {
         played(8.0, move |hands: &mut Hands| {

@@ -242,6 +242,7 @@ impl Operator {
         // Nor may a finger that went down while the line was dead start anything when it is back.
         let stick = &mut self.sticks[1 + usize::from(number)];
         stick.must_release |= !stick.recovers;
+        let was_a_person = !stick.recovers;
         self.drop_waiting(|waiting| waiting.client == client);
         if let Some((by, _, kind)) = self.asked
             && by == client
@@ -250,6 +251,7 @@ impl Operator {
         }
         self.authors.gone(client);
         if self.has_begun_motion(client) {
+            self.programs_wait |= was_a_person;
             self.say("the page that asked for this motion is gone: stopped", client);
             self.stop_with(StopCategory::RampAndHold, client, 0);
         }
