@@ -10,8 +10,10 @@ import time
 from xml.etree import ElementTree
 
 from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped, PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
+from nav2_msgs.action import FollowPath
 from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rcl_interfaces.srv import (
@@ -21,6 +23,7 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectoryPoint
 from witness_node import LATCHED, LONGEST_S, RESTS_M_S, Witness
 
 
@@ -387,12 +390,7 @@ def follows(w, kind, name, goal, cancels=False):
 
 
 def paths_are_followed(w):
-    """nav2's action, where its type is there; it is in no wheel."""
-    try:
-        from nav2_msgs.action import FollowPath
-    except ImportError:
-        print("SKIPPED: nav2_msgs isn't there")
-        return
+    """nav2's action."""
     w.hold()
 
     def x():
@@ -421,14 +419,7 @@ def paths_are_followed(w):
 
 
 def trajectories_are_followed(w):
-    """The standard controllers' action, where its type is there; it is in no wheel."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError:
-        print("SKIPPED: control_msgs isn't there")
-        return
-    from trajectory_msgs.msg import JointTrajectoryPoint
-
+    """The standard controllers' action."""
     w.hold()
     pose = w.odom[-1].pose.pose
     heading = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
