@@ -9,9 +9,12 @@ use std::time::{Duration, Instant};
 
 use omnibase_client::robots::Endpoint;
 use omnibase_client::{Found, Seat};
+use omnibase_host::Namespace;
 use serde_json::{Value, json};
 
 const LONGEST: Duration = Duration::from_secs(60);
+/// For how long the robot believes a command.
+const COMMAND_AGE_MS: u32 = 500;
 
 /// Python with real ROS 2 in it, as `.ci/ros2` makes it; says loudly where it is missing.
 fn pythons() -> Vec<(&'static str, PathBuf)> {
@@ -37,18 +40,29 @@ struct Robot {
     folder: tempfile::TempDir,
 }
 
+/// The program of the command line, which is built beside the bridge.
+fn omnibase() -> PathBuf {
+    let omnibase = Path::new(env!("CARGO_BIN_EXE_omnibase-bridge-ros2")).with_file_name("omnibase");
+    assert!(omnibase.is_file(), "{} is missing: cargo build --workspace", omnibase.display());
+    omnibase
+}
+
 impl Robot {
     /// Starts it, with these arguments of its bridge.
     fn start(arguments: &[&str]) -> Robot {
-        let bridge = Path::new(env!("CARGO_BIN_EXE_omnibase-bridge-ros2"));
-        let omnibase = bridge.with_file_name("omnibase");
-        assert!(omnibase.is_file(), "{} is missing: cargo build --workspace", omnibase.display());
+        let arguments: Vec<String> = arguments.iter().map(|argument| format!("{argument:?}")).collect();
+        let robot =
+            Robot::alone("127.0.0.1:0", &format!("[bridge.ros2]\narguments = [{}]\n", arguments.join(", ")));
+        robot.bridge(1);
+        robot
+    }
+
+    /// Starts it with its page there, with more in its file.
+    fn alone(page: &str, more: &str) -> Robot {
         let folder = tempfile::tempdir().unwrap();
         let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
-        let arguments: Vec<String> = arguments.iter().map(|argument| format!("{argument:?}")).collect();
         let more = format!(
-            "\n[safety]\ncommand_age_ms = 500\n\n[[source]]\nname = \"mocap\"\ncarries = \"pose\"\n\n[bridge.ros2]\narguments = [{}]\n",
-            arguments.join(", ")
+            "\n[safety]\ncommand_age_ms = {COMMAND_AGE_MS}\n\n[[source]]\nname = \"mocap\"\ncarries = \"pose\"\n\n{more}"
         );
         let file = folder.path().join("robot.toml");
         std::fs::write(&file, std::fs::read_to_string(usual).unwrap() + &more).unwrap();
@@ -57,8 +71,8 @@ impl Robot {
         let number = 3 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
         let domain = (1 + number % 100).to_string();
         let said = File::create(folder.path().join("said.txt")).unwrap();
-        let process = Command::new(omnibase)
-            .args(["run", file.to_str().unwrap(), "--json", "--dashboard=127.0.0.1:0", "--paths"])
+        let process = Command::new(omnibase())
+            .args(["run", file.to_str().unwrap(), "--json", &format!("--dashboard={page}"), "--paths"])
             .arg(folder.path())
             .env("XDG_RUNTIME_DIR", folder.path())
             .env("ROS_DOMAIN_ID", &domain)
@@ -76,8 +90,19 @@ impl Robot {
             line.split('/').next().map(str::to_owned)
         });
         robot.found.place = Endpoint::Address(address.parse().unwrap());
-        robot.bridge(1);
         robot
+    }
+
+    /// A bridge that is started by hand.
+    fn bridge_by_hand(&self) -> Program {
+        let said = File::options().append(true).open(self.folder.path().join("said.txt")).unwrap();
+        let started = Command::new(omnibase())
+            .args(["bridge", "ros2", "--at", &self.found.place.to_string()])
+            .env("ROS_DOMAIN_ID", &self.domain)
+            .env("OMNIBASE_TOKEN", &self.found.token)
+            .stderr(said)
+            .spawn();
+        Program(started.unwrap())
     }
 
     /// What it and its bridge said so far.
@@ -116,10 +141,19 @@ impl Robot {
         self.wait("the bridge's process", |robot| child(robot.process.id()).and_then(child))
     }
 
-    fn speed_m_s(&self) -> f64 {
-        let now = self.found.read("now").unwrap();
+    fn length(&self, x: &str, y: &str) -> f64 {
+        let now = self.now();
         let value = |name: &str| now["values"][name].as_f64().unwrap_or(f64::NAN);
-        value("state/twist_in_body_x_m_s").hypot(value("state/twist_in_body_y_m_s"))
+        value(x).hypot(value(y))
+    }
+
+    fn speed_m_s(&self) -> f64 {
+        self.length("state/twist_in_body_x_m_s", "state/twist_in_body_y_m_s")
+    }
+
+    /// How far from where it began.
+    fn distance_m(&self) -> f64 {
+        self.length("state/pose_x_m", "state/pose_y_m")
     }
 
     /// It stands though somebody publishes; the bridge said so often why.
@@ -139,7 +173,7 @@ impl Robot {
         self.found.read("now").unwrap()
     }
 
-    fn witness(&self, python: &Path, checks: &[&str]) -> Witness {
+    fn witness(&self, python: &Path, checks: &[&str]) -> Program {
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/witness.py");
         let started = Command::new(python)
             .arg(script)
@@ -150,7 +184,7 @@ impl Robot {
             .env("LD_LIBRARY_PATH", python.parent().unwrap().with_file_name("lib"))
             .spawn()
             .unwrap();
-        Witness(started)
+        Program(started)
     }
 }
 
@@ -164,10 +198,10 @@ impl Drop for Robot {
     }
 }
 
-/// A node of real ROS 2, which ends with its test.
-struct Witness(Child);
+/// A node of real ROS 2, or a bridge: it ends with its test.
+struct Program(Child);
 
-impl Drop for Witness {
+impl Drop for Program {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
@@ -250,5 +284,71 @@ fn a_bridge_that_is_killed_or_suspended_stops_the_robot_and_comes_back() {
     robot.wait("the bridge is gone", |_| {
         let state = std::fs::read_to_string(format!("/proc/{bridge}/stat")).unwrap_or_default();
         (state.is_empty() || state.contains(") Z ")).then_some(())
+    });
+}
+
+/// Two machines, each with a network of its own, and a cable between them.
+struct Machines {
+    robots: Namespace,
+    other: Namespace,
+    /// Holds the other one's end of the cable.
+    _holder: Program,
+}
+
+impl Machines {
+    fn new(test: &str) -> Option<Machines> {
+        let robots = Namespace::for_test(test)?;
+        let other = Namespace::new().unwrap();
+        let holder = other.run(|| Command::new("cat").stdin(Stdio::piped()).spawn().unwrap());
+        robots.ip(&format!("link add cable type veth peer name cable netns {}", holder.id())).unwrap();
+        for (machine, address) in [(&robots, "10.77.0.1/24"), (&other, "10.77.0.2/24")] {
+            machine.ip(&format!("address add {address} dev cable")).unwrap();
+            machine.ip("link set cable up").unwrap();
+            // Without it a multicast has nowhere to go.
+            machine.ip("route add 224.0.0.0/4 dev cable").unwrap();
+        }
+        // Its programs reach each other without the cable, too.
+        other.ip(&format!("address add 10.78.0.1/24 dev {}", Namespace::NEAR)).unwrap();
+        Some(Machines { robots, other, _holder: Program(holder) })
+    }
+}
+
+#[test]
+fn a_cable_that_is_pulled_between_robot_and_bridge_stops_the_robot_until_it_is_there_again() {
+    a_pulled_cable_stops_the_robot("robot | bridge", |machines, robot| {
+        machines.other.run(|| robot.bridge_by_hand())
+    });
+}
+
+#[test]
+fn a_cable_that_is_pulled_between_bridge_and_ros_stops_the_robot_until_it_is_there_again() {
+    a_pulled_cable_stops_the_robot("bridge | ROS 2", |_, robot| robot.bridge_by_hand());
+}
+
+fn a_pulled_cable_stops_the_robot(where_it_is: &str, bridge: impl Fn(&Machines, &Robot) -> Program + Sync) {
+    let Some((_, python)) = pythons().into_iter().next() else { return };
+    let Some(machines) = Machines::new(where_it_is) else { return };
+    machines.robots.run(|| {
+        let robot = Robot::alone("10.77.0.1:0", "");
+        let _bridge = bridge(&machines, &robot);
+        let _driver = machines.other.run(|| robot.witness(&python, &["drive_on"]));
+        for _ in 0..2 {
+            robot.wait("it drives", |robot| (robot.speed_m_s() > 0.1).then_some(()));
+            machines.other.ip("link set cable down").unwrap();
+            let pulled = robot.distance_m();
+            robot.wait("it rests", |robot| (robot.speed_m_s() < 5e-3).then_some(()));
+            let stood = robot.distance_m();
+            // 0.25 m/s for as long as a command is believed, and the ramp: 0.6 m/s^2.
+            let farthest_m = 0.25 * f64::from(COMMAND_AGE_MS) / 1e3 + 0.25 * 0.25 / (2.0 * 0.6);
+            assert!(stood - pulled < farthest_m, "{} m, {farthest_m} at most", stood - pulled);
+            // Nobody is heard: it goes on to rest.
+            let seen = robot.now()["counts"][0].as_u64().unwrap();
+            robot.wait("a second", |robot| {
+                assert!(robot.speed_m_s() < 5e-3, "{} m/s", robot.speed_m_s());
+                (robot.now()["counts"][0].as_u64().unwrap() > seen + 1000).then_some(())
+            });
+            machines.other.ip("link set cable up").unwrap();
+        }
+        robot.wait("it drives again", |robot| (robot.speed_m_s() > 0.1).then_some(()));
     });
 }
