@@ -51,14 +51,14 @@ impl Robot {
     /// Starts it, with these arguments of its bridge.
     fn start(arguments: &[&str]) -> Robot {
         let arguments: Vec<String> = arguments.iter().map(|argument| format!("{argument:?}")).collect();
-        let robot =
-            Robot::alone("127.0.0.1:0", &format!("[bridge.ros2]\narguments = [{}]\n", arguments.join(", ")));
+        let bridge = format!("[bridge.ros2]\narguments = [{}]\n", arguments.join(", "));
+        let robot = Robot::alone("127.0.0.1:0", &bridge, &[]);
         robot.bridge(1);
         robot
     }
 
-    /// Starts it with its page there, with more in its file.
-    fn alone(page: &str, more: &str) -> Robot {
+    /// Starts it with its page there, with more in its file and in its command.
+    fn alone(page: &str, more: &str, asked: &[&str]) -> Robot {
         let folder = tempfile::tempdir().unwrap();
         let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
         let more = format!(
@@ -74,6 +74,7 @@ impl Robot {
         let process = Command::new(omnibase())
             .args(["run", file.to_str().unwrap(), "--json", &format!("--dashboard={page}"), "--paths"])
             .arg(folder.path())
+            .args(asked)
             .env("XDG_RUNTIME_DIR", folder.path())
             .env("ROS_DOMAIN_ID", &domain)
             .env("OMNIBASE_TOKEN", "token-of-the-test")
@@ -329,7 +330,7 @@ fn a_pulled_cable_stops_the_robot(where_it_is: &str, bridge: impl Fn(&Machines, 
     let Some((_, python)) = pythons().into_iter().next() else { return };
     let Some(machines) = Machines::new(where_it_is) else { return };
     machines.robots.run(|| {
-        let robot = Robot::alone("10.77.0.1:0", "");
+        let robot = Robot::alone("10.77.0.1:0", "", &[]);
         let _bridge = bridge(&machines, &robot);
         let _driver = machines.other.run(|| robot.witness(&python, &["drive_on"]));
         for _ in 0..2 {
@@ -351,4 +352,66 @@ fn a_pulled_cable_stops_the_robot(where_it_is: &str, bridge: impl Fn(&Machines, 
         }
         robot.wait("it drives again", |robot| (robot.speed_m_s() > 0.1).then_some(()));
     });
+}
+
+/// The signals of so many cycles in which a circle is driven, by their names.
+fn of_a_circle(more: &str, cycles: usize) -> Vec<(String, Vec<String>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("run.mcap");
+    let asked = ["--circle", "radius_m=0.3,duration_s=6", "--record", recording.to_str().unwrap()];
+    let mut robot = Robot::alone("127.0.0.1:0", more, &asked);
+    if !more.is_empty() {
+        robot.bridge(1);
+    }
+    for (call, phase) in [("enable", "holding"), ("track", "tracking")] {
+        // Of a command line, which may go while the robot drives.
+        let asked = Command::new(omnibase())
+            .args(["call", call, "--at", &robot.found.place.to_string()])
+            .env("OMNIBASE_TOKEN", &robot.found.token)
+            .status();
+        assert!(asked.unwrap().success());
+        robot.wait(phase, |robot| (robot.now()["phase"] == phase).then_some(()));
+    }
+    robot.wait("it is round", |robot| (robot.now()["phase"] == "holding").then_some(()));
+    signal("-INT", robot.process.id());
+    robot.process.wait().unwrap();
+    let table = folder.path().join("run.csv");
+    let export = Command::new(omnibase()).arg("export").arg(&recording).arg("--output").arg(&table).output();
+    assert!(export.unwrap().status.success());
+    let text = std::fs::read_to_string(table).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let phase = rows[0].iter().position(|name| *name == "cycle.phase").unwrap();
+    let phases: Vec<&str> = rows.iter().skip(1).map(|row| row[phase]).collect();
+    // The drives are disabled, enabled, hold, and then it drives.
+    let tracks = phases.chunk_by(|a, b| a == b).nth(3).unwrap();
+    let begun = rows.len() - phases[phases.iter().position(|phase| *phase == tracks[0]).unwrap()..].len();
+    let column = |at: usize| rows[begun..begun + cycles].iter().map(|row| row[at].to_owned()).collect();
+    rows[0].iter().enumerate().map(|(at, name)| ((*name).to_owned(), column(at))).collect()
+}
+
+#[test]
+fn the_robot_drives_to_the_bit_as_without_a_bridge() {
+    if pythons().is_empty() {
+        return;
+    }
+    let every_cycle = "[bridge.ros2]\narguments = [\"--odom-hz\", \"0\"]\n";
+    let (with, without) = std::thread::scope(|scope| {
+        let with = scope.spawn(|| of_a_circle(every_cycle, 6000));
+        let without = of_a_circle("", 6000);
+        (with.join().unwrap(), without)
+    });
+    let differ: Vec<&str> = with
+        .iter()
+        .zip(&without)
+        .filter(|(with, without)| with != without)
+        .map(|((name, _), _)| name.as_str())
+        // When it began, and how clocks and wheels had stood until then.
+        .filter(|name| {
+            !["time", "timing.", "cycle.index", "cycle.time", "bus.dc_phase_ns", "truth.", "error."]
+                .iter()
+                .any(|own| name.starts_with(own))
+        })
+        .collect();
+    println!("{} signals, {} of them differ", with.len(), differ.len());
+    assert_eq!(differ, [""; 0]);
 }
