@@ -1,15 +1,16 @@
 //! Programs beside a robot: bridges to other systems, each a process of its own that is started, watched and started again.
 
-use crate::progress::{self, warn};
+use crate::progress::{self, LogLevel, warn};
 use anyhow::Context;
 use clap::ValueEnum;
 use omnibase_client::Found;
 use omnibase_host::ends_with_this;
 use omnibase_robot::config::BridgeTable;
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -98,7 +99,26 @@ impl Bridge {
         if let Some(robot) = robot {
             command.env(ROBOT, serde_json::to_string(robot)?);
         }
+        // A run's own child is the keeper, which chooses already.
+        let chooses = robot.is_none() && progress::level() < LogLevel::Info;
+        if chooses {
+            command.stderr(Stdio::piped());
+        }
         ends_with_this(&mut command).spawn().with_context(|| self.program.display().to_string())
+    }
+
+    /// Starts it, and stays until it ends, as [`watch`] has it.
+    fn run(&self, robot: Option<&Found>, ends: &AtomicBool) -> anyhow::Result<Option<ExitStatus>> {
+        let mut child = self.start(robot)?;
+        let lines = child.stderr.take().map(|errors| BufReader::new(errors).lines().map_while(Result::ok));
+        let passes_on = lines.map(|lines| std::thread::spawn(move || lines.for_each(progress::pass_on)));
+        let ended = watch(&mut child, ends);
+        // Its last lines; a child of its own may hold them open for ever.
+        let until = Instant::now() + LAST;
+        while passes_on.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < until {
+            std::thread::sleep(LOOK);
+        }
+        Ok(ended?)
     }
 
     /// Starts it again and again, until it is over by its own will or ours; false where its arguments are wrong.
@@ -106,14 +126,11 @@ impl Bridge {
         let mut wait = WAITS[0];
         loop {
             let began = Instant::now();
-            let why = match self.start(robot) {
-                Ok(mut child) => match watch(&mut child, ends) {
-                    Ok(None) => return true,
-                    Ok(Some(status)) if status.success() => return true,
-                    Ok(Some(status)) if status.code() == Some(WRONG_USAGE) => return false,
-                    Ok(Some(status)) => how(status),
-                    Err(error) => error.to_string(),
-                },
+            let why = match self.run(robot, ends) {
+                Ok(None) => return true,
+                Ok(Some(status)) if status.success() => return true,
+                Ok(Some(status)) if status.code() == Some(WRONG_USAGE) => return false,
+                Ok(Some(status)) => how(status),
                 Err(error) => format!("{error:#}"),
             };
             if began.elapsed() > LIVED {

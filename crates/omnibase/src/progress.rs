@@ -59,6 +59,16 @@ pub fn error(text: impl Display) {
     say(LogLevel::Error, &format_args!("error: {text}"));
 }
 
+/// Prints another program's line, as grave as it says.
+pub fn pass_on(line: String) {
+    let level = match line.split(':').next() {
+        Some("error") => LogLevel::Error,
+        Some("warning") => LogLevel::Warning,
+        _ => LogLevel::Info,
+    };
+    say(level, &line);
+}
+
 /// A bar of `total` steps; nothing is drawn where the standard error is no terminal.
 pub fn bar(total: u64, what: &str) -> ProgressBar {
     if !is_shown(LogLevel::Info) {

@@ -143,3 +143,24 @@ fn mistakes_about_bridges_are_told_before_anything_starts() {
     let missing = said("run", "\n[bridge.x]\nprogram = \"./nothing\"\n");
     assert!(missing.contains("[bridge.x] program: there is no "), "{missing}");
 }
+
+#[test]
+fn what_a_bridge_says_is_printed_as_grave_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let bridge = folder.path().join("bridge");
+    program(
+        &bridge,
+        "#!/bin/sh\nfor line in 'it runs' 'warning: look' 'error: lost'; do echo \"$line\" >&2; done\n",
+    );
+    for (level, expected) in [
+        ("info", "it runs\nwarning: look\nerror: lost\n"),
+        ("warning", "warning: look\nerror: lost\n"),
+        ("error", "error: lost\n"),
+    ] {
+        let ran = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(["bridge", "--log-level", level, "--program", bridge.to_str().unwrap(), "mine"])
+            .output()
+            .unwrap();
+        assert_eq!(String::from_utf8_lossy(&ran.stderr), expected, "{level}");
+    }
+}
