@@ -40,6 +40,14 @@ struct Robot {
     folder: tempfile::TempDir,
 }
 
+/// A graph of its own.
+fn domain() -> String {
+    // Domains above 101 take ports that the kernel gives to others.
+    static STARTED: AtomicU32 = AtomicU32::new(0);
+    let number = 3 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
+    (1 + number % 100).to_string()
+}
+
 /// The program of the command line, which is built beside the bridge.
 fn omnibase() -> PathBuf {
     let omnibase = Path::new(env!("CARGO_BIN_EXE_omnibase-bridge-ros2")).with_file_name("omnibase");
@@ -50,15 +58,20 @@ fn omnibase() -> PathBuf {
 impl Robot {
     /// Starts it, with these arguments of its bridge.
     fn start(arguments: &[&str]) -> Robot {
+        Robot::start_in(&domain(), arguments)
+    }
+
+    /// As [`Robot::start`], in a graph that others may be in.
+    fn start_in(domain: &str, arguments: &[&str]) -> Robot {
         let arguments: Vec<String> = arguments.iter().map(|argument| format!("{argument:?}")).collect();
         let bridge = format!("[bridge.ros2]\narguments = [{}]\n", arguments.join(", "));
-        let robot = Robot::alone("127.0.0.1:0", &bridge, &[]);
+        let robot = Robot::alone("127.0.0.1:0", domain, &bridge, &[]);
         robot.bridge(1);
         robot
     }
 
     /// Starts it with its page there, with more in its file and in its command.
-    fn alone(page: &str, more: &str, asked: &[&str]) -> Robot {
+    fn alone(page: &str, domain: &str, more: &str, asked: &[&str]) -> Robot {
         let folder = tempfile::tempdir().unwrap();
         let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
         let more = format!(
@@ -66,17 +79,13 @@ impl Robot {
         );
         let file = folder.path().join("robot.toml");
         std::fs::write(&file, std::fs::read_to_string(usual).unwrap() + &more).unwrap();
-        // Domains above 101 take ports that the kernel gives to others.
-        static STARTED: AtomicU32 = AtomicU32::new(0);
-        let number = 3 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
-        let domain = (1 + number % 100).to_string();
         let said = File::create(folder.path().join("said.txt")).unwrap();
         let process = Command::new(omnibase())
             .args(["run", file.to_str().unwrap(), "--json", &format!("--dashboard={page}"), "--paths"])
             .arg(folder.path())
             .args(asked)
             .env("XDG_RUNTIME_DIR", folder.path())
-            .env("ROS_DOMAIN_ID", &domain)
+            .env("ROS_DOMAIN_ID", domain)
             .env("OMNIBASE_TOKEN", "token-of-the-test")
             .stdout(Stdio::null())
             .stderr(said)
@@ -84,7 +93,7 @@ impl Robot {
             .unwrap();
         let place = Endpoint::Address(([127, 0, 0, 1], 0).into());
         let found = Found { robot: String::new(), place, token: "token-of-the-test".to_owned() };
-        let mut robot = Robot { process, found, domain, folder };
+        let mut robot = Robot { process, found, domain: domain.to_owned(), folder };
         let address = robot.wait("it says where its page is", |robot| {
             let said = robot.said();
             let line = said.lines().find_map(|line| line.strip_prefix("dashboard: http://"))?;
@@ -230,6 +239,16 @@ fn witnessed_by(distribution: &str) {
     assert!(status.success(), "{distribution}; said:\n{}", robot.said());
 }
 
+#[test]
+fn two_robots_live_in_one_graph() {
+    let Some((_, python)) = pythons().into_iter().next_back() else { return };
+    let one = Robot::start(&["--namespace", "/one", "--frame-prefix", "one/", "--sim-time"]);
+    let two = ["--namespace", "/two", "--frame-prefix", "two/", "--cmd-vel", "twist", "--tf-topic", "tf"];
+    let two = Robot::start_in(&one.domain, &two);
+    let status = one.witness(&python, &["two_robots_in_one_graph"]).0.wait().unwrap();
+    assert!(status.success(), "said:\n{}\n{}", one.said(), two.said());
+}
+
 fn stop(person: &mut Seat) {
     let number = person.ask(json!({ "do": "stop", "category": "category_2" }), Instant::now()).unwrap();
     assert!(person.answer(number, LONGEST).unwrap().done);
@@ -330,7 +349,7 @@ fn a_pulled_cable_stops_the_robot(where_it_is: &str, bridge: impl Fn(&Machines, 
     let Some((_, python)) = pythons().into_iter().next() else { return };
     let Some(machines) = Machines::new(where_it_is) else { return };
     machines.robots.run(|| {
-        let robot = Robot::alone("10.77.0.1:0", "", &[]);
+        let robot = Robot::alone("10.77.0.1:0", &domain(), "", &[]);
         let _bridge = bridge(&machines, &robot);
         let _driver = machines.other.run(|| robot.witness(&python, &["drive_on"]));
         for _ in 0..2 {
@@ -359,7 +378,7 @@ fn of_a_circle(more: &str, cycles: usize) -> Vec<(String, Vec<String>)> {
     let folder = tempfile::tempdir().unwrap();
     let recording = folder.path().join("run.mcap");
     let asked = ["--circle", "radius_m=0.3,duration_s=6", "--record", recording.to_str().unwrap()];
-    let mut robot = Robot::alone("127.0.0.1:0", more, &asked);
+    let mut robot = Robot::alone("127.0.0.1:0", &domain(), more, &asked);
     if !more.is_empty() {
         robot.bridge(1);
     }

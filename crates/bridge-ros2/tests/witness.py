@@ -21,8 +21,10 @@ from rcl_interfaces.srv import (
 )
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 from witness_node import LATCHED, LONGEST_S, RESTS_M_S, Witness
 
@@ -439,6 +441,55 @@ def trajectories_are_followed(w):
     assert follows(w, FollowJointTrajectory, "follow_joint_trajectory", goal(["a", "b", "c"]))[0] is None
 
 
+def two_robots_in_one_graph(w):
+    """`/one` by the clock of its simulation, `/two` by plain twists and with transforms of its own: each hears itself alone."""
+    odom, transforms, clock = {"one": [], "two": []}, {"/tf": [], "/two/tf": []}, []
+    for name, heard in odom.items():
+        w.node.create_subscription(Odometry, f"/{name}/odom", heard.append, 10)
+    for topic, heard in transforms.items():
+        w.node.create_subscription(TFMessage, topic, lambda message, heard=heard: heard.extend(message.transforms), 10)
+    w.node.create_subscription(Clock, "/clock", lambda message: clock.append(message.clock), 10)
+    w.until("both", lambda: clock and all(odom.values()) and all(transforms.values()))
+    names = {namespace + "/" + name for name, namespace in w.node.get_node_names_and_namespaces()}
+    assert {"/one/omnibase", "/two/omnibase"} <= names, names
+    for name, heard in odom.items():
+        assert (heard[0].header.frame_id, heard[0].child_frame_id) == (f"{name}/odom", f"{name}/base_link"), heard[0]
+        assert w.call(Trigger, f"/{name}/enable").success, name
+
+    def speed(name):
+        return abs(odom[name][-1].twist.twist.linear.x)
+
+    def twist(of, vx=0.2):
+        of.linear.x = vx
+        return of
+
+    def stamped():
+        message = TwistStamped()
+        message.header.stamp = clock[-1]
+        twist(message.twist)
+        return message
+
+    commands = {"one": (TwistStamped, stamped), "two": (Twist, lambda: twist(Twist()))}
+    for name, other in (("one", "two"), ("two", "one")):
+        kind, message = commands[name]
+        publisher = w.node.create_publisher(kind, f"/{name}/cmd_vel", 10)
+
+        def drive():
+            publisher.publish(message())
+            assert speed(other) < RESTS_M_S, (name, speed(other))
+
+        w.until(f"{name} drives", lambda: speed(name) > 0.1, each=drive)
+        w.node.destroy_publisher(publisher)
+        w.until(f"{name} rests", lambda: speed(name) < RESTS_M_S)
+    of = {topic: {(one.header.frame_id, one.child_frame_id) for one in heard} for topic, heard in transforms.items()}
+    assert of == {"/tf": {("one/odom", "one/base_link")}, "/two/tf": {("two/odom", "two/base_link")}}, of
+    seconds = [time.sec + 1e-9 * time.nanosec for time in clock]
+    assert all(a <= b for a, b in zip(seconds, seconds[1:])) and seconds[-1] > seconds[0], seconds[:5]
+    # Of the same clock are the stamps of `/one`, and no others: those of `/two` are of today.
+    ages = {name: seconds[-1] - heard[-1].header.stamp.sec for name, heard in odom.items()}
+    assert abs(ages["one"]) < 5 and ages["two"] < -1e9, ages
+
+
 CHECKS = [
     odom_from_the_first, topics_are_there, what_changes_seldom_is_for_those_who_come_later,
     drives_and_recovers, what_is_wrong_moves_nothing, another_type_moves_nothing,
@@ -450,7 +501,7 @@ CHECKS = [
 def main():
     witness = Witness()
     names = sys.argv[1:] or [check.__name__ for check in CHECKS]
-    known = {check.__name__: check for check in [*CHECKS, odom_without_gaps, drive_on]}
+    known = {check.__name__: check for check in [*CHECKS, odom_without_gaps, drive_on, two_robots_in_one_graph]}
     for name in names:
         began = time.monotonic()
         known[name](witness)
