@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::events::Event;
+use crate::measured::Measured;
 use crate::timing::TimingFigures;
 use crate::tracking::BelievedAndTrue;
 use omnibase_session::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
@@ -18,6 +19,9 @@ pub struct Summary {
     pub max_error_m: BelievedAndTrue,
     /// Heading at the end: wished less true (believed on hardware), rad.
     pub final_heading_error_rad: Option<f64>,
+    /// What a person measured on the floor after it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Measured>,
     /// Cycles in OP.
     pub cycles: u64,
     /// Frames that weren't back at their deadline.

@@ -23,6 +23,7 @@ pub struct Tracking {
     believed: Sums,
     truth: Option<Sums>,
     last: Errors,
+    wished_end: Option<Pose2>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,6 +64,7 @@ impl Tracking {
         }
         if self.cycles > 0 && matches!(record.phase, Phase::Tracking | Phase::Holding) {
             self.last = errors;
+            self.wished_end = Some(wished);
         }
         errors
     }
@@ -84,6 +86,11 @@ impl Tracking {
             believed: tracked.then_some(self.last.believed_m),
             truth: self.last.true_m.filter(|_| tracked),
         }
+    }
+
+    /// Where it should have ended; `None` where nothing was followed.
+    pub fn wished_end(&self) -> Option<Pose2> {
+        self.wished_end
     }
 
     /// Error of the heading at the end, rad: the true one, or the believed one where the truth isn't known.
@@ -138,5 +145,6 @@ mod tests {
         assert_eq!(tracking.max_error_m(), BelievedAndTrue { believed: Some(4.0), truth: Some(2.0) });
         assert_eq!(tracking.final_error_m(), BelievedAndTrue { believed: Some(0.5), truth: Some(2.0) });
         assert_eq!(tracking.final_heading_error_rad(), Some(-0.25));
+        assert_eq!(tracking.wished_end(), Some(Pose2::new(1.0, 0.0, 0.0)));
     }
 }

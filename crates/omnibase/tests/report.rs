@@ -3,6 +3,7 @@
 mod command_line;
 
 use command_line::{Folder, omnibase, root, words};
+use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -99,6 +100,55 @@ fn the_page_of_a_run_has_the_figures_of_its_summary() {
     let output = omnibase(&["report", &recording, "-o", &again]);
     assert!(output.status.success(), "{}", words(&output.stderr));
     assert_eq!(std::fs::read_to_string(&again).unwrap(), html, "one recording, one page");
+}
+
+/// The circle, seen by whoever says so on the standard input.
+fn circle_measured(further: &[&str], said: &str) -> Output {
+    let robot = root().join("robots/bmm.toml");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["run", robot.to_str().unwrap(), "--circle", "radius_m=0.3,duration_s=6"])
+        .args(further)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    run.stdin.take().unwrap().write_all(said.as_bytes()).unwrap();
+    run.wait_with_output().unwrap()
+}
+
+#[test]
+fn what_was_measured_on_the_floor_stands_beside_what_was_wished_and_believed() {
+    let folder = Folder::new("report-measured");
+    let [page, again, recording] = ["run.html", "again.html", "run.mcap"].map(|name| folder.path(name));
+    // A word that is no pose is asked for again.
+    let output = circle_measured(
+        &["--measured", "--json", "--report", &page, "--record", &recording],
+        "here\n0.003 -0.004 90deg\n",
+    );
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    assert!(words(&output.stderr).contains("expected `x y heading`"), "{}", words(&output.stderr));
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let off = |whose: &str, key: &str| summary["measured"][whose][key].as_f64().unwrap();
+    // The circle ends where it began.
+    let wished = off("from_wished", "distance_m");
+    assert!((wished - 5e-3).abs() < 1e-9, "{summary}");
+    assert!((off("from_wished", "heading_rad").to_degrees() - 90.0).abs() < 1e-6, "{summary}");
+    let believed = off("from_believed", "distance_m");
+    assert!((believed - 5e-3).abs() < 1e-4 && believed != 5e-3, "{summary}");
+    let html = std::fs::read_to_string(&page).unwrap();
+    // The JSON reader is off by a last bit at times.
+    assert!((figures(&html, "from the wished end")[2] - wished).abs() < 1e-15);
+    assert!((figures(&html, "from the believed")[2] - believed).abs() < 1e-15);
+    // And afterwards, of the recording: what was told last counts.
+    let told = omnibase(&["report", &recording, "-o", &again, "--measured", "-0.3 0.4 0"]);
+    assert!(told.status.success(), "{}", words(&told.stderr));
+    let html = std::fs::read_to_string(&again).unwrap();
+    assert!((figures(&html, "from the wished end")[2] - 0.5).abs() < 1e-9);
+    // Nobody measured: nothing of it; a person without words: an empty line.
+    assert!(!words(&circle_measured(&["--measured"], "\n").stdout).contains("measured"));
+    let refused = omnibase(&["report", &recording, "-o", &again, "--measured", "0.1 0.2"]);
+    assert!(words(&refused.stderr).contains("found `0.1 0.2`"), "{}", words(&refused.stderr));
 }
 
 #[test]

@@ -23,7 +23,7 @@
 //! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform.
 //! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm`,
 //! `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
-//! `records_dropped` and `realtime_factor` stand in the summary. All of them may be missing.
+//! `records_dropped` and `realtime_factor` stand in the summary, and [`MEASURED`] beside it. All of them may be missing.
 
 mod bands;
 mod beside;
@@ -53,6 +53,9 @@ const STYLE: &str = include_str!("report/style.css");
 
 /// The signals that a page shows: what must be kept of a recording, [`Keep::Signals`], to show it.
 pub const SHOWN: Keep<'static> = Keep::Signals(signals::is_shown);
+
+/// In the description: `x y heading` in m, m and rad, where a person found the platform on the floor after the run, in odom.
+pub const MEASURED: &str = "measured";
 
 /// The page of a run, as a whole HTML file.
 pub fn html(run: &RecordedRun) -> String {

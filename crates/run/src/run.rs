@@ -88,6 +88,8 @@ pub struct Ran {
     pub summary: Summary,
     /// The last cycle.
     pub last: CycleRecord,
+    /// Where it should have ended; `None` where nothing was followed.
+    pub wished_end: Option<Pose2>,
     /// Whether the reference was followed to its end.
     pub finished: bool,
     /// Why it ended early.
@@ -468,6 +470,7 @@ impl<'a> Cycle<'a> {
             rms_error_m: self.tracking.rms_error_m(),
             max_error_m: self.tracking.max_error_m(),
             final_heading_error_rad: self.tracking.final_heading_error_rad(),
+            measured: None,
             cycles: self.cycles,
             lost_frames: self.lost_frames,
             overruns: self.overruns,
@@ -481,6 +484,6 @@ impl<'a> Cycle<'a> {
             cpu_share: None,
             events,
         };
-        Ran { summary, last: self.last, finished, ended }
+        Ran { summary, last: self.last, wished_end: self.tracking.wished_end(), finished, ended }
     }
 }

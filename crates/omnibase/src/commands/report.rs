@@ -3,6 +3,7 @@
 use crate::Outcome;
 use crate::progress::{bar, note, warn};
 use anyhow::Context;
+use omnibase_measure::measured::FloorPose;
 use omnibase_record::report;
 use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
 use std::fs::File;
@@ -15,6 +16,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase report run.mcap -o run.html
+  omnibase report run.mcap -o run.html --measured \"0.012 -0.003 0.5deg\"       beside where it stood on the floor
   omnibase run robots/bmm.toml --path robots/square.dat --report run.html      without a recording that stays
 
 Exit code 1 where the recording ends early; the page shows what is there.")]
@@ -24,11 +26,14 @@ pub struct Arguments {
     /// The page to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Compare with where the platform stood on the floor after the run, measured in odom: "x y heading" in m, m and rad (or 90deg).
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    measured: Option<FloorPose>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let run = write(&arguments.recording, &arguments.output)?;
+    let run = write(&arguments.recording, &arguments.output, arguments.measured)?;
     let cycles = run.times_ns.len();
     writeln!(
         output,
@@ -40,14 +45,15 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 /// Writes the page of a recording; says so where the recording ends early.
-pub fn write(recording: &Path, page: &Path) -> anyhow::Result<RecordedRun> {
+pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyhow::Result<RecordedRun> {
     let name = recording.display();
     let file = File::open(recording).with_context(|| format!("reading `{name}`"))?;
     let length = file.metadata().map_or(0, |metadata| metadata.len());
     let bar = bar(length, "bytes");
     let run = RecordedRun::read_from(bar.wrap_read(file), report::SHOWN);
     bar.finish_and_clear();
-    let run = run.with_context(|| format!("`{name}`"))?;
+    let mut run = run.with_context(|| format!("`{name}`"))?;
+    run.description.extend(measured.map(|pose| (report::MEASURED.to_owned(), pose.to_string())));
     if let Some(reason) = &run.truncated {
         warn(format_args!("`{name}` ends early ({reason}); the page shows what is there"));
     }

@@ -19,6 +19,7 @@ use omnibase_ethercat_sim::in_process;
 use omnibase_ethercat_wire::Link;
 use omnibase_host::{Waiting, real_time, stop_on_signals};
 use omnibase_measure::Summary;
+use omnibase_measure::measured::{FloorPose, Measured};
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
@@ -45,6 +46,7 @@ use std::time::{Duration, Instant};
   omnibase run robots/bmm.toml --path robots/square.dat --record run.mcap --report run.html
   omnibase run robots/bmm.toml --dashboard                              driven by hand, seen live in a browser
   omnibase run robots/bmm.toml --joystick                               driven by the stick at this computer
+  omnibase run robots/bmm.toml --path robots/square.dat --measured      asks at the end where it stands on the floor
   omnibase run robots/bmm.toml --simulated                              whatever interface the file names
   omnibase run robots/bmm.toml --path robots/square.dat --interface eth1 --realtime      real drives: wheels move!
 
@@ -86,6 +88,10 @@ pub struct Arguments {
     /// Show the run on this page of HTML.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Compare with where the platform stands on the floor, measured in odom: "x y heading" in m, m and rad (or 90deg); without it
+    /// you are asked when the robot stands.
+    #[arg(long, value_name = "POSE", num_args = 0..=1, require_equals = true)]
+    measured: Option<Option<FloorPose>>,
     /// Print the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -166,6 +172,11 @@ pub fn run(
         }
     }
     let mut summary: Summary = ran.summary;
+    let floor_pose =
+        arguments.measured.map(|pose| pose.map_or_else(ask_where_it_stands, |pose| Ok(Some(pose))));
+    let floor_pose = floor_pose.transpose()?.flatten();
+    summary.measured =
+        floor_pose.map(|pose| Measured::after(pose, ran.wished_end, ran.last.state.odom_from_body));
     summary.cpu_share = arguments.interface.is_some().then_some(share);
     let mut lost = None;
     if let Some(recorder) = recorder {
@@ -188,6 +199,22 @@ pub fn run(
         return Err(last);
     }
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
+}
+
+/// Asks a person where the platform stands, until it is a pose; nothing for an empty line.
+fn ask_where_it_stands() -> anyhow::Result<Option<FloorPose>> {
+    loop {
+        eprint!("measured on the floor, x y heading [m m rad, or 90deg; empty: not measured]: ");
+        let mut line = String::new();
+        std::io::stdin().read_line(&mut line).context("reading where the platform stands")?;
+        match line.trim() {
+            "" => return Ok(None),
+            text => match text.parse() {
+                Ok(pose) => return Ok(Some(pose)),
+                Err(words) => warn(words),
+            },
+        }
+    }
 }
 
 /// The way to the drives.

@@ -3,6 +3,7 @@
 use super::signals::Signals;
 use super::text::{self, escape};
 use super::tracking::{BelievedAndTrue, Tracking};
+use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 
 /// Which run this is.
@@ -36,6 +37,7 @@ pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> S
     }
     html.push_str("</header>\n<section id=\"summary\"><h2>Summary</h2>\n<div class=\"tables\">");
     html.push_str(&errors(tracking));
+    html.push_str(&measured(signals, tracking));
     html.push_str(&counts(signals));
     html.push_str("</div></section>\n");
     html
@@ -54,18 +56,20 @@ fn angle(value: f64) -> String {
     format!("{} mrad <small>({}°)</small>", text::fixed(value * 1e3, 3), text::fixed(value.to_degrees(), 4))
 }
 
+/// A cell of a table: programs read the exact value, in SI units.
+fn cell(value: f64, words: fn(f64) -> String) -> String {
+    format!("<td class=\"number\"><data value=\"{value:e}\">{}</data></td>", words(value))
+}
+
 fn errors(tracking: &Tracking) -> String {
     let figures = tracking.figures();
     let knows_truth = tracking.truth.is_some();
-    let cell = |value: Option<f64>, words: fn(f64) -> String| {
-        // Programs read the exact value, in SI units.
-        let shown = |value: f64| format!("<data value=\"{value:e}\">{}</data>", words(value));
-        let shown = value.map_or("\u{2013}".to_owned(), shown);
-        format!("<td class=\"number\">{shown}</td>")
+    let shown = |value: Option<f64>, words: fn(f64) -> String| {
+        value.map_or("<td class=\"number\">\u{2013}</td>".to_owned(), |value| cell(value, words))
     };
     let row = |name: &str, figure: BelievedAndTrue, words: fn(f64) -> String| {
-        let truth = if knows_truth { cell(figure.truth, words) } else { String::new() };
-        format!("<tr><th>{name}</th>{}{truth}</tr>\n", cell(figure.believed, words))
+        let truth = if knows_truth { shown(figure.truth, words) } else { String::new() };
+        format!("<tr><th>{name}</th>{}{truth}</tr>\n", shown(figure.believed, words))
     };
     let truth = if knows_truth { "<th class=\"number\">true</th>" } else { "" };
     let mut html = format!(
@@ -76,6 +80,27 @@ fn errors(tracking: &Tracking) -> String {
     html.push_str(&row("RMS position", figures.rms_error_m, length));
     html.push_str(&row("Greatest position", figures.max_error_m, length));
     html.push_str(&row("Final heading", figures.final_heading_error_rad, angle));
+    html.push_str("</tbody></table>\n");
+    html
+}
+
+/// What a person measured on the floor, from where it should have ended and from where it believed to stand.
+fn measured(signals: &Signals<'_>, tracking: &Tracking) -> String {
+    let Some(&[there]) = signals.tuples::<3>(super::MEASURED).first_chunk() else { return String::new() };
+    let mut html = String::from(
+        "<table class=\"figures\"><thead><tr><th>Measured on the floor</th><th class=\"number\">x</th>\
+         <th class=\"number\">y</th><th class=\"number\">distance</th><th class=\"number\">heading</th></tr></thead>\n<tbody>",
+    );
+    let [wished, believed] = tracking.ends();
+    for (name, from) in
+        [("in odom", Some([0.0; 3])), ("from the wished end", wished), ("from the believed", believed)]
+    {
+        let Some(from) = from else { continue };
+        let [x, y, turned] = std::array::from_fn(|at| there[at] - from[at]);
+        let heading = (turned + PI).rem_euclid(TAU) - PI;
+        let cells = [cell(x, length), cell(y, length), cell(x.hypot(y), length), cell(heading, angle)];
+        let _ = writeln!(html, "<tr><th>{name}</th>{}</tr>", cells.concat());
+    }
     html.push_str("</tbody></table>\n");
     html
 }

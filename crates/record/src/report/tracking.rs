@@ -91,6 +91,24 @@ impl Tracking {
         self.phase.as_ref().is_none_or(|phase| phase.get(row).is_some_and(|now| phases.contains(now)))
     }
 
+    /// Where it should have ended, and where it believed to stand at last: x m, y m, heading rad.
+    pub(super) fn ends(&self) -> [Option<[f64; 3]>; 2] {
+        let at = |poses: &Poses, row: usize| {
+            Some([*poses.x.get(row)?, *poses.y.get(row)?, *poses.heading.get(row)?])
+        };
+        let planned = self.planned.as_ref();
+        let wished = planned.and_then(|poses| at(poses, self.last_led(poses.x.len())?));
+        let believed = self.believed.as_ref().and_then(|poses| at(poses, poses.x.len().checked_sub(1)?));
+        [wished, believed]
+    }
+
+    /// The last row in which the reference was tracked or its end was held.
+    fn last_led(&self, rows: usize) -> Option<usize> {
+        // What was held before the reference began is not its end.
+        let first = (0..rows).find(|&row| self.is_in(row, &[TRACKING]))?;
+        (first..rows).rev().find(|&row| self.is_in(row, &LED))
+    }
+
     pub(super) fn figures(&self) -> TrackingFigures {
         let errors = [&self.believed_error, &self.true_error];
         let each = |figure: &dyn Fn(&Error) -> Option<f64>| {
@@ -99,9 +117,7 @@ impl Tracking {
         };
         let rows = errors.iter().find_map(|error| Some(error.as_ref()?.distance.len())).unwrap_or(0);
         let tracked: Vec<usize> = (0..rows).filter(|&row| self.is_in(row, &[TRACKING])).collect();
-        // What was held before the reference began is not its end.
-        let first = tracked.first().copied().unwrap_or(rows);
-        let last = (first..rows).rev().find(|&row| self.is_in(row, &LED));
+        let last = self.last_led(rows);
         let at_end = |values: &[f64]| values.get(last?).copied().filter(|value| value.is_finite());
         let during = |error: &Error| -> Vec<f64> {
             let values = tracked.iter().filter_map(|&row| error.distance.get(row).copied());

@@ -4,6 +4,7 @@ use super::calendar::Moment;
 use crate::commands::report;
 use anyhow::Context;
 use omnibase_measure::Summary;
+use omnibase_record::report::MEASURED;
 use omnibase_record::run::{BEGUN, RunRecorded};
 use omnibase_run::RunError;
 use std::collections::BTreeMap;
@@ -58,7 +59,7 @@ impl Page {
 
     /// Writes the page of a run that is over.
     pub fn write(mut self) -> anyhow::Result<()> {
-        report::write(&self.recording, &self.path).with_context(|| {
+        report::write(&self.recording, &self.path, None).with_context(|| {
             let stays = if self.recording.exists() { "stays" } else { "was" };
             format!("the page can't be written, the recording {stays} in `{}`", self.recording.display())
         })?;
@@ -108,6 +109,10 @@ pub fn last_words(
     words.extend(
         worst.into_iter().filter_map(|(key, measured)| Some((key, measured.as_ref()?.worst.to_string()))),
     );
+    if let Some(measured) = &summary.measured {
+        let pose = measured.pose.map(|number| number.to_string());
+        words.push((MEASURED, pose.join(" ")));
+    }
     if let Err(error) = ended {
         words.push(("ended_early", error.to_string()));
     }

@@ -1,6 +1,7 @@
 //! The summary of a run for a person.
 
 use omnibase_measure::Summary;
+use omnibase_measure::measured::Measured;
 use omnibase_measure::tracking::BelievedAndTrue;
 use std::io::{self, Write};
 
@@ -9,6 +10,9 @@ pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
     // A run that ended before it followed anything has no errors.
     if summary.final_error_m.believed.is_some() {
         print_errors(summary, output)?;
+    }
+    if let Some(measured) = &summary.measured {
+        print_measured(measured, output)?;
     }
     writeln!(output, "{:<22} {:>12}", "cycles", summary.cycles)?;
     writeln!(output, "{:<22} {:>12}", "lost frames", summary.lost_frames)?;
@@ -42,6 +46,26 @@ fn print_errors(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
     }
     let heading = summary.final_heading_error_rad.map(|rad| format!("{:.3} mrad", 1e3 * rad));
     writeln!(output, "{:<22} {:>12}", "final heading error", heading.unwrap_or_else(|| "-".to_owned()))
+}
+
+fn print_measured(measured: &Measured, output: &mut dyn Write) -> io::Result<()> {
+    let [x_m, y_m, heading_rad] = measured.pose;
+    writeln!(output, "{:<22} {x_m:>10.4} m {y_m:>10.4} m {heading_rad:>12.4} rad", "measured on the floor")?;
+    for (name, off) in [
+        ("  from the wished end", measured.from_wished),
+        ("  from the believed", Some(measured.from_believed)),
+    ] {
+        let Some(off) = off else { continue };
+        writeln!(
+            output,
+            "{name:<22} {:>9.2} mm {:>9.2} mm {:>12.3} mrad, {:.2} mm off",
+            1e3 * off.x_m,
+            1e3 * off.y_m,
+            1e3 * off.heading_rad,
+            1e3 * off.distance_m
+        )?;
+    }
+    Ok(())
 }
 
 fn millimetres(metres: Option<f64>) -> String {
