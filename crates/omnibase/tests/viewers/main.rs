@@ -2,6 +2,7 @@
 
 #[path = "../command_line/mod.rs"]
 mod command_line;
+mod live;
 
 use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
