@@ -43,6 +43,7 @@ const SQUEEZED: &str = "(() => {
     const wide = document.documentElement.scrollWidth - innerWidth;
     if (wide > 0) found.push(`the page is ${wide} px too wide`);
     for (const slider of document.querySelectorAll('input[type=range]')) if (slider.checkVisibility() && slider.clientWidth < 60) found.push(`a slider of ${slider.clientWidth} px`);
+    for (const table of document.querySelectorAll('section table')) if (table.checkVisibility() && table.getBoundingClientRect().right > table.parentElement.getBoundingClientRect().right - 8) found.push(`${told(table)} leaves its section`);
     const texts = [];
     for (const element of document.querySelectorAll('body *')) {
         const nodes = [...element.childNodes].filter((node) => node.nodeType === 3 && node.data.trim());
