@@ -38,7 +38,6 @@ impl Simulation {
 impl Simulation {
     #[new]
     #[pyo3(signature = (robot, *, path=None, reference=None, settings=None, controller=None, realtime=false))]
-    #[expect(clippy::too_many_arguments, reason = "each has its name in Python")]
     fn new(
         py: Python<'_>,
         robot: PathBuf,
