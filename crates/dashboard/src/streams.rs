@@ -17,7 +17,7 @@ pub(crate) const TICK: Duration = Duration::from_millis(10);
 pub struct Streams {
     /// PlotJuggler's UDP server: one JSON object a datagram.
     pub plotjuggler: Option<SocketAddr>,
-    /// Where Foxglove finds its [server](crate::foxglove); loopback, for whoever connects may read.
+    /// Where the Foxglove app finds its server; loopback, for whoever connects may read.
     pub foxglove: Option<SocketAddr>,
 }
 

@@ -1,6 +1,7 @@
 """What is at a bus, objects and an exchange: on a simulated segment in the process, and over a virtual cable."""
 
 import os
+import signal
 import subprocess
 import threading
 import time
@@ -55,6 +56,13 @@ class InTheProcess(unittest.TestCase):
     def test_an_exchange_reaches_op_and_tells_its_figures(self):
         told = omnibase.exchange(SIM, cycles=500, dc=True)
         self.assertEqual((told["cycles"], told["operational"], told["lost_frames"]), (500, True, 0))
+
+    def test_ctrl_c_ends_an_exchange(self):
+        pressed = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+        pressed.start()
+        with self.assertRaises(KeyboardInterrupt):
+            omnibase.exchange(SIM, cycles=10**12)
+        self.assertEqual(omnibase.exchange(SIM, cycles=10)["cycles"], 10)
 
 
 @unittest.skipUnless("OMNIBASE_CABLE" in os.environ, "no rights for a virtual cable")
