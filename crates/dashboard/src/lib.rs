@@ -6,7 +6,7 @@
 //! - [`robot_info`]: what doesn't change while a robot runs; [`status`]: what does, thirty times a second.
 //! - `states`: every cycle, for programs that follow.
 //! - [`openapi`]: the API described, for programs and people.
-//! - [`Streams`]: the same values for PlotJuggler and Foxglove.
+//! - [`Streams`]: the same values for PlotJuggler; `foxglove`: the robot drawn, its events and values for the Foxglove app.
 //!
 //! Principles: everything that comes in is bounded, counted and checked; what a page commands ends with the page.
 #![forbid(unsafe_code)]
@@ -16,6 +16,7 @@ mod bus;
 pub mod call;
 mod call_handler;
 mod connections;
+mod foxglove;
 mod inputs;
 pub mod openapi;
 mod page;

@@ -60,6 +60,13 @@ impl Drawn {
     }
 }
 
+impl Planned {
+    /// Its points, in odom, m.
+    pub(crate) fn points_m(&self) -> impl ExactSizeIterator<Item = [f64; 2]> + '_ {
+        self.poses.iter().map(|[x, y, _]| [*x, *y])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

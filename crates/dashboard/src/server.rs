@@ -31,9 +31,9 @@ use crate::robot_info::RobotInfo;
 use crate::routes::{self, Peer};
 use crate::shared::Shared;
 use crate::status::Counters;
-use crate::streams::{self, Streams};
 use crate::tick::tick;
 use crate::work::{self, Work};
+use crate::{foxglove, streams};
 
 /// The longest time from one request, or the beginning, to the end of the next one's header.
 const HEADER: Duration = Duration::from_secs(10);
@@ -72,6 +72,8 @@ pub enum DashboardError {
 pub struct Dashboard {
     /// Where it listens.
     pub address: SocketAddr,
+    /// Where it shows the robot to the Foxglove app.
+    pub foxglove: Option<SocketAddr>,
     counters: Arc<Counters>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -122,6 +124,8 @@ impl Dashboard {
         live: Live,
         about: RobotInfo,
     ) -> Result<Dashboard, DashboardError> {
+        let viewers = about.streams.foxglove.map(for_viewers).transpose()?;
+        let foxglove = viewers.as_ref().map(|(_, address)| *address);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             // However many are ready: who comes is looked at in between.
@@ -137,7 +141,7 @@ impl Dashboard {
             watched(&live.clone(), || {
                 let work = Work::new(beside.handle().clone());
                 let shared = Shared::new(access, CallHandler::new(live, about), shared, work);
-                runtime.block_on(serve(door, shared, ended))
+                runtime.block_on(serve(door, viewers.map(|(listener, _)| listener), shared, ended))
             });
             // What is being computed for nobody any more holds nothing up.
             beside.shutdown_background();
@@ -145,6 +149,7 @@ impl Dashboard {
         });
         Ok(Dashboard {
             address,
+            foxglove,
             counters,
             end: Some(end),
             thread: Some(thread.map_err(DashboardError::Thread)?),
@@ -186,16 +191,37 @@ impl Drop for Dashboard {
     }
 }
 
-async fn serve(door: Door, shared: Shared, ended: oneshot::Receiver<()>) -> Ended {
+/// Where viewers come, and its address.
+fn for_viewers(address: SocketAddr) -> Result<(std::net::TcpListener, SocketAddr), DashboardError> {
+    let failed = |error| DashboardError::Address { address, error };
+    let listener = std::net::TcpListener::bind(address).map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+    Ok((listener, address))
+}
+
+async fn serve(
+    door: Door,
+    viewers: Option<std::net::TcpListener>,
+    shared: Shared,
+    ended: oneshot::Receiver<()>,
+) -> Ended {
     let listener = match door {
         Door::Network(listener) => TcpListener::from_std(listener).map(Listener::Network),
         Door::Owner(listener) => UnixListener::from_std(listener).map(Listener::Owner),
     };
     let Ok(listener) = listener else { return Ended::ByItself };
     let ticking = shared.work.spawn(tick(shared.clone()));
-    let streams = shared.desk.about.streams;
-    if streams != Streams::default() {
-        shared.work.spawn(streams::send(shared.live.clone(), shared.desk.about.rows(), streams));
+    if let Some(target) = shared.desk.about.streams.plotjuggler {
+        shared.work.spawn(streams::plot(shared.live.clone(), shared.desk.about.rows(), target));
+    }
+    if let Some(listener) = viewers {
+        let (routes, counters) = (foxglove::show(&shared), shared.counters.clone());
+        shared.work.spawn(async move {
+            if let Ok(listener) = TcpListener::from_std(listener) {
+                accept(Listener::Network(listener), counters, routes).await;
+            }
+        });
     }
     let accepting = tokio::spawn(accept(listener, shared.counters.clone(), routes::all(shared)));
     let over = async {

@@ -12,10 +12,11 @@
 //! ```
 //!
 //! [`prelude`] has what stages are written with; [`robot`], [`platform`] and [`run`] have the rest. `omnibase new` makes such a
-//! crate. [`simulate`] drives a robot once, for tests.
+//! crate. [`simulate`] drives a robot once, for tests; [`bus`] looks at a segment.
 #![forbid(unsafe_code)]
 
 mod bridges;
+pub mod bus;
 mod cli;
 mod commands;
 mod decode;

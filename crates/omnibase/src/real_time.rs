@@ -6,7 +6,7 @@ use omnibase_robot::config::RunTable;
 use std::time::Duration;
 
 /// Priority, memory and CPU of the thread that keeps the times.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct RealTime {
     /// Real-time scheduling, locked memory, shallow idle, as far as granted.
     #[arg(long)]
@@ -20,9 +20,10 @@ pub struct RealTime {
 }
 
 /// Real-time schedulers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum Scheduler {
     /// SCHED_FIFO, priority 80: before everything of lower priority.
+    #[default]
     Fifo,
     /// SCHED_DEADLINE: before everything, for at most half of each cycle.
     Deadline,

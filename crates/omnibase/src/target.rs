@@ -9,12 +9,12 @@ use omnibase_host::{
     Holder, InterfaceLock, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, Waiting, listen,
 };
 use omnibase_record::{BackgroundRecorder, PcapngWriter, RecordingLink, WhenFull};
+use omnibase_run::pace::PacedClock;
 use std::fmt;
 use std::io::BufWriter;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::time::{Duration, Instant};
 
 /// Where the segment is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,7 +74,7 @@ pub enum Port {
 pub struct Manners {
     /// Take the segment even where frames of another MainDevice pass at the interface.
     #[arg(long)]
-    force: bool,
+    pub force: bool,
 }
 
 impl Manners {
@@ -149,43 +149,12 @@ pub enum AnyClock {
     Paced(PacedClock),
 }
 
-/// Virtual time that doesn't run ahead of the host's: a simulated robot at which people look and which they drive.
-#[derive(Clone, Debug)]
-pub struct PacedClock {
-    clock: VirtualClock,
-    /// The same moment on both clocks; from the first sleep on.
-    anchor: Option<(HostTime, Instant)>,
-}
-
-/// So far behind the host it starts afresh in place of running after it.
-const MOST_BEHIND: Duration = Duration::from_millis(100);
-
-impl PacedClock {
-    /// Virtual time, paced from now on.
-    pub fn new(clock: VirtualClock) -> Self {
-        PacedClock { clock, anchor: None }
-    }
-
-    fn sleep_until(&mut self, instant: HostTime) {
-        let (virtual_then, host_then) =
-            *self.anchor.get_or_insert_with(|| (self.clock.now(), Instant::now()));
-        let due = host_then + (instant - virtual_then);
-        let now = Instant::now();
-        if now < due {
-            std::thread::sleep(due - now);
-        } else if now - due > MOST_BEHIND {
-            self.anchor = Some((instant, now));
-        }
-        self.clock.sleep_until(instant);
-    }
-}
-
 impl Clock for AnyClock {
     fn now(&self) -> HostTime {
         match self {
             AnyClock::Host(clock) => clock.now(),
             AnyClock::Virtual(clock) => clock.now(),
-            AnyClock::Paced(paced) => paced.clock.now(),
+            AnyClock::Paced(clock) => clock.now(),
         }
     }
 
@@ -193,7 +162,7 @@ impl Clock for AnyClock {
         match self {
             AnyClock::Host(clock) => clock.sleep_until(instant),
             AnyClock::Virtual(clock) => clock.sleep_until(instant),
-            AnyClock::Paced(paced) => paced.sleep_until(instant),
+            AnyClock::Paced(clock) => clock.sleep_until(instant),
         }
     }
 }

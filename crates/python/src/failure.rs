@@ -8,12 +8,14 @@ create_exception!(omnibase, Error, PyException, "Something went wrong: what, whe
 create_exception!(omnibase, Refused, Error, "The robot refused what was asked of it.");
 
 /// What went wrong, before Python hears of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub enum Failure {
     /// In general.
     Broken(String),
     /// The robot refused.
     Refused(String),
+    /// What the user's own control law raised.
+    Raised(PyErr),
 }
 
 impl Failure {
@@ -28,6 +30,7 @@ impl From<Failure> for PyErr {
         match failure {
             Failure::Broken(words) => Error::new_err(words),
             Failure::Refused(words) => Refused::new_err(words),
+            Failure::Raised(error) => error,
         }
     }
 }

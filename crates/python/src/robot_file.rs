@@ -41,6 +41,19 @@ impl Wanted {
         Ok(Wanted { robot, path, reference, settings })
     }
 
+    /// With this control law, and no other.
+    pub fn controlled_by(&mut self, kind: &str) -> Result<(), Failure> {
+        for (key, value) in
+            [("controller.kind", Value::from(kind)), ("controller.others", Value::Array(Vec::new()))]
+        {
+            if self.settings.insert(key.to_owned(), value).is_some() {
+                let words = format!("controller and settings: {key}: expected one control law, found two");
+                return Err(Failure::Broken(words));
+            }
+        }
+        Ok(())
+    }
+
     /// Reads and checks: the plan and who leads, or every problem at once.
     pub fn load(&self, registry: &Registry) -> Result<(RobotPlan, Leader), Failure> {
         let name = self.robot.display();

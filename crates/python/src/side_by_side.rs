@@ -80,7 +80,7 @@ impl Simulations {
         let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         let begun = py.detach(|| {
             let (plan, leader) = wanted.load(&REGISTRY)?;
-            let begin = |_, _: &mut ()| Simulated::begin(plan.clone(), leader);
+            let begin = |_, _: &mut ()| Simulated::begin(plan.clone(), leader.into());
             let begun = on_threads(threads, &mut vec![(); count], begin);
             begun.into_iter().collect::<Result<Vec<_>, Failure>>()
         })?;

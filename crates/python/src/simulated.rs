@@ -11,6 +11,7 @@ use omnibase_run::live::Answer;
 use omnibase_run::stepped::{Leader, Stepped};
 
 use crate::failure::Failure;
+use crate::law::Law;
 
 /// All kinds that are built in.
 pub static REGISTRY: LazyLock<Registry> = LazyLock::new(Registry::with_built_in);
@@ -21,23 +22,51 @@ const LONGEST_ENABLING_S: f64 = 5.0;
 /// A simulated robot, and the twist at which it is held.
 pub struct Simulated {
     stepped: Stepped,
-    leader: Leader,
+    manner: Manner,
     twist: Option<(Twist2, Frame)>,
+}
+
+/// How a robot is simulated.
+#[derive(Clone)]
+pub struct Manner {
+    /// Who leads it.
+    pub leader: Leader,
+    /// Whether its cycles wait for the host's clock.
+    pub realtime: bool,
+    /// The user's own control law, where there is one.
+    pub law: Option<Law>,
+}
+
+impl From<Leader> for Manner {
+    /// As fast as it can be, by the control law of its file.
+    fn from(leader: Leader) -> Self {
+        Manner { leader, realtime: false, law: None }
+    }
 }
 
 impl Simulated {
     /// Brings it to OP and through its first cycle.
-    pub fn begin(plan: RobotPlan, leader: Leader) -> Result<Self, Failure> {
-        let stepped = Stepped::begin(plan, &REGISTRY, leader, &mut drop).map_err(Failure::of)?;
-        let mut robot = Simulated { stepped, leader, twist: None };
+    pub fn begin(plan: RobotPlan, manner: Manner) -> Result<Self, Failure> {
+        let own = manner.law.as_ref().map(Law::registry);
+        let registry = own.as_ref().unwrap_or(&REGISTRY);
+        let stepped = Stepped::begin(plan, registry, manner.leader, &mut drop).map_err(Failure::of)?;
+        if manner.realtime {
+            stepped.keep_pace();
+        }
+        let mut robot = Simulated { stepped, manner, twist: None };
         robot.cycle(None)?;
         Ok(robot)
     }
 
     /// The same robot at its beginning.
     pub fn begin_again(&mut self) -> Result<(), Failure> {
-        *self = Simulated::begin(self.stepped.plan().clone(), self.leader)?;
+        *self = Simulated::begin(self.stepped.plan().clone(), self.manner.clone())?;
         Ok(())
+    }
+
+    /// Whether its cycles wait for the host's clock.
+    pub fn keeps_pace(&self) -> bool {
+        self.manner.realtime
     }
 
     /// What it is made of, and what became of it.
@@ -48,7 +77,15 @@ impl Simulated {
     fn cycle(&mut self, asked: Option<RequestKind>) -> Result<RequestAnswer, Failure> {
         let held = self.twist.map(|(twist, frame)| RequestKind::Velocity { twist, frame });
         let request = asked.or(held).map(Request::lasting);
-        Ok(self.stepped.step(request).map_err(Failure::of)?.answer)
+        let answer = self.stepped.step(request).map_err(Failure::of)?.answer;
+        match self.manner.law.as_ref().and_then(Law::raised) {
+            // The robot stops by it.
+            Some(raised) => {
+                self.twist = None;
+                Err(Failure::Raised(raised))
+            }
+            None => Ok(answer),
+        }
     }
 
     /// One cycle. A twist that isn't taken is held no longer: whoever drove must look why, and enable the robot again.
@@ -63,7 +100,7 @@ impl Simulated {
 
     /// One cycle in which something is asked.
     pub fn ask(&mut self, name: &str, kind: RequestKind) -> Result<(), Failure> {
-        if self.leader == Leader::Plan {
+        if self.manner.leader == Leader::Plan {
             let words =
                 format!("{name}: refused: this robot follows its plan: make one without path and reference");
             return Err(Failure::Refused(words));

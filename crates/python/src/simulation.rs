@@ -9,11 +9,15 @@ use pyo3::types::PyDict;
 
 use crate::arrays::array;
 use crate::failure::Failure;
+use crate::law::{self, Law};
 use crate::robot_file::Wanted;
-use crate::simulated::{REGISTRY, Simulated, frame};
+use crate::simulated::{Manner, REGISTRY, Simulated, frame};
 
 /// Cycles between two looks whether somebody pressed Ctrl-C.
 const PIECE: usize = 5_000;
+
+/// The same where cycles wait for the host's clock.
+const PACED_PIECE: usize = 50;
 
 /// A simulated robot on virtual time: it goes on only where it is stepped.
 #[pyclass(frozen, module = "omnibase")]
@@ -33,18 +37,25 @@ impl Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (robot, *, path=None, reference=None, settings=None))]
+    #[pyo3(signature = (robot, *, path=None, reference=None, settings=None, controller=None, realtime=false))]
     fn new(
         py: Python<'_>,
         robot: PathBuf,
         path: Option<PathBuf>,
         reference: Option<&Bound<'_, PyDict>>,
         settings: Option<&Bound<'_, PyDict>>,
+        controller: Option<Py<PyAny>>,
+        realtime: bool,
     ) -> PyResult<Self> {
-        let wanted = Wanted::new(robot, path, reference, settings)?;
+        let mut wanted = Wanted::new(robot, path, reference, settings)?;
+        let law = controller.map(Law::new);
+        if law.is_some() {
+            wanted.controlled_by(law::KIND)?;
+        }
         let begun = py.detach(|| {
-            let (plan, leader) = wanted.load(&REGISTRY)?;
-            Simulated::begin(plan, leader)
+            let own = law.as_ref().map(Law::registry);
+            let (plan, leader) = wanted.load(own.as_ref().unwrap_or(&REGISTRY))?;
+            Simulated::begin(plan, Manner { leader, realtime, law })
         });
         Ok(Simulation(Mutex::new(begun?)))
     }
@@ -182,8 +193,9 @@ impl Simulation {
         mut look: impl FnMut(&mut Simulated) + Send,
     ) -> PyResult<()> {
         let mut left = cycles;
+        let most = if self.with(py, |robot| robot.keeps_pace()) { PACED_PIECE } else { PIECE };
         while left > 0 {
-            let piece = left.min(PIECE);
+            let piece = left.min(most);
             self.with(py, |robot| {
                 for _ in 0..piece {
                     robot.step()?;

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use omnibase_host::Namespace;
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
@@ -38,6 +40,11 @@ fn package(folder: &Path) {
 
 /// Runs the tests of a file of this folder.
 fn tests_pass(name: &str) {
+    tests_pass_with(name, &[]);
+}
+
+/// The same with more in their environment.
+fn tests_pass_with(name: &str, more: &[(&str, &str)]) {
     let Some(python) = python() else { return };
     let omnibase = std::env::current_exe().unwrap().parent().unwrap().with_file_name("omnibase");
     assert!(omnibase.is_file(), "{} is missing: cargo build --workspace", omnibase.display());
@@ -52,6 +59,7 @@ fn tests_pass(name: &str) {
         .env("OMNIBASE_PROGRAM", omnibase)
         .env("OMNIBASE_FOLDER", folder.path())
         .env("XDG_RUNTIME_DIR", folder.path())
+        .envs(more.iter().copied())
         .status();
     assert!(status.unwrap().success(), "{name}");
 }
@@ -84,6 +92,15 @@ fn wheels_poses_and_trajectories_are_computed() {
 #[test]
 fn a_running_robot_is_driven_and_seen() {
     tests_pass("running");
+}
+
+#[test]
+fn a_bus_is_scanned_read_written_and_exchanged_with() {
+    match Namespace::for_test("a_bus_is_scanned_read_written_and_exchanged_with") {
+        Some(cable) => cable.run(|| tests_pass_with("bus", &[("OMNIBASE_CABLE", "1")])),
+        // What needs no cable is tested all the same.
+        None => tests_pass("bus"),
+    }
 }
 
 #[test]

@@ -1,27 +1,16 @@
 //! A run for viewers: Foxglove's messages for what is drawn, with the wall clock's times, and signals whose codes have names.
 //!
-//! [`Drawing`] is one moment of a robot; [`messages`] makes it Foxglove's messages; [`ViewerFile`] writes them as MCAP.
+//! [`Drawing`] is one moment of a robot; [`messages`] makes it Foxglove's messages. [`Channels`] are all that viewers see of a
+//! robot; [`ViewerFile`] writes them as MCAP.
 
+mod channels;
 mod file;
 mod schemas;
 
-pub use file::{Named, ViewerError, ViewerFile};
+pub use channels::{Channel, Channels, LOG, Named, TOPICS};
+pub use file::{ViewerError, ViewerFile};
 
 use crate::run::protobuf::{push_bytes, push_double, push_number};
-
-/// The topics with Foxglove's messages, and which messages they carry.
-pub const TOPICS: [(&str, &str); 5] = [
-    ("/tf", "foxglove.FrameTransforms"),
-    ("/pose", "foxglove.PoseInFrame"),
-    ("/wished_pose", "foxglove.PoseInFrame"),
-    ("/scene", "foxglove.SceneUpdate"),
-    ("/log", "foxglove.Log"),
-];
-
-/// What explains the messages of [`TOPICS`] to a reader: a `FileDescriptorSet`.
-pub fn descriptors() -> Vec<u8> {
-    schemas::descriptors()
-}
 
 /// Red, green, blue and opacity, 0 to 1.
 pub type Colour = [f64; 4];

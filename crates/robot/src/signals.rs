@@ -37,7 +37,7 @@ pub use phase::Phase;
 pub use record::{
     Channel, CycleRecord, NotARecord, ProcessBytes, RecordLayout, TOPICS_BESIDE, Value, ValueKind,
 };
-pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind};
+pub use request::{Batch, Frame, Request, RequestAnswer, RequestKind, RequestSort};
 pub use sources::{
     Between, Carries, Heard, MAX_SOURCE_VALUES, MAX_SOURCES, PoseMeasurement, SourceName, VelocityMeasurement,
 };

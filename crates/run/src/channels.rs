@@ -3,7 +3,7 @@
 use omnibase_record::run::{RunSchema, Selection};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::signals::{
-    CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
+    Channel, CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
 };
 
 use crate::live::{Commander, JoystickState};
@@ -77,12 +77,8 @@ impl Rows {
     pub fn new(layout: &RecordLayout, known: Known) -> Self {
         let channels = CycleRecord::channels(layout);
         let mut topics: Vec<(String, Vec<usize>)> = Vec::new();
-        let split = |name: &str| -> (String, String) {
-            let (topic, rest) = name.split_once('.').unwrap_or(("cycle", name));
-            (format!("/{topic}"), rest.replace('.', "_"))
-        };
         for (number, channel) in channels.iter().enumerate() {
-            let topic = split(&channel.name).0;
+            let topic = place(channel).0;
             match topics.iter_mut().find(|(name, _)| *name == topic) {
                 Some((_, members)) => members.push(number),
                 None => topics.push((topic, vec![number])),
@@ -90,13 +86,7 @@ impl Rows {
         }
         let mut schema = RunSchema::default();
         for (topic, members) in &topics {
-            schema.push(
-                topic,
-                members.iter().map(|&number| {
-                    let channel = &channels[number];
-                    column_name(&split(&channel.name).1, &channel.unit)
-                }),
-            );
+            schema.push(topic, members.iter().map(|&number| place(&channels[number]).1));
         }
         let [timing, error, operator, bus, truth] = TOPICS_BESIDE.map(|topic| format!("/{topic}"));
         schema.push(&timing, TIMING);
@@ -150,6 +140,12 @@ impl Rows {
         }
         (&self.row, &self.raw)
     }
+}
+
+/// The topic and the name by which recordings know a channel.
+pub(crate) fn place(channel: &Channel) -> (String, String) {
+    let (topic, rest) = channel.name.split_once('.').unwrap_or(("cycle", &channel.name));
+    (format!("/{topic}"), column_name(&rest.replace('.', "_"), &channel.unit))
 }
 
 /// Whether some signal of this robot, on hardware or simulated, fits a pattern; an error says what there is.

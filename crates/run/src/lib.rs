@@ -7,21 +7,23 @@
 //! - [`drive_errors`]: which error each drive has.
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
 //! - [`mod@run`]: the run itself, the same in virtual and in real time: only link and clock differ.
-//! - [`stepped`]: a simulated robot cycle by cycle, for programs that ask for each.
+//! - [`stepped`]: a simulated robot cycle by cycle, for programs that ask for each; [`pace`]: virtual time as fast as the host's.
 //! - [`live`]: the same run under the hands of people and programs.
 //! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
-//! - [`view`]: what viewers draw of it.
+//! - [`view`]: what viewers draw of it; [`codes`]: what they call the codes of its signals.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits.
 #![forbid(unsafe_code)]
 
 pub mod channels;
+pub mod codes;
 pub mod conductor;
 pub mod describe;
 pub mod drive_errors;
 pub mod floor_memory;
 pub mod live;
 pub mod mechanics;
+pub mod pace;
 pub mod replay;
 pub mod robot_text;
 pub mod run;

@@ -1,9 +1,9 @@
-//! A simulated robot on virtual time, cycle by cycle, each where its owner asks for it.
+//! A simulated robot on virtual time, cycle by cycle, each where its owner asks for it, where wished at the host's pace.
 
 use std::sync::atomic::AtomicBool;
 
 use omnibase_ethercat::wire::LinkError;
-use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
+use omnibase_ethercat_sim::{SimLink, in_process};
 use omnibase_measure::tracking::Tracking;
 use omnibase_measure::truth::{TruePlatform, Witness};
 use omnibase_record::run::RunSchema;
@@ -13,6 +13,7 @@ use omnibase_session::session::{Session, SessionError, input_age_ns};
 
 use crate::channels::{CycleExtras, Known, Rows};
 use crate::conductor::{Conductor, Wish};
+use crate::pace::{Pace, PacedClock};
 use crate::simulated::{self, Script, SimulationError};
 
 /// Why a simulated robot can't be made.
@@ -43,7 +44,8 @@ pub enum Leader {
 pub struct Stepped {
     plan: RobotPlan,
     robot: Robot,
-    session: Session<SimLink, VirtualClock>,
+    session: Session<SimLink, PacedClock>,
+    pace: Pace,
     script: Option<Script>,
     witness: Witness,
     conductor: Option<Conductor>,
@@ -67,12 +69,14 @@ impl Stepped {
         let (mut segment, machine) = simulated::segment(&plan)?;
         let script = Script::new(&plan, &mut segment, &machine);
         let (link, clock) = in_process(segment);
+        let (clock, pace) = PacedClock::free(clock);
         let mut session = Session::prepare(link, clock, &plan, warn)?;
         session.reach_op(&AtomicBool::new(false))?;
         let leads = leader == Leader::Plan;
         Ok(Stepped {
             robot,
             session,
+            pace,
             script,
             witness: Witness::new(machine),
             conductor: leads.then(|| Conductor::new(plan.safety.comeback)),
@@ -112,6 +116,11 @@ impl Stepped {
             self.conductor.iter_mut().for_each(|plan| plan.drive_said(wheel, error));
         }
         Ok(&self.last)
+    }
+
+    /// From now on a cycle begins no earlier than the host's clock says; the bits stay the same.
+    pub fn keep_pace(&self) {
+        self.pace.keep();
     }
 
     /// What the robot is made of.

@@ -1,18 +1,15 @@
 //! What viewers draw of a robot: frames, body, wheels, fence, obstacles and path, from the rows of a recording or of a running robot.
 
+use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::fmt::Debug;
 
 use omnibase_description::Wheel;
 use omnibase_record::run::RunSchema;
-use omnibase_record::viewer::{Colour, Drawing, Entity, Named, Placed, Shape, Transform};
+use omnibase_record::viewer::{Colour, Drawing, Entity, Placed, Shape, Transform};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DriveScale, TurnDirection};
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
-use omnibase_robot::signals::{
-    Course, DriveProgress, LimitedBy, Phase, Quantity, ReferenceStatus, RequestAnswer, SafetyAction,
-    SafetyReason,
-};
+use omnibase_robot::signals::{Phase, RequestAnswer, RequestSort};
 
 use crate::mechanics;
 
@@ -44,6 +41,8 @@ pub struct View {
     path_m: Vec<[f64; 2]>,
     columns: Columns,
     whole_ns: Option<u64>,
+    /// What was drawn so far.
+    drawn: BTreeSet<String>,
 }
 
 #[derive(Debug)]
@@ -116,6 +115,17 @@ impl View {
             path_m: Vec::new(),
             columns: Columns::of(schema),
             whole_ns: None,
+            drawn: BTreeSet::new(),
+        }
+    }
+
+    /// The obstacles that are there at a time, for whoever doesn't hear every row.
+    pub fn set_obstacles(&mut self, time_ns: u64, obstacles: &[Option<Obstacle>]) {
+        for (place, obstacle) in self.obstacles.iter_mut().zip(obstacles) {
+            if place.is_some() && obstacle.is_none() {
+                self.whole_ns = None;
+            }
+            *place = obstacle.map(|obstacle| (obstacle, time_ns));
         }
     }
 
@@ -157,18 +167,21 @@ impl View {
             && row[answer] as u64 == RequestAnswer::Taken.code()
             && let Some(place) = self.obstacles.get_mut(row[argument] as usize)
         {
-            match row[kind] as u64 {
-                12 => {
+            match RequestSort::from_code(row[kind] as u64) {
+                Some(RequestSort::SetObstacle) => {
                     let [x, y, radius_m, vx, vy] = [0, 1, 2, 3, 4].map(|n| row[values + n]);
                     *place = Some((Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] }, time_ns));
                 }
-                13 => *place = None,
+                Some(RequestSort::RemoveObstacle) => {
+                    *place = None;
+                    self.whole_ns = None;
+                }
                 _ => {}
             }
         }
     }
 
-    /// The robot of a row, drawn; the scene as a whole once a second, else its obstacles.
+    /// The robot of a row, drawn; the scene as a whole once a second, with what is gone of it, else its obstacles.
     pub fn draw(&mut self, time_ns: u64, row: &[f64]) -> Drawing {
         let placed = |columns: Option<[usize; 3]>| {
             let [x, y, heading] = columns?.map(|column| row[column]);
@@ -185,17 +198,17 @@ impl View {
             self.whole_ns = Some(time_ns);
             drawing.entities.extend(self.still());
         }
-        let has_obstacles = self.obstacles.iter().any(Option::is_some);
         for (number, obstacle) in self.obstacles.iter().enumerate() {
-            let id = format!("obstacle_{}", number + 1);
-            match obstacle {
-                Some((obstacle, since_ns)) => {
-                    drawing.entities.push(round(id, obstacle, time_ns.saturating_sub(*since_ns)));
-                }
-                None if has_obstacles && is_whole => drawing.gone.push(id),
-                None => {}
+            if let Some((obstacle, since_ns)) = obstacle {
+                let id = format!("obstacle_{}", number + 1);
+                drawing.entities.push(round(id, obstacle, time_ns.saturating_sub(*since_ns)));
             }
         }
+        if is_whole {
+            let is_there = |id: &String| drawing.entities.iter().any(|entity| entity.id == *id);
+            drawing.gone = self.drawn.iter().filter(|id| !is_there(id)).cloned().collect();
+        }
+        self.drawn.extend(drawing.entities.iter().map(|entity| entity.id.clone()));
         drawing
     }
 
@@ -281,71 +294,43 @@ fn rad_per_count(scale: &DriveScale) -> f64 {
     sign * TAU / f64::from(scale.counts_per_revolution) / scale.gear_ratio
 }
 
-/// The signals of a schema that are codes, with the names of their choices.
-pub fn named(schema: &RunSchema) -> Vec<Named> {
-    let mut all = Vec::new();
-    for topic in &schema.topics {
-        for signal in &topic.signals {
-            let names = match (topic.name.as_str(), signal.name.as_str()) {
-                ("/cycle", "phase") => names(Phase::from_code),
-                ("/cycle", "stop_reason") | ("/allowed", "reason") => names(SafetyReason::from_code),
-                ("/request", "answer") => names(RequestAnswer::from_code),
-                ("/reference", "course") => names(Course::from_code),
-                ("/wished" | "/setpoint", "status") => names(ReferenceStatus::from_code),
-                ("/guard", "limited_by") => names(LimitedBy::from_code),
-                ("/command" | "/allowed", "quantity") => names(Quantity::from_code),
-                ("/allowed", "action") => names(SafetyAction::from_code),
-                (wheel, "progress") if wheel.starts_with("/wheel_") => names(DriveProgress::from_code),
-                _ => continue,
-            };
-            // In protobuf values of all enums of a message need names of their own.
-            let prefix = signal.name.to_ascii_uppercase();
-            let names = names.into_iter().map(|name| match name.as_str() {
-                "" => name,
-                _ => format!("{prefix}_{name}"),
-            });
-            all.push(Named {
-                topic: topic.name.clone(),
-                signal: signal.name.clone(),
-                names: names.collect(),
-            });
-        }
-    }
-    all
-}
-
-/// What the choices of 0, 1 and so on are called: `RampThenRemove` is `RAMP_THEN_REMOVE`.
-fn names<T: Debug>(choice: fn(u64) -> Option<T>) -> Vec<String> {
-    let name = |choice: T| {
-        let mut name = String::new();
-        for letter in format!("{choice:?}").chars().filter(char::is_ascii_alphanumeric) {
-            if letter.is_ascii_uppercase() && !name.is_empty() {
-                name.push('_');
-            }
-            name.push(letter.to_ascii_uppercase());
-        }
-        name
-    };
-    let mut all: Vec<String> = (0..64).map(|code| choice(code).map_or(String::new(), name)).collect();
-    let used = all.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
-    all.truncate(used);
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::RobotText;
+    use crate::channels::{CycleExtras, Known, Rows};
+    use omnibase_robot::Registry;
+    use omnibase_robot::signals::CycleRecord;
 
     #[test]
-    fn codes_have_names() {
-        let mut schema = RunSchema::default();
-        schema.push("/cycle", ["phase", "stop_reason", "index"]);
-        schema.push("/allowed", ["action"]);
-        let named = named(&schema);
-        assert_eq!(named.len(), 3);
-        assert_eq!(named[0].names[3..6], ["PHASE_TRACKING", "PHASE_STOPPING", "PHASE_QUICK_STOPPING"]);
-        // No reason has the code 9.
-        assert_eq!(named[1].names[8..11], ["STOP_REASON_TRACKING_ERROR", "", "STOP_REASON_DRIVE"]);
-        assert_eq!(named[2].names[3], "ACTION_STOP_RAMP_THEN_REMOVE");
+    fn what_is_taken_away_is_gone_from_the_drawing_the_last_obstacle_too() {
+        let text = include_str!("../../../robots/bmm.toml").into();
+        let robot = RobotText { text, ..RobotText::default() }.load(&Registry::with_built_in()).unwrap();
+        let layout = robot.plan.record_layout();
+        let mut rows = Rows::new(&layout, Known::Truth);
+        let mut view = View::new(&robot.plan, rows.schema());
+        let mut record = CycleRecord::default();
+        record.measurements.wheels = robot.plan.drives.len();
+        let row = rows.of(&record, &CycleExtras::default()).0;
+        let ids = |drawing: &Drawing| -> Vec<String> {
+            let ids = drawing.entities.iter().map(|entity| entity.id.clone());
+            ids.filter(|id| id.starts_with("obstacle") || id == "path").collect()
+        };
+        let obstacle = Obstacle { centre_m: [1.0, 2.0], radius_m: 0.3, velocity_m_s: [0.5, 0.0] };
+        view.set_path([[0.0, 0.0], [1.0, 0.0]].into_iter());
+        assert_eq!(ids(&view.draw(0, row)), ["path"]);
+        // It comes and goes between two whole scenes, and moves meanwhile.
+        view.set_obstacles(100_000_000, &[None, Some(obstacle)]);
+        assert_eq!(ids(&view.draw(100_000_000, row)), ["obstacle_2"]);
+        let moved = view.draw(600_000_000, row);
+        let Shape::Cylinder { placed, .. } = &moved.entities[0].shapes[0] else { panic!("{moved:?}") };
+        assert!((placed.at_m[0] - 1.25).abs() < 1e-12 && placed.at_m[1] == 2.0, "{placed:?}");
+        view.set_obstacles(600_000_000, &[None, None]);
+        view.set_path(std::iter::empty());
+        let gone = view.draw(600_000_000, row);
+        assert_eq!((ids(&gone), gone.gone), (vec![], vec!["obstacle_2".to_owned(), "path".to_owned()]));
+        // Said again with the next whole scene, for whoever came between.
+        assert_eq!(view.draw(700_000_000, row).gone, Vec::<String>::new());
+        assert_eq!(view.draw(1_600_000_000, row).gone.len(), 2);
     }
 }

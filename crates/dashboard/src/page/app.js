@@ -395,7 +395,7 @@ function showTiming(timing) {
   known.forEach((name, n) => {
     const { p50_ns, p99_ns, max_ns, worst_time_s, worst_cycle, worst_phase, worst_exchange } = timing[name];
     const us = [p50_ns, p99_ns, max_ns].map((ns) => (ns / 1000).toFixed(1));
-    [MEASURES[name], ...us, `${worst_time_s.toFixed(2)} s`].forEach((text, k) => (body.rows[n].cells[k].textContent = text));
+    [MEASURES[name], ...us, worst_time_s.toFixed(2)].forEach((text, k) => (body.rows[n].cells[k].textContent = text));
     body.rows[n].title = `the worst was cycle ${worst_cycle}: ${worst_phase}, exchange ${worst_exchange}`;
   });
 }

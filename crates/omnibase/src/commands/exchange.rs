@@ -17,6 +17,7 @@ use omnibase_host::{Waiting, stop_on_signals};
 use runner::{Plan, Runner};
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Brings a segment to OP, exchanges process data cycle by cycle, and measures. Ctrl-C ends it cleanly.
@@ -84,7 +85,15 @@ enum Leader {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let stop = stop_on_signals()?;
+    run_until(arguments, stop_on_signals()?, output)
+}
+
+/// Runs it until it is over or `stop` is set.
+pub fn run_until(
+    arguments: &Arguments,
+    stop: &AtomicBool,
+    output: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     let mut cable = arguments.manners.enter(&arguments.target, arguments.port())?;
     let mut recorder = None;
     if let Some(path) = &arguments.record {
@@ -138,6 +147,24 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 impl Arguments {
+    /// An exchange for a program of this process: JSON, and no wish for real time.
+    pub fn of_program(target: Target, manners: Manners, cycle_us: Duration, cycles: u64, dc: bool) -> Self {
+        Arguments {
+            target,
+            manners,
+            cycle_us,
+            cycles,
+            dc,
+            clock: Leader::Dc,
+            shift_us: 0,
+            ring: false,
+            busy_poll: false,
+            real_time: RealTime::default(),
+            record: None,
+            json: true,
+        }
+    }
+
     fn port(&self) -> Port {
         match (self.ring, self.busy_poll) {
             (false, _) => Port::Socket,
@@ -207,7 +234,8 @@ fn wants_sync(one: &SubDevice) -> bool {
     one.dc.is_some() && (speaks_coe || (offers && has_pdos))
 }
 
-fn parse_cycle(text: &str) -> Result<Duration, String> {
+/// A cycle in words, microseconds.
+pub fn parse_cycle(text: &str) -> Result<Duration, String> {
     match text.parse::<f64>() {
         Ok(microseconds) if (10.0..=1e6).contains(&microseconds) => {
             Ok(Duration::from_nanos((microseconds * 1000.0).round() as u64))

@@ -49,21 +49,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         at_robot::scan(*address, arguments.json, output)?;
         return Ok(Outcome::Done);
     }
-    let mut bus = arguments.manners.enter(&arguments.target, Port::Socket)?.into_bus();
-    commands::scan_bus(&mut bus, &arguments.target)?;
-    // What was found is shown even where it can't be configured.
-    let refusal = bus.configure_sound().err();
-    commands::note_warnings(&bus);
-    let states = states(&mut bus);
-    let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
-    for (one, state) in report.subdevices.iter_mut().zip(states) {
-        one.state = state;
-    }
-    if arguments.dictionary && refusal.is_none() {
-        for one in &mut report.subdevices {
-            one.dictionary = read_dictionary(&mut bus, one.position)?;
-        }
-    }
+    let (report, refusal) = look(&arguments.target, arguments.manners, arguments.dictionary)?;
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &report)?;
         writeln!(output)?;
@@ -75,6 +61,30 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         None if report.subdevices.iter().any(|one| one.broken.is_some()) => Ok(Outcome::Failed),
         None => Ok(Outcome::Done),
     }
+}
+
+/// What is there, where wished with its dictionaries; and why it can't be configured, where it can't.
+pub fn look(
+    target: &Target,
+    manners: Manners,
+    with_dictionary: bool,
+) -> anyhow::Result<(Report, Option<SetUpError>)> {
+    let mut bus = manners.enter(target, Port::Socket)?.into_bus();
+    commands::scan_bus(&mut bus, target)?;
+    // What was found is shown even where it can't be configured.
+    let refusal = bus.configure_sound().err();
+    commands::note_warnings(&bus);
+    let states = states(&mut bus);
+    let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
+    for (one, state) in report.subdevices.iter_mut().zip(states) {
+        one.state = state;
+    }
+    if with_dictionary && refusal.is_none() {
+        for one in &mut report.subdevices {
+            one.dictionary = read_dictionary(&mut bus, one.position)?;
+        }
+    }
+    Ok((report, refusal))
 }
 
 /// The dictionary; `None` where the SubDevice has none to show.

@@ -65,29 +65,30 @@ struct WriteArguments {
     pairs: Vec<String>,
 }
 
+/// Objects of one SubDevice, and how they are reached.
 #[derive(Debug, clap::Args)]
-struct SubDeviceObjects {
+pub struct SubDeviceObjects {
     /// Network interface, @robot, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
-    target: Target,
+    pub target: Target,
     #[command(flatten)]
-    manners: Manners,
+    pub manners: Manners,
     /// Position of the SubDevice, from 0.
-    position: u16,
+    pub position: u16,
     /// Type of all values: bool, u8 to u64, i8 to i64, f32, f64, string, hex.
     #[arg(long = "type", value_name = "TYPE")]
-    data_type: Option<DataType>,
+    pub data_type: Option<DataType>,
     /// Whole objects from the given subindex (0 or 1) in one transfer; values are bytes.
     #[arg(long)]
-    complete: bool,
+    pub complete: bool,
     /// Print one JSON object: {"objects": [{"index", "subindex", "type", "value", "data"}]}.
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 /// One object as JSON.
 #[derive(Serialize)]
-struct ObjectJson {
+pub struct ObjectJson {
     index: u16,
     subindex: u8,
     /// Name of the type.
@@ -149,11 +150,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     let mut way = place.open()?;
     let mut objects = Vec::new();
     for (object, text) in pairs {
-        let data_type = place.data_type(&mut way, object)?.with_context(|| {
-            format!("SubDevice {} does not tell the type of {object}: give it with --type", place.position)
-        })?;
-        let data = data_type.parse(text).with_context(|| format!("value for {object}"))?;
-        way.write(place, object, &data)?;
+        let (data_type, data) = place.write(&mut way, object, text)?;
         if !place.json {
             writeln!(output, "{object} written: {}", data_type.to_words(&data))?;
         }
@@ -177,6 +174,39 @@ impl SubDeviceObjects {
             anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
         }
         Ok(ObjectAccess::Bus(Box::new(bus)))
+    }
+
+    /// One object, read.
+    pub fn read_one(&self, object: &str) -> anyhow::Result<ObjectJson> {
+        let object = parse_object(object).map_err(anyhow::Error::msg)?;
+        let mut way = self.open()?;
+        let data = way.read(self, object)?;
+        let data_type = self.data_type(&mut way, object)?.unwrap_or(DataType::Bytes);
+        Ok(object_json(object, data_type, &data))
+    }
+
+    /// One object, written.
+    pub fn write_one(&self, object: &str, text: &str) -> anyhow::Result<ObjectJson> {
+        let object = parse_object(object).map_err(anyhow::Error::msg)?;
+        // What can't be a value shall not take the segment.
+        self.data_type.map(|data_type| data_type.parse(text)).transpose()?;
+        let (data_type, data) = self.write(&mut self.open()?, object, text)?;
+        Ok(object_json(object, data_type, &data))
+    }
+
+    /// Writes an object; what was written.
+    fn write(
+        &self,
+        way: &mut ObjectAccess,
+        object: ObjectAddress,
+        text: &str,
+    ) -> anyhow::Result<(DataType, Vec<u8>)> {
+        let data_type = self.data_type(way, object)?.with_context(|| {
+            format!("SubDevice {} does not tell the type of {object}: give it with --type", self.position)
+        })?;
+        let data = data_type.parse(text).with_context(|| format!("value for {object}"))?;
+        way.write(self, object, &data)?;
+        Ok((data_type, data))
     }
 
     fn access(&self) -> SdoAccess {

@@ -96,10 +96,15 @@ impl Browser {
         let mut browser = Browser { _turn: turn, process, socket, number: 0, profile };
         browser.ask("Page.enable", json!({}));
         browser.ask("Runtime.enable", json!({}));
+        browser.resize(width, height);
+        Some(browser)
+    }
+
+    /// From now on the window has so many pixels; a narrow one is a phone's.
+    pub fn resize(&mut self, width: u32, height: u32) {
         let metrics =
             json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600});
-        browser.ask("Emulation.setDeviceMetricsOverride", metrics);
-        Some(browser)
+        self.ask("Emulation.setDeviceMetricsOverride", metrics);
     }
 
     /// One command of the protocol.

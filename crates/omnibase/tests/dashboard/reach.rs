@@ -36,6 +36,39 @@ const PALE: &str = "(() => {
     return found;
 })()";
 
+/// What doesn't find its room: a page that is wider than its window, numbers and words of buttons in two lines or cut off, text on
+/// top of other text.
+const SQUEEZED: &str = "(() => {
+    const found = [], told = (element) => `${element.tagName}.${element.className} '${element.textContent.trim().slice(0, 30)}'`;
+    const wide = document.documentElement.scrollWidth - innerWidth;
+    if (wide > 0) found.push(`the page is ${wide} px too wide`);
+    for (const slider of document.querySelectorAll('input[type=range]')) if (slider.checkVisibility() && slider.clientWidth < 60) found.push(`a slider of ${slider.clientWidth} px`);
+    for (const table of document.querySelectorAll('section table')) if (table.checkVisibility() && table.getBoundingClientRect().right > table.parentElement.getBoundingClientRect().right - 8) found.push(`${told(table)} leaves its section`);
+    const texts = [];
+    for (const element of document.querySelectorAll('body *')) {
+        const nodes = [...element.childNodes].filter((node) => node.nodeType === 3 && node.data.trim());
+        if (!nodes.length || !element.checkVisibility() || element.closest('option, details:not([open]) > :not(summary)')) continue;
+        const range = document.createRange();
+        range.setStartBefore(nodes[0]);
+        range.setEndAfter(nodes.at(-1));
+        const boxes = [...range.getClientRects()].filter((box) => box.width > 1 && box.height > 1);
+        const lines = new Set(boxes.map((box) => Math.round(box.top / 4)));
+        if (element.matches('td:not(:first-child, #drives :nth-child(2)), th, button:not(.stop), .badge, .pose dd') && lines.size > 1) found.push(`${told(element)} in ${lines.size} lines`);
+        if (element.matches('td, th, button, .badge') && element.scrollWidth > element.clientWidth + 1 && element.clientWidth) found.push(`${told(element)} is cut off`);
+        // What scrolls, or is cut with dots, shows what fits.
+        if (!element.closest('select, .events ol, .who, .line, .stop')) boxes.forEach((box) => texts.push([element, box]));
+    }
+    texts.forEach(([one, a], n) => texts.slice(n + 1).forEach(([other, b]) => {
+        const across = Math.min(a.right, b.right) - Math.max(a.left, b.left), down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        if (!one.contains(other) && !other.contains(one) && across > 2 && down > 4) found.push(`${told(one)} under ${told(other)}`);
+    }));
+    return [...new Set(found)];
+})()";
+
+/// Windows: a desk's, a phone's, and the narrowest phone's.
+const WINDOWS: [(&str, u32, u32); 3] =
+    [("desktop", 1400, 1000), ("phone-390", 390, 844), ("phone-320", 320, 640)];
+
 fn theme(page: &mut Browser, name: &str) {
     let features = json!([{ "name": "prefers-color-scheme", "value": name }]);
     page.ask("Emulation.setEmulatedMedia", json!({ "features": features }));
@@ -60,7 +93,7 @@ fn held(page: &mut Browser, stick: &str, name: &str, mut brings: impl FnMut(&mut
 }
 
 #[test]
-fn text_has_contrast_in_both_themes_and_every_state() {
+fn text_has_contrast_and_room_in_both_themes_every_window_and_every_state() {
     let Some(mut page) = browser(1400, 1000) else { return };
     let robot = Robot::start(&[]);
     page.tamper();
@@ -78,20 +111,43 @@ fn text_has_contrast_in_both_themes_and_every_state() {
         ("emergency", "seen.emergency_stop = true;"),
         ("joystick blocked", "seen.joystick = 'blocked';"),
         ("joystick lost", "seen.joystick = 'lost';"),
+        ("disconnected", ""),
     ];
-    for (state, change) in states {
-        // The page has drawn it.
-        let time_s = format!("{}", 1000 + states.iter().position(|(name, _)| *name == state).unwrap());
-        page.change(&format!("{change} seen.time_s = {time_s};"));
+    for (number, (state, change)) in states.into_iter().enumerate() {
+        // The page has drawn it, with times as a long run has them.
+        let time_s = format!("{}", 1000 + number);
+        page.change(&format!(
+            "{change} seen.time_s = {time_s} + 1e-5 * (window.ticks = (window.ticks ?? 0) + 1); for (const one of Object.values(seen.timing)) if (one) one.worst_time_s = 12345.67;"
+        ));
         page.wait(&format!("document.getElementById('pose').textContent.includes('{time_s}.0 s')"));
-        for name in ["light", "dark"] {
-            theme(&mut page, name);
-            assert_eq!(page.value(PALE), json!([]), "{state}, {name}");
-            page.picture(&format!("{}-{name}", state.replace(' ', "-")));
+        if state == "disconnected" {
+            page.swallow();
+            page.wait("document.body.classList.contains('old')");
+        }
+        for (window, width, height) in WINDOWS {
+            page.resize(width, height);
+            for name in ["light", "dark"] {
+                theme(&mut page, name);
+                assert_eq!(page.value(PALE), json!([]), "{state}, {window}, {name}");
+                assert_eq!(page.value(SQUEEZED), json!([]), "{state}, {window}, {name}");
+                for (part, at) in [
+                    ("", "document.getElementById('phase')"),
+                    ("-below", "document.getElementById('drives')"),
+                ] {
+                    page.value(&format!("void {at}.scrollIntoView({{ block: 'center' }})"));
+                    if state != "disconnected" {
+                        page.wait("!document.body.classList.contains('old')");
+                    }
+                    page.picture(&format!("{}-{window}-{name}{part}", state.replace(' ', "-")));
+                }
+                page.value("scrollTo(0, 0)");
+            }
         }
     }
     page.value("void (document.getElementById('counts').style.color = '#777')");
     assert_eq!(page.value(PALE).as_array().unwrap().len(), 1, "what is pale is found");
+    page.value("void (document.getElementById('counts').style.marginTop = '-1.5rem')");
+    assert_ne!(page.value(SQUEEZED), json!([]), "what lies on other text is found");
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 #[path = "../command_line/mod.rs"]
 mod command_line;
+mod live;
+mod rerun;
 
 use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;

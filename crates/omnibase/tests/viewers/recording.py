@@ -1,6 +1,5 @@
 """What mcap and foxglove's own classes read of a viewers' file, as one JSON object on the standard output."""
 
-import importlib
 import json
 import math
 import sys
@@ -9,30 +8,9 @@ from google.protobuf.descriptor import FieldDescriptor
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from foxglove_own import differs, own
+
 (path,) = sys.argv[1:]
-DRAWN = {"FrameTransforms", "PoseInFrame", "SceneUpdate", "Log"}
-
-
-def shape(descriptor, seen):
-    """A message's fields and those of what it holds, without the files in which they stand."""
-    if descriptor.full_name in seen:
-        return
-    seen[descriptor.full_name] = [
-        (
-            field.number, field.name, field.type, field.is_repeated,
-            field.message_type.full_name if field.message_type else None,
-            [(value.name, value.number) for value in field.enum_type.values] if field.enum_type else None,
-        )
-        for field in descriptor.fields
-    ]
-    for field in descriptor.fields:
-        if field.message_type:
-            shape(field.message_type, seen)
-
-
-def own(name):
-    """Foxglove's own class."""
-    return getattr(importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
 
 
 def heading(rotation):
@@ -57,10 +35,7 @@ with open(path, "rb") as file:
             # Read with their descriptors, not with ours.
             theirs = own(name)()
             theirs.ParseFromString(message.data)
-            mine, right = {}, {}
-            shape(content.DESCRIPTOR, mine)
-            shape(theirs.DESCRIPTOR, right)
-            if mine != right or theirs.SerializeToString(deterministic=True) == b"":
+            if differs(content, theirs) or theirs.SerializeToString(deterministic=True) == b"":
                 differing.append(topic)
             content = theirs
             if hasattr(content, "timestamp"):

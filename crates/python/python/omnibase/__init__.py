@@ -7,6 +7,7 @@ frame unless something else is said.
 from ._omnibase import (
     Error,
     Kinematics,
+    Moment,
     Odometry,
     Recording,
     Refused,
@@ -15,12 +16,17 @@ from ._omnibase import (
     Simulation,
     Simulations,
     __version__,
+    exchange,
+    scan,
+    sdo_read,
+    sdo_write,
     trajectory,
 )
 
 __all__ = [
     "Error",
     "Kinematics",
+    "Moment",
     "Odometry",
     "Recording",
     "Refused",
@@ -29,5 +35,9 @@ __all__ = [
     "Simulation",
     "Simulations",
     "__version__",
+    "exchange",
+    "scan",
+    "sdo_read",
+    "sdo_write",
     "trajectory",
 ]

@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,10 @@ class Simulation:
     ``path`` is a file of path points and ``reference`` a table of a motion, ``{"kind": "circle", ...}``: with one of them the
     robot follows its plan as ``omnibase run`` does, to the same bits. Without them it does what it is asked. ``settings``
     replaces keys of the robot's file: ``{"simulation.payload_kg": 100.0}``.
+
+    ``controller`` is a control law in place of the file's: asked in every cycle in which the drives are enabled, it says each
+    wheel's torque in N m. Limits, fence and stops hold for it as for any law. What is no number, or raises, stops the robot, and
+    what it raised comes out of ``step``. With ``realtime`` a cycle begins no earlier than the clock of this machine says.
     """
 
     def __init__(
@@ -28,6 +32,8 @@ class Simulation:
         path: str | PathLike[str] | None = None,
         reference: dict[str, Any] | None = None,
         settings: dict[str, Any] | None = None,
+        controller: Callable[[Moment], Sequence[float]] | None = None,
+        realtime: bool = False,
     ) -> None: ...
     def reset(self) -> None:
         """The same robot at its beginning, to the same bits."""
@@ -80,6 +86,27 @@ class Simulation:
     def wheel_speeds_rad_s(self) -> list[float]: ...
     @property
     def wheel_torques_nm(self) -> list[float]: ...
+
+class Moment:
+    """A cycle as a control law is told it; all in odom."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def period_s(self) -> float: ...
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Where the robot believes to be."""
+    @property
+    def twist(self) -> tuple[float, float, float]:
+        """How fast it believes to move."""
+    @property
+    def wished_pose(self) -> tuple[float, float, float]:
+        """Where it shall be now: of its reference, of a twist or a stop, within the limits."""
+    @property
+    def wished_twist(self) -> tuple[float, float, float]: ...
+    @property
+    def wished_acceleration(self) -> tuple[float, float, float]: ...
 
 class Simulations:
     """Many simulated robots of one file, each on a virtual time of its own, stepped on all processors."""
@@ -211,3 +238,30 @@ class Signals:
         """Cycles that never came, because this program or its line was too slow for them."""
     def rows(self, timeout_s: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The rows that came: their instants in s on the robot's clock, and their values. None where none comes in that time."""
+
+def scan(target: str, *, dictionary: bool = False, force: bool = False) -> list[dict[str, Any]]:
+    """The SubDevices at a network interface, at ``@robot``, or of ``sim:<segment.toml>``, as ``omnibase scan --json`` tells
+    them; where wished with their dictionaries. ``force`` takes the segment from another MainDevice, here and below."""
+
+def sdo_read(
+    target: str, position: int, object: str, *, type: str | None = None, force: bool = False
+) -> int | float | bool | str | bytes:
+    """An object of the SubDevice at a position: ``"6041:00"``. Its type is what the SubDevice tells, or ``u8`` to ``i64``,
+    ``f32``, ``f64``, ``bool``, ``string``, ``hex``."""
+
+def sdo_write(
+    target: str,
+    position: int,
+    object: str,
+    value: int | float | bool | str | bytes,
+    *,
+    type: str | None = None,
+    force: bool = False,
+) -> None:
+    """Writes an object; bytes go as they are."""
+
+def exchange(
+    target: str, *, cycles: int = 10_000, cycle_us: float = 1000.0, dc: bool = False, force: bool = False
+) -> dict[str, Any]:
+    """To OP, so many cycles of process data with zeros, and back to INIT: what ``omnibase exchange --json`` tells. No drive is
+    enabled, but the segment goes to OP: wheels off the ground."""

@@ -236,19 +236,20 @@ fn message(schema: &Schema) -> Vec<u8> {
         schema.fields.iter().map(|(_, kind)| kind).find(|kind| matches!(kind, Choice(_)))
     {
         let name = name.rsplit('.').next().unwrap_or_default();
-        push_bytes(&mut bytes, 4, &choices(name, schema.choices));
+        let numbered: Vec<_> = (0..).zip(schema.choices).collect();
+        push_bytes(&mut bytes, 4, &choices(name, &numbered));
     }
     bytes
 }
 
-/// An `EnumDescriptorProto` with the names of 0, 1 and so on; those without a name are left out.
-pub(super) fn choices(name: &str, names: &[impl AsRef<str>]) -> Vec<u8> {
+/// An `EnumDescriptorProto` of codes with their names; the first of them has to be 0.
+pub(super) fn choices(name: &str, names: &[(i32, impl AsRef<str>)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     push_bytes(&mut bytes, 1, name.as_bytes());
-    for (number, name) in (0..).zip(names).filter(|(_, name)| !name.as_ref().is_empty()) {
+    for (code, name) in names {
         let mut value = Vec::new();
         push_bytes(&mut value, 1, name.as_ref().as_bytes());
-        push_number(&mut value, 2, number);
+        push_number(&mut value, 2, i64::from(*code) as u64);
         push_bytes(&mut bytes, 2, &value);
     }
     bytes

@@ -6,13 +6,15 @@ use omnibase_platform::Regime;
 
 use super::{
     Allowed, Commands, Course, CycleTime, Exchange, GripReport, GuardReport, LimitedBy, MAX_PROCESS_BYTES,
-    MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, Request, RequestAnswer, SafetyAction,
-    SafetyReason, Setpoint, SignalLayout, Signals, SourceName, TractionReport,
+    MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, Request, RequestAnswer, RequestSort,
+    SafetyAction, SafetyReason, Setpoint, SignalLayout, Signals, SourceName, TractionReport,
 };
 
 use visit::{INPUTS, Name, OUTPUTS, Slot, Visit, Visitor, regime_code, regime_from_code};
 
 const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
+/// Codes of a choice are below it.
+const MOST_CHOICES: u64 = 64;
 
 /// One drive's process data of a cycle in one direction, raw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,9 +174,22 @@ impl CycleRecord {
         record.visit(&layout.signals, &mut |name, unit, slot| {
             let kind = match slot {
                 Slot::F64(_) => ValueKind::F64,
-                Slot::U64(_) => ValueKind::U64,
+                Slot::U64(_) | Slot::Code(..) => ValueKind::U64,
             };
             list.push(Channel { name: name.to_string(), unit: unit.to_owned(), kind });
+        });
+        list
+    }
+
+    /// The channels of such records that are codes of choices, with each code's choice as `Debug` writes it.
+    pub fn choices(layout: &RecordLayout) -> Vec<(Channel, Vec<(u64, String)>)> {
+        let mut list = Vec::new();
+        CycleRecord::of(layout).visit(&layout.signals, &mut |name, unit, slot| {
+            if let Slot::Code(_, name_of) = slot {
+                let channel = Channel { name: name.to_string(), unit: unit.to_owned(), kind: ValueKind::U64 };
+                let names = (0..MOST_CHOICES).filter_map(|code| Some((code, name_of(code)?)));
+                list.push((channel, names.collect()));
+            }
         });
         list
     }
@@ -216,7 +231,7 @@ impl CycleRecord {
         copy.visit(&nameless, &mut |_, _, slot| {
             values.push(match slot {
                 Slot::F64(value) => Value::F64(*value),
-                Slot::U64(value) => Value::U64(*value),
+                Slot::U64(value) | Slot::Code(value, _) => Value::U64(*value),
             });
         });
     }
@@ -228,7 +243,7 @@ impl CycleRecord {
         let mut fits = true;
         record.visit(&layout.signals, &mut |_, _, slot| match (slot, rest.next()) {
             (Slot::F64(slot), Some(Value::F64(value))) => *slot = *value,
-            (Slot::U64(slot), Some(Value::U64(value))) => *slot = *value,
+            (Slot::U64(slot) | Slot::Code(slot, _), Some(Value::U64(value))) => *slot = *value,
             _ => fits = false,
         });
         if !fits || rest.next().is_some() {
@@ -254,12 +269,14 @@ impl CycleRecord {
         v.u64("cycle.time", "ns", &mut self.time.now_ns);
         v.u64("cycle.period", "ns", &mut self.time.period_ns);
         let mut codes = self.exchange.codes();
-        v.u64("exchange.result", "", &mut codes[0]);
+        v.named("exchange.result", &mut codes[0], &|code| {
+            Some(format!("{:?}", Exchange::from_codes([code, 0, 0])?))
+        });
         v.u64("exchange.expected", "", &mut codes[1]);
         v.u64("exchange.received", "", &mut codes[2]);
         self.exchange = Exchange::from_codes(codes).unwrap_or_default();
         let (mut codes, mut arguments) = Request::codes(self.request);
-        v.u64("request.kind", "", &mut codes[0]);
+        v.named("request.kind", &mut codes[0], &|code| Some(format!("{:?}", RequestSort::from_code(code)?)));
         v.u64("request.argument", "", &mut codes[1]);
         v.u64("request.valid_until", "ns", &mut codes[2]);
         v.f64("request.value_1", "", &mut arguments[0]);
@@ -285,7 +302,7 @@ impl CycleRecord {
         }
         v.prefix = Name::default();
         let mut regime = regime_code(self.state.regime);
-        v.u64("state.regime", "", &mut regime);
+        v.named("state.regime", &mut regime, &|code| Some(format!("{:?}", regime_from_code(code)?)));
         self.state.regime = regime_from_code(regime).unwrap_or(Regime::Other);
         v.f64("state.slip_residual", "m/s", &mut self.state.slip_residual_m_s);
         let mut pose_known = u64::from(self.state.pose_known);

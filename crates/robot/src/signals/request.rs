@@ -113,6 +113,59 @@ pub enum RequestKind {
     },
 }
 
+/// What sort of thing is asked, as recordings tell it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "each is the request of its name, or what an axis is asked")]
+pub enum RequestSort {
+    Nothing,
+    Enable,
+    Track,
+    Stop,
+    Acknowledge,
+    Velocity,
+    Set,
+    SwitchController,
+    Pause,
+    Resume,
+    GoTo,
+    UseReference,
+    SetObstacle,
+    RemoveObstacle,
+    SetPose,
+    SetOutput,
+    ResetOutput,
+    HomeAxis,
+    MoveAxis,
+    StopAxis,
+    RunAxis,
+    SetDriveMode,
+}
+
+coded!(RequestSort {
+    Nothing = 0,
+    Enable = 1,
+    Track = 2,
+    Stop = 3,
+    Acknowledge = 4,
+    Velocity = 5,
+    Set = 6,
+    SwitchController = 7,
+    Pause = 8,
+    Resume = 9,
+    GoTo = 10,
+    UseReference = 11,
+    SetObstacle = 12,
+    RemoveObstacle = 13,
+    SetPose = 14,
+    SetOutput = 15,
+    ResetOutput = 16,
+    HomeAxis = 17,
+    MoveAxis = 18,
+    StopAxis = 19,
+    RunAxis = 20,
+    SetDriveMode = 21,
+});
+
 /// Which changes of settings belong together: they act in the cycle of the last one, all of them or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Batch {
@@ -178,47 +231,59 @@ impl Request {
     pub fn codes(request: Option<Request>) -> ([u64; 3], [f64; 6]) {
         let Some(Request { kind, valid_until_ns }) = request else { return ([0; 3], [0.0; 6]) };
         let (sort, argument, values) = match kind {
-            RequestKind::Enable => (1, 0, [0.0; 6]),
-            RequestKind::Track => (2, 0, [0.0; 6]),
-            RequestKind::Stop(category) => (3, category.code(), [0.0; 6]),
-            RequestKind::Acknowledge => (4, 0, [0.0; 6]),
-            RequestKind::Velocity { twist, frame } => {
-                (5, frame.code(), [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s, 0.0, 0.0, 0.0])
-            }
+            RequestKind::Enable => (RequestSort::Enable, 0, [0.0; 6]),
+            RequestKind::Track => (RequestSort::Track, 0, [0.0; 6]),
+            RequestKind::Stop(category) => (RequestSort::Stop, category.code(), [0.0; 6]),
+            RequestKind::Acknowledge => (RequestSort::Acknowledge, 0, [0.0; 6]),
+            RequestKind::Velocity { twist, frame } => (
+                RequestSort::Velocity,
+                frame.code(),
+                [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s, 0.0, 0.0, 0.0],
+            ),
             RequestKind::Set { index, value, batch } => {
                 let [number, place, size] = batch.codes();
-                (6, index.into(), [value, number, place, size, 0.0, 0.0])
+                (RequestSort::Set, index.into(), [value, number, place, size, 0.0, 0.0])
             }
-            RequestKind::SwitchController { index } => (7, index.into(), [0.0; 6]),
-            RequestKind::Pause => (8, 0, [0.0; 6]),
-            RequestKind::Resume => (9, 0, [0.0; 6]),
+            RequestKind::SwitchController { index } => {
+                (RequestSort::SwitchController, index.into(), [0.0; 6])
+            }
+            RequestKind::Pause => (RequestSort::Pause, 0, [0.0; 6]),
+            RequestKind::Resume => (RequestSort::Resume, 0, [0.0; 6]),
             RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } } => {
-                (10, 0, [x_m, y_m, heading_rad, 0.0, 0.0, 0.0])
+                (RequestSort::GoTo, 0, [x_m, y_m, heading_rad, 0.0, 0.0, 0.0])
             }
-            RequestKind::UseReference { number } => (11, number.into(), [0.0; 6]),
+            RequestKind::UseReference { number } => (RequestSort::UseReference, number.into(), [0.0; 6]),
             RequestKind::SetObstacle { index, obstacle } => {
                 let Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] } = obstacle;
-                (12, index.into(), [x, y, radius_m, vx, vy, 0.0])
+                (RequestSort::SetObstacle, index.into(), [x, y, radius_m, vx, vy, 0.0])
             }
-            RequestKind::RemoveObstacle { index } => (13, index.into(), [0.0; 6]),
+            RequestKind::RemoveObstacle { index } => (RequestSort::RemoveObstacle, index.into(), [0.0; 6]),
             RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad } => {
-                (14, 0, [x_m, y_m, heading_rad, sigma_m, sigma_rad, 0.0])
+                (RequestSort::SetPose, 0, [x_m, y_m, heading_rad, sigma_m, sigma_rad, 0.0])
             }
-            RequestKind::SetOutput { index, value } => (15, index.into(), [value, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            RequestKind::ResetOutput { index } => (16, index.into(), [0.0; 6]),
-            RequestKind::Axis { device, ask: AxisAsk::Home } => (17, device.into(), [0.0; 6]),
-            RequestKind::Axis { device, ask: AxisAsk::Move { position, mode } } => {
-                (18, device.into(), [position, mode.mode().code().into(), 0.0, 0.0, 0.0, 0.0])
+            RequestKind::SetOutput { index, value } => {
+                (RequestSort::SetOutput, index.into(), [value, 0.0, 0.0, 0.0, 0.0, 0.0])
             }
-            RequestKind::Axis { device, ask: AxisAsk::Stop } => (19, device.into(), [0.0; 6]),
+            RequestKind::ResetOutput { index } => (RequestSort::ResetOutput, index.into(), [0.0; 6]),
+            RequestKind::Axis { device, ask: AxisAsk::Home } => {
+                (RequestSort::HomeAxis, device.into(), [0.0; 6])
+            }
+            RequestKind::Axis { device, ask: AxisAsk::Move { position, mode } } => (
+                RequestSort::MoveAxis,
+                device.into(),
+                [position, mode.mode().code().into(), 0.0, 0.0, 0.0, 0.0],
+            ),
+            RequestKind::Axis { device, ask: AxisAsk::Stop } => {
+                (RequestSort::StopAxis, device.into(), [0.0; 6])
+            }
             RequestKind::Axis { device, ask: AxisAsk::Run { speed } } => {
-                (20, device.into(), [speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+                (RequestSort::RunAxis, device.into(), [speed, 0.0, 0.0, 0.0, 0.0, 0.0])
             }
             RequestKind::SetDriveMode { wheel, mode } => {
-                (21, wheel.into(), [code_of_drive_mode(mode), 0.0, 0.0, 0.0, 0.0, 0.0])
+                (RequestSort::SetDriveMode, wheel.into(), [code_of_drive_mode(mode), 0.0, 0.0, 0.0, 0.0, 0.0])
             }
         };
-        ([sort, argument, valid_until_ns], values)
+        ([sort.code(), argument, valid_until_ns], values)
     }
 
     /// The request of such numbers: `None` where no request has them, `Some(None)` where there was none.
@@ -226,60 +291,61 @@ impl Request {
         [sort, argument, valid_until_ns]: [u64; 3],
         values: [f64; 6],
     ) -> Option<Option<Request>> {
-        let kind = match sort {
-            0 => return Some(None),
-            1 => RequestKind::Enable,
-            2 => RequestKind::Track,
-            3 => RequestKind::Stop(StopCategory::from_code(argument)?),
-            4 => RequestKind::Acknowledge,
-            5 => {
+        let axis = |ask| Some(RequestKind::Axis { device: argument.try_into().ok()?, ask });
+        let kind = match RequestSort::from_code(sort)? {
+            RequestSort::Nothing => return Some(None),
+            RequestSort::Enable => RequestKind::Enable,
+            RequestSort::Track => RequestKind::Track,
+            RequestSort::Stop => RequestKind::Stop(StopCategory::from_code(argument)?),
+            RequestSort::Acknowledge => RequestKind::Acknowledge,
+            RequestSort::Velocity => {
                 let [vx_m_s, vy_m_s, w_rad_s, ..] = values;
                 RequestKind::Velocity {
                     twist: Twist2 { vx_m_s, vy_m_s, w_rad_s },
                     frame: Frame::from_code(argument)?,
                 }
             }
-            6 => RequestKind::Set {
+            RequestSort::Set => RequestKind::Set {
                 index: argument.try_into().ok()?,
                 value: values[0],
                 batch: Batch::from_codes([values[1], values[2], values[3]])?,
             },
-            7 => RequestKind::SwitchController { index: argument.try_into().ok()? },
-            8 => RequestKind::Pause,
-            9 => RequestKind::Resume,
-            10 => {
+            RequestSort::SwitchController => {
+                RequestKind::SwitchController { index: argument.try_into().ok()? }
+            }
+            RequestSort::Pause => RequestKind::Pause,
+            RequestSort::Resume => RequestKind::Resume,
+            RequestSort::GoTo => {
                 let [x_m, y_m, heading_rad, ..] = values;
                 RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } }
             }
-            11 => RequestKind::UseReference { number: argument.try_into().ok()? },
-            12 => {
+            RequestSort::UseReference => RequestKind::UseReference { number: argument.try_into().ok()? },
+            RequestSort::SetObstacle => {
                 let [x, y, radius_m, vx, vy, _] = values;
                 RequestKind::SetObstacle {
                     index: argument.try_into().ok()?,
                     obstacle: Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] },
                 }
             }
-            13 => RequestKind::RemoveObstacle { index: argument.try_into().ok()? },
-            14 => {
+            RequestSort::RemoveObstacle => RequestKind::RemoveObstacle { index: argument.try_into().ok()? },
+            RequestSort::SetPose => {
                 let [x_m, y_m, heading_rad, sigma_m, sigma_rad, _] = values;
                 RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad }
             }
-            15 => RequestKind::SetOutput { index: argument.try_into().ok()?, value: values[0] },
-            16 => RequestKind::ResetOutput { index: argument.try_into().ok()? },
-            17..=20 => RequestKind::Axis {
-                device: argument.try_into().ok()?,
-                ask: match sort {
-                    17 => AxisAsk::Home,
-                    18 => AxisAsk::Move { position: values[0], mode: mode_of_code(values[1])? },
-                    19 => AxisAsk::Stop,
-                    _ => AxisAsk::Run { speed: values[0] },
-                },
-            },
-            21 => RequestKind::SetDriveMode {
+            RequestSort::SetOutput => {
+                RequestKind::SetOutput { index: argument.try_into().ok()?, value: values[0] }
+            }
+            RequestSort::ResetOutput => RequestKind::ResetOutput { index: argument.try_into().ok()? },
+            RequestSort::HomeAxis => axis(AxisAsk::Home)?,
+            RequestSort::MoveAxis => {
+                axis(AxisAsk::Move { position: values[0], mode: mode_of_code(values[1])? })?
+            }
+            RequestSort::StopAxis => axis(AxisAsk::Stop)?,
+            RequestSort::RunAxis => axis(AxisAsk::Run { speed: values[0] })?,
+            RequestSort::SetDriveMode => RequestKind::SetDriveMode {
                 wheel: argument.try_into().ok()?,
                 mode: drive_mode_of_code(values[0])?,
             },
-            _ => return None,
         };
         Some(Some(Request { kind, valid_until_ns }))
     }

@@ -2,10 +2,11 @@
 
 use anyhow::Context;
 use omnibase_record::run::{BEGUN, Due, RecordedRun, Selection};
-use omnibase_record::viewer::ViewerFile;
+use omnibase_record::viewer::{Channels, ViewerFile};
 use omnibase_robot::Registry;
+use omnibase_run::codes::named;
 use omnibase_run::robot_text::from_description;
-use omnibase_run::view::{DRAWN_EVERY_NS, View, named};
+use omnibase_run::view::{DRAWN_EVERY_NS, View};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -27,9 +28,8 @@ pub(super) fn write(
     view.set_path(wished.into_iter());
     let file = File::create(path).with_context(|| format!("writing `{}`", path.display()))?;
     let begun_unix_ns = run.description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
-    let codes = named(&run.schema);
-    let mut file =
-        ViewerFile::create(BufWriter::new(file), (&run.schema, &codes), begun_unix_ns, &run.description)?;
+    let channels = Channels::new(&run.schema, &named(&plan));
+    let mut file = ViewerFile::create(BufWriter::new(file), channels, begun_unix_ns, &run.description)?;
     let mut due = Due::new(&Selection { signals: Vec::new(), every_ns: Some(DRAWN_EVERY_NS) });
     let (mut events, mut drawings) = (run.events.iter().peekable(), 0);
     for (time_ns, row) in rows() {

@@ -55,8 +55,7 @@ pub struct Options {
         default_missing_value = "127.0.0.1:9870"
     )]
     plotjuggler: Option<SocketAddr>,
-    /// Serve every value to the Foxglove app, on loopback.
-    #[cfg(feature = "foxglove")]
+    /// Serve the robot as it is drawn, its events and every value to the Foxglove app, on loopback.
     #[arg(
         long,
         value_name = "ADDRESS",
@@ -119,7 +118,6 @@ impl Options {
             ("--token-file", self.token_file.is_some()),
             ("--plotjuggler", self.plotjuggler.is_some()),
             ("--paths", self.paths.is_some()),
-            #[cfg(feature = "foxglove")]
             ("--foxglove", self.foxglove.is_some()),
         ];
         let of_nobody = of_page.iter().find(|(_, is_given)| *is_given && self.dashboard.is_none());
@@ -159,11 +157,7 @@ impl Options {
             Some(path) => Some(JoystickThread::start(path.as_deref(), &robot.plan, live.clone())?),
             None => None,
         };
-        let streams = Streams {
-            plotjuggler: self.plotjuggler,
-            #[cfg(feature = "foxglove")]
-            foxglove: self.foxglove,
-        };
+        let streams = Streams { plotjuggler: self.plotjuggler, foxglove: self.foxglove };
         let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
         let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
         let page = match self.dashboard {
@@ -204,6 +198,9 @@ impl Options {
         let announced = RunningRobot::announce(&name, Endpoint::Address(dashboard.address), &access.token);
         let unfound = announced.map(|running| dashboard.keep(running)).err();
         note(format_args!("dashboard: {}", access.url(dashboard.address)));
+        if let Some(address) = dashboard.foxglove {
+            note(format_args!("foxglove: ws://{address}"));
+        }
         if dashboard.address.ip().is_unspecified() {
             note(format_args!(
                 "from elsewhere: this machine's own address in place of {}",
@@ -230,7 +227,6 @@ fn serve_owner(live: Live, about: RobotInfo) -> anyhow::Result<(Dashboard, Found
 }
 
 /// Whoever connects may read: that is for this machine alone.
-#[cfg(feature = "foxglove")]
 fn on_loopback(text: &str) -> Result<SocketAddr, String> {
     let address: SocketAddr = text.parse().map_err(|error: std::net::AddrParseError| error.to_string())?;
     if address.ip().is_loopback() {

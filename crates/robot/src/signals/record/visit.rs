@@ -1,5 +1,7 @@
 //! One channel after the other, by its name and unit: how a record is named, written and read.
 
+use std::fmt::Debug;
+
 use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
@@ -12,7 +14,12 @@ use super::{PROCESS_WORDS, ProcessBytes};
 pub(super) enum Slot<'a> {
     F64(&'a mut f64),
     U64(&'a mut u64),
+    /// The code of a choice, and what each code is called.
+    Code(&'a mut u64, NameOf<'a>),
 }
+
+/// The choice that has a code, as `Debug` writes it.
+pub(super) type NameOf<'a> = &'a dyn Fn(u64) -> Option<String>;
 
 pub(super) type Visitor<'a> = &'a mut dyn FnMut(&Name, &str, Slot<'_>);
 
@@ -80,7 +87,7 @@ impl Visit<'_> {
         (self.visitor)(&self.prefix.with(name), unit, Slot::U64(value));
     }
 
-    pub(super) fn code<T: Copy + Default>(
+    pub(super) fn code<T: Copy + Debug + Default>(
         &mut self,
         name: &str,
         value: &mut T,
@@ -88,8 +95,12 @@ impl Visit<'_> {
         from: fn(u64) -> Option<T>,
     ) {
         let mut code = to(*value);
-        self.u64(name, "", &mut code);
+        self.named(name, &mut code, &|code| from(code).map(|choice| format!("{choice:?}")));
         *value = from(code).unwrap_or_default();
+    }
+
+    pub(super) fn named(&mut self, name: &str, code: &mut u64, name_of: NameOf<'_>) {
+        (self.visitor)(&self.prefix.with(name), "", Slot::Code(code, name_of));
     }
 
     pub(super) fn pose(&mut self, name: &str, pose: &mut Pose2) {
