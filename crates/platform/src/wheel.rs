@@ -20,6 +20,15 @@ pub struct Wheel {
     pub radius_m: f64,
 }
 
+impl Wheel {
+    /// The part of its force on the floor that its rim feels, and so its motor: the cosine between rolling and force direction. 1
+    /// for an omni wheel, √½ for a mecanum wheel with rollers at 45°.
+    pub fn rim_share(&self) -> f64 {
+        let ([ux, uy], [ax, ay]) = (self.rolling_direction, self.force_direction);
+        ((ux * ax + uy * ay) / (ux.hypot(uy) * ax.hypot(ay))).abs()
+    }
+}
+
 /// One value per wheel, on the stack, in the order of the layout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerWheel<T = f64> {
@@ -87,6 +96,22 @@ impl<const N: usize> From<[f64; N]> for PerWheel<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_rim_feels_of_a_rollers_force_what_lies_along_it() {
+        let wheel = |force_direction| Wheel {
+            name: String::new(),
+            position_m: [0.0; 2],
+            rolling_direction: [2.0, 0.0],
+            force_direction,
+            radius_m: 0.1,
+        };
+        for (force_direction, share) in
+            [([3.0, 0.0], 1.0), ([1.0, 1.0], 0.5_f64.sqrt()), ([-1.0, 3.0_f64.sqrt()], 0.5)]
+        {
+            assert!((wheel(force_direction).rim_share() - share).abs() < 1e-15, "{force_direction:?}");
+        }
+    }
 
     #[test]
     fn saturation_scales_the_whole_vector() {

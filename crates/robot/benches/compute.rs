@@ -87,6 +87,44 @@ fn four_wheels(bencher: Bencher<'_, '_>) {
     bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
 }
 
+/// All that is known of grip at once, under way: the law of torque on treads that the file tells, a floor that holds the platform back,
+/// and a gyro. The wheels turn as the set point asks.
+#[divan::bench]
+fn all_of_grip(bencher: Bencher<'_, '_>) {
+    let treads = "tread_stiffness_n_m = [1e6, 4e6]\ntread_damping_ratio = 0.3\n";
+    let text = BMM.replace("closed_loop_speed", "adaptive_torque");
+    let text = text.replace("[controller]\n", &format!("[controller]\n{treads}"));
+    let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nturns = 10\nduration_s = 100\n[grip]\nfriction = 0.2\n";
+    let gyro = "[[source]]\nname = \"gyro\"\n[[source.input]]\nname = \"turn\"\n[safety]\ngyro_input = \"gyro.turn\"\n";
+    let plan = RobotPlan::from_toml(&format!("{text}{circle}{gyro}"), &Registry::with_built_in(), &|_| {
+        Err(String::new())
+    })
+    .expect("a robot with all of it");
+    let mut running = Running::new(&plan);
+    let mut turned_rad = [0.0; 3];
+    let period_s = running.period_ns as f64 * 1e-9;
+    let counts_per_rad = plan.drives[0].scale.counts_per_revolution as f64 / std::f64::consts::TAU;
+    let mut cycle = move || {
+        let set = running.robot.record().setpoint;
+        let in_body = set.twist_in_odom.rotated(-set.odom_from_body.heading_rad);
+        let speeds_rad_s = plan.kinematics.wheel_speeds_rad_s(in_body);
+        for (wheel, turned_rad) in turned_rad.iter_mut().enumerate() {
+            *turned_rad += period_s * speeds_rad_s[wheel];
+            // Object 6064 of an SGDV's map.
+            let counts = (*turned_rad * counts_per_rad) as i32;
+            running.image.inputs[wheel][2..6].copy_from_slice(&counts.to_le_bytes());
+        }
+        let mut heard = Heard { instant_ns: running.index * running.period_ns, ..Heard::NOTHING };
+        heard.values[0] = in_body.w_rad_s;
+        running.robot.hear(0, &heard);
+        let record = running.cycle(None);
+        (record.phase, record.traction.share, record.allowed.commands.values[0])
+    };
+    let under_way = (0..5000).map(|_| cycle()).last();
+    assert!(matches!(under_way, Some((Phase::Tracking, share, _)) if share < 1.0), "{under_way:?}");
+    bencher.bench_local(|| black_box(cycle()));
+}
+
 /// So many named values of another program, all of them new in each cycle.
 #[divan::bench(args = [0, 32])]
 fn inputs_of_a_program(bencher: Bencher<'_, '_>, count: usize) {

@@ -270,7 +270,7 @@ impl Robot {
         let record = &mut self.record;
         record.traction = self.traction.look(&record.time, &record.grip, &record.state);
         self.guard.keep_to(&self.traction.limits());
-        self.motion.keep_to(record.traction.share);
+        self.motion.keep_to(self.traction.carried());
     }
 
     /// Estimator: from measurements to the platform's state.
@@ -327,7 +327,8 @@ impl Robot {
                 // What the drives' maps were checked for is the quantity that the law names.
                 let is_of_its_kind = commands.quantity == controller.quantity();
                 if is_of_its_kind {
-                    self.traction.cap(commands, (&record.setpoint, &record.grip))
+                    let stops = self.lifecycle.phase() == Phase::Stopping;
+                    self.traction.cap(commands, (&record.setpoint, &record.grip), stops)
                 } else {
                     Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
                 }

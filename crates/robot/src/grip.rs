@@ -319,10 +319,10 @@ impl Grip {
         let [sx, sy, sh] = self.sigma;
         let along_m_s = sx.max(sy);
         let dynamics = self.identification.dynamics();
-        let rows = self.kinematics.matrix();
-        let mean_n = dynamics.mass_kg * GRAVITY_M_S2 / rows.len() as f64;
+        let rims = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
+        let mean_n = dynamics.mass_kg * GRAVITY_M_S2 / rims.len() as f64;
         let mut is_over = false;
-        for (at, (wheel, row)) in self.wheels.iter_mut().zip(rows).enumerate() {
+        for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = row[0].hypot(row[1]) * along_m_s + row[2].abs() * sh;
             let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
@@ -342,7 +342,8 @@ impl Grip {
                 wheel.since_ns += span_ns;
                 wheel.way_m += step_m;
                 if wheel.ahead_m_s.abs() > least_m_s {
-                    self.floor = Some(Floor::seen(self.floor, force_n.abs() / (load * mean_n), span_s));
+                    let pressed_n = rim.rim_share() * load * mean_n;
+                    self.floor = Some(Floor::seen(self.floor, force_n.abs() / pressed_n, span_s));
                 }
                 is_over |= wheel.since_ns > LONGEST_NS;
             } else if is_ahead {

@@ -7,18 +7,17 @@ mod room;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
 
-use crate::config::{GuardPlan, Limits, SafetyPlan, motion_limits};
+use crate::config::{GuardPlan, Limits, SafetyPlan};
 use crate::guard::Guard;
 use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
-use foothold::Foothold;
+pub(crate) use foothold::Carried;
+use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
 
-/// Part of the acceleration and jerk limits that slowing a reference down may take; the rest is the path's own.
-const SHARE_OF_LIMITS: f64 = 0.5;
 /// A way keeps this far from the limits, so that catching up has room.
 const ROOM: f64 = 1.05;
 /// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
@@ -44,8 +43,8 @@ pub(crate) struct Motion {
     pausing: Pausing,
     /// How fast the rate may change, and how fast that may, 1/s and 1/s².
     rate_limits: [f64; 2],
-    /// The part of the limits' accelerations that the floor carries.
-    share: f64,
+    /// What the floor carries.
+    carried: Carried,
     foothold: Foothold,
     ahead: Ahead,
     room_had: RoomHad,
@@ -53,6 +52,8 @@ pub(crate) struct Motion {
     spare_room_m: f64,
     /// The reference's speed at its full rate.
     planned: Twist2,
+    /// Speed and acceleration at full rate of the place that was wished last.
+    own: [Twist2; 2],
     /// The reference was begun and isn't at its end.
     begun: bool,
     headway: Headway,
@@ -152,12 +153,13 @@ impl Motion {
             rate_change_1_s: 0.0,
             pausing: Pausing::No,
             rate_limits,
-            share: 1.0,
+            carried: Carried::ALL,
             foothold: Foothold::NEW,
             ahead: Ahead::from(0.0),
             room_had: RoomHad::default(),
             spare_room_m: f64::INFINITY,
             planned: Twist2::default(),
+            own: Default::default(),
             begun: false,
             headway: Headway::new(guard),
             step: PlanStep::default(),
@@ -167,20 +169,20 @@ impl Motion {
         })
     }
 
-    /// The part of the limits' accelerations that the floor carries: what is followed goes so much more slowly that it keeps to it.
-    pub(crate) fn keep_to(&mut self, share: f64) {
-        if share != self.share {
-            self.share = share;
-            self.rate_limits = rate_limits(&self.limits, share);
+    /// What the floor carries from now on: what is followed goes so much more slowly that it keeps to it.
+    pub(crate) fn keep_to(&mut self, carried: Carried) {
+        if carried.share != self.carried.share {
+            self.rate_limits = rate_limits(&self.limits, carried.share);
             // They were possible with all of it.
             let _ = self.rate.set_limits(&limits_of_rate(&self.limits, self.rate_limits));
         }
+        self.carried = carried;
     }
 
     /// The greatest rate of the reference from here on.
     fn foothold(&mut self) -> f64 {
         let time_s = self.time_s();
-        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.share))
+        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share))
     }
 
     pub(crate) fn course(&self) -> Course {
@@ -279,7 +281,7 @@ impl Motion {
         let rate = rate.min(self.foothold());
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
         self.ahead = Ahead::from(self.time_s());
-        (self.rate_now, self.rate_change_1_s) = (rate, 0.0);
+        (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
         self.headway.begin();
         (self.pausing, self.begun, self.course, self.now_ns) =
             (Pausing::No, true, Course::Reference, time.now_ns);
@@ -298,8 +300,9 @@ impl Motion {
         let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
         self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
         self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
-        self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.share));
+        self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
+        self.own = Default::default();
         self.headway.begin();
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
     }
@@ -365,10 +368,11 @@ impl Motion {
     pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
         let wished = match self.course {
             Course::Way => {
-                let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.share));
+                let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
                 let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
                 self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
-                self.at_rate(self.way.sample())
+                let own = self.way.sample();
+                self.at_rate(own)
             }
             Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
         };
@@ -409,9 +413,11 @@ impl Motion {
         let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
         self.now_ns = time.now_ns;
         if elapsed_ns > 0.0 {
+            let before = self.rate_now;
             let limited = self.rate.step(Twist2::new(rate * pace, 0.0, 0.0));
             self.rate_now = limited.twist_in_odom.vx_m_s.clamp(0.0, 1.0);
             self.rate_change_1_s = limited.acceleration_in_odom.vx_m_s;
+            self.wait_for_traction(before, elapsed_ns * 1e-9);
         }
         let passed_ns = self.rate_now * elapsed_ns;
         // It is still faster than it shall be while it is slowed down.
@@ -420,6 +426,15 @@ impl Motion {
         let speed = SpeedBound { speed_m_s: planned.speed_m_s(), turn_speed_rad_s: planned.w_rad_s.abs() };
         self.step = PlanStep { elapsed_s: elapsed_ns * 1e-9, passed_s, rate, speed };
         passed_ns
+    }
+
+    /// Where the wish speeds up more than the floor carries its rate falls at once, so that it doesn't: that asks for less of the floor.
+    fn wait_for_traction(&mut self, before: f64, elapsed_s: f64) {
+        let most_1_s = self.carried.rate_change(before, self.own, &self.limits);
+        let Some(most_1_s) = most_1_s.filter(|most| self.rate_change_1_s > *most) else { return };
+        self.rate_now = (before + elapsed_s * most_1_s).max(LEAST_RATE).min(self.rate_now);
+        self.rate_change_1_s = (self.rate_now - before) / elapsed_s;
+        self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
     }
 
     /// How fast the platform may be while it follows.
@@ -440,7 +455,8 @@ impl Motion {
     }
 
     /// A place on the way, at the speed and acceleration that follow from the present rate.
-    fn at_rate(&self, own: Setpoint) -> Setpoint {
+    fn at_rate(&mut self, own: Setpoint) -> Setpoint {
+        self.own = [own.twist_in_odom, own.acceleration_in_odom];
         let (rate, change) = (self.rate_now, self.rate_change_1_s);
         if rate == 1.0 && change == 0.0 {
             return own;
@@ -464,26 +480,5 @@ impl Motion {
         if self.course == Course::Way && self.way.goes_on && is_there && self.way.is_over() {
             self.begin_reference(time, 0.0);
         }
-    }
-}
-
-/// How fast the rate of a reference may change, 1/s and 1/s², where the floor carries so much of the limits' accelerations.
-fn rate_limits(limits: &Limits, share: f64) -> [f64; 2] {
-    let per_s = |most: f64, speed: f64| SHARE_OF_LIMITS * most / speed;
-    [
-        share
-            * per_s(limits.acceleration_m_s2, limits.speed_m_s)
-                .min(per_s(limits.turn_acceleration_rad_s2, limits.turn_speed_rad_s)),
-        per_s(limits.jerk_m_s3, limits.speed_m_s)
-            .min(per_s(limits.turn_jerk_rad_s3, limits.turn_speed_rad_s)),
-    ]
-}
-
-fn limits_of_rate(limits: &Limits, [rate_1_s, rate_1_s2]: [f64; 2]) -> omnibase_trajectory::Limits {
-    omnibase_trajectory::Limits {
-        speed_m_s: 1.0,
-        acceleration_m_s2: rate_1_s,
-        jerk_m_s3: rate_1_s2,
-        ..motion_limits(limits)
     }
 }

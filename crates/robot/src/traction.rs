@@ -1,13 +1,14 @@
 //! What the floor carries: how hard the platform may speed up and brake, and how hard its wheels may push.
 //!
-//! A wheel grips while the force at its rim stays below μ·N (C.-A. de Coulomb). N is its part of the weight, shifted by the
-//! platform's acceleration as the centre of mass stands above the floor. With a friction μ that is counted on
-//! (`reliance.rs`) two things follow:
+//! A wheel grips while its force on the floor stays below μ·N (C.-A. de Coulomb); its rim feels the part of it that lies along
+//! it. N is its part of the weight, shifted by the platform's acceleration as the centre of mass stands above the floor. With a
+//! friction μ that is counted on (`reliance.rs`) two things follow:
 //! - the greatest part of the file's accelerations, of way and turn alike, at which every wheel still grips, in whatever
-//!   direction: the setpoint keeps to it under every law, stops too, so that fence and obstacles count with it;
+//!   direction, and overcomes the rollers of the others: the setpoint keeps to it under every law, stops too, so that fence
+//!   and obstacles count with it;
 //! - the most torque of each wheel: commands by torque are scaled as a whole, so that the direction of force is kept.
 //!
-//! Nothing is counted on, and nothing held back, where the file says nothing of the floor.
+//! Where the file says nothing of the floor nothing is counted on or held back, but for wheels that spin while the robot stops.
 
 mod reliance;
 
@@ -15,13 +16,23 @@ use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
 
 use crate::config::{Limits, RobotPlan};
 use crate::grip::GRAVITY_M_S2;
+use crate::grip::friction::WheelFriction;
 use crate::grip::loads::Loads;
+use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
 use reliance::Reliance;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
 /// what rubs.
 const PLANNED: f64 = 0.8;
+/// What rollers take of what wheels push, over a wheel's load, before more is learnt; and of what the floor gives at most.
+const ROLLERS: f64 = 0.03;
+const MOST_ROLLERS: f64 = 0.5;
+/// A wheel whose rim is further ahead spins, m/s: that is no doubt of an estimate.
+const SPINS_M_S: f64 = 0.2;
+/// After torques were held back, or a wheel slipped, the platform counts as behind for so long, s: what waits for it must not swing
+/// with it.
+const BEHIND_S: f64 = 0.1;
 /// Less than this part of its acceleration is asked of no robot: it would never stand.
 const LEAST_SHARE: f64 = 0.05;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
@@ -32,14 +43,21 @@ const SLIPPING: f64 = 0.5;
 pub(crate) struct Traction {
     /// The force at each rim for 1 N along x and y, and 1 N·m.
     per_wrench: [[f64; 3]; MAX_WHEELS],
+    /// The most that each wheel pushes against rollers that take 1 N each.
+    per_roller: [f64; MAX_WHEELS],
     radius_m: [f64; MAX_WHEELS],
+    /// The part of a wheel's force on the floor that its rim feels.
+    rim_share: [f64; MAX_WHEELS],
     wheels: usize,
     loads: Loads,
     height_m: f64,
     limits: Limits,
     reliance: Reliance,
+    /// For how long the platform still counts as behind, s.
+    behind_s: f64,
     report: TractionReport,
-    slips: [bool; MAX_WHEELS],
+    /// How fast the rims of wheels that slip are ahead, m/s.
+    slips_m_s: [f64; MAX_WHEELS],
 }
 
 impl Traction {
@@ -47,14 +65,17 @@ impl Traction {
         let kinematics = &plan.kinematics;
         let mut traction = Traction {
             per_wrench: [[0.0; 3]; MAX_WHEELS],
+            per_roller: [0.0; MAX_WHEELS],
             radius_m: [1.0; MAX_WHEELS],
+            rim_share: [1.0; MAX_WHEELS],
             wheels: kinematics.wheel_count(),
             loads: Loads::new(kinematics),
             height_m: plan.grip.height_m,
             limits: plan.limits,
             reliance: Reliance::new(&plan.grip),
+            behind_s: 0.0,
             report: TractionReport::default(),
-            slips: [false; MAX_WHEELS],
+            slips_m_s: [0.0; MAX_WHEELS],
         };
         traction.measure(kinematics);
         traction
@@ -70,6 +91,15 @@ impl Traction {
                 row[axis] = torque_nm / wheel.radius_m;
             }
         }
+        for (rim_share, wheel) in self.rim_share.iter_mut().zip(kinematics.wheels()) {
+            *rim_share = wheel.rim_share();
+        }
+        let friction = WheelFriction::new(kinematics);
+        for (per_roller, row) in self.per_roller.iter_mut().zip(&self.per_wrench) {
+            let pushed =
+                |roller: &[f64; 3]| row.iter().zip(roller).map(|(row, part)| row * part).sum::<f64>().abs();
+            *per_roller = friction.rollers().iter().map(pushed).sum();
+        }
     }
 
     /// What the floor carries from now on.
@@ -81,11 +111,21 @@ impl Traction {
     ) -> TractionReport {
         let way_m = state.twist_in_body.speed_m_s() * time.period_s();
         self.reliance.look(grip, way_m);
-        self.slips = grip.slipped_m.map(|way_m| way_m > 0.0);
+        let slips = grip.slip_m_s.iter().zip(grip.slipped_m);
+        for (slips_m_s, (ahead_m_s, way_m)) in self.slips_m_s.iter_mut().zip(slips) {
+            *slips_m_s = if way_m > 0.0 { *ahead_m_s } else { 0.0 };
+        }
         let friction = self.reliance.friction();
+        let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
+        self.behind_s = if is_behind { BEHIND_S } else { (self.behind_s - time.period_s()).max(0.0) };
         let share = friction.map_or(1.0, |friction| self.share(PLANNED * friction, grip));
         self.report = TractionReport { friction, share, factor: 1.0 };
         self.report
+    }
+
+    /// What a motion that is followed has to keep to.
+    pub(crate) fn carried(&self) -> Carried {
+        Carried { share: self.report.share, is_behind: self.behind_s > 0.0 }
     }
 
     /// What was counted on in this cycle.
@@ -109,9 +149,12 @@ impl Traction {
         let dynamics = &grip.dynamics;
         let [along_x, along_y] = dynamics.mass_moment_kg_m;
         let mean_n = self.mean_n(grip);
+        let [_, roller_n] = dynamics.friction_n;
+        let roller_n = roller_n.max(ROLLERS * mean_n);
         let of_wheel = |wheel: usize| {
             let [x, y, turn] = self.per_wrench[wheel];
             // The rim's force, and by how much it becomes lighter, for an acceleration of 1 m/s² along x and y.
+            let friction = friction * self.rim_share[wheel];
             let force = [dynamics.mass_kg * x - along_y * turn, dynamics.mass_kg * y + along_x * turn];
             let lighter =
                 self.loads.shift(wheel).map(|shift| friction * mean_n * shift * self.height_m / GRAVITY_M_S2);
@@ -119,7 +162,8 @@ impl Traction {
             let turning = dynamics.inertia_kg_m2 * turn - along_y * x + along_x * y;
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * turning.abs();
-            friction * mean_n * self.loads.of(wheel, dynamics.centre_m()) / needed_n
+            let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m());
+            (given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n)) / needed_n
         };
         let share = (0..self.wheels).map(of_wheel).fold(1.0, f64::min);
         // Before anything is known of a mass there is nothing to bound.
@@ -130,9 +174,17 @@ impl Traction {
         grip.dynamics.mass_kg * GRAVITY_M_S2 / self.wheels as f64
     }
 
-    /// Torques that the floor carries: all scaled alike where a wheel would spin.
-    pub(crate) fn cap(&mut self, wished: Commands, (setpoint, grip): (&Setpoint, &GripReport)) -> Commands {
-        let Some(friction) = self.report.friction.filter(|_| wished.quantity == Quantity::Torque) else {
+    /// Torques that the floor carries: all scaled alike where a wheel would slip. Where nothing is counted on each wheel that spins is
+    /// caught by itself, and only once the platform `stops`: as long as it goes on its way tells that it has to.
+    pub(crate) fn cap(
+        &mut self,
+        wished: Commands,
+        (setpoint, grip): (&Setpoint, &GripReport),
+        stops: bool,
+    ) -> Commands {
+        let counted = self.report.friction;
+        let found = grip.friction.filter(|_| stops);
+        let Some(friction) = counted.or(found).filter(|_| wished.quantity == Quantity::Torque) else {
             return wished;
         };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
@@ -141,16 +193,29 @@ impl Traction {
         // Where weight and inertia together press.
         let pressed = [x - leans_m * acceleration.vx_m_s, y - leans_m * acceleration.vy_m_s];
         let (mean_n, [spin_n, _]) = (self.mean_n(grip), grip.dynamics.friction_n);
-        let factor = (0..self.wheels).fold(1.0_f64, |factor, wheel| {
-            let load = self.loads.of(wheel, pressed);
-            let part = if self.slips[wheel] { SLIPPING } else { 1.0 };
+        let mut values = wished.values;
+        let mut factor = 1.0_f64;
+        for (wheel, value) in values.iter_mut().enumerate().take(self.wheels) {
+            // What holds a spinning rim back ends its slip.
+            let spins = self.slips_m_s[wheel] * *value > 0.0;
+            let part = if spins { SLIPPING } else { 1.0 };
             // What the wheel's own bearing takes never reaches the floor.
-            let most_nm = self.radius_m[wheel] * load * (part * friction * mean_n + spin_n);
-            let size = wished.values[wheel].abs();
-            if size > most_nm { factor.min(most_nm / size) } else { factor }
-        });
+            let given_n = part * self.rim_share[wheel] * friction * mean_n;
+            let most_nm = self.radius_m[wheel] * self.loads.of(wheel, pressed) * (given_n + spin_n);
+            match (value.abs() > most_nm, counted) {
+                (true, Some(_)) => factor = factor.min(most_nm / value.abs()),
+                // What the floor gives it doesn't depend on its torque: nothing turns the platform.
+                (true, None) if spins && self.slips_m_s[wheel].abs() > SPINS_M_S => {
+                    *value = most_nm.copysign(*value)
+                }
+                _ => {}
+            }
+        }
         self.report.factor = factor;
-        let values = wished.values.map(|value| factor * value);
-        Commands { values, saturation: factor * wished.saturation, ..wished }
+        Commands {
+            values: values.map(|value| factor * value),
+            saturation: factor * wished.saturation,
+            ..wished
+        }
     }
 }

@@ -11,14 +11,12 @@ use omnibase_robot_sim::{MachineParameters, Tread};
 
 use crate::approaches::Random;
 use crate::grip::Swing;
-use crate::slip::quicker;
+use crate::slip::{Spin, quicker};
 use crate::{Run, Trial, builds, plan_of, robots};
 
 /// A torque that swings for longer is a limit cycle, s.
 pub const RINGS_S: f64 = 0.1;
-/// A rim that slips so fast, and is so much off what the set motion asks of it, spins, m/s ...
-const SPINS_M_S: f64 = 0.3;
-/// ... and is to be caught in this time, s.
+/// A wheel that spins is to be caught in this time, s.
 pub const SPINS_S: f64 = 0.05;
 /// What a wheel truly slipped lately and isn't called slip, m: treads creep, and give way.
 const CREEPS_M: f64 = 2e-3;
@@ -322,8 +320,8 @@ impl Seeded {
         let cycles_a_ms = 1000 / self.cycle_us;
         let mut swings: Vec<Swing> =
             trial.plan.drives.iter().map(|drive| Swing::new(drive.scale.rated_torque_nm)).collect();
-        let (mut rings_s, mut rang_s, mut spun_s) = (0.0_f64, 0.0_f64, 0.0_f64);
-        let mut spins_s = [0.0_f64; MAX_WHEELS];
+        let (mut rings_s, mut rang_s) = (0.0_f64, 0.0_f64);
+        let mut spin = Spin::default();
         let mut ways_m = [0.0_f64; MAX_WHEELS];
         let kinematics = plan.kinematics.clone();
         let (mut cycle, mut is_told, mut is_slip_false) = (0_u64, false, false);
@@ -331,15 +329,9 @@ impl Seeded {
         let run = Run::track(&mut trial, &mut |record| {
             cycle += 1;
             let machine = machine.lock();
-            let set = record.setpoint;
-            let in_body = set.twist_in_odom.rotated(-set.odom_from_body.heading_rad);
-            let set_rad_s = kinematics.wheel_speeds_rad_s(in_body);
-            for (index, wheel) in machine.body().wheels().iter().enumerate() {
-                let off_m_s = machine.body().lever_m(index) * (wheel.speed_rad_s - set_rad_s[index]);
-                let spins = off_m_s.abs().min(wheel.slip_m_s.abs()) > SPINS_M_S;
-                spins_s[index] = if spins { spins_s[index] + period_s } else { 0.0 };
-                spun_s = spun_s.max(spins_s[index]);
-                ways_m[index] += period_s * (wheel.slip_m_s.abs() - ways_m[index] / LATELY_S);
+            spin.see(machine.body(), &kinematics, &record.setpoint);
+            for (way_m, wheel) in ways_m.iter_mut().zip(machine.body().wheels()) {
+                *way_m += period_s * (wheel.slip_m_s.abs() - *way_m / LATELY_S);
             }
             if cycle.is_multiple_of(cycles_a_ms) {
                 for (swing, motor) in swings.iter_mut().zip(machine.motors()) {
@@ -365,7 +357,7 @@ impl Seeded {
         Outcome {
             run,
             rang_s,
-            spun_s,
+            spun_s: spin.longest as f64 * period_s,
             is_slip_false,
             has_weak_motor: self.torque_ratios.iter().any(|ratio| *ratio < WEAK),
             stopped,

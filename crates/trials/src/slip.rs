@@ -1,8 +1,8 @@
 //! Wheels that slip: when it is noticed, and where the platform is by then.
 
-use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
-
-use omnibase_robot_sim::{MachineParameters, Mechanics};
+use omnibase_platform::Kinematics;
+use omnibase_robot::signals::{MAX_WHEELS, SafetyReason, Setpoint};
+use omnibase_robot_sim::{Body, MachineParameters, Mechanics};
 use omnibase_run::simulated;
 
 use crate::robots::with_payload;
@@ -38,6 +38,32 @@ pub struct Case {
     pub more: String,
 }
 
+/// A rim that slips so fast, and is so much off what the set motion asks of it, spins, m/s.
+const SPINS_M_S: f64 = 0.3;
+
+/// Wheels that spin.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Spin {
+    /// For how many cycles each does.
+    cycles: [u64; MAX_WHEELS],
+    /// The most at a time.
+    pub(crate) longest: u64,
+}
+
+impl Spin {
+    /// Looks at the wheels of a cycle.
+    pub(crate) fn see(&mut self, body: &Body, kinematics: &Kinematics, set: &Setpoint) {
+        let in_body = set.twist_in_odom.rotated(-set.odom_from_body.heading_rad);
+        let set_rad_s = kinematics.wheel_speeds_rad_s(in_body);
+        for (index, (wheel, cycles)) in body.wheels().iter().zip(&mut self.cycles).enumerate() {
+            let off_m_s = body.lever_m(index) * (wheel.speed_rad_s - set_rad_s[index]);
+            let spins = off_m_s.abs().min(wheel.slip_m_s.abs()) > SPINS_M_S;
+            *cycles = if spins { *cycles + 1 } else { 0 };
+            self.longest = self.longest.max(*cycles);
+        }
+    }
+}
+
 /// What it came to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slid {
@@ -45,6 +71,8 @@ pub struct Slid {
     pub run: Run,
     /// The farthest that a wheel truly slipped at a time, m.
     pub way_m: f64,
+    /// The most cycles in which a wheel spun at a time.
+    pub spun: u64,
     /// The fastest that a rim was believed to be ahead, m/s.
     pub believed_m_s: f64,
     /// After how many cycles the first true slip began that became longer than [`LEAST_M`].
@@ -193,9 +221,12 @@ impl Slid {
         let mut slid = Slid::default();
         let mut ways = [(0.0_f64, 0_u64); MAX_WHEELS];
         let mut cycle = 0;
+        let mut spin = Spin::default();
+        let kinematics = trial.plan.kinematics.clone();
         slid.run = Run::track(&mut trial, &mut |record| {
             cycle += 1;
             let machine = machine.lock();
+            spin.see(machine.body(), &kinematics, &record.setpoint);
             for (wheel, (way_m, since)) in machine.body().wheels().iter().zip(&mut ways) {
                 if wheel.slip_m_s.abs() < 0.02 {
                     (*way_m, *since) = (0.0, cycle);
@@ -218,6 +249,7 @@ impl Slid {
             }
             slid.friction = record.grip.friction;
         });
+        slid.spun = spin.longest;
         slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));
         slid
     }

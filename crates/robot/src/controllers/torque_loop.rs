@@ -9,6 +9,8 @@
 //! once (K. J. Åström and R. M. Murray, *Feedback Systems*, 2008, section 9.3). The loop is stable where 1 + L turns by a
 //! quarter turn for each of its integrators from standstill to half of the sampling rate (Nyquist).
 
+mod design;
+
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
@@ -20,11 +22,6 @@ const STIFFNESSES_A_DECADE: f64 = 8.0;
 const FREQUENCIES: usize = 520;
 /// The lowest of them, rad/s: slower than anything that the law does.
 const SLOWEST_RAD_S: f64 = 0.02;
-/// From which the design chooses.
-const FILTERS_1_S: [f64; 9] = [10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 100.0, 200.0, 400.0];
-const KP_1_S: [f64; 14] = [0.3, 0.5, 0.7, 0.85, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0];
-/// Steps between total gains that are tried.
-const GAIN_STEP: f64 = 0.93;
 
 /// What is known of one axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,6 +113,8 @@ struct Frequency {
     path: Complex<f64>,
     /// The measured speed's difference and filter.
     speed: Complex<f64>,
+    /// What the slow part adds to the law's force.
+    learnt: Complex<f64>,
 }
 
 impl TorqueLoop {
@@ -131,7 +130,8 @@ impl TorqueLoop {
                 let hold = (1.0 - before) / (s * self.period_s);
                 let speed = (1.0 - before) / self.period_s * (1.0 - keep) / (1.0 - keep * before);
                 let path = hold * before * before / (s * self.lag_s + 1.0);
-                Frequency { rad_s, shift: before, path, speed }
+                let learnt = self.integral_1_s * self.period_s / (1.0 - before) + 1.0;
+                Frequency { rad_s, shift: before, path, speed, learnt }
             })
             .collect()
     }
@@ -152,15 +152,15 @@ impl TorqueLoop {
             .collect()
     }
 
-    /// From the wheels' way to the law's force over K, by frequency.
-    fn law(&self, kp_1_s: f64, filter_1_s: f64, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
+    /// The law's own low-pass, by frequency.
+    fn low_pass(&self, filter_1_s: f64, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
         let keep = (-filter_1_s * self.period_s).exp();
-        let law = |at: &Frequency| {
-            let low_pass = (1.0 - keep) / (1.0 - keep * at.shift);
-            let learnt = self.integral_1_s * self.period_s / (1.0 - at.shift) + 1.0;
-            low_pass * (at.speed + kp_1_s) * learnt
-        };
-        frequencies.iter().map(law).collect()
+        frequencies.iter().map(|at| (1.0 - keep) / (1.0 - keep * at.shift)).collect()
+    }
+
+    /// From the wheels' way to the law's force over K, by frequency, behind a low-pass.
+    fn law(&self, kp_1_s: f64, low_pass: &[Complex<f64>], frequencies: &[Frequency]) -> Vec<Complex<f64>> {
+        low_pass.iter().zip(frequencies).map(|(part, at)| part * (at.speed + kp_1_s) * at.learnt).collect()
     }
 
     /// The loop's integrators: the platform's two, and what is learnt.
@@ -212,7 +212,8 @@ impl TorqueLoop {
     pub fn margins(&self, gains: &LoopGains, plant: &Plant) -> Margins {
         let frequencies = self.frequencies();
         let response = self.response(plant, &frequencies);
-        let law = self.law(gains.kp_1_s, gains.filter_1_s, &frequencies);
+        let low_pass = self.low_pass(gains.filter_1_s, &frequencies);
+        let law = self.law(gains.kp_1_s, &low_pass, &frequencies);
         let open: Vec<Complex<f64>> =
             response.iter().zip(&law).map(|(plant, law)| gains.damping * plant * law).collect();
         let turned_rad: f64 = open.windows(2).map(|pair| ((1.0 + pair[1]) / (1.0 + pair[0])).arg()).sum();
@@ -240,50 +241,6 @@ impl TorqueLoop {
     /// The worst of what gains leave over all plants.
     pub fn worst(&self, gains: &LoopGains) -> Margins {
         self.plants().iter().fold(Margins::ALL, |worst, plant| worst.worse(self.margins(gains, plant)))
-    }
-
-    /// The gains that hold the platform most stiffly against a force, K·Kp, with margins on every plant.
-    ///
-    /// Beside the margins K ≥ m·Kp for the heaviest platform: then what the law loses in a cycle exceeds what its own
-    /// correction puts in, whatever it has learnt (J.-J. E. Slotine and W. Li, *Applied Nonlinear Control*, 1991, section 9.2).
-    pub fn design(&self) -> Option<LoopGains> {
-        let frequencies = self.frequencies();
-        let mut responses: Vec<_> =
-            self.plants().iter().map(|plant| self.response(plant, &frequencies)).collect();
-        let mut best: Option<LoopGains> = None;
-        for filter_1_s in FILTERS_1_S {
-            for kp_1_s in KP_1_S {
-                let law = self.law(kp_1_s, filter_1_s, &frequencies);
-                let least = best.map_or(0.0, |best| best.damping * best.kp_1_s / kp_1_s);
-                let least = least.max(self.body[1] * kp_1_s);
-                let mut damping = 60.0 * self.body[1];
-                while damping > least {
-                    let Some(fails) = responses.iter().position(|plant| !self.suffices(damping, plant, &law))
-                    else {
-                        best = Some(LoopGains { damping, kp_1_s, filter_1_s });
-                        break;
-                    };
-                    // Where it failed it fails next, most of the time.
-                    responses.swap(0, fails);
-                    damping *= GAIN_STEP;
-                }
-            }
-        }
-        best
-    }
-
-    fn suffices(&self, damping: f64, response: &[Complex<f64>], law: &[Complex<f64>]) -> bool {
-        let mut turned_rad = 0.0;
-        let mut before: Option<Complex<f64>> = None;
-        for (plant, law) in response.iter().zip(law) {
-            let now = 1.0 + damping * plant * law;
-            if now.norm_sqr() * MOST_SENSITIVE * MOST_SENSITIVE < 1.0 {
-                return false;
-            }
-            turned_rad += before.map_or(0.0, |before| (now * before.conj()).arg());
-            before = Some(now);
-        }
-        is_stable(turned_rad, self.quarter_turns())
     }
 }
 

@@ -68,6 +68,11 @@ impl WheelFriction {
         [sum(&self.spin), sum(&self.roller)]
     }
 
+    /// The wrench of 1 N against the rollers of each wheel, whichever way they turn.
+    pub(crate) fn rollers(&self) -> &[[f64; 3]] {
+        &self.roller[..self.wheels]
+    }
+
     /// The square of what nobody knows of such a wrench near rest, where dry friction has no direction: of 1 N on every wheel,
     /// by axis, all of it at 0 and none from this speed of a wheel on, m/s.
     pub(crate) fn unknown_per_newton(&self, twist: [f64; 3], until_m_s: f64) -> [f64; 3] {

@@ -1,3 +1,4 @@
+use super::design::{FILTERS_1_S, GAIN_STEP, GREATEST_1_S, KP_1_S};
 use super::*;
 
 /// `robots/bmm.toml`, along x and y and about the vertical: three wheels at 120°, Σb² = 1.5 and p1² + 2p².
@@ -146,5 +147,53 @@ fn between_the_stiffnesses_that_were_looked_at_nothing_hides() {
                 "{stiffness_n_m}: {worst:?}"
             );
         }
+    }
+}
+
+/// The same search by trial: every gain on every plant, its turns summed up from frequency to frequency.
+fn by_trial(axis: &TorqueLoop) -> Option<LoopGains> {
+    let frequencies = axis.frequencies();
+    let mut plants: Vec<_> = axis.plants().iter().map(|plant| axis.response(plant, &frequencies)).collect();
+    let mut best: Option<LoopGains> = None;
+    for filter_1_s in FILTERS_1_S {
+        let low_pass = axis.low_pass(filter_1_s, &frequencies);
+        for kp_1_s in KP_1_S {
+            let law = axis.law(kp_1_s, &low_pass, &frequencies);
+            let least = best.map_or(0.0, |best| best.damping * best.kp_1_s / kp_1_s);
+            let mut damping = GREATEST_1_S * axis.body[1];
+            while damping > least.max(axis.body[1] * kp_1_s) {
+                let bears = |plant: &Vec<Complex<f64>>| {
+                    let closed: Vec<_> =
+                        plant.iter().zip(&law).map(|(plant, law)| 1.0 + damping * plant * law).collect();
+                    let turned_rad: f64 =
+                        closed.windows(2).map(|pair| (pair[1] * pair[0].conj()).arg()).sum();
+                    let least = closed.iter().map(|at| at.norm_sqr()).fold(f64::INFINITY, f64::min);
+                    is_stable(turned_rad, axis.quarter_turns()) && least * MOST_SENSITIVE.powi(2) >= 1.0
+                };
+                match plants.iter().position(|plant| !bears(plant)) {
+                    Some(fails) => plants.swap(0, fails),
+                    None => {
+                        best = Some(LoopGains { damping, kp_1_s, filter_1_s });
+                        break;
+                    }
+                }
+                damping *= GAIN_STEP;
+            }
+        }
+    }
+    best
+}
+
+#[test]
+fn what_the_search_finds_is_what_trying_every_gain_finds() {
+    let [along, turn] = bmm();
+    let [wide, spin] = mecanum();
+    let told =
+        TorqueLoop { stiffness_n_m: [4e5, 9e5], damping_ratio: 0.4, period_s: 0.5e-3, ..along.clone() };
+    let stiff = TorqueLoop { stiffness_n_m: [2e6, 4e6], damping_ratio: 0.8, lag_s: 0.0, ..wide.clone() };
+    let unlike = TorqueLoop { shares: [0.5, 2.5], body: [90.0, 120.0], integral_1_s: 0.0, ..along.clone() };
+    let hopeless = TorqueLoop { period_s: 0.1, ..turn.clone() };
+    for axis in [along, turn, wide, spin, told, stiff, unlike, hopeless] {
+        assert_eq!(axis.design(), by_trial(&axis), "{axis:?}");
     }
 }
