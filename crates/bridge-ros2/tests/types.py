@@ -12,8 +12,9 @@ from pathlib import Path
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-# The second witness, for types of packages that are in no wheel.
+# The second witness, for a type that is built from a file of these tests.
 BAGS = get_typestore(Stores.ROS2_JAZZY)
+BUILT_HERE = {"tf2_msgs/msg/TFMessage"}
 
 
 def rihs01(definition):
@@ -81,12 +82,11 @@ def main():
     for one in json.loads(Path(sys.argv[1]).read_text()):
         name = one["name"]
         expected = of_wheels(name)
-        if expected is None:
-            assert rihs01(one["definition"]) == BAGS.hash_rihs01(name), name
+        if name in BUILT_HERE:
+            assert expected == BAGS.hash_rihs01(name), name
             cdr = bytes(BAGS.serialize_cdr(of_bags(name, one["value"]), name)).hex()
             assert cdr == one["cdr"], f"{name}:\n{one['cdr']}, expected\n{cdr}"
             by_bags.append(name)
-            continue
         found = rihs01(one["definition"])
         assert found == expected, f"{name}: {found}, expected {expected}"
         package, kind, base = name.split("/")
