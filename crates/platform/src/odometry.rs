@@ -8,7 +8,7 @@ mod encoder;
 mod geometry;
 pub mod regime;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SMatrix};
 
 use crate::kinematics::Kinematics;
 use crate::se2::{Pose2, Twist2};
@@ -123,6 +123,14 @@ pub struct Odometry {
     covariance: Matrix3<f64>,
     geometry_errors: GeometryErrors,
     state: OdometryState,
+}
+
+impl Kinematics {
+    /// Covariance of the constant 3 × 3 matrix, row by row, by which wheels that aren't quite as they are said to be make
+    /// each step of the body wrong.
+    pub fn step_covariance(&self, sigmas: &GeometrySigmas) -> SMatrix<f64, 9, 9> {
+        GeometryErrors::new(self, sigmas).step_covariance()
+    }
 }
 
 impl Odometry {

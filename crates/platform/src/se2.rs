@@ -56,6 +56,25 @@ impl Pose2 {
         self.then(step.exp())
     }
 
+    /// The step at a constant twist that leads here from the origin: the logarithm of SE(2), for less than half a turn.
+    ///
+    /// With h = θ/2: x = h·cot(h)·x' + h·y' and y = −h·x' + h·cot(h)·y'.
+    pub fn log(self) -> BodyStep {
+        let half = 0.5 * self.heading_rad;
+        // The first term left out is h⁶·2/945, 3e-17.
+        let along = if half.abs() < 5e-3 {
+            let square = half * half;
+            1.0 - square / 3.0 * (1.0 + square / 15.0)
+        } else {
+            half / half.tan()
+        };
+        BodyStep {
+            x_m: along * self.x_m + half * self.y_m,
+            y_m: along * self.y_m - half * self.x_m,
+            angle_rad: self.heading_rad,
+        }
+    }
+
     /// The distance between the two origins, in m.
     pub fn distance_m(self, other: Pose2) -> f64 {
         (self.x_m - other.x_m).hypot(self.y_m - other.y_m)
@@ -243,6 +262,15 @@ mod tests {
             let across = 2.0 * f64::sin(angle / 2.0).powi(2) / angle;
             assert!((series.x_m - (along - 2.0 * across)).abs() < 1e-15, "{angle}");
             assert!((series.y_m - (across + 2.0 * along)).abs() < 1e-15, "{angle}");
+        }
+    }
+
+    #[test]
+    fn a_step_comes_back_from_where_it_leads() {
+        for angle in [0.0, 1e-9, -0.0099999, 0.0100001, 0.5, -3.1] {
+            let back = BodyStep::new(1.0, -2.0, angle).exp().log();
+            let off = (back.x_m - 1.0).abs() + (back.y_m + 2.0).abs() + (back.angle_rad - angle).abs();
+            assert!(off < 1e-14, "{angle}: {back:?}");
         }
     }
 

@@ -13,7 +13,7 @@
 //! | direction of the mounted wheel, by δ | δ·(−a_y·ξₓ + aₓ·ξ_y + (x·aₓ + y·a_y)·ξψ)/(a·u) |
 //! | place, by ε along the lever arm of its force | ε·ξψ/(a·u) |
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::PoseGrowth;
 use super::covariance::CovarianceSettings;
@@ -84,6 +84,18 @@ impl GeometryErrors {
             ];
         }
         GeometryErrors { wheels, parts, errors: [[Vector3::zeros(); ERRORS]; MAX_WHEELS] }
+    }
+
+    /// Covariance of the matrix that a step is wrong by, row by row: to first order E·ξ with the same E in every step.
+    pub(super) fn step_covariance(&self) -> SMatrix<f64, 9, 9> {
+        let mut sum = SMatrix::zeros();
+        for part in self.parts.iter().take(self.wheels) {
+            for shown in &part.shown {
+                let wrong = SVector::<f64, 9>::from_fn(|at, _| part.step[at / 3] * shown[at % 3]);
+                sum += wrong * wrong.transpose();
+            }
+        }
+        sum
     }
 
     /// The pose is known anew; what is wrong with the wheels isn't.

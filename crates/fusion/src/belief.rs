@@ -1,0 +1,284 @@
+//! What is believed: the pose, what is wrong with wheels and sensors, and their covariance.
+//!
+//! A step u of the body as its wheels tell it is truly u + E·u − s·T. E is what wrong radii, directions and places of the
+//! wheels make of it (to first order a constant matrix, whatever the layout), s the speed by which they slip over the
+//! floor: a Gauss-Markov process whose strength goes with the motion.
+
+use nalgebra::{Cholesky, SMatrix, SVector};
+use omnibase_platform::{BodyStep, Pose2};
+
+use crate::sensor::MAX_RATES;
+
+/// Numbers that are estimated together: pose, E, s, and two of each sensor that tells a speed.
+pub const STATES: usize = OWN + 2 * MAX_RATES;
+/// E, row by row.
+pub(crate) const GEOMETRY: usize = 3;
+/// s in body axes, m/s and rad/s.
+pub(crate) const SLIP: usize = 12;
+/// The first sensor's own.
+pub(crate) const OWN: usize = 15;
+/// Numbers beside the pose.
+const ERRORS: usize = STATES - 3;
+/// Most numbers on which one number of a reading depends.
+const TERMS: usize = 12;
+
+/// Slip that is no part of the wheels' geometry comes and goes within so long, s: about that of a platform's own
+/// accelerations.
+pub(crate) const SLIP_TIME_S: f64 = 0.15;
+
+/// How one number of a reading depends on what is estimated: places and derivatives.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Row {
+    terms: [(usize, f64); TERMS],
+    length: usize,
+}
+
+impl Row {
+    /// Of such terms; there are never more than it holds.
+    pub fn of(terms: &[(usize, f64)]) -> Row {
+        let mut row = Row::default();
+        for term in terms {
+            row.add(*term);
+        }
+        row
+    }
+
+    /// One more; a place may come twice.
+    pub fn add(&mut self, (place, derivative): (usize, f64)) {
+        if let Some(known) = self.terms[..self.length].iter_mut().find(|(known, _)| *known == place) {
+            known.1 += derivative;
+        } else if let Some(free) = self.terms.get_mut(self.length) {
+            *free = (place, derivative);
+            self.length += 1;
+        }
+    }
+
+    /// A row's terms times a factor, added.
+    pub(crate) fn add_scaled(&mut self, other: &Row, factor: f64) {
+        for (place, derivative) in &other.terms[..other.length] {
+            self.add((*place, derivative * factor));
+        }
+    }
+
+    fn terms(&self) -> &[(usize, f64)] {
+        &self.terms[..self.length]
+    }
+}
+
+/// Pose, errors and covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Belief {
+    /// Where the platform is.
+    pub map_from_body: Pose2,
+    errors: [f64; ERRORS],
+    covariance: [[f64; STATES]; STATES],
+}
+
+/// A reading against what is believed, ready to be taken in.
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation<const M: usize> {
+    difference: SVector<f64, M>,
+    gain: [[f64; STATES]; M],
+    carried: [[f64; STATES]; M],
+    /// ν'·S⁻¹·ν: chi² with M degrees of freedom where all is as believed.
+    pub nis: f64,
+}
+
+impl Belief {
+    /// At a pose, with variances of all errors in their order and the covariance of E.
+    pub fn new(map_from_body: Pose2, geometry: &SMatrix<f64, 9, 9>) -> Belief {
+        let mut covariance = [[0.0; STATES]; STATES];
+        for row in 0..9 {
+            for column in 0..9 {
+                covariance[GEOMETRY + row][GEOMETRY + column] = geometry[(row, column)];
+            }
+        }
+        Belief { map_from_body, errors: [0.0; ERRORS], covariance }
+    }
+
+    /// An error, by its place.
+    pub(crate) fn error(&self, place: usize) -> f64 {
+        self.errors[place - 3]
+    }
+
+    /// Adds to the variance of a place.
+    pub(crate) fn widen(&mut self, place: usize, variance: f64) {
+        self.covariance[place][place] += variance;
+    }
+
+    /// Covariance of the pose: xx, xy, xψ, yy, yψ, ψψ.
+    pub fn pose_covariance(&self) -> [f64; 6] {
+        let p = &self.covariance;
+        [p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2]]
+    }
+
+    /// The pose is another one, with a covariance of its own: what is wrong with wheels and sensors stays.
+    pub(crate) fn place(&mut self, map_from_body: Pose2, [xx, xy, xh, yy, yh, hh]: [f64; 6]) {
+        self.map_from_body = map_from_body;
+        for row in 0..3 {
+            for column in 0..STATES {
+                self.covariance[row][column] = 0.0;
+                self.covariance[column][row] = 0.0;
+            }
+        }
+        for (row, values) in [[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]].iter().enumerate() {
+            self.covariance[row][..3].copy_from_slice(values);
+        }
+    }
+
+    /// What a step as the wheels tell it truly is.
+    pub fn corrected(&self, step: BodyStep, time_s: f64) -> BodyStep {
+        let u = [step.x_m, step.y_m, step.angle_rad];
+        let row = |i: usize| {
+            let e = &self.errors[GEOMETRY - 3 + 3 * i..GEOMETRY + 3 * i];
+            u[i] + e[0] * u[0] + e[1] * u[1] + e[2] * u[2] - self.errors[SLIP - 3 + i] * time_s
+        };
+        BodyStep::new(row(0), row(1), row(2))
+    }
+
+    /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s.
+    /// Gives the step as it is believed.
+    pub fn advance(&mut self, step: BodyStep, time_s: f64, slip_sigma: [f64; 3]) -> BodyStep {
+        let truly = self.corrected(step, time_s);
+        let from = self.map_from_body;
+        let to = from.moved_by(truly);
+        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
+        // What an error of the step makes of the pose, and what one of the heading does.
+        let turned = [[cos, -sin, -0.5 * dy], [sin, cos, 0.5 * dx], [0.0, 0.0, 1.0]];
+        let swept = [-dy, dx, 0.0];
+        let u = [step.x_m, step.y_m, step.angle_rad];
+        let wrong = |p: &dyn Fn(usize) -> f64, i: usize| {
+            u[0] * p(GEOMETRY + 3 * i) + u[1] * p(GEOMETRY + 3 * i + 1) + u[2] * p(GEOMETRY + 3 * i + 2)
+                - time_s * p(SLIP + i)
+        };
+        let p = &mut self.covariance;
+        let mut steps = [[0.0; STATES]; 3];
+        for (i, step) in steps.iter_mut().enumerate() {
+            for (column, value) in step.iter_mut().enumerate() {
+                *value = wrong(&|place| p[place][column], i);
+            }
+        }
+        let mut rows = [[0.0; STATES]; 3];
+        for (r, row) in rows.iter_mut().enumerate() {
+            for (column, value) in row.iter_mut().enumerate() {
+                *value = p[r][column]
+                    + swept[r] * p[2][column]
+                    + turned[r][0] * steps[0][column]
+                    + turned[r][1] * steps[1][column]
+                    + turned[r][2] * steps[2][column];
+            }
+        }
+        let mut block = [[0.0; 3]; 3];
+        for (row, values) in rows.iter().zip(&mut block) {
+            let wrong = [0, 1, 2].map(|i| wrong(&|place| row[place], i));
+            for (q, value) in values.iter_mut().enumerate() {
+                *value = row[q]
+                    + swept[q] * row[2]
+                    + turned[q][0] * wrong[0]
+                    + turned[q][1] * wrong[1]
+                    + turned[q][2] * wrong[2];
+            }
+        }
+        for r in 0..3 {
+            for column in 3..STATES {
+                p[r][column] = rows[r][column];
+                p[column][r] = rows[r][column];
+            }
+            for q in 0..3 {
+                p[r][q] = 0.5 * (block[r][q] + block[q][r]);
+            }
+        }
+        self.forget_slip(time_s, slip_sigma);
+        self.map_from_body = to;
+        truly
+    }
+
+    fn forget_slip(&mut self, time_s: f64, sigma: [f64; 3]) {
+        let keep = (-time_s / SLIP_TIME_S).exp();
+        for (i, sigma) in sigma.iter().enumerate() {
+            let at = SLIP + i;
+            self.errors[at - 3] *= keep;
+            for place in 0..STATES {
+                self.covariance[at][place] *= keep;
+                self.covariance[place][at] *= keep;
+            }
+            self.covariance[at][at] += sigma * sigma * (1.0 - keep * keep);
+        }
+    }
+
+    /// A reading against what is believed: by how much it is off, how that depends on what is estimated, and the
+    /// covariance of its own noise. `None` where that can't be one.
+    pub fn innovation<const M: usize>(
+        &self,
+        difference: [f64; M],
+        rows: &[Row; M],
+        noise: &SMatrix<f64, M, M>,
+    ) -> Option<Innovation<M>> {
+        let mut carried = [[0.0; STATES]; M];
+        for (carried, row) in carried.iter_mut().zip(rows) {
+            for (place, derivative) in row.terms() {
+                for (sum, value) in carried.iter_mut().zip(&self.covariance[*place]) {
+                    *sum += derivative * value;
+                }
+            }
+        }
+        let expected = SMatrix::<f64, M, M>::from_fn(|r, c| {
+            rows[r].terms().iter().map(|(place, derivative)| derivative * carried[c][*place]).sum::<f64>()
+        });
+        let expected = (expected + expected.transpose()) * 0.5 + noise;
+        let inverse = Cholesky::new(expected)?.inverse();
+        let difference = SVector::from(difference);
+        let nis = difference.dot(&(inverse * difference));
+        let mut gain = [[0.0; STATES]; M];
+        for (m, gain) in gain.iter_mut().enumerate() {
+            for (other, carried) in carried.iter().enumerate() {
+                for (sum, value) in gain.iter_mut().zip(carried) {
+                    *sum += inverse[(m, other)] * value;
+                }
+            }
+        }
+        nis.is_finite().then_some(Innovation { difference, gain, carried, nis })
+    }
+
+    /// Takes it in.
+    pub fn correct<const M: usize>(&mut self, innovation: &Innovation<M>) {
+        let mut change = [0.0; STATES];
+        for (m, difference) in innovation.difference.iter().enumerate() {
+            for (sum, gain) in change.iter_mut().zip(&innovation.gain[m]) {
+                *sum += gain * difference;
+            }
+        }
+        for (gain, carried) in innovation.gain.iter().zip(&innovation.carried) {
+            for (row, gain) in self.covariance.iter_mut().zip(gain) {
+                for (value, carried) in row.iter_mut().zip(carried) {
+                    *value -= gain * carried;
+                }
+            }
+        }
+        self.map_from_body.x_m += change[0];
+        self.map_from_body.y_m += change[1];
+        self.map_from_body.heading_rad += change[2];
+        for (error, change) in self.errors.iter_mut().zip(&change[3..]) {
+            *error += change;
+        }
+    }
+
+    /// Rounding must not make it drift away from symmetry over hours.
+    pub(crate) fn settle(&mut self) {
+        for row in 1..STATES {
+            for column in 0..row {
+                let mean = 0.5 * (self.covariance[row][column] + self.covariance[column][row]);
+                self.covariance[row][column] = mean;
+                self.covariance[column][row] = mean;
+            }
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.map_from_body.is_finite()
+            && self.errors.iter().all(|error| error.is_finite())
+            && self.covariance.iter().flatten().all(|value| value.is_finite())
+    }
+}

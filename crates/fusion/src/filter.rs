@@ -1,0 +1,337 @@
+//! Epochs in a ring; what comes late goes where it belongs, and what follows is computed again.
+//!
+//! While that goes on, a few epochs a cycle, the belief that is told goes on without what was late, and is replaced when
+//! the other has caught up. What is known then is what it would be had everything come in its order.
+
+use nalgebra::SMatrix;
+use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
+
+use crate::belief::{Belief, OWN, SLIP_TIME_S};
+use crate::epoch::{Epoch, Knowledge, rates};
+use crate::sensor::{MAX_SENSORS, Reading, Sensor, SensorKind};
+use crate::standing::{Standing, Verdict};
+
+/// Epochs that are kept.
+const KEPT: u64 = 256;
+/// What is late by so many of them finds its place: by 1.2 s, with 5 ms each.
+const REACH: u64 = 240;
+/// Least duration of an epoch, ns.
+const EPOCH_NS: u64 = 5_000_000;
+/// Epochs that are passed in one cycle at most, beside the new one.
+const PASSED_PER_CYCLE: u32 = 2;
+/// Wheels at rest creep at most so fast, m/s and rad/s.
+const RESTING: [f64; 2] = [5e-5, 1e-4];
+
+/// What a filter is told once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterSettings {
+    /// How wheels make the pose uncertain.
+    pub wheels: CovarianceSettings,
+    /// Covariance of what the wheels' geometry makes of a step, row by row of E.
+    pub geometry: SMatrix<f64, 9, 9>,
+    /// Period of the cycle, ns.
+    pub period_ns: u64,
+}
+
+impl FilterSettings {
+    /// Those of a platform.
+    pub fn new(kinematics: &Kinematics, wheels: CovarianceSettings, period_ns: u64) -> FilterSettings {
+        FilterSettings { wheels, geometry: kinematics.step_covariance(&wheels.geometry), period_ns }
+    }
+
+    /// Standard deviations of the speed by which wheels slip unseen during a step: over a way they add up to what the
+    /// wheels' settings say of it.
+    pub(crate) fn slip_sigma(&self, step: BodyStep, time_s: f64) -> [f64; 3] {
+        let (way_m, turn_rad) = (step.distance_m(), step.angle_rad.abs());
+        let wheels = &self.wheels;
+        let position_m2 = wheels.position_per_m * way_m + wheels.position_per_rad * turn_rad;
+        let heading_rad2 = wheels.heading_per_m * way_m + wheels.heading_per_rad * turn_rad;
+        let sigma =
+            |variance: f64, resting: f64| (variance / (2.0 * SLIP_TIME_S * time_s)).sqrt().hypot(resting);
+        let position = sigma(position_m2, RESTING[0]);
+        [position, position, sigma(heading_rad2, RESTING[1])]
+    }
+}
+
+/// How the platform moved in a cycle, as its wheels tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// From the pose of the cycle before to this one's.
+    pub body_from_next: Pose2,
+    /// How fast wheels slip, as forces tell, m/s.
+    pub slip_m_s: f64,
+    /// By how much wheels may have rolled unread, m and rad.
+    pub unread: [f64; 2],
+    /// All wheels were heard.
+    pub is_heard: bool,
+    /// Nobody follows the pose: it may jump.
+    pub is_free: bool,
+}
+
+/// What is known now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Where the platform is.
+    pub map_from_body: Pose2,
+    /// Covariance of that: xx, xy, xψ, yy, yψ, ψψ, with what a sensor that contradicts makes of it.
+    pub covariance: [f64; 6],
+    /// Some pose told where the platform is, or somebody did.
+    pub is_placed: bool,
+}
+
+/// A filter.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    settings: FilterSettings,
+    sensors: Vec<Sensor>,
+    /// The place of each among those that tell speeds.
+    rates: [usize; MAX_SENSORS],
+    epochs: Box<[Epoch]>,
+    /// What was known after each epoch.
+    known_after: Box<[Knowledge]>,
+    /// Number of the open epoch.
+    open: u64,
+    /// The first epoch since the beginning.
+    first: u64,
+    /// What is told, and the last epoch in it.
+    told: (Knowledge, u64),
+    /// What is computed again, and the last epoch in it.
+    again: Option<(Knowledge, u64)>,
+    /// The first epoch into which something came late.
+    late_from: Option<u64>,
+    now_ns: u64,
+    last_heard_ns: [Option<u64>; MAX_SENSORS],
+    epoch_ns: u64,
+    begun: bool,
+    /// Readings that were older than all that is kept, or of too many.
+    left_out: u64,
+}
+
+impl Filter {
+    /// A filter that begins at the origin of map; sensors beyond [`MAX_SENSORS`] are left out.
+    pub fn new(settings: FilterSettings, sensors: &[Sensor]) -> Filter {
+        let sensors = sensors[..sensors.len().min(MAX_SENSORS)].to_vec();
+        let mut places = [usize::MAX; MAX_SENSORS];
+        for (rate, (sensor, _)) in rates(&sensors) {
+            places[sensor] = rate;
+        }
+        let mut belief = Belief::new(Pose2::default(), &settings.geometry);
+        for (rate, (sensor, kind)) in rates(&sensors) {
+            let Sensor { bias_sigma, scale_sigma, direction_sigma_rad, .. } = sensors[sensor];
+            let own = match kind {
+                SensorKind::Turn => [bias_sigma, scale_sigma],
+                _ => [scale_sigma, direction_sigma_rad],
+            };
+            for (n, sigma) in own.iter().enumerate() {
+                belief.widen(OWN + 2 * rate + n, sigma * sigma);
+            }
+        }
+        let (position_m2, heading_rad2) = (settings.wheels.initial_m2, settings.wheels.initial_rad2);
+        belief.place(Pose2::default(), [position_m2, 0.0, 0.0, position_m2, 0.0, heading_rad2]);
+        let has_poses = sensors.iter().any(|sensor| sensor.kind == SensorKind::Pose);
+        let known = Knowledge {
+            belief,
+            standings: [Standing::default(); MAX_SENSORS],
+            is_placed: !has_poses,
+            doubt: [0.0; 2],
+            driven: [0.0; 2],
+        };
+        Filter {
+            epoch_ns: EPOCH_NS.max(settings.period_ns),
+            settings,
+            sensors,
+            rates: places,
+            epochs: vec![Epoch::default(); KEPT as usize].into(),
+            known_after: vec![known; KEPT as usize].into(),
+            open: 0,
+            first: 0,
+            told: (known, 0),
+            again: None,
+            late_from: None,
+            now_ns: 0,
+            last_heard_ns: [None; MAX_SENSORS],
+            begun: false,
+            left_out: 0,
+        }
+    }
+
+    /// Somebody says where the platform is: what was learnt of wheels and sensors stays.
+    pub fn place(&mut self, map_from_body: Pose2, covariance: [f64; 6]) {
+        let mut known = self.told.0;
+        known.belief.place(map_from_body, covariance);
+        (known.is_placed, known.doubt) = (true, [0.0; 2]);
+        for standing in &mut known.standings {
+            *standing = Standing::default();
+        }
+        // What came before it says nothing of what comes after.
+        self.told.0 = known;
+        self.begun = false;
+    }
+
+    /// Takes in a cycle. Its step belongs to the time up to now.
+    pub fn advance(&mut self, now_ns: u64, motion: &Motion) {
+        let number = now_ns.saturating_sub(1) / self.epoch_ns;
+        // A clock that was set, or stood for long: what is kept has no place any more.
+        if self.begun && !(self.open..self.open + KEPT / 2).contains(&number) {
+            self.catch_up();
+            self.begun = false;
+        }
+        if !self.begun {
+            self.begin(number);
+        }
+        while self.open < number {
+            self.open += 1;
+            *self.at_mut(self.open) = Epoch::default();
+        }
+        let time_s =
+            now_ns.saturating_sub(self.now_ns.max(now_ns.saturating_sub(10_000_000_000))) as f64 * 1e-9;
+        let is_first = self.now_ns == 0;
+        let period_s = self.settings.period_ns as f64 * 1e-9;
+        self.now_ns = now_ns;
+        let epoch = &mut self.epochs[(self.open % KEPT) as usize];
+        epoch.end_ns = now_ns;
+        epoch.time_s += if is_first { period_s } else { time_s };
+        epoch.body_from_end = epoch.body_from_end.then(motion.body_from_next);
+        epoch.slip_m_s = epoch.slip_m_s.max(motion.slip_m_s);
+        epoch.unread = [0, 1].map(|n| epoch.unread[n] + motion.unread[n]);
+        epoch.has_gap |= !motion.is_heard;
+        epoch.is_free &= motion.is_free;
+        self.work();
+    }
+
+    /// Takes in a reading of a sensor at its own instant; `false` where it says nothing, or comes too late.
+    pub fn hear(&mut self, sensor: usize, instant_ns: u64, reading: &Reading) -> bool {
+        let is_sound = self.sensors.get(sensor).is_some_and(|known| reading.is_of(known.kind));
+        let number = instant_ns.min(self.now_ns).saturating_sub(1) / self.epoch_ns;
+        let is_kept = self.begun && number >= self.first && number + REACH > self.open;
+        if !(is_sound && is_kept && number <= self.open) {
+            self.left_out += u64::from(is_sound);
+            return false;
+        }
+        let heard = &mut self.last_heard_ns[sensor];
+        *heard = Some(heard.map_or(instant_ns, |last_ns| last_ns.max(instant_ns)));
+        let rate = self.rates[sensor];
+        let now_ns = self.now_ns;
+        if !self.at_mut(number).hear((sensor, rate), instant_ns.min(now_ns), reading) {
+            self.left_out += 1;
+            return false;
+        }
+        let passed = self.again.map_or(self.told.1, |(_, passed)| passed);
+        if number <= passed {
+            self.late_from = Some(self.late_from.map_or(number, |from| from.min(number)));
+        }
+        true
+    }
+
+    /// What is known now: the belief, carried on through what it hasn't passed yet.
+    pub fn estimate(&self) -> Estimate {
+        let (known, passed) = &self.told;
+        let mut belief = known.belief;
+        let mut ahead = Pose2::default();
+        for number in *passed + 1..=self.open {
+            let epoch = &self.epochs[(number % KEPT) as usize];
+            if epoch.time_s > 0.0 {
+                ahead = ahead.moved_by(belief.corrected(epoch.step(), epoch.time_s));
+            }
+        }
+        belief.map_from_body = belief.map_from_body.then(ahead);
+        let mut covariance = belief.pose_covariance();
+        let [doubt_m, doubt_rad] = known.doubt;
+        covariance[0] += doubt_m * doubt_m;
+        covariance[3] += doubt_m * doubt_m;
+        covariance[5] += doubt_rad * doubt_rad;
+        Estimate { map_from_body: belief.map_from_body, covariance, is_placed: known.is_placed }
+    }
+
+    /// What a step as the wheels tell it truly is, as far as is known now.
+    pub fn corrected(&self, step: BodyStep, time_s: f64) -> BodyStep {
+        self.told.0.belief.corrected(step, time_s)
+    }
+
+    /// What is thought of a sensor now, and chi² of its last reading over its degrees of freedom.
+    pub fn verdict(&self, sensor: usize) -> (Verdict, f64) {
+        let (Some(known), Some(standing)) = (self.sensors.get(sensor), self.told.0.standings.get(sensor))
+        else {
+            return (Verdict::Awaited, 0.0);
+        };
+        let silent = self.last_heard_ns[sensor]
+            .is_some_and(|last_ns| self.now_ns.saturating_sub(last_ns) > known.silent_ns);
+        (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
+    }
+
+    /// Readings that were older than all that is kept, or more in an epoch than it holds.
+    pub fn left_out(&self) -> u64 {
+        self.left_out
+    }
+
+    /// Whether everything that was heard is in what is told.
+    pub fn is_settled(&self) -> bool {
+        self.again.is_none() && self.late_from.is_none() && self.told.1 + 1 >= self.open
+    }
+
+    /// The belief that is told, and the instant to which it belongs, ns.
+    pub fn belief(&self) -> (&Belief, u64) {
+        (&self.told.0.belief, self.epochs[(self.told.1 % KEPT) as usize].end_ns)
+    }
+
+    fn begin(&mut self, number: u64) {
+        self.epochs.fill(Epoch::default());
+        (self.open, self.first) = (number, number);
+        self.told.1 = number.wrapping_sub(1);
+        self.known_after[(self.told.1 % KEPT) as usize] = self.told.0;
+        (self.again, self.late_from) = (None, None);
+        self.begun = true;
+    }
+
+    fn at_mut(&mut self, number: u64) -> &mut Epoch {
+        &mut self.epochs[(number % KEPT) as usize]
+    }
+
+    /// A share of what there is to compute.
+    fn work(&mut self) {
+        // The new one first: what is told keeps up.
+        if self.told.1.wrapping_add(1) < self.open {
+            let number = self.told.1.wrapping_add(1);
+            let mut known = self.told.0;
+            self.pass(number, &mut known);
+            self.told = (known, number);
+            if self.again.is_none() {
+                self.known_after[(number % KEPT) as usize] = known;
+            }
+        }
+        for _ in 0..PASSED_PER_CYCLE {
+            self.pass_again();
+        }
+    }
+
+    fn pass_again(&mut self) {
+        if self.again.is_none()
+            && let Some(from) = self.late_from.take()
+        {
+            let from = from.max(self.first).wrapping_sub(1);
+            self.again = Some((self.known_after[(from % KEPT) as usize], from));
+        }
+        let Some((mut known, passed)) = self.again else { return };
+        let number = passed.wrapping_add(1);
+        if number < self.open {
+            self.pass(number, &mut known);
+            self.known_after[(number % KEPT) as usize] = known;
+            self.again = Some((known, number));
+        }
+        if number.wrapping_add(1) >= self.open {
+            self.told = (known, number.min(self.open.wrapping_sub(1)));
+            self.again = None;
+        }
+    }
+
+    fn pass(&self, number: u64, known: &mut Knowledge) {
+        self.epochs[(number % KEPT) as usize].pass(&self.settings, &self.sensors, known);
+    }
+
+    /// All of it at once.
+    fn catch_up(&mut self) {
+        while self.told.1.wrapping_add(1) < self.open || self.again.is_some() || self.late_from.is_some() {
+            self.work();
+        }
+    }
+}

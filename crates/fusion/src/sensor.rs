@@ -1,0 +1,77 @@
+//! What a sensor says, where it is mounted and how well it knows.
+
+use omnibase_platform::Pose2;
+
+/// Sensors that a filter can have.
+pub const MAX_SENSORS: usize = 6;
+/// Those of them that tell speeds: each has two errors of its own that the filter learns.
+pub const MAX_RATES: usize = 4;
+
+/// What a sensor tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorKind {
+    /// How fast the platform turns: a gyro. Its errors are a bias that wanders, and a scale.
+    Turn,
+    /// How fast the floor passes below it, along its own axes: a mouse. Its errors are a scale, and the direction in which
+    /// it is mounted.
+    Flow,
+    /// Both of the above, along its own axes: visual odometry. Its errors are those of flow.
+    Twist,
+    /// Where it is in map.
+    Pose,
+}
+
+/// A sensor as a filter knows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// What it tells.
+    pub kind: SensorKind,
+    /// Where it is mounted.
+    pub body_from_sensor: Pose2,
+    /// Noise of a single reading, standard deviations: x, y and turn, in rad/s, m/s, or m and rad. A pose that comes with
+    /// a covariance of its own has that added.
+    pub sigma: [f64; 3],
+    /// Standard deviation of a gyro's bias at the start, rad/s.
+    pub bias_sigma: f64,
+    /// How that wanders, rad/s in the root of a second.
+    pub bias_walk: f64,
+    /// Standard deviation of the scale.
+    pub scale_sigma: f64,
+    /// Standard deviation of the direction in which flow and twist are mounted, rad.
+    pub direction_sigma_rad: f64,
+    /// It counts as silent when nothing was heard for so long, ns.
+    pub silent_ns: u64,
+}
+
+/// What a sensor said at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reading {
+    /// Of a gyro, rad/s.
+    Turn(f64),
+    /// Of a flow sensor, along its own axes, m/s.
+    Flow([f64; 2]),
+    /// Along its own axes, m/s and rad/s.
+    Twist([f64; 3]),
+    /// Of the sensor in map, with the covariance that came with it: xx, xy, xψ, yy, yψ, ψψ in m², m·rad and rad².
+    Pose {
+        /// The pose.
+        map_from_sensor: Pose2,
+        /// Its covariance; zeros where the sensor's own noise says all.
+        covariance: [f64; 6],
+    },
+}
+
+impl Reading {
+    /// Whether it is of a kind, and every number is finite.
+    pub fn is_of(&self, kind: SensorKind) -> bool {
+        match (self, kind) {
+            (Reading::Turn(turn), SensorKind::Turn) => turn.is_finite(),
+            (Reading::Flow(flow), SensorKind::Flow) => flow.iter().all(|value| value.is_finite()),
+            (Reading::Twist(twist), SensorKind::Twist) => twist.iter().all(|value| value.is_finite()),
+            (Reading::Pose { map_from_sensor, covariance }, SensorKind::Pose) => {
+                map_from_sensor.is_finite() && covariance.iter().all(|value| value.is_finite())
+            }
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Which sensor is believed, and why not.
+
+/// What is thought of a sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing was heard of it yet.
+    #[default]
+    Awaited,
+    /// It agrees with the others.
+    Good,
+    /// It fell silent.
+    Silent,
+    /// It says the same again and again while the platform moves.
+    Frozen,
+    /// What it says can't be, as far as the others know.
+    Contradicts,
+}
+
+/// A sensor that contradicts the others for a tenth of a second or so isn't believed any more, s.
+const DOUBT_TIME_S: f64 = 0.1;
+/// The share of readings that contradict, lately, beyond which it isn't.
+const DOUBTED: f64 = 0.9;
+/// For so long it must agree before it is believed again, s.
+const RETURN_S: f64 = 1.0;
+/// Readings further apart than this tell no more of it than this, s.
+const LONGEST_S: f64 = 0.05;
+
+/// What a filter remembers of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Why it isn't believed; what it fell to last.
+    pub verdict: Verdict,
+    /// chi² of its last reading over its degrees of freedom: 1 in the mean where all is as said.
+    pub nis: f64,
+    /// The share of readings that contradict, lately.
+    doubt: f64,
+    agrees_s: f64,
+    /// The last instant of a reading, ns.
+    heard_ns: Option<u64>,
+    /// What it said last, and what was expected when it first said so.
+    pub(crate) said: [f64; 3],
+    pub(crate) expected: [f64; 3],
+    /// By how much it was off when it began to contradict, while nobody followed the pose.
+    pub(crate) elsewhere: Option<([f64; 3], u64)>,
+}
+
+impl Default for Standing {
+    fn default() -> Self {
+        Standing {
+            verdict: Verdict::Awaited,
+            nis: 0.0,
+            doubt: 0.0,
+            agrees_s: 0.0,
+            heard_ns: None,
+            said: [f64::NAN; 3],
+            expected: [0.0; 3],
+            elsewhere: None,
+        }
+    }
+}
+
+impl Standing {
+    /// Whether what it says is taken in where it agrees.
+    pub fn is_believed(&self) -> bool {
+        !matches!(self.verdict, Verdict::Frozen | Verdict::Contradicts)
+    }
+
+    /// How long it was silent before an instant, s; infinite where nothing was heard.
+    pub(crate) fn silent_s(&self, instant_ns: u64) -> f64 {
+        self.heard_ns.map_or(f64::INFINITY, |heard_ns| instant_ns.saturating_sub(heard_ns) as f64 * 1e-9)
+    }
+
+    /// Whether it says to the bit what it said before, though what is expected went on by more than a bound. Remembers
+    /// what it says.
+    pub(crate) fn repeats(&mut self, said: [f64; 3], expected: [f64; 3], bound: [f64; 3]) -> bool {
+        let is_same = said.iter().zip(&self.said).all(|(a, b)| a.to_bits() == b.to_bits());
+        if !is_same {
+            (self.said, self.expected) = (said, expected);
+            return false;
+        }
+        (0..3).any(|n| (expected[n] - self.expected[n]).abs() > bound[n])
+    }
+
+    /// A reading of an instant agrees with the others or doesn't; whether it is to be taken in.
+    pub(crate) fn judge(&mut self, instant_ns: u64, agrees: bool, fault: Verdict) -> bool {
+        let since_s = self.silent_s(instant_ns).min(LONGEST_S);
+        self.heard_ns = Some(instant_ns);
+        let weight = 1.0 - (-since_s / DOUBT_TIME_S).exp();
+        self.doubt += (f64::from(u8::from(!agrees)) - self.doubt) * weight;
+        if agrees {
+            self.agrees_s += since_s;
+        } else {
+            self.agrees_s = 0.0;
+        }
+        if self.is_believed() {
+            self.verdict = if self.doubt > DOUBTED { fault } else { Verdict::Good };
+        } else if self.agrees_s >= RETURN_S {
+            (self.verdict, self.doubt) = (Verdict::Good, 0.0);
+        }
+        let takes = agrees && self.is_believed();
+        if takes {
+            self.elsewhere = None;
+        }
+        takes
+    }
+
+    /// It is believed from now on, whatever was before.
+    pub(crate) fn trust(&mut self, instant_ns: u64) {
+        *self = Standing {
+            verdict: Verdict::Good,
+            heard_ns: Some(instant_ns),
+            said: self.said,
+            expected: self.expected,
+            ..Standing::default()
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_contradicts_is_named_within_a_third_of_a_second_and_returns_after_a_second() {
+        for period_ns in [1_000_000, 10_000_000, 50_000_000] {
+            let mut standing = Standing::default();
+            let mut now_ns = 0;
+            let mut say = |standing: &mut Standing, agrees, for_ns: u64| {
+                for _ in 0..for_ns / period_ns {
+                    now_ns += period_ns;
+                    standing.judge(now_ns, agrees, Verdict::Contradicts);
+                }
+                standing.verdict
+            };
+            assert_eq!(say(&mut standing, true, 500_000_000), Verdict::Good);
+            assert_eq!(say(&mut standing, false, 150_000_000), Verdict::Good, "outliers pass");
+            assert_eq!(say(&mut standing, false, 150_000_000), Verdict::Contradicts, "{period_ns}");
+            assert_eq!(say(&mut standing, true, 900_000_000), Verdict::Contradicts);
+            assert_eq!(say(&mut standing, true, 150_000_000), Verdict::Good);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The error is as great as the covariance says: NEES over many worlds.
+
+use omnibase_fusion::{Filter, Sensor};
+
+use crate::world::{PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
+
+/// Mean NEES over degrees of freedom at the end of some seconds, and the RMS of the position's error, m.
+fn mean(sensors: &[(Sensor, u64)], seeds: u64, seconds: u64) -> (f64, f64) {
+    let (mut sum, mut squares) = (0.0, 0.0);
+    let all: Vec<Sensor> = sensors.iter().map(|(sensor, _)| *sensor).collect();
+    for seed in 0..seeds {
+        let mut world = World::new(seed, &all);
+        let mut filter = Filter::new(settings(), &all);
+        for _ in 0..seconds * 1000 {
+            let motion = world.step();
+            filter.advance(world.now_ns, &motion);
+            for (sensor, (_, every)) in sensors.iter().enumerate() {
+                if world.now_ns / PERIOD_NS % every == 0 {
+                    let reading = world.read(sensor);
+                    filter.hear(sensor, world.now_ns, &reading);
+                }
+            }
+        }
+        sum += nees(&filter, world.truth);
+        let [x, y, _] = error(&filter, world.truth);
+        squares += x * x + y * y;
+    }
+    (sum / seeds as f64, (squares / seeds as f64).sqrt())
+}
+
+#[test]
+fn errors_are_as_great_as_their_covariance_says_with_each_set_of_sensors() {
+    let sets: [(&str, &[(Sensor, u64)]); 4] = [
+        ("wheels", &[]),
+        ("gyro", &[(gyro(), 1)]),
+        ("gyro and mice", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)]),
+        ("all", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8), (tracker(), 10)]),
+    ];
+    let seeds = 60;
+    // 95 % of the mean of chi² with three degrees of freedom each, over three: 1 ± 1.96·√(2/3/seeds).
+    let band = 1.96 * (2.0 / 3.0 / seeds as f64).sqrt();
+    for (name, sensors) in sets {
+        let (nees, rms_m) = mean(sensors, seeds, 8);
+        println!("{name}: NEES {nees:.3}, RMS {:.2} mm", 1e3 * rms_m);
+        assert!((nees - 1.0).abs() < band, "{name}: {nees}, expected 1 within {band}");
+    }
+}

@@ -1,0 +1,6 @@
+//! The filter against worlds of its own model: order, consistency, faults.
+
+mod consistency;
+mod faults;
+mod order;
+mod world;
