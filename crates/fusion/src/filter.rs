@@ -15,6 +15,8 @@ use crate::standing::{Standing, Verdict};
 const KEPT: u64 = 256;
 /// What is late by so many of them finds its place: by 1.2 s, with 5 ms each.
 const REACH: u64 = 240;
+/// A reading may be ahead of the wheels by so much: theirs is read in the middle of a cycle, ns.
+const AHEAD_NS: u64 = 10_000_000;
 /// Least duration of an epoch, ns.
 const EPOCH_NS: u64 = 5_000_000;
 /// Epochs that are passed in one cycle at most, beside the new one.
@@ -155,11 +157,12 @@ impl Filter {
         }
     }
 
-    /// Somebody says where the platform is: what was learnt of wheels and sensors stays.
-    pub fn place(&mut self, map_from_body: Pose2, covariance: [f64; 6]) {
+    /// Somebody says where the platform is: what was learnt of wheels and sensors stays. Where that is no place, the next
+    /// pose that is heard is.
+    pub fn place(&mut self, map_from_body: Pose2, covariance: [f64; 6], is_placed: bool) {
         let mut known = self.told.0;
         known.belief.place(map_from_body, covariance);
-        (known.is_placed, known.doubt) = (true, [0.0; 2]);
+        (known.is_placed, known.doubt) = (is_placed, [0.0; 2]);
         for standing in &mut known.standings {
             *standing = Standing::default();
         }
@@ -170,7 +173,7 @@ impl Filter {
 
     /// Takes in a cycle. Its step belongs to the time up to now.
     pub fn advance(&mut self, now_ns: u64, motion: &Motion) {
-        let number = now_ns.saturating_sub(1) / self.epoch_ns;
+        let number = self.number(now_ns);
         // A clock that was set, or stood for long: what is kept has no place any more.
         if self.begun && !(self.open..self.open + KEPT / 2).contains(&number) {
             self.catch_up();
@@ -202,17 +205,17 @@ impl Filter {
     /// Takes in a reading of a sensor at its own instant; `false` where it says nothing, or comes too late.
     pub fn hear(&mut self, sensor: usize, instant_ns: u64, reading: &Reading) -> bool {
         let is_sound = self.sensors.get(sensor).is_some_and(|known| reading.is_of(known.kind));
-        let number = instant_ns.min(self.now_ns).saturating_sub(1) / self.epoch_ns;
+        // What is measured a little after the wheels are read belongs to the epoch that is open.
+        let number = self.number(instant_ns).min(self.open);
         let is_kept = self.begun && number >= self.first && number + REACH > self.open;
-        if !(is_sound && is_kept && number <= self.open) {
+        if !(is_sound && is_kept && instant_ns <= self.now_ns + AHEAD_NS) {
             self.left_out += u64::from(is_sound);
             return false;
         }
         let heard = &mut self.last_heard_ns[sensor];
         *heard = Some(heard.map_or(instant_ns, |last_ns| last_ns.max(instant_ns)));
         let rate = self.rates[sensor];
-        let now_ns = self.now_ns;
-        if !self.at_mut(number).hear((sensor, rate), instant_ns.min(now_ns), reading) {
+        if !self.at_mut(number).hear((sensor, rate), instant_ns, reading) {
             self.left_out += 1;
             return false;
         }
@@ -274,10 +277,15 @@ impl Filter {
         (&self.told.0.belief, self.epochs[(self.told.1 % KEPT) as usize].end_ns)
     }
 
+    /// The epoch of an instant; never the first of all, so that there is one before it.
+    fn number(&self, instant_ns: u64) -> u64 {
+        instant_ns.saturating_sub(1) / self.epoch_ns + 1
+    }
+
     fn begin(&mut self, number: u64) {
         self.epochs.fill(Epoch::default());
         (self.open, self.first) = (number, number);
-        self.told.1 = number.wrapping_sub(1);
+        self.told.1 = number - 1;
         self.known_after[(self.told.1 % KEPT) as usize] = self.told.0;
         (self.again, self.late_from) = (None, None);
         self.begun = true;
@@ -290,8 +298,8 @@ impl Filter {
     /// A share of what there is to compute.
     fn work(&mut self) {
         // The new one first: what is told keeps up.
-        if self.told.1.wrapping_add(1) < self.open {
-            let number = self.told.1.wrapping_add(1);
+        if self.told.1 + 1 < self.open {
+            let number = self.told.1 + 1;
             let mut known = self.told.0;
             self.pass(number, &mut known);
             self.told = (known, number);
@@ -308,18 +316,18 @@ impl Filter {
         if self.again.is_none()
             && let Some(from) = self.late_from.take()
         {
-            let from = from.max(self.first).wrapping_sub(1);
+            let from = from.max(self.first) - 1;
             self.again = Some((self.known_after[(from % KEPT) as usize], from));
         }
         let Some((mut known, passed)) = self.again else { return };
-        let number = passed.wrapping_add(1);
+        let number = passed + 1;
         if number < self.open {
             self.pass(number, &mut known);
             self.known_after[(number % KEPT) as usize] = known;
             self.again = Some((known, number));
         }
-        if number.wrapping_add(1) >= self.open {
-            self.told = (known, number.min(self.open.wrapping_sub(1)));
+        if number + 1 >= self.open {
+            self.told = (known, number.min(self.open - 1));
             self.again = None;
         }
     }
@@ -330,7 +338,7 @@ impl Filter {
 
     /// All of it at once.
     fn catch_up(&mut self) {
-        while self.told.1.wrapping_add(1) < self.open || self.again.is_some() || self.late_from.is_some() {
+        while self.told.1 + 1 < self.open || self.again.is_some() || self.late_from.is_some() {
             self.work();
         }
     }

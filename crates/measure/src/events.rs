@@ -65,7 +65,7 @@ impl Watch {
         let pose_known = record.state.pose_known;
         let pose = (pose_known != self.pose_known).then_some(match pose_known {
             true => "the pose is known again",
-            false => "the pose is unknown: a wheel may have rolled that nobody read; set it before a path is followed",
+            false => "the pose is unknown: a person sets it, or a sensor tells it, before a path is followed",
         });
         (self.phase, self.reason, self.exchange) = (phase, record.stop_reason, record.exchange);
         self.pose_known = pose_known;

@@ -11,13 +11,14 @@
 //! - [`motor`]: torque limit, heating, voltage and current loop of a motor
 //! - [`machine`]: body and motors, moved on to any instant in steps on a fixed grid, and the truth at the last one
 //! - [`mechanics`]: body, wheels and floor of another program in place of these
+//! - [`sensor`]: gyros, mice and trackers with their vices
 //! - [`slide`]: an axis beside the wheels, with limit switches and ends
 //! - [`robot`]: simulated drives on the motors: a segment that any MainDevice can run, and the truth behind it
 //!
 //! The planar model leaves out the roll and pitch motion (only its load transfer is there), the spin inertia of the
 //! rollers, and the way the contact point wanders from roller to roller.
 //!
-//! Same input, same bits: no clock, no randomness, and nothing is allocated after construction.
+//! Same input, same bits: no clock, no chance but that of a seed, and nothing is allocated after construction.
 #![forbid(unsafe_code)]
 
 pub mod body;
@@ -29,6 +30,7 @@ pub mod mechanics;
 pub mod motor;
 pub mod pose;
 pub mod robot;
+pub mod sensor;
 pub mod slide;
 pub mod tread;
 pub mod wheel;
@@ -41,6 +43,7 @@ pub use mechanics::{Mechanics, Motion};
 pub use motor::{Motor, MotorParameters, Waves};
 pub use pose::{Pose, Twist, Wrench};
 pub use robot::{DriveStation, RobotSim, RobotSimDescription, RobotSimError, SharedMachine};
+pub use sensor::{SensorMessage, SensorParameters, SimulatedSensor, Tells};
 pub use slide::{SharedSlide, SlideParameters};
 pub use tread::Tread;
 pub use wheel::{Grip, WheelParameters, WheelState};

@@ -12,6 +12,7 @@ mod kind_keys;
 mod platform;
 mod run_tables;
 mod sdo_writes;
+mod sensors;
 mod signal_names;
 mod simulation;
 mod sources;
@@ -160,6 +161,8 @@ impl Check {
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
         let signals = signals.unwrap_or_default();
+        let sensors = sensors::resolve(self, (&file.sensor, &file.estimator), is_known.then_some(&signals));
+        sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default());
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
@@ -191,6 +194,7 @@ impl Check {
             drives,
             devices,
             sources,
+            sensors: sensors?,
             kinematics: kinematics?,
             limits,
             estimator: estimator?,

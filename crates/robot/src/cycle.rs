@@ -287,7 +287,10 @@ impl Robot {
             inputs: self.peripherals.inputs(&record.signals),
             wished: &record.wished,
             unread_rad: &unread_rad,
+            slip_m_s: slip_m_s(&record.grip),
+            is_free: matches!(record.phase, Phase::Disabled | Phase::Fault),
         });
+        self.record.fusion = self.estimator.fusion();
         if self.estimator.sees_beyond_wheels() {
             return state;
         }
@@ -432,4 +435,10 @@ impl Robot {
         };
         self.peripherals.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
     }
+}
+
+/// How fast the wheel that slips most slips, m/s.
+fn slip_m_s(grip: &GripReport) -> f64 {
+    let slipping = grip.slip_m_s.iter().zip(&grip.slipped_m).filter(|(_, way_m)| **way_m > 0.0);
+    slipping.map(|(slip_m_s, _)| slip_m_s.abs()).fold(0.0, f64::max)
 }

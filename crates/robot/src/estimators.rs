@@ -1,6 +1,7 @@
 //! Estimators: from what the drives say to what is known about the platform.
 
 mod creep;
+mod fused;
 
 use omnibase_platform::odometry::MAX_PERIOD_S;
 use omnibase_platform::{
@@ -13,6 +14,7 @@ use crate::registry::{Kind, Made, Registry, optional};
 use crate::signals::{Exchange, PlatformState, ReferenceStatus};
 use crate::stages::{Estimator, Observation};
 use creep::Creep;
+use fused::Fused;
 
 /// Registers the built-in estimator.
 pub fn register(registry: &mut Registry) {
@@ -36,6 +38,15 @@ pub fn register(registry: &mut Registry) {
             keys: keys.map(optional).to_vec(),
         },
         WheelOdometry::new,
+    );
+    let own = ["task_frame", "unknown_sigma_m", "unknown_sigma_rad"];
+    registry.estimators.add(
+        Kind {
+            name: "fused",
+            meaning: "Odometry of the wheels with gyro, flow, twists and poses; with the wheels alone as `wheel_odometry`",
+            keys: keys.into_iter().chain(own).map(optional).collect(),
+        },
+        Fused::new,
     );
 }
 
@@ -91,6 +102,11 @@ impl WheelOdometry {
 }
 
 impl WheelOdometry {
+    /// The pose after the last cycle.
+    fn pose(&self) -> Pose2 {
+        self.state.odom_from_body
+    }
+
     /// What isn't known of a gap: how the wheels shared their way with its turns (it was taken for one arc: half a turn
     /// times the way, at most), and what of it nobody counted.
     fn widen(&mut self, before: Pose2, observation: &Observation<'_>) {

@@ -4,6 +4,7 @@ mod axis;
 mod columns;
 mod commands;
 mod exchange;
+mod fusion;
 mod grip;
 mod guard;
 mod inputs;
@@ -23,6 +24,8 @@ pub use commands::{
     Allowed, Commands, Quantity, SafetyAction, SafetyReason, Stage, StopCategory, WheelCommand,
 };
 pub use exchange::{CycleTime, Exchange};
+pub use fusion::{FusionReport, SensorReport};
+pub(crate) use fusion::{verdict_code, verdict_from_code};
 pub use grip::{Dynamics, GripReport};
 pub use guard::{GuardReport, LimitedBy};
 pub(crate) use inputs::Told;

@@ -10,9 +10,9 @@ use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
 use crate::signals::{
-    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, GripReport,
-    GuardReport, Inputs, MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity, Request,
-    RequestAnswer, Setpoint, Signals, WheelCommand,
+    Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, FusionReport,
+    GripReport, GuardReport, Inputs, MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity,
+    Request, RequestAnswer, Setpoint, Signals, WheelCommand,
 };
 
 /// What a device is told in one cycle.
@@ -162,6 +162,10 @@ pub struct Observation<'a> {
     /// By how much each wheel may have rolled, rad, without moving the platform as it says: while its drive was off and
     /// counted nothing (told in the cycle in which it counts again), or while it slips. What is believed is that much less certain.
     pub unread_rad: &'a [f64; MAX_WHEELS],
+    /// How fast the wheel that slips most slips, as forces tell, m/s; 0 where all grip.
+    pub slip_m_s: f64,
+    /// No drive is enabled: nobody follows the pose, and it may jump.
+    pub is_free: bool,
 }
 
 /// From measurements to the platform's state.
@@ -176,6 +180,11 @@ pub trait Estimator: Send {
     /// pose again. Without one the pose is unknown from where wheels rolled unread until somebody sets it.
     fn sees_beyond_wheels(&self) -> bool {
         false
+    }
+
+    /// What sensors tell, for recordings and people.
+    fn fusion(&self) -> FusionReport {
+        FusionReport::default()
     }
 
     /// By how much motion may make its pose more uncertain, known beforehand: the fence counts with it until a stop

@@ -13,6 +13,8 @@ use since_stop::{SinceStop, Spoilt};
 
 /// How long the end of the reference is held before the drives are disabled, ns.
 pub const SETTLE_NS: u64 = 1_000_000_000;
+/// A plan waits for its pose for so long from the first cycle, ns; then it says that it has none.
+const POSE_WITHIN_NS: u64 = 5_000_000_000;
 /// How long drives may take to let go, ns.
 const LET_GO_NS: u64 = 1_000_000_000;
 
@@ -167,7 +169,11 @@ impl Conductor {
             Part::Awaiting { .. } | Part::Acknowledged | Part::EnablingAgain | Part::Warning { .. } => {
                 return self.come_back(last, phase);
             }
-            Part::Start if last.exchange == Exchange::Complete => {
+            // A sensor that tells the pose has a moment to do so.
+            Part::Start
+                if last.exchange == Exchange::Complete
+                    && (last.state.pose_known || now_ns >= POSE_WITHIN_NS) =>
+            {
                 self.part = Part::Enabling;
                 return Some(RequestKind::Enable);
             }

@@ -16,7 +16,7 @@ use crate::conductor::{Conductor, Wish};
 use crate::drive_errors::DriveErrors;
 use crate::live::operator::{Note, Turn};
 use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
-use crate::simulated::Script;
+use crate::simulated::{Script, Sensors};
 use omnibase_measure::events::{Event, Watch};
 use omnibase_measure::slips::{Slip, SlipWatch};
 use omnibase_measure::summary::Summary;
@@ -24,7 +24,7 @@ use omnibase_measure::timing::{TimedCycle, TimedRobot, Timing};
 use omnibase_measure::tracking::Tracking;
 use omnibase_measure::truth::Witness;
 use omnibase_session::Words;
-use omnibase_session::session::{Session, SessionError, input_age_ns};
+use omnibase_session::session::{Session, SessionError};
 use omnibase_session::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
 
 /// Events that a run keeps; what comes later is only recorded.
@@ -130,6 +130,7 @@ struct Cycle<'a> {
     plan: &'a RobotPlan,
     robot: Robot,
     witness: Option<Witness>,
+    sensors: Option<Sensors>,
     script: Option<Script>,
     recording: Option<(Rows, RunSink)>,
     stop: &'a AtomicBool,
@@ -173,6 +174,7 @@ impl<'a> Cycle<'a> {
         progress.total.store(total as u64, Ordering::Relaxed);
         Cycle {
             robot,
+            sensors: machine.as_ref().and_then(|_| Sensors::new(plan)),
             witness: machine.map(Witness::new),
             script,
             recording,
@@ -243,11 +245,17 @@ impl<'a> Cycle<'a> {
         if let Some(live) = &mut self.live {
             live.hear(&mut self.robot);
         }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.hear(&mut self.robot, self.time.now_ns);
+        }
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
-        let inputs_ns = times.wake.0.saturating_sub(input_age_ns(&self.plan.bus));
+        let inputs_ns = times.wake.0.saturating_sub(self.plan.bus.input_age_ns());
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
+        if let Some((sensors, truth)) = self.sensors.as_mut().zip(truth.as_ref()) {
+            sensors.look(self.time.now_ns.saturating_sub(self.plan.bus.input_age_ns()), truth);
+        }
         let errors = self.tracking.take(&self.last, truth.as_ref());
         let authority = self.live.as_ref().map(LiveEnd::authority).unwrap_or_default();
         self.bus = session.figures();

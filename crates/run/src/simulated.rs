@@ -13,8 +13,10 @@ use omnibase_robot::config::{
 mod axis;
 mod beside;
 mod script;
+mod sensors;
 
 pub use script::Script;
+pub use sensors::Sensors;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{

@@ -9,12 +9,12 @@ use omnibase_measure::truth::{TruePlatform, Witness};
 use omnibase_record::run::RunSchema;
 use omnibase_robot::signals::{CycleRecord, CycleTime, Phase};
 use omnibase_robot::{Registry, Request, Robot, RobotPlan, StageError};
-use omnibase_session::session::{Session, SessionError, input_age_ns};
+use omnibase_session::session::{Session, SessionError};
 
 use crate::channels::{CycleExtras, Known, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::pace::{Pace, PacedClock};
-use crate::simulated::{self, Script, SimulationError};
+use crate::simulated::{self, Script, Sensors, SimulationError};
 
 /// Why a simulated robot can't be made.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +47,7 @@ pub struct Stepped {
     session: Session<SimLink, PacedClock>,
     pace: Pace,
     script: Option<Script>,
+    sensors: Option<Sensors>,
     witness: Witness,
     conductor: Option<Conductor>,
     tracking: Tracking,
@@ -78,6 +79,7 @@ impl Stepped {
             session,
             pace,
             script,
+            sensors: Sensors::new(&plan),
             witness: Witness::new(machine),
             conductor: leads.then(|| Conductor::new(plan.safety.comeback)),
             tracking: Tracking::default(),
@@ -99,8 +101,14 @@ impl Stepped {
         let phase = self.robot.phase();
         let planned = self.conductor.as_mut().and_then(|plan| plan.next(&self.last, phase, Wish::GoOn));
         let request = planned.map(Request::lasting).or(asked);
+        if let Some(sensors) = &mut self.sensors {
+            sensors.hear(&mut self.robot, time.now_ns);
+        }
         self.last = *self.robot.compute(time, exchange, request, self.session.image());
-        let truth = self.witness.look(times.wake.0.saturating_sub(input_age_ns(&self.plan.bus)));
+        let truth = self.witness.look(times.wake.0.saturating_sub(self.plan.bus.input_age_ns()));
+        if let Some(sensors) = &mut self.sensors {
+            sensors.look(time.now_ns.saturating_sub(self.plan.bus.input_age_ns()), &truth);
+        }
         let plan = self.conductor.as_ref();
         self.extras = CycleExtras {
             times,

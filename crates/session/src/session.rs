@@ -358,15 +358,6 @@ fn pace(bus: &BusPlan) -> Pace {
     }
 }
 
-/// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
-pub fn input_age_ns(bus: &BusPlan) -> u64 {
-    match bus.synchronisation {
-        Synchronisation::Sync0 => bus.cycle_ns / 2,
-        // At the arrival of the frame before.
-        Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus.cycle_ns,
-    }
-}
-
 /// Where the process data of the wheels stand, and of what is beside them.
 fn wire<L>(
     plan: &RobotPlan,

@@ -194,6 +194,7 @@ pub(crate) fn signal_layout(devices: &[DevicePlan], sources: &[SourcePlan]) -> S
     let mut layout = SignalLayout {
         devices: devices.iter().map(|device| device.name.clone()).collect(),
         sources: Vec::new(),
+        sensors: Vec::new(),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
         input_bytes: devices.iter().map(DevicePlan::input_bytes).sum(),

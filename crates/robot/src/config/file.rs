@@ -16,6 +16,7 @@ use super::joystick::JoystickTable;
 use super::problem::Problem;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingTable, RunTable};
+use super::sensor_tables::SensorTable;
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
 
@@ -58,6 +59,8 @@ pub struct RobotFile {
     pub device: Vec<DeviceTable>,
     /// Other programs that send inputs while the robot runs.
     pub source: Vec<SourceTable>,
+    /// What tells of the platform's motion beside its wheels.
+    pub sensor: Vec<SensorTable>,
     /// Wheels and where they stand.
     pub platform: PlatformTable,
     /// Limits of the platform and its wheels; without all of them the drives aren't enabled.
@@ -253,8 +256,27 @@ pub struct EstimatorTable {
     /// Standard deviation of the heading after a radian, rad, likewise; default: 0.0012.
     #[schemars(range(min = 1e-6, max = 1.0))]
     pub turn_sigma_rad: Option<f64>,
+    /// In which frame paths, ways and the fence lie; default: `map`.
+    pub task_frame: Option<TaskFrame>,
+    /// Where sensors tell poses: beyond this standard deviation of x or y the pose counts as unknown, m; default: 0.1.
+    #[schemars(range(min = 1e-4, max = 10.0))]
+    pub unknown_sigma_m: Option<f64>,
+    /// Likewise of the heading, rad; default: 0.1.
+    #[schemars(range(min = 1e-4, max = 3.2))]
+    pub unknown_sigma_rad: Option<f64>,
     /// The estimator's own keys.
     pub custom: Parameters,
+}
+
+/// The frame that tasks lie in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskFrame {
+    /// Where all that tells of the platform says it is: odom is drawn to it softly.
+    #[default]
+    Map,
+    /// Where wheels alone say it is; what sensors say is told, and moves nothing.
+    Odom,
 }
 
 /// The control law.

@@ -19,6 +19,7 @@ use super::joystick::JoystickTable;
 use super::mapping::PdoPlan;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingPlan, RunTable};
+use super::sensor_tables::SensorPlan;
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
 use super::torque_limit::TorqueLimit;
@@ -40,6 +41,8 @@ pub struct RobotPlan {
     pub devices: Vec<DevicePlan>,
     /// Other programs that send inputs.
     pub sources: Vec<SourcePlan>,
+    /// What tells of the platform's motion beside its wheels.
+    pub sensors: Vec<SensorPlan>,
     /// Wheels and where they stand.
     pub kinematics: Kinematics,
     /// Limits.
@@ -78,7 +81,10 @@ impl RobotPlan {
 
     /// The signals that come and go beside the drives.
     pub fn signals(&self) -> SignalLayout {
-        signal_layout(&self.devices, &self.sources)
+        SignalLayout {
+            sensors: self.sensors.iter().map(|sensor| sensor.name.clone()).collect(),
+            ..signal_layout(&self.devices, &self.sources)
+        }
     }
 
     /// What a cycle's record of this robot holds.
@@ -147,6 +153,17 @@ pub struct BusPlan {
     pub clock_source: ClockSource,
     /// When drives stop by themselves.
     pub drive_watchdog: DriveWatchdog,
+}
+
+impl BusPlan {
+    /// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
+    pub fn input_age_ns(&self) -> u64 {
+        match self.synchronisation {
+            Synchronisation::Sync0 => self.cycle_ns / 2,
+            // At the arrival of the frame before.
+            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => self.cycle_ns,
+        }
+    }
 }
 
 impl BusPlan {

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::sensor_tables::SimulatedSensorTable;
+
 /// Sliding friction of a patch or an event over its static friction, where only that is given.
 pub const SLIDING_SHARE: f64 = 0.9;
 
@@ -10,6 +12,8 @@ pub const SLIDING_SHARE: f64 = 0.9;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SimulationTable {
+    /// What the robot's sensors say in the simulation, with their vices.
+    pub sensor: Vec<SimulatedSensorTable>,
     /// Mass of the platform without payload, kg.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub mass_kg: Option<f64>,

@@ -25,6 +25,8 @@ pub struct SignalLayout {
     pub devices: Vec<String>,
     /// Other programs that send inputs, at most [`MAX_SOURCES`].
     pub sources: Vec<SourceName>,
+    /// What tells of the platform's motion beside its wheels.
+    pub sensors: Vec<String>,
     /// What comes in, at most [`MAX_SIGNALS`]: the SubDevices' first, then the programs'.
     pub inputs: Vec<SignalName>,
     /// What goes out, at most [`MAX_SIGNALS`].
@@ -51,6 +53,7 @@ impl SignalLayout {
         SignalShape {
             devices: self.devices.len(),
             sources: self.sources.len(),
+            sensors: self.sensors.len(),
             inputs: self.inputs.len(),
             outputs: self.outputs.len(),
             input_bytes: self.input_bytes,
@@ -66,6 +69,8 @@ pub struct SignalShape {
     pub devices: usize,
     /// Other programs.
     pub sources: usize,
+    /// Sensors of the platform's motion.
+    pub sensors: usize,
     /// Inputs.
     pub inputs: usize,
     /// Outputs.
@@ -106,7 +111,15 @@ pub struct Signals {
 impl Signals {
     /// No signals.
     pub const NONE: Signals = Signals {
-        shape: SignalShape { devices: 0, sources: 0, inputs: 0, outputs: 0, input_bytes: 0, output_bytes: 0 },
+        shape: SignalShape {
+            devices: 0,
+            sources: 0,
+            sensors: 0,
+            inputs: 0,
+            outputs: 0,
+            input_bytes: 0,
+            output_bytes: 0,
+        },
         input_bytes: [0; MAX_DEVICE_BYTES],
         ages_s: [0.0; MAX_DEVICES + MAX_SOURCES],
         heard: 0,
@@ -146,6 +159,7 @@ static NONE: Signals = Signals::NONE;
 static NO_LAYOUT: SignalLayout = SignalLayout {
     devices: Vec::new(),
     sources: Vec::new(),
+    sensors: Vec::new(),
     inputs: Vec::new(),
     outputs: Vec::new(),
     input_bytes: 0,
@@ -184,6 +198,21 @@ impl<'a> Inputs<'a> {
     /// An input by its place; `None` where it isn't to be believed.
     pub(super) fn believed(&self, input: usize) -> Option<f64> {
         self.signals.believed(input)
+    }
+
+    /// An input by its place, as it was heard last; `None` where it is no number, or nothing was heard.
+    pub(crate) fn at(&self, input: usize) -> Option<f64> {
+        self.signals.inputs.get(input).copied().filter(|value| value.is_finite())
+    }
+
+    /// How old what a SubDevice said is, by its place, s.
+    pub(crate) fn device_age_s(&self, device: usize) -> Option<f64> {
+        (device < self.layout.devices.len()).then(|| self.signals.ages_s[device])
+    }
+
+    /// The instant of what a program sent, by its place, ns; `None` where nothing came in this cycle.
+    pub(crate) fn heard_ns(&self, source: usize) -> Option<u64> {
+        (self.signals.heard >> source & 1 == 1).then(|| self.signals.instants_ns[source])
     }
 
     /// A program by its name, and the age of what it sent last, s.

@@ -5,9 +5,9 @@ mod visit;
 use omnibase_platform::Regime;
 
 use super::{
-    Allowed, Commands, Course, CycleTime, Exchange, GripReport, GuardReport, LimitedBy, MAX_PROCESS_BYTES,
-    MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, Request, RequestAnswer, RequestSort,
-    SafetyAction, SafetyReason, Setpoint, SignalLayout, Signals, SourceName, TractionReport,
+    Allowed, Commands, Course, CycleTime, Exchange, FusionReport, GripReport, GuardReport, LimitedBy,
+    MAX_PROCESS_BYTES, MAX_WHEELS, Measurements, Phase, PlatformState, Quantity, Request, RequestAnswer,
+    RequestSort, SafetyAction, SafetyReason, Setpoint, SignalLayout, Signals, SourceName, TractionReport,
 };
 
 use visit::{INPUTS, Name, OUTPUTS, Slot, Visit, Visitor, regime_code, regime_from_code};
@@ -62,6 +62,8 @@ pub struct CycleRecord {
     pub measurements: Measurements,
     /// What is known.
     pub state: PlatformState,
+    /// What sensors tell of the platform's place; of a robot without them it says nothing.
+    pub fusion: FusionReport,
     /// What is followed while tracking.
     pub course: Course,
     /// The reference's own time, s.
@@ -199,6 +201,7 @@ impl CycleRecord {
         let some = SignalLayout {
             devices: vec![String::new()],
             sources: vec![SourceName::default()],
+            sensors: vec![String::new()],
             ..SignalLayout::default()
         };
         let channels = CycleRecord::channels(&RecordLayout { wheels: MAX_WHEELS, signals: some });
@@ -308,6 +311,9 @@ impl CycleRecord {
         let mut pose_known = u64::from(self.state.pose_known);
         v.u64("state.pose_known", "", &mut pose_known);
         self.state.pose_known = pose_known != 0;
+        if self.signals.shape.sensors > 0 {
+            v.fusion(&names.sensors, &mut self.fusion, self.signals.shape.sensors);
+        }
         v.code("reference.course", &mut self.course, Course::code, Course::from_code);
         v.f64("reference.time", "s", &mut self.reference_time_s);
         v.f64("reference.rate", "", &mut self.reference_rate);

@@ -6,8 +6,8 @@ use omnibase_cia402::{ErrorCode, StatusWord};
 use omnibase_platform::{Pose2, Regime, Twist2};
 
 use super::super::{
-    DriveMeasurement, DriveProgress, MAX_DEVICE_BYTES, MAX_WHEELS, ReferenceStatus, Setpoint, SignalLayout,
-    SignalName, SignalShape, Signals,
+    DriveMeasurement, DriveProgress, FusionReport, MAX_DEVICE_BYTES, MAX_WHEELS, ReferenceStatus, Setpoint,
+    SignalLayout, SignalName, SignalShape, Signals, verdict_code, verdict_from_code,
 };
 use super::{PROCESS_WORDS, ProcessBytes};
 
@@ -145,9 +145,30 @@ impl Visit<'_> {
         self.code("progress", &mut drive.progress, DriveProgress::code, DriveProgress::from_code);
     }
 
+    /// What sensors tell of the platform's place.
+    pub(super) fn fusion(&mut self, names: &[String], fusion: &mut FusionReport, sensors: usize) {
+        self.pose("map.pose", &mut fusion.map_from_body);
+        let covariance =
+            ["xx", "xy", "xh", "yy", "yh", "hh"].iter().zip(["m²", "m²", "m·rad", "m²", "m·rad", "rad²"]);
+        self.prefix = Name::new("map.covariance_");
+        for ((name, unit), value) in covariance.zip(&mut fusion.covariance) {
+            self.f64(name, unit, value);
+        }
+        self.prefix = Name::new("map.");
+        let mut placed = u64::from(fusion.is_placed);
+        self.u64("placed", "", &mut placed);
+        fusion.is_placed = placed != 0;
+        for (n, sensor) in fusion.sensors.iter_mut().enumerate().take(sensors) {
+            self.prefix = Name::new("sensor.").with(names.get(n).map_or("", String::as_str));
+            self.code(".verdict", &mut sensor.verdict, verdict_code, verdict_from_code);
+            self.f64(".nis", "", &mut sensor.nis);
+        }
+        self.prefix = Name::default();
+    }
+
     /// Nothing for a robot without them.
     pub(super) fn signals(&mut self, names: &SignalLayout, signals: &mut Signals) {
-        let SignalShape { devices, sources, inputs, outputs, input_bytes, output_bytes } = signals.shape;
+        let SignalShape { devices, sources, inputs, outputs, input_bytes, output_bytes, .. } = signals.shape;
         if devices + sources == 0 {
             return;
         }

@@ -1,0 +1,204 @@
+//! Sensors: their names, where what they say comes in, and how well they know.
+
+use omnibase_fusion::{MAX_RATES, MAX_SENSORS, Sensor, SensorKind};
+use omnibase_platform::Pose2;
+
+use super::Check;
+use crate::config::{
+    EstimatorTable, InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable,
+    nearest,
+};
+use crate::signals::SignalLayout;
+
+/// Covariance of a pose, as sources that carry one call it.
+const COVARIANCE: [&str; 6] =
+    ["covariance_xx", "covariance_xy", "covariance_xh", "covariance_yy", "covariance_yh", "covariance_hh"];
+
+pub(super) fn resolve(
+    check: &mut Check,
+    (tables, estimator): (&[SensorTable], &EstimatorTable),
+    signals: Option<&SignalLayout>,
+) -> Option<Vec<SensorPlan>> {
+    if tables.is_empty() {
+        return Some(Vec::new());
+    }
+    if estimator.kind.as_deref().unwrap_or("wheel_odometry") == "wheel_odometry" {
+        let reason = "the wheels alone tell it where the platform is: nobody would hear the sensors";
+        let problem = check.report(ProblemKind::Contradiction, "sensor", reason);
+        problem.limit = Some("estimator.kind = \"fused\", or no `[[sensor]]`".into());
+    }
+    let rates = tables.iter().filter(|table| table.kind.is_some_and(|kind| kind != SensorName::Pose)).count();
+    for (count, most, what) in
+        [(tables.len(), MAX_SENSORS, "sensors"), (rates, MAX_RATES, "sensors that tell speeds")]
+    {
+        if count > most {
+            let problem = check.report(ProblemKind::OutOfRange, "sensor", format!("too many {what}"));
+            (problem.value, problem.limit) = (Some(count.to_string()), Some(format!("at most {most}")));
+        }
+    }
+    let mut names: Vec<&str> = Vec::new();
+    let plans: Vec<Option<SensorPlan>> = tables
+        .iter()
+        .enumerate()
+        .map(|(n, table)| {
+            let setting = format!("sensor[{n}]");
+            let name = check.signal_name(table.name.as_deref(), &format!("{setting}.name"));
+            if let Some(own) = table.name.as_deref() {
+                if names.contains(&own) {
+                    let reason = "another sensor has the same name";
+                    check.report(ProblemKind::Duplicate, &format!("{setting}.name"), reason).value =
+                        Some(format!("\"{own}\""));
+                }
+                names.push(own);
+            }
+            let kind = check.need(table.kind, &format!("{setting}.kind"), "what it tells");
+            let from = check.need(table.from.as_deref(), &format!("{setting}.from"), "where that comes in");
+            unread(check, &setting, table, kind?);
+            let (inputs, owner) = inputs(check, &format!("{setting}.from"), (from?, kind?), signals?)?;
+            Some(SensorPlan {
+                name: name?,
+                kind: kind?,
+                inputs,
+                from: owner,
+                delay_ns: (table.delay_ms.unwrap_or(0.0) * 1e6) as u64,
+                scale: table.scale.unwrap_or(1.0),
+                sensor: sensor(table, kind?),
+            })
+        })
+        .collect();
+    plans.into_iter().collect()
+}
+
+/// Sensors of the simulation are sensors of the robot, whose readings come from a program.
+pub(super) fn simulated(check: &mut Check, tables: &[SimulatedSensorTable], sensors: &[SensorPlan]) {
+    let mut seen: Vec<&str> = Vec::new();
+    for (n, table) in tables.iter().enumerate() {
+        let setting = format!("simulation.sensor[{n}].name");
+        let Some(name) = check.need(table.name.as_deref(), &setting, "it is one of the robot's sensors")
+        else {
+            continue;
+        };
+        let found = sensors.iter().find(|sensor| sensor.name == name);
+        let (kind, reason) = match found {
+            None => (ProblemKind::UnknownName, "no `[[sensor]]` has this name"),
+            Some(SensorPlan { from: InputOwner::Device(_), .. }) => (
+                ProblemKind::Contradiction,
+                "a SubDevice tells it: only what a `[[source]]` tells is simulated",
+            ),
+            Some(_) if seen.contains(&name) => (ProblemKind::Duplicate, "it is simulated already"),
+            Some(_) => {
+                seen.push(name);
+                continue;
+            }
+        };
+        let problem = check.report(kind, &setting, reason);
+        problem.value = Some(format!("\"{name}\""));
+        problem.limit =
+            Some(sensors.iter().map(|sensor| sensor.name.as_str()).collect::<Vec<_>>().join(", "));
+    }
+}
+
+/// Keys of other kinds would change nothing.
+fn unread(check: &mut Check, setting: &str, table: &SensorTable, kind: SensorName) {
+    use SensorName::{Flow, Gyro, Pose, Twist};
+    let keys: [(&str, bool, &[SensorName]); 9] = [
+        ("scale", table.scale.is_some(), &[Gyro, Flow]),
+        ("sigma_m", table.sigma_m.is_some(), &[Pose]),
+        ("sigma_rad", table.sigma_rad.is_some(), &[Pose]),
+        ("sigma_m_s", table.sigma_m_s.is_some(), &[Flow, Twist]),
+        ("sigma_rad_s", table.sigma_rad_s.is_some(), &[Gyro, Twist]),
+        ("bias_sigma_rad_s", table.bias_sigma_rad_s.is_some(), &[Gyro]),
+        ("bias_walk_rad_s", table.bias_walk_rad_s.is_some(), &[Gyro]),
+        ("scale_sigma", table.scale_sigma.is_some(), &[Gyro, Flow, Twist]),
+        ("direction_sigma_rad", table.direction_sigma_rad.is_some(), &[Flow, Twist]),
+    ];
+    for (key, _, readers) in
+        keys.iter().filter(|(_, is_given, readers)| *is_given && !readers.contains(&kind))
+    {
+        let name = |kind: &SensorName| format!("{kind:?}").to_lowercase();
+        let reason = format!("nothing of a {} reads it", name(&kind));
+        let problem = check.report(ProblemKind::Contradiction, &format!("{setting}.{key}"), reason);
+        problem.limit =
+            Some(format!("a key of {}", readers.iter().map(name).collect::<Vec<_>>().join(" or ")));
+    }
+}
+
+/// The inputs of a sensor, by their places, and who has them.
+fn inputs(
+    check: &mut Check,
+    setting: &str,
+    (from, kind): (&str, SensorName),
+    signals: &SignalLayout,
+) -> Option<(Vec<usize>, InputOwner)> {
+    let (owner, values): (&str, &[&str]) = match kind {
+        SensorName::Gyro => match from.split_once('.') {
+            Some((owner, _)) => (owner, &[]),
+            None => (from, &["turn"]),
+        },
+        SensorName::Flow => (from, &["x", "y"]),
+        SensorName::Twist | SensorName::Pose => (from, &["x", "y", "heading"]),
+    };
+    let device = signals.devices.iter().position(|name| name == owner).map(InputOwner::Device);
+    let source = signals.sources.iter().position(|source| source.name == owner).map(InputOwner::Source);
+    let Some(place) = device.or(source) else {
+        let names: Vec<&str> = signals
+            .devices
+            .iter()
+            .map(String::as_str)
+            .chain(signals.sources.iter().map(|source| source.name.as_str()))
+            .collect();
+        let near = nearest(owner, names.iter().copied());
+        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let reason = format!("no `[[device]]` or `[[source]]` has this name{near}");
+        let problem = check.report(ProblemKind::UnknownName, setting, reason);
+        problem.value = Some(format!("\"{owner}\""));
+        problem.limit =
+            Some(if names.is_empty() { "a `[[device]]` or `[[source]]`".into() } else { names.join(", ") });
+        return None;
+    };
+    let wanted: Vec<String> = match values {
+        [] => vec![from.to_owned()],
+        values => values.iter().map(|value| format!("{owner}.{value}")).collect(),
+    };
+    let found: Vec<Option<usize>> = wanted.iter().map(|name| signals.input(name)).collect();
+    if let Some(missing) = found.iter().position(Option::is_none) {
+        let own = signals.inputs.iter().map(|signal| signal.name.as_str());
+        let own: Vec<&str> = own.filter(|name| name.starts_with(&format!("{owner}."))).collect();
+        let problem = check.report(ProblemKind::UnknownName, setting, format!("{owner} has no such input"));
+        problem.value = Some(format!("\"{}\"", wanted[missing]));
+        problem.limit = Some(own.join(", "));
+        return None;
+    }
+    let mut places: Vec<usize> = found.into_iter().flatten().collect();
+    if kind == SensorName::Pose {
+        let covariance: Option<Vec<usize>> =
+            COVARIANCE.iter().map(|name| signals.input(&format!("{owner}.{name}"))).collect();
+        places.extend(covariance.into_iter().flatten());
+    }
+    Some((places, place))
+}
+
+fn sensor(table: &SensorTable, kind: SensorName) -> Sensor {
+    let [x_m, y_m] = table.position_m.unwrap_or_default();
+    let turn = table.sigma_rad_s.unwrap_or(0.005);
+    let speed = table.sigma_m_s.unwrap_or(0.02);
+    let is_gyro = kind == SensorName::Gyro;
+    Sensor {
+        kind: kind.into(),
+        body_from_sensor: Pose2::new(x_m, y_m, table.heading_rad.unwrap_or(0.0)),
+        sigma: match SensorKind::from(kind) {
+            SensorKind::Turn => [turn, 0.0, 0.0],
+            SensorKind::Flow => [speed, speed, 0.0],
+            SensorKind::Twist => [speed, speed, turn],
+            SensorKind::Pose => {
+                let place = table.sigma_m.unwrap_or(0.002);
+                [place, place, table.sigma_rad.unwrap_or(0.004)]
+            }
+        },
+        bias_sigma: if is_gyro { table.bias_sigma_rad_s.unwrap_or(0.02) } else { 0.0 },
+        bias_walk: if is_gyro { table.bias_walk_rad_s.unwrap_or(1e-4) } else { 0.0 },
+        scale_sigma: table.scale_sigma.unwrap_or(if is_gyro { 0.005 } else { 0.02 }),
+        direction_sigma_rad: table.direction_sigma_rad.unwrap_or(0.02),
+        silent_ns: u64::from(table.silent_ms.unwrap_or(300)) * 1_000_000,
+    }
+}
