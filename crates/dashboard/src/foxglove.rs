@@ -15,6 +15,7 @@ use axum::routing::get;
 use axum::{Extension, Router};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
+use omnibase_measure::events::is_stop;
 use omnibase_platform::Pose2;
 use omnibase_record::run::{Due, Selection};
 use omnibase_record::viewer::{Channels, LOG, log, messages};
@@ -122,10 +123,9 @@ async fn tell(shared: Shared, channels: Channels, moments: Sender<Arc<Moment>>) 
         if due.take(now_ns) {
             all.extend(messages(&view.draw(now_ns, row), unix_ns(now_ns)));
         }
-        let is_warning = view.is_stopping(row);
         all.extend(events.iter().map(|event| {
             let time_ns = (event.time_s * 1e9) as u64;
-            (LOG, log(&event.text, is_warning, unix_ns(time_ns)))
+            (LOG, log(&event.text, is_stop(&event.text), unix_ns(time_ns)))
         }));
         // Whoever looked may be gone.
         let _ = moments.send(Arc::new(Moment { unix_ns: unix_ns(now_ns), messages: all }));

@@ -107,6 +107,13 @@ impl Watch {
     }
 }
 
+/// Whether what happened, in these words, stops the robot: viewers show it as a warning.
+pub fn is_stop(text: &str) -> bool {
+    let phases = [Phase::Stopping, Phase::QuickStopping, Phase::Fault].map(phase_words);
+    let reasons = (1..).map_while(SafetyReason::from_code).map(SafetyReason::text);
+    phases.into_iter().chain(reasons).any(|words| words == text)
+}
+
 /// A phase in words.
 pub fn phase_words(phase: Phase) -> &'static str {
     match phase {
@@ -164,6 +171,16 @@ mod tests {
         let expected = ["the fence holds the motion back", "the way led out of the fence", "ramping down"];
         assert_eq!(told(&mut watch, 1, stopping), expected);
         assert!(told(&mut watch, 2, stopping).is_empty());
+    }
+
+    #[test]
+    fn every_stop_is_one_by_its_words_and_nothing_else_is() {
+        let reasons = (1..).map_while(SafetyReason::from_code).map(SafetyReason::text);
+        assert!(reasons.chain(["ramping down", "quick stop", "stopped by a fault"]).all(is_stop));
+        assert_eq!(SafetyReason::Fence.text(), "the way led out of the fence");
+        assert!(is_stop("the way led out of the fence"));
+        let others = ["none", "holding", "drives disabled", "the pose is known again", ""];
+        assert!(!others.into_iter().any(is_stop));
     }
 
     #[test]

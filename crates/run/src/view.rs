@@ -146,13 +146,6 @@ impl View {
         (phase as u64 == Phase::Tracking.code()).then(|| [row[x], row[y]])
     }
 
-    /// Whether a row is of a robot that is stopping, or was stopped by a fault.
-    pub fn is_stopping(&self, row: &[f64]) -> bool {
-        let phase = self.columns.phase.and_then(|column| row.get(column));
-        let phase = phase.and_then(|code| Phase::from_code(*code as u64));
-        matches!(phase, Some(Phase::Stopping | Phase::QuickStopping | Phase::Fault))
-    }
-
     /// Takes in what a row changes; to be called with every row that there is.
     pub fn hear(&mut self, time_ns: u64, row: &[f64]) {
         for wheel in &mut self.wheels {

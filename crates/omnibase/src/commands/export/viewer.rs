@@ -1,6 +1,7 @@
 //! A recorded run for viewers.
 
 use anyhow::Context;
+use omnibase_measure::events::is_stop;
 use omnibase_record::run::{BEGUN, Due, RecordedRun, Selection};
 use omnibase_record::viewer::{Channels, ViewerFile};
 use omnibase_robot::Registry;
@@ -34,7 +35,7 @@ pub(super) fn write(
     let (mut events, mut drawings) = (run.events.iter().peekable(), 0);
     for (time_ns, row) in rows() {
         while let Some(event) = events.next_if(|event| event.time_ns <= *time_ns) {
-            file.write_event(event, view.is_stopping(row))?;
+            file.write_event(event, is_stop(&event.text))?;
         }
         view.hear(*time_ns, row);
         file.write_row(*time_ns, row)?;
