@@ -2,30 +2,36 @@
 //!
 //! Readings of speeds count as their mean over the epoch; poses at their own instants, on the arc of the epoch's step.
 
-use nalgebra::{Matrix3, SMatrix};
-use omnibase_platform::{BodyStep, Pose2, Twist2, wrap_angle_rad};
+mod poses;
+mod rates;
 
-use crate::belief::{Belief, GEOMETRY, Innovation, OWN, Row, SLIP};
+use omnibase_platform::{BodyStep, Pose2};
+
+use crate::belief::{Belief, OWN};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
-use crate::standing::{Standing, Verdict};
+use crate::standing::Standing;
+use rates::Rates;
 
 /// Poses of one epoch; those beyond are left out.
 pub const MAX_POSES: usize = 8;
 /// chi² that one reading in a thousand exceeds, with 1, 2 and 3 degrees of freedom.
 const GATES: [f64; 3] = [10.83, 13.82, 16.27];
-/// Wheels that slip leave a pose at most so fast, m/s and rad/s: a pose that is off by more jumped.
-const SLIPS_AT_MOST: [f64; 2] = [0.5, 1.0];
+/// Any dry floor carries an acceleration of the wheels up to this, m/s²; beyond it, wheels are the first suspects for so
+/// long, s. Turns count at a usual distance of the wheels, m.
+const STRAINING_M_S2: f64 = 0.8;
+const STRAINED_S: f64 = 0.3;
+const ARM_M: f64 = 0.35;
 /// What a sensor repeats to the bit counts where more than so many standard deviations were expected in between.
 const REPEATS_SIGMAS: f64 = 4.0;
-/// While nobody follows the pose, one that stays elsewhere for so long is where the platform is: it was carried, ns.
-const CARRIED_NS: u64 = 1_000_000_000;
 
 /// A sum of readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sum {
     values: [f64; 3],
     count: u32,
+    /// Of their instants since the first of these, ns.
+    instants_ns: [u64; 2],
 }
 
 /// A pose that was heard.
@@ -85,8 +91,29 @@ pub struct Knowledge {
     pub is_placed: bool,
     /// What it may be off beside its covariance, m and rad, because a sensor contradicts.
     pub doubt: [f64; 2],
+    /// For so long yet a floor may be giving way, s: wheels were strongly accelerated, or slip as forces tell.
+    pub strained_s: f64,
+    /// The body's twist in the epoch before, as wheels tell.
+    pub twist: [f64; 3],
     /// How far the wheels drove since the beginning, m and rad: the way's length and the turns'.
     pub driven: [f64; 2],
+}
+
+impl Knowledge {
+    /// Notices when wheels are accelerated as floors may not carry; by how much the twist grows in a second.
+    fn strain(&mut self, step: BodyStep, time_s: f64, slip_m_s: f64) -> [f64; 3] {
+        let twist = [step.x_m, step.y_m, step.angle_rad].map(|way| way / time_s);
+        let gain: [f64; 3] = std::array::from_fn(|n| (twist[n] - self.twist[n]) / time_s);
+        // What turns the way with the body is carried by the floor, too.
+        let along = [gain[0] - twist[2] * twist[1], gain[1] + twist[2] * twist[0]];
+        let at_wheels_m_s2 = along[0].hypot(along[1]) + ARM_M * gain[2].abs();
+        self.twist = twist;
+        self.strained_s = (self.strained_s - time_s).max(0.0);
+        if at_wheels_m_s2 > STRAINING_M_S2 || slip_m_s > 0.0 {
+            self.strained_s = STRAINED_S;
+        }
+        gain
+    }
 }
 
 impl Epoch {
@@ -109,6 +136,10 @@ impl Epoch {
         for (sum, value) in sum.values.iter_mut().zip(values) {
             *sum += value;
         }
+        if sum.count == 0 {
+            sum.instants_ns[0] = instant_ns;
+        }
+        sum.instants_ns[1] = sum.instants_ns[1].wrapping_add(instant_ns.wrapping_sub(sum.instants_ns[0]));
         sum.count += 1;
         true
     }
@@ -123,6 +154,13 @@ impl Epoch {
         self.poses[at..].rotate_right(1);
         self.poses[at] = Some(heard);
         true
+    }
+
+    /// How long after its middle readings were on average, s.
+    fn later_than_middle_s(&self, sum: &Sum) -> f64 {
+        let [first_ns, since_ns] = sum.instants_ns;
+        let first_s = first_ns.wrapping_sub(self.end_ns) as i64 as f64 * 1e-9;
+        first_s + since_ns as i64 as f64 * 1e-9 / f64::from(sum.count) + 0.5 * self.time_s
     }
 
     /// The step of the body in it, as the wheels tell.
@@ -140,6 +178,7 @@ impl Epoch {
         for sigma in &mut sigma {
             *sigma = sigma.hypot(self.slip_m_s);
         }
+        let gain = known.strain(step, self.time_s, self.slip_m_s);
         let truly = known.belief.advance(step, self.time_s, sigma);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
@@ -152,252 +191,12 @@ impl Epoch {
             known.belief.widen(OWN + 2 * rate, walk * walk * self.time_s);
         }
         if !self.has_gap {
-            self.take_rates(sensors, known, step);
+            Rates { epoch: self, sensors, step, gain }.take(known);
         }
         for heard in self.poses.iter().flatten() {
             self.take_pose(&sensors[heard.sensor], heard, known, truly);
         }
         known.belief.settle();
-    }
-
-    /// Speeds. What a single sensor contradicts is its own fault; what several do is the wheels': they slip.
-    fn take_rates(&self, sensors: &[Sensor], known: &mut Knowledge, step: BodyStep) {
-        // By how much each that is believed contradicts the wheels, in body axes.
-        let mut off = [None; MAX_RATES];
-        for (rate, (sensor, kind)) in rates(sensors) {
-            let sum = &self.rates[rate];
-            let standing = &known.standings[sensor];
-            if sum.count > 0 && standing.is_believed() && !is_same(standing, &mean(sum)) {
-                let (nis, by) = self.off(&sensors[sensor], (rate, sum), known, step);
-                off[rate] = (nis > gate(kind)).then_some(by);
-            }
-        }
-        if off.iter().flatten().count() >= 2 {
-            for (axis, by) in off.iter().flatten().flat_map(|by| by.iter().enumerate()) {
-                known.belief.widen(SLIP + axis, by * by);
-            }
-        }
-        for (rate, (sensor, kind)) in rates(sensors) {
-            let sum = &self.rates[rate];
-            if sum.count == 0 {
-                continue;
-            }
-            match kind {
-                SensorKind::Turn => self.take_rate::<1>(&sensors[sensor], (sensor, rate, sum), known, step),
-                SensorKind::Flow => self.take_rate::<2>(&sensors[sensor], (sensor, rate, sum), known, step),
-                _ => self.take_rate::<3>(&sensors[sensor], (sensor, rate, sum), known, step),
-            }
-        }
-    }
-
-    /// chi² of a mean of readings, and by how much it is off in body axes, m/s and rad/s.
-    fn off(
-        &self,
-        sensor: &Sensor,
-        (rate, sum): (usize, &Sum),
-        known: &Knowledge,
-        step: BodyStep,
-    ) -> (f64, [f64; 3]) {
-        let nis = match sensor.kind {
-            SensorKind::Turn => nis(self.compare::<1>(sensor, (rate, sum), known, step).0),
-            SensorKind::Flow => nis(self.compare::<2>(sensor, (rate, sum), known, step).0),
-            _ => nis(self.compare::<3>(sensor, (rate, sum), known, step).0),
-        };
-        let (_, expected) = self.compare::<3>(sensor, (rate, sum), known, step);
-        let said = mean(sum);
-        let off: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
-        let (sin, cos) = sensor.body_from_sensor.heading_rad.sin_cos();
-        match sensor.kind {
-            SensorKind::Turn => (nis, [0.0, 0.0, off[0]]),
-            SensorKind::Flow => (nis, [cos * off[0] - sin * off[1], sin * off[0] + cos * off[1], 0.0]),
-            _ => (nis, [cos * off[0] - sin * off[1], sin * off[0] + cos * off[1], off[2]]),
-        }
-    }
-
-    fn take_rate<const M: usize>(
-        &self,
-        sensor: &Sensor,
-        (place, rate, sum): (usize, usize, &Sum),
-        known: &mut Knowledge,
-        step: BodyStep,
-    ) {
-        let (innovation, expected) = self.compare::<M>(sensor, (rate, sum), known, step);
-        let Some(innovation) = innovation else { return };
-        let standing = &mut known.standings[place];
-        let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
-        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor, step), bound);
-        standing.nis = innovation.nis / M as f64;
-        let agrees = innovation.nis <= GATES[M - 1] && !repeats;
-        let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
-        if standing.judge(self.end_ns, agrees, fault) {
-            known.belief.correct(&innovation);
-        } else if !agrees {
-            // Until others tell, it may be the wheels that are wrong.
-            let off = innovation_size(&mean(sum), &expected, sensor.kind);
-            known.doubt[0] += off[0] * self.time_s;
-            known.doubt[1] += off[1] * self.time_s;
-        }
-    }
-
-    /// What a sensor would tell if wheels were as they are said to be.
-    fn by_wheels(&self, sensor: &Sensor, step: BodyStep) -> [f64; 3] {
-        let per_s = 1.0 / self.time_s;
-        let twist = Twist2::new(step.x_m * per_s, step.y_m * per_s, step.angle_rad * per_s);
-        match sensor.kind {
-            SensorKind::Turn => [twist.w_rad_s, 0.0, 0.0],
-            _ => {
-                let Twist2 { vx_m_s, vy_m_s, w_rad_s } = twist.at(sensor.body_from_sensor);
-                [vx_m_s, vy_m_s, w_rad_s]
-            }
-        }
-    }
-
-    /// A mean of readings against what is believed, and what was expected.
-    fn compare<const M: usize>(
-        &self,
-        sensor: &Sensor,
-        (rate, sum): (usize, &Sum),
-        known: &Knowledge,
-        step: BodyStep,
-    ) -> (Option<Innovation<M>>, [f64; 3]) {
-        let belief = &known.belief;
-        let truly = belief.corrected(step, self.time_s);
-        let per_s = 1.0 / self.time_s;
-        let body = [truly.x_m * per_s, truly.y_m * per_s, truly.angle_rad * per_s];
-        let u = [step.x_m * per_s, step.y_m * per_s, step.angle_rad * per_s];
-        // How each component of the body's twist depends on what is estimated.
-        let twist_rows: [Row; 3] = std::array::from_fn(|i| {
-            let at = GEOMETRY + 3 * i;
-            Row::of(&[(at, u[0]), (at + 1, u[1]), (at + 2, u[2]), (SLIP + i, -1.0)])
-        });
-        let own = OWN + 2 * rate;
-        let (expected, rows): ([f64; 3], [Row; 3]) = match sensor.kind {
-            SensorKind::Turn => {
-                let scale = 1.0 + belief.error(own + 1);
-                let mut row = Row::of(&[(own, 1.0), (own + 1, body[2])]);
-                row.add_scaled(&twist_rows[2], scale);
-                ([scale * body[2] + belief.error(own), 0.0, 0.0], [row, Row::default(), Row::default()])
-            }
-            _ => {
-                let mount = sensor.body_from_sensor;
-                let scale = 1.0 + belief.error(own);
-                let angle = mount.heading_rad + belief.error(own + 1);
-                let (sin, cos) = angle.sin_cos();
-                let at = [body[0] - body[2] * mount.y_m, body[1] + body[2] * mount.x_m];
-                let x = cos * at[0] + sin * at[1];
-                let y = -sin * at[0] + cos * at[1];
-                let mut row_x = Row::of(&[(own, x), (own + 1, scale * y)]);
-                row_x.add_scaled(&twist_rows[0], scale * cos);
-                row_x.add_scaled(&twist_rows[1], scale * sin);
-                let mut row_y = Row::of(&[(own, y), (own + 1, -scale * x)]);
-                row_y.add_scaled(&twist_rows[0], -scale * sin);
-                row_y.add_scaled(&twist_rows[1], scale * cos);
-                // The lever arm's share of the turn.
-                row_x.add_scaled(&twist_rows[2], scale * (-cos * mount.y_m + sin * mount.x_m));
-                row_y.add_scaled(&twist_rows[2], scale * (sin * mount.y_m + cos * mount.x_m));
-                ([scale * x, scale * y, body[2]], [row_x, row_y, twist_rows[2]])
-            }
-        };
-        let said = mean(sum);
-        let count = f64::from(sum.count);
-        let noise = SMatrix::<f64, M, M>::from_fn(|r, c| {
-            if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
-        });
-        let difference = std::array::from_fn(|n| said[n] - expected[n]);
-        let innovation = belief.innovation::<M>(difference, &std::array::from_fn(|n| rows[n]), &noise);
-        (innovation, expected)
-    }
-
-    /// A pose at its own instant.
-    fn take_pose(&self, sensor: &Sensor, heard: &Heard, known: &mut Knowledge, truly: BodyStep) {
-        // From the epoch's end back to the instant, or on to it, along the arc.
-        let late_s = (self.end_ns as f64 - heard.instant_ns as f64) * 1e-9;
-        let share = late_s / self.time_s;
-        let back = BodyStep::new(-share * truly.x_m, -share * truly.y_m, -share * truly.angle_rad).exp();
-        let noise = noise_of(sensor, heard);
-        if !known.is_placed {
-            let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
-            known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-            known.is_placed = true;
-            known.standings[heard.sensor].trust(heard.instant_ns);
-            return;
-        }
-        let expected = known.belief.map_from_body.then(back).then(sensor.body_from_sensor);
-        let compare = |belief: &Belief| {
-            let body = belief.map_from_body;
-            let said = heard.map_from_sensor;
-            let difference = [
-                said.x_m - expected.x_m,
-                said.y_m - expected.y_m,
-                wrap_angle_rad(said.heading_rad - expected.heading_rad),
-            ];
-            let rows = [
-                Row::of(&[(0, 1.0), (2, body.y_m - expected.y_m)]),
-                Row::of(&[(1, 1.0), (2, expected.x_m - body.x_m)]),
-                Row::of(&[(2, 1.0)]),
-            ];
-            (belief.innovation::<3>(difference, &rows, &noise), difference)
-        };
-        let (innovation, off) = compare(&known.belief);
-        let Some(mut innovation) = innovation else { return };
-        let standing = &mut known.standings[heard.sensor];
-        standing.nis = innovation.nis / 3.0;
-        let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
-        let bound: [f64; 3] = std::array::from_fn(|n| REPEATS_SIGMAS * noise[(n, n)].sqrt());
-        let [way_m, turn_rad] = known.driven;
-        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound);
-        let mut agrees = innovation.nis <= GATES[2] && !repeats;
-        if !agrees && !repeats && standing.is_believed() {
-            let since_s = standing.silent_s(heard.instant_ns);
-            let size = [off[0].hypot(off[1]), off[2].abs()];
-            let slips =
-                |n: usize| size[n] <= SLIPS_AT_MOST[n] * since_s.min(1.0) + bound[if n == 0 { 0 } else { 2 }];
-            if slips(0) && slips(1) {
-                for (place, off) in off.iter().enumerate() {
-                    known.belief.widen(place, off * off);
-                    known.belief.widen(SLIP + place, (off / since_s.max(self.time_s)).powi(2));
-                }
-                if let (Some(again), _) = compare(&known.belief) {
-                    (innovation, agrees) = (again, again.nis <= GATES[2]);
-                }
-            }
-        }
-        let standing = &mut known.standings[heard.sensor];
-        let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
-        if standing.judge(heard.instant_ns, agrees, fault) {
-            known.belief.correct(&innovation);
-            known.doubt = [0.0; 2];
-            return;
-        }
-        if !agrees {
-            let size = [off[0].hypot(off[1]), off[2].abs()];
-            known.doubt = [known.doubt[0].max(size[0]), known.doubt[1].max(size[1])];
-            self.look_elsewhere((sensor, heard), known, (off, bound), back);
-        }
-    }
-
-    /// A platform that was carried while nobody followed its pose: it is where the sensor says all the time.
-    fn look_elsewhere(
-        &self,
-        (sensor, heard): (&Sensor, &Heard),
-        known: &mut Knowledge,
-        (off, bound): ([f64; 3], [f64; 3]),
-        back: Pose2,
-    ) {
-        let standing = &mut known.standings[heard.sensor];
-        let stays = |from: &[f64; 3]| (0..3).all(|n| (off[n] - from[n]).abs() <= bound[n]);
-        match standing.elsewhere {
-            Some((from, since_ns)) if self.is_free && stays(&from) => {
-                if heard.instant_ns.saturating_sub(since_ns) >= CARRIED_NS {
-                    let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
-                    let noise = noise_of(sensor, heard);
-                    known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-                    known.doubt = [0.0; 2];
-                    known.standings[heard.sensor].trust(heard.instant_ns);
-                }
-            }
-            _ => standing.elsewhere = self.is_free.then_some((off, heard.instant_ns)),
-        }
     }
 }
 
@@ -405,46 +204,4 @@ impl Epoch {
 pub(crate) fn rates(sensors: &[Sensor]) -> impl Iterator<Item = (usize, (usize, SensorKind))> + '_ {
     let kinds = sensors.iter().map(|sensor| sensor.kind).enumerate();
     kinds.filter(|(_, kind)| *kind != SensorKind::Pose).enumerate().take(MAX_RATES)
-}
-
-fn mean(sum: &Sum) -> [f64; 3] {
-    sum.values.map(|value| value / f64::from(sum.count))
-}
-
-fn is_same(standing: &Standing, said: &[f64; 3]) -> bool {
-    said.iter().zip(&standing.said).all(|(a, b)| a.to_bits() == b.to_bits())
-}
-
-fn gate(kind: SensorKind) -> f64 {
-    match kind {
-        SensorKind::Turn => GATES[0],
-        SensorKind::Flow => GATES[1],
-        SensorKind::Twist | SensorKind::Pose => GATES[2],
-    }
-}
-
-fn nis<const M: usize>(innovation: Option<Innovation<M>>) -> f64 {
-    innovation.map_or(0.0, |innovation| innovation.nis)
-}
-
-/// By how much a reading is off, m/s and rad/s.
-fn innovation_size(said: &[f64; 3], expected: &[f64; 3], kind: SensorKind) -> [f64; 2] {
-    let off: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
-    match kind {
-        SensorKind::Turn => [0.0, off[0].abs()],
-        _ => [off[0].hypot(off[1]), off[2].abs()],
-    }
-}
-
-fn noise_of(sensor: &Sensor, heard: &Heard) -> Matrix3<f64> {
-    let [xx, xy, xh, yy, yh, hh] = heard.covariance;
-    let own = Matrix3::from_diagonal(&sensor.sigma.map(|sigma| sigma * sigma).into());
-    own + Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh)
-}
-
-/// What the noise of a sensor makes of the place of the platform: its heading turns the lever arm.
-fn place_noise(noise: &Matrix3<f64>, sensor: &Sensor) -> [f64; 6] {
-    let arm_m2 = sensor.body_from_sensor.distance_m(Pose2::default()).powi(2);
-    let swept = arm_m2 * noise[(2, 2)];
-    [noise[(0, 0)] + swept, noise[(0, 1)], noise[(0, 2)], noise[(1, 1)] + swept, noise[(1, 2)], noise[(2, 2)]]
 }

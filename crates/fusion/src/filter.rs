@@ -136,6 +136,8 @@ impl Filter {
             standings: [Standing::default(); MAX_SENSORS],
             is_placed: !has_poses,
             doubt: [0.0; 2],
+            strained_s: 0.0,
+            twist: [0.0; 3],
             driven: [0.0; 2],
         };
         Filter {

@@ -20,6 +20,8 @@ pub enum Verdict {
 const DOUBT_TIME_S: f64 = 0.1;
 /// The share of readings that contradict, lately, beyond which it isn't.
 const DOUBTED: f64 = 0.9;
+/// The share from which what it contradicts may be wrong.
+const DOUBTFUL: f64 = 0.5;
 /// For so long it must agree before it is believed again, s.
 const RETURN_S: f64 = 1.0;
 /// Readings further apart than this tell no more of it than this, s.
@@ -63,6 +65,11 @@ impl Standing {
     /// Whether what it says is taken in where it agrees.
     pub fn is_believed(&self) -> bool {
         !matches!(self.verdict, Verdict::Frozen | Verdict::Contradicts)
+    }
+
+    /// Whether it contradicts more often than outliers do.
+    pub(crate) fn is_doubtful(&self) -> bool {
+        self.doubt > DOUBTFUL
     }
 
     /// How long it was silent before an instant, s; infinite where nothing was heard.

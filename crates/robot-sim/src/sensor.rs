@@ -133,8 +133,9 @@ impl SimulatedSensor {
             Tells::Turn => [scale * twist.w_rad_s + self.bias_rad_s + p.turn_noise * noise[0], 0.0, 0.0],
             // Its noise is that of each step: the way wanders off by it.
             Tells::Way => {
+                let noise_m = if self.is_lifted { 0.0 } else { p.noise * p.period_ns as f64 * 1e-9 };
                 for (way_m, noise) in self.way_m.iter_mut().zip(noise) {
-                    *way_m += p.noise * p.period_ns as f64 * 1e-9 * noise;
+                    *way_m += noise_m * noise;
                 }
                 [self.way_m[0], self.way_m[1], 0.0]
             }

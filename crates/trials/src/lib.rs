@@ -5,6 +5,7 @@
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
+//! - [`sensed`]: such robots with sensors: how far they truly are from where they should be
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
 //! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
@@ -23,6 +24,7 @@ pub mod mujoco;
 pub mod robots;
 mod run;
 pub mod seeded;
+pub mod sensed;
 mod servo_box;
 pub mod slip;
 pub mod stops;

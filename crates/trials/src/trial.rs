@@ -1,13 +1,14 @@
 //! A robot on its simulated machine, cycle by cycle.
 
 use omnibase_ethercat_sim::device::Outputs;
-use omnibase_platform::Pose2;
+use omnibase_measure::truth::TruePlatform;
+use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::signals::Heard;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
 use omnibase_robot_sim::{Machine, MachineParameters, SharedMachine};
-use omnibase_run::simulated;
+use omnibase_run::simulated::{self, Sensors};
 
 use crate::servo_box::ServoBox;
 
@@ -49,6 +50,9 @@ pub struct Trial {
     pub next_exchange: Exchange,
     /// The source that a gyro without errors speaks through, where the robot has one: its only value is the turn, rad/s.
     pub gyro: Option<usize>,
+    /// The sensors that the plan simulates.
+    sensors: Option<Sensors>,
+    twist_before: Twist2,
     servos: Vec<ServoBox>,
     /// Drives that take no part.
     away: Vec<Option<Without>>,
@@ -90,6 +94,7 @@ impl Trial {
         let servos = wheels
             .map(|((drive, station), wheel)| ServoBox::new(drive, station, &wheel.motor, &machine))
             .collect();
+        let sensors = Sensors::new(&plan);
         Trial {
             robot,
             image: ImageBuffer::new(&plan),
@@ -99,6 +104,8 @@ impl Trial {
             machine,
             next_exchange: Exchange::Complete,
             gyro: None,
+            sensors,
+            twist_before: Twist2::default(),
             index: 0,
             pose_before: Pose2::default(),
             measured_pose: Pose2::default(),
@@ -138,6 +145,11 @@ impl Trial {
             self.robot.hear(source, &heard);
         }
         self.measured_pose = self.pose_before;
+        if let Some(sensors) = &mut self.sensors {
+            let truth = TruePlatform { odom_from_body: self.measured_pose, twist_in_body: self.twist_before };
+            sensors.look((self.index - 1) * period_ns, &truth);
+            sensors.hear(&mut self.robot, self.index * period_ns);
+        }
         let exchange = self.next_exchange;
         let images = self.image.inputs.iter_mut().zip(&self.image.outputs);
         for (wheel, (servo, (inputs, outputs))) in self.servos.iter_mut().zip(images).enumerate() {
@@ -153,6 +165,8 @@ impl Trial {
             servo.beat(now_ns, period_ns, if takes_part { Outputs::New } else { Outputs::Held });
         }
         self.pose_before = self.pose();
+        let twist = self.machine.truth().twist_in_body;
+        self.twist_before = Twist2::new(twist.vx_m_s, twist.vy_m_s, twist.w_rad_s);
     }
 
     /// Computes the cycle that belongs to the exchange.

@@ -36,7 +36,7 @@ fn errors_are_as_great_as_their_covariance_says_with_each_set_of_sensors() {
         ("gyro and mice", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)]),
         ("all", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8), (tracker(), 10)]),
     ];
-    let seeds = 60;
+    let seeds = 120;
     // 95 % of the mean of chi² with three degrees of freedom each, over three: 1 ± 1.96·√(2/3/seeds).
     let band = 1.96 * (2.0 / 3.0 / seeds as f64).sqrt();
     for (name, sensors) in sets {

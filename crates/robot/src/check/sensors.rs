@@ -196,7 +196,7 @@ fn sensor(table: &SensorTable, kind: SensorName) -> Sensor {
             }
         },
         bias_sigma: if is_gyro { table.bias_sigma_rad_s.unwrap_or(0.02) } else { 0.0 },
-        bias_walk: if is_gyro { table.bias_walk_rad_s.unwrap_or(1e-4) } else { 0.0 },
+        bias_walk: if is_gyro { table.bias_walk_rad_s.unwrap_or(3e-6) } else { 0.0 },
         scale_sigma: table.scale_sigma.unwrap_or(if is_gyro { 0.005 } else { 0.02 }),
         direction_sigma_rad: table.direction_sigma_rad.unwrap_or(0.02),
         silent_ns: u64::from(table.silent_ms.unwrap_or(300)) * 1_000_000,

@@ -39,7 +39,7 @@ pub struct SensorTable {
     /// Standard deviation of a gyro's bias at the start, rad/s; default: 0.02.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub bias_sigma_rad_s: Option<f64>,
-    /// How far a gyro's bias wanders within a second, rad/s, growing with the root of the time; default: 0.0001.
+    /// How far a gyro's bias wanders within a second, rad/s, growing with the root of the time; default: 3e-6.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub bias_walk_rad_s: Option<f64>,
     /// Standard deviation of the scale of gyro, flow or twist; default: 0.005 for a gyro, 0.02 for the others.

@@ -1,0 +1,123 @@
+//! Poses of an epoch, each at its own instant.
+
+use nalgebra::Matrix3;
+use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
+
+use super::{Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use crate::belief::{Belief, Row, SLIP};
+use crate::sensor::Sensor;
+use crate::standing::Verdict;
+
+/// Wheels that slip leave a pose at most so fast, m/s and rad/s: a pose that is off by more jumped.
+const SLIPS_AT_MOST: [f64; 2] = [0.5, 1.0];
+/// While nobody follows the pose, one that stays elsewhere for so long is where the platform is: it was carried, ns.
+const CARRIED_NS: u64 = 1_000_000_000;
+
+impl Epoch {
+    /// A pose at its own instant.
+    pub(super) fn take_pose(&self, sensor: &Sensor, heard: &Heard, known: &mut Knowledge, truly: BodyStep) {
+        // From the epoch's end back to the instant, or on to it, along the arc.
+        let late_s = (self.end_ns as f64 - heard.instant_ns as f64) * 1e-9;
+        let share = late_s / self.time_s;
+        let back = BodyStep::new(-share * truly.x_m, -share * truly.y_m, -share * truly.angle_rad).exp();
+        let noise = noise_of(sensor, heard);
+        if !known.is_placed {
+            let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
+            known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
+            known.is_placed = true;
+            known.standings[heard.sensor].trust(heard.instant_ns);
+            return;
+        }
+        let expected = known.belief.map_from_body.then(back).then(sensor.body_from_sensor);
+        let compare = |belief: &Belief| {
+            let body = belief.map_from_body;
+            let said = heard.map_from_sensor;
+            let difference = [
+                said.x_m - expected.x_m,
+                said.y_m - expected.y_m,
+                wrap_angle_rad(said.heading_rad - expected.heading_rad),
+            ];
+            let rows = [
+                Row::of(&[(0, 1.0), (2, body.y_m - expected.y_m)]),
+                Row::of(&[(1, 1.0), (2, expected.x_m - body.x_m)]),
+                Row::of(&[(2, 1.0)]),
+            ];
+            (belief.innovation::<3>(difference, &rows, &noise), difference)
+        };
+        let (innovation, off) = compare(&known.belief);
+        let Some(mut innovation) = innovation else { return };
+        let standing = &mut known.standings[heard.sensor];
+        standing.nis = innovation.nis / 3.0;
+        let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
+        let bound: [f64; 3] = std::array::from_fn(|n| REPEATS_SIGMAS * noise[(n, n)].sqrt());
+        let [way_m, turn_rad] = known.driven;
+        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound);
+        let mut agrees = innovation.nis <= GATES[2] && !repeats;
+        if !agrees && !repeats && standing.is_believed() {
+            let since_s = standing.silent_s(heard.instant_ns);
+            let size = [off[0].hypot(off[1]), off[2].abs()];
+            let slips =
+                |n: usize| size[n] <= SLIPS_AT_MOST[n] * since_s.min(1.0) + bound[if n == 0 { 0 } else { 2 }];
+            if slips(0) && slips(1) {
+                for (place, off) in off.iter().enumerate() {
+                    known.belief.widen(place, off * off);
+                    known.belief.widen(SLIP + place, (off / since_s.max(self.time_s)).powi(2));
+                }
+                if let (Some(again), _) = compare(&known.belief) {
+                    (innovation, agrees) = (again, again.nis <= GATES[2]);
+                }
+            }
+        }
+        let standing = &mut known.standings[heard.sensor];
+        let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
+        if standing.judge(heard.instant_ns, agrees, fault) {
+            known.belief.correct(&innovation);
+            known.doubt = [0.0; 2];
+            return;
+        }
+        if !agrees {
+            let size = [off[0].hypot(off[1]), off[2].abs()];
+            if known.standings[heard.sensor].is_doubtful() {
+                known.doubt = [known.doubt[0].max(size[0]), known.doubt[1].max(size[1])];
+            }
+            self.look_elsewhere((sensor, heard), known, (off, bound), back);
+        }
+    }
+
+    /// A platform that was carried while nobody followed its pose: it is where the sensor says all the time.
+    fn look_elsewhere(
+        &self,
+        (sensor, heard): (&Sensor, &Heard),
+        known: &mut Knowledge,
+        (off, bound): ([f64; 3], [f64; 3]),
+        back: Pose2,
+    ) {
+        let standing = &mut known.standings[heard.sensor];
+        let stays = |from: &[f64; 3]| (0..3).all(|n| (off[n] - from[n]).abs() <= bound[n]);
+        match standing.elsewhere {
+            Some((from, since_ns)) if self.is_free && stays(&from) => {
+                if heard.instant_ns.saturating_sub(since_ns) >= CARRIED_NS {
+                    let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
+                    let noise = noise_of(sensor, heard);
+                    known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
+                    known.doubt = [0.0; 2];
+                    known.standings[heard.sensor].trust(heard.instant_ns);
+                }
+            }
+            _ => standing.elsewhere = self.is_free.then_some((off, heard.instant_ns)),
+        }
+    }
+}
+
+fn noise_of(sensor: &Sensor, heard: &Heard) -> Matrix3<f64> {
+    let [xx, xy, xh, yy, yh, hh] = heard.covariance;
+    let own = Matrix3::from_diagonal(&sensor.sigma.map(|sigma| sigma * sigma).into());
+    own + Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh)
+}
+
+/// What the noise of a sensor makes of the place of the platform: its heading turns the lever arm.
+fn place_noise(noise: &Matrix3<f64>, sensor: &Sensor) -> [f64; 6] {
+    let arm_m2 = sensor.body_from_sensor.distance_m(Pose2::default()).powi(2);
+    let swept = arm_m2 * noise[(2, 2)];
+    [noise[(0, 0)] + swept, noise[(0, 1)], noise[(0, 2)], noise[(1, 1)] + swept, noise[(1, 2)], noise[(2, 2)]]
+}

@@ -1,0 +1,232 @@
+//! Speeds of an epoch: the mean of what each sensor told, against what the wheels make of it.
+
+use nalgebra::SMatrix;
+use omnibase_platform::{BodyStep, Twist2};
+
+use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, Sum, rates};
+use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
+use crate::sensor::{MAX_RATES, Sensor, SensorKind};
+use crate::standing::Verdict;
+
+/// What an epoch's speeds are compared with.
+#[derive(Clone, Copy)]
+pub(super) struct Rates<'a> {
+    pub(super) epoch: &'a Epoch,
+    pub(super) sensors: &'a [Sensor],
+    /// As the wheels tell.
+    pub(super) step: BodyStep,
+    /// By how much the body's twist grows in a second, as the wheels tell.
+    pub(super) gain: [f64; 3],
+}
+
+impl Rates<'_> {
+    /// Speeds. What a single sensor contradicts is its own fault; what several do, and agree in, is the wheels': they
+    /// slip.
+    pub(super) fn take(&self, known: &mut Knowledge) {
+        // By how much each that is believed contradicts the wheels, in body axes.
+        let mut off = [None; MAX_RATES];
+        let (mut heard, mut numbers) = (0, 0);
+        for (rate, sensor, sum) in self.heard() {
+            // A mouse that tells no motion at all is lifted off, or everything stands.
+            let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
+            if known.standings[sensor].is_believed() && !is_still {
+                let (nis, by) = self.off((rate, sensor, sum), known);
+                off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
+                heard += 1;
+                numbers += numbers_of(self.sensors[sensor].kind);
+            }
+        }
+        let contradicting = off.iter().flatten().count();
+        // A gyro that is alone is believed while the floor may be giving way: it can't be lifted off it.
+        let is_gyro_alone = heard == 1
+            && self.heard().any(|(rate, sensor, _)| {
+                off[rate].is_some() && self.sensors[sensor].kind == SensorKind::Turn
+            });
+        let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
+        if contradicting > 0 && may_slip {
+            let mut slipping = *known;
+            for (axis, by) in off.iter().flatten().flat_map(|by| by.iter().enumerate()) {
+                slipping.belief.widen(SLIP + axis, by * by);
+            }
+            if self.all_agree(&slipping) {
+                known.belief = slipping.belief;
+            }
+        }
+        for one in self.heard() {
+            match self.sensors[one.1].kind {
+                SensorKind::Turn => self.take_one::<1>(one, known),
+                SensorKind::Flow => self.take_one::<2>(one, known),
+                _ => self.take_one::<3>(one, known),
+            }
+        }
+    }
+
+    /// What was heard: the sensor's place among those that tell speeds, among all, and the sum.
+    fn heard(&self) -> impl Iterator<Item = (usize, usize, &Sum)> {
+        let all = rates(self.sensors).map(|(rate, (sensor, _))| (rate, sensor, &self.epoch.rates[rate]));
+        all.filter(|(_, _, sum)| sum.count > 0)
+    }
+
+    /// Whether all that are believed can be taken in one after the other.
+    fn all_agree(&self, known: &Knowledge) -> bool {
+        let mut known = *known;
+        let believed = known.standings.map(|standing| standing.is_believed());
+        self.heard().filter(|(_, sensor, _)| believed[*sensor]).all(|one| match self.sensors[one.1].kind {
+            SensorKind::Turn => self.agrees::<1>(one, &mut known),
+            SensorKind::Flow => self.agrees::<2>(one, &mut known),
+            _ => self.agrees::<3>(one, &mut known),
+        })
+    }
+
+    /// Takes a reading in where it agrees; whether it does.
+    fn agrees<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) -> bool {
+        let agreeing = self.compare::<M>(one, known).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
+        agreeing.map(|innovation| known.belief.correct(&innovation)).is_some()
+    }
+
+    /// chi² of a mean of readings, and by how much it is off in body axes, m/s and rad/s.
+    fn off(&self, one: (usize, usize, &Sum), known: &Knowledge) -> (f64, [f64; 3]) {
+        let sensor = &self.sensors[one.1];
+        let (nis, expected) = match sensor.kind {
+            SensorKind::Turn => nis(self.compare::<1>(one, known)),
+            SensorKind::Flow => nis(self.compare::<2>(one, known)),
+            _ => nis(self.compare::<3>(one, known)),
+        };
+        let said = mean(one.2);
+        let [x, y, turn]: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
+        let (sin, cos) = sensor.body_from_sensor.heading_rad.sin_cos();
+        let along = [cos * x - sin * y, sin * x + cos * y];
+        let by = match sensor.kind {
+            SensorKind::Turn => [0.0, 0.0, x],
+            // It may be the turn at its lever arm.
+            SensorKind::Flow => [along[0], along[1], x.hypot(y) / arm_m(sensor)],
+            _ => [along[0], along[1], turn],
+        };
+        (nis, by)
+    }
+
+    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
+        let (_, place, sum) = one;
+        let sensor = &self.sensors[place];
+        let (innovation, expected) = self.compare::<M>(one, known);
+        let Some(innovation) = innovation else { return };
+        let standing = &mut known.standings[place];
+        let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
+        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound);
+        standing.nis = innovation.nis / M as f64;
+        let agrees = innovation.nis <= GATES[M - 1] && !repeats;
+        let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
+        if standing.judge(self.epoch.end_ns, agrees, fault) {
+            known.belief.correct(&innovation);
+        } else if !agrees && known.standings[place].is_doubtful() {
+            // Until others tell, it may be the wheels that are wrong.
+            let off = size(&mean(sum), &expected, sensor.kind);
+            known.doubt[0] += off[0] * self.epoch.time_s;
+            known.doubt[1] += off[1] * self.epoch.time_s;
+        }
+    }
+
+    /// What a sensor would tell if wheels were as they are said to be.
+    fn by_wheels(&self, sensor: &Sensor) -> [f64; 3] {
+        let per_s = 1.0 / self.epoch.time_s;
+        let BodyStep { x_m, y_m, angle_rad } = self.step;
+        let twist = Twist2::new(x_m * per_s, y_m * per_s, angle_rad * per_s);
+        match sensor.kind {
+            SensorKind::Turn => [twist.w_rad_s, 0.0, 0.0],
+            _ => {
+                let Twist2 { vx_m_s, vy_m_s, w_rad_s } = twist.at(sensor.body_from_sensor);
+                [vx_m_s, vy_m_s, w_rad_s]
+            }
+        }
+    }
+
+    /// A mean of readings against what is believed, and what was expected.
+    fn compare<const M: usize>(
+        &self,
+        (rate, place, sum): (usize, usize, &Sum),
+        known: &Knowledge,
+    ) -> (Option<Innovation<M>>, [f64; 3]) {
+        let (belief, sensor) = (&known.belief, &self.sensors[place]);
+        let truly = belief.corrected(self.step, self.epoch.time_s);
+        let per_s = 1.0 / self.epoch.time_s;
+        let count = f64::from(sum.count);
+        // The step's mean is that of its middle.
+        let later_s = self.epoch.later_than_middle_s(sum);
+        let body: [f64; 3] = std::array::from_fn(|n| {
+            [truly.x_m, truly.y_m, truly.angle_rad][n] * per_s + self.gain[n] * later_s
+        });
+        let u = [self.step.x_m, self.step.y_m, self.step.angle_rad].map(|way| way * per_s);
+        // How each component of the body's twist depends on what is estimated.
+        let twist_rows: [Row; 3] = std::array::from_fn(|i| {
+            let at = GEOMETRY + 3 * i;
+            Row::of(&[(at, u[0]), (at + 1, u[1]), (at + 2, u[2]), (SLIP + i, -1.0)])
+        });
+        let own = OWN + 2 * rate;
+        let (expected, rows): ([f64; 3], [Row; 3]) = match sensor.kind {
+            SensorKind::Turn => {
+                let scale = 1.0 + belief.error(own + 1);
+                let mut row = Row::of(&[(own, 1.0), (own + 1, body[2])]);
+                row.add_scaled(&twist_rows[2], scale);
+                ([scale * body[2] + belief.error(own), 0.0, 0.0], [row, Row::default(), Row::default()])
+            }
+            _ => {
+                let mount = sensor.body_from_sensor;
+                let scale = 1.0 + belief.error(own);
+                let (sin, cos) = (mount.heading_rad + belief.error(own + 1)).sin_cos();
+                let at = [body[0] - body[2] * mount.y_m, body[1] + body[2] * mount.x_m];
+                let x = cos * at[0] + sin * at[1];
+                let y = -sin * at[0] + cos * at[1];
+                let mut row_x = Row::of(&[(own, x), (own + 1, scale * y)]);
+                row_x.add_scaled(&twist_rows[0], scale * cos);
+                row_x.add_scaled(&twist_rows[1], scale * sin);
+                row_x.add_scaled(&twist_rows[2], scale * (-cos * mount.y_m + sin * mount.x_m));
+                let mut row_y = Row::of(&[(own, y), (own + 1, -scale * x)]);
+                row_y.add_scaled(&twist_rows[0], -scale * sin);
+                row_y.add_scaled(&twist_rows[1], scale * cos);
+                row_y.add_scaled(&twist_rows[2], scale * (sin * mount.y_m + cos * mount.x_m));
+                ([scale * x, scale * y, body[2]], [row_x, row_y, twist_rows[2]])
+            }
+        };
+        let said = mean(sum);
+        let noise = SMatrix::<f64, M, M>::from_fn(|r, c| {
+            if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
+        });
+        let difference = std::array::from_fn(|n| said[n] - expected[n]);
+        let innovation = belief.innovation::<M>(difference, &std::array::from_fn(|n| rows[n]), &noise);
+        (innovation, expected)
+    }
+}
+
+fn mean(sum: &Sum) -> [f64; 3] {
+    sum.values.map(|value| value / f64::from(sum.count))
+}
+
+fn numbers_of(kind: SensorKind) -> usize {
+    match kind {
+        SensorKind::Turn => 1,
+        SensorKind::Flow => 2,
+        SensorKind::Twist | SensorKind::Pose => 3,
+    }
+}
+
+fn gate(kind: SensorKind) -> f64 {
+    GATES[numbers_of(kind) - 1]
+}
+
+fn nis<const M: usize>((innovation, expected): (Option<Innovation<M>>, [f64; 3])) -> (f64, [f64; 3]) {
+    (innovation.map_or(0.0, |innovation| innovation.nis), expected)
+}
+
+/// How far from the middle of the platform a sensor is, m; one in the middle sees no turn.
+fn arm_m(sensor: &Sensor) -> f64 {
+    sensor.body_from_sensor.x_m.hypot(sensor.body_from_sensor.y_m).max(0.05)
+}
+
+/// By how much a reading is off, m/s and rad/s.
+fn size(said: &[f64; 3], expected: &[f64; 3], kind: SensorKind) -> [f64; 2] {
+    let off: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
+    match kind {
+        SensorKind::Turn => [0.0, off[0].abs()],
+        _ => [off[0].hypot(off[1]), off[2].abs()],
+    }
+}
