@@ -42,6 +42,8 @@ pub struct Standing {
     /// What it said last, and what was expected when it first said so.
     pub(crate) said: [f64; 3],
     pub(crate) expected: [f64; 3],
+    /// By how much its last reading was off, where that contradicted.
+    pub(crate) off: Option<[f64; 3]>,
     /// By how much it was off when it began to contradict, while nobody followed the pose.
     pub(crate) elsewhere: Option<([f64; 3], u64)>,
 }
@@ -56,6 +58,7 @@ impl Default for Standing {
             heard_ns: None,
             said: [f64::NAN; 3],
             expected: [0.0; 3],
+            off: None,
             elsewhere: None,
         }
     }
@@ -106,7 +109,7 @@ impl Standing {
         }
         let takes = agrees && self.is_believed();
         if takes {
-            self.elsewhere = None;
+            (self.elsewhere, self.off) = (None, None);
         }
         takes
     }

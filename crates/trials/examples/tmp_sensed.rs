@@ -38,5 +38,25 @@ fn main() {
             break;
         }
     }
+    for j in 0..2500 {
+        let r = *trial.step(None);
+        if j % 100 == 0 || j < 10 {
+            let t = trial.measured_pose();
+            let b = r.state.odom_from_body;
+            let m = r.fusion.map_from_body;
+            let w = r.setpoint.odom_from_body;
+            println!(
+                "{j} {:?} true-wished {:.2} {:.2} true-odom {:.2} {:.2} true-map {:.2} {:.2} wished {:?}",
+                r.phase,
+                1e3 * (t.x_m - w.x_m),
+                1e3 * (t.y_m - w.y_m),
+                1e3 * (t.x_m - b.x_m),
+                1e3 * (t.y_m - b.y_m),
+                1e3 * (t.x_m - m.x_m),
+                1e3 * (t.y_m - m.y_m),
+                r.wished.status
+            );
+        }
+    }
     println!("{:?} {:?} {}", trial.robot.record().stop_reason, trial.robot.phase(), k);
 }

@@ -54,11 +54,16 @@ impl Epoch {
         let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;
         if !agrees && !repeats && standing.is_believed() {
-            let since_s = standing.silent_s(heard.instant_ns);
-            let size = [off[0].hypot(off[1]), off[2].abs()];
-            let slips =
-                |n: usize| size[n] <= SLIPS_AT_MOST[n] * since_s.min(1.0) + bound[if n == 0 { 0 } else { 2 }];
-            if slips(0) && slips(1) {
+            // One that is off alone is an outlier; a second one that is off likewise tells of slip.
+            let since_s = standing.silent_s(heard.instant_ns).min(1.0);
+            let may_slip = |off: &[f64; 3], time_s: f64| {
+                off[0].hypot(off[1]) <= SLIPS_AT_MOST[0] * time_s + bound[0]
+                    && off[2].abs() <= SLIPS_AT_MOST[1] * time_s + bound[2]
+            };
+            let goes_on = standing
+                .off
+                .is_some_and(|before| may_slip(&std::array::from_fn(|n| off[n] - before[n]), since_s));
+            if goes_on && may_slip(&off, 2.0 * since_s) {
                 for (place, off) in off.iter().enumerate() {
                     known.belief.widen(place, off * off);
                     known.belief.widen(SLIP + place, (off / since_s.max(self.time_s)).powi(2));
@@ -76,6 +81,7 @@ impl Epoch {
             return;
         }
         if !agrees {
+            known.standings[heard.sensor].off = Some(off);
             let size = [off[0].hypot(off[1]), off[2].abs()];
             if known.standings[heard.sensor].is_doubtful() {
                 known.doubt = [known.doubt[0].max(size[0]), known.doubt[1].max(size[1])];

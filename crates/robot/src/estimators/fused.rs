@@ -117,13 +117,12 @@ impl Fused {
             self.drawn = [0.0; 3];
             return;
         }
-        let truly = self.filter.corrected(step, period_s);
         if !is_followed {
             self.drawn = [0.0; 3];
-            self.odom_from_body = self.odom_from_body.moved_by(truly);
+            self.odom_from_body = self.odom_from_body.moved_by(step);
             return;
         }
-        let odom = self.odom_from_body.moved_by(truly);
+        let odom = self.odom_from_body.moved_by(self.filter.corrected(step, period_s));
         let off = odom.inverse().then(map_from_body);
         let off = [off.x_m, off.y_m, wrap_angle_rad(off.heading_rad)];
         let w = DRAWN_RAD_S;
