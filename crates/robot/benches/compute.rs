@@ -3,7 +3,7 @@
 //! `cargo bench -p omnibase-robot`: time per cycle, and allocations per cycle (none) where there are any.
 
 use divan::{AllocProfiler, Bencher, black_box};
-use omnibase_robot::config::FencePlan;
+use omnibase_robot::config::{FencePlan, TaskFrame};
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{Heard, MAX_SOURCE_VALUES};
 use omnibase_robot::{
@@ -124,6 +124,50 @@ fn all_of_grip(bencher: Bencher<'_, '_>) {
     assert!(matches!(under_way, Some((Phase::Tracking, share, _)) if share < 1.0), "{under_way:?}");
     bencher.bench_local(|| black_box(cycle()));
 }
+
+/// Gyro in each cycle, two mice at 125 Hz, poses at 100 Hz, late by so many milliseconds: what came in between is computed
+/// again.
+#[divan::bench(args = [0, 20, 1000])]
+fn sensors(bencher: Bencher<'_, '_>, late_ms: u64) {
+    let mut text = format!("{BMM}\n[estimator]\nkind = \"fused\"\n");
+    for (name, inputs) in [("imu", "{ name = \"turn\" }"), ("left", XY), ("right", XY)] {
+        text += &format!("[[source]]\nname = \"{name}\"\ninput = [{inputs}]\n");
+    }
+    text += "[[source]]\nname = \"tracker\"\ncarries = \"pose\"\nmax_age_ms = 2000\n";
+    for (name, kind, from) in [
+        ("gyro", "gyro", "imu.turn"),
+        ("left", "flow", "left"),
+        ("right", "flow", "right"),
+        ("mocap", "pose", "tracker"),
+    ] {
+        text += &format!("[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nfrom = \"{from}\"\n");
+    }
+    let mut plan = plan(&text, "closed_loop_speed");
+    plan.estimator.unknown_sigma_m = Some(10.0);
+    plan.estimator.task_frame = Some(TaskFrame::Odom);
+    let mut running = Running::new(&plan);
+    let mut cycle = move || {
+        let now_ns = running.index * running.period_ns;
+        let mut hear = |source: usize, instant_ns: u64| {
+            // Never twice the same, and at rest all the time.
+            let value = 1e-6 * (running.index % 3) as f64;
+            running.robot.hear(source, &Heard { instant_ns, values: [value; MAX_SOURCE_VALUES] });
+        };
+        hear(0, now_ns);
+        if now_ns % 8_000_000 == 0 {
+            hear(1, now_ns);
+            hear(2, now_ns);
+        }
+        if now_ns % 10_000_000 == 0 {
+            hear(3, now_ns.saturating_sub(late_ms * 1_000_000));
+        }
+        running.cycle(None).allowed.commands.values[0]
+    };
+    (0..5000).for_each(|_| drop(black_box(cycle())));
+    bencher.bench_local(|| black_box(cycle()));
+}
+
+const XY: &str = "{ name = \"x\" }, { name = \"y\" }";
 
 /// So many named values of another program, all of them new in each cycle.
 #[divan::bench(args = [0, 32])]

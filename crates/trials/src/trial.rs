@@ -53,6 +53,7 @@ pub struct Trial {
     /// The sensors that the plan simulates.
     sensors: Option<Sensors>,
     twist_before: Twist2,
+    map_shift_m: [f64; 2],
     servos: Vec<ServoBox>,
     /// Drives that take no part.
     away: Vec<Option<Without>>,
@@ -106,6 +107,7 @@ impl Trial {
             gyro: None,
             sensors,
             twist_before: Twist2::default(),
+            map_shift_m: [0.0; 2],
             index: 0,
             pose_before: Pose2::default(),
             measured_pose: Pose2::default(),
@@ -146,7 +148,10 @@ impl Trial {
         }
         self.measured_pose = self.pose_before;
         if let Some(sensors) = &mut self.sensors {
-            let truth = TruePlatform { odom_from_body: self.measured_pose, twist_in_body: self.twist_before };
+            let mut odom_from_body = self.measured_pose;
+            odom_from_body.x_m += self.map_shift_m[0];
+            odom_from_body.y_m += self.map_shift_m[1];
+            let truth = TruePlatform { odom_from_body, twist_in_body: self.twist_before };
             sensors.look((self.index - 1) * period_ns, &truth);
             sensors.hear(&mut self.robot, self.index * period_ns);
         }
@@ -178,6 +183,16 @@ impl Trial {
     pub fn compute_asked(&mut self, request: Option<Request>) -> &CycleRecord {
         let time = self.time();
         self.robot.compute(time, self.next_exchange, request, &mut self.image)
+    }
+
+    /// A simulated sensor falls silent, by its name.
+    pub fn silence_sensor(&mut self, name: &str) {
+        self.sensors.iter_mut().for_each(|sensors| sensors.silence(name));
+    }
+
+    /// What measures poses is moved by so much, m: from now on it tells so much more.
+    pub fn shift_map(&mut self, by_m: [f64; 2]) {
+        self.map_shift_m = by_m;
     }
 
     /// The moment of the present cycle.

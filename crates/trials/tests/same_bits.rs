@@ -3,6 +3,7 @@
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{LimitedBy, RequestAnswer, Value};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
+use omnibase_trials::sensed::Case;
 use omnibase_trials::{Trial, plan_of, robots};
 
 fn bits(record: &CycleRecord) -> Vec<u64> {
@@ -63,6 +64,28 @@ fn same_run_same_bits_and_a_record_computes_again() {
         for record in &first {
             assert_eq!(bits(robot.replay(record, &mut buffer)), bits(record), "{law} {}", record.time.index);
         }
+    }
+}
+
+/// Poses that are late, and come in any order of the sensors, are in the record with their instants.
+#[test]
+fn a_record_with_sensors_computes_again() {
+    let text = Case { set: 3, floor: 2, path: 1 }.text();
+    let asked = |index: u64| match index {
+        100 => Some(RequestKind::Enable),
+        500 => Some(RequestKind::Track),
+        _ => None,
+    };
+    let ((first, pose), (second, pose_again)) = (life_of(&text, 6000, &asked), life_of(&text, 6000, &asked));
+    assert!(first.iter().zip(&second).all(|(a, b)| bits(a) == bits(b)));
+    assert_eq!(pose, pose_again);
+    let last = &first[5999];
+    assert_ne!(last.fusion.map_from_body, last.state.odom_from_body, "they were heard");
+    let plan = plan_of(&text);
+    let mut robot = Robot::build(&plan, &Registry::with_built_in()).unwrap_or_else(|error| panic!("{error}"));
+    let mut buffer = ImageBuffer::new(&plan);
+    for record in &first {
+        assert_eq!(bits(robot.replay(record, &mut buffer)), bits(record), "{}", record.time.index);
     }
 }
 

@@ -2,10 +2,35 @@
 
 use omnibase_host::CountingAllocator;
 use omnibase_platform::Twist2;
-use omnibase_robot::signals::{Frame, RecordLayout, Value};
+use omnibase_robot::signals::{Frame, Heard, MAX_SOURCE_VALUES, RecordLayout, Value};
 use omnibase_robot::{CycleRecord, ImageBuffer, Phase, Registry, RequestKind, Robot};
 
 use crate::support::{BMM, Bench, MECANUM, plan};
+
+/// A gyro and poses.
+const FUSED: &str = "
+[estimator]
+kind = \"fused\"
+
+[[source]]
+name = \"imu\"
+input = [{ name = \"turn\", unit = \"rad/s\" }]
+
+[[source]]
+name = \"tracker\"
+carries = \"pose\"
+max_age_ms = 1000
+
+[[sensor]]
+name = \"gyro\"
+kind = \"gyro\"
+from = \"imu.turn\"
+
+[[sensor]]
+name = \"mocap\"
+kind = \"pose\"
+from = \"tracker\"
+";
 
 /// A life: enabled, moved about, tracked, stopped.
 fn life(bench: &mut Bench) -> Vec<CycleRecord> {
@@ -43,13 +68,21 @@ fn bits(record: &CycleRecord) -> Vec<u64> {
 #[test]
 fn a_cycle_never_allocates() {
     let adaptive = adaptive(BMM);
-    for robot in [BMM, MECANUM, &adaptive] {
+    let fused = format!("{BMM}{FUSED}");
+    for robot in [BMM, MECANUM, &adaptive, &fused] {
         let mut bench = Bench::new(plan(robot));
         bench.enable();
         let before = CountingAllocator::allocations_of_this_thread();
         for cycle in 0..2000_u32 {
             let twist = Twist2::new(0.3, 0.2, 0.1);
             let kind = (cycle < 1000).then_some(RequestKind::Velocity { twist, frame: Frame::Body });
+            let instant_ns = bench.index * bench.plan.bus.cycle_ns;
+            bench.robot.hear(0, &Heard { instant_ns, values: [1e-4; MAX_SOURCE_VALUES] });
+            if cycle % 10 == 0 {
+                // Each is late, and what followed is computed again.
+                let instant_ns = instant_ns.saturating_sub(30_000_000);
+                bench.robot.hear(1, &Heard { instant_ns, values: [0.0; MAX_SOURCE_VALUES] });
+            }
             bench.step(kind);
             if cycle == 1500 {
                 bench.fail_drive(0);

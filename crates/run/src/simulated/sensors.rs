@@ -13,6 +13,7 @@ pub struct Sensors {
 
 /// One of them, and what it said that is still on its way, the first to arrive last.
 struct Line {
+    name: String,
     sensor: SimulatedSensor,
     source: usize,
     /// The places of its values among the source's.
@@ -37,6 +38,7 @@ impl Sensors {
             let before: usize = plan.devices.iter().map(|device| device.input.len()).sum::<usize>()
                 + plan.sources[..source].iter().map(|source| source.input.len()).sum::<usize>();
             Some(Line {
+                name: name.to_owned(),
                 sensor: SimulatedSensor::new(parameters(table, sensor)),
                 source,
                 values: sensor.inputs.iter().take(3).map(|input| input - before).collect(),
@@ -48,6 +50,11 @@ impl Sensors {
         };
         let all: Vec<Line> = plan.simulation.sensor.iter().filter_map(line).collect();
         (!all.is_empty()).then_some(Sensors { all })
+    }
+
+    /// One of them falls silent, by its name; what is under way of it is lost.
+    pub fn silence(&mut self, name: &str) {
+        self.all.retain(|line| line.name != name);
     }
 
     /// Gives the robot what arrives until an instant of its clock.
