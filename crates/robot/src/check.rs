@@ -186,7 +186,8 @@ impl Check {
         }
         self.motors_reach_limits(&drives, &limits);
         torque_limit::resolve(self, &mut drives, &limits);
-        let (devices, sources) = beside?;
+        let (devices, mut sources) = beside?;
+        sensors::take_in_any_order(&mut sources, sensors.as_deref().unwrap_or_default());
         let plan = RobotPlan {
             name: name?,
             bus: bus?,

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_fusion::{MAX_SENSORS, Verdict};
 use omnibase_platform::Pose2;
 use omnibase_record::run::RunSink;
 use omnibase_robot::signals::{CycleTime, MAX_WHEELS, Phase, SafetyReason};
@@ -144,6 +145,8 @@ struct Cycle<'a> {
     drive_errors: DriveErrors,
     /// What is wrong with the axis about which the robot stopped.
     axis_problem: Words,
+    /// What was thought of each sensor in the cycle before.
+    verdicts: [Verdict; MAX_SENSORS],
     subdevices: Vec<SubDeviceFigures>,
     datagrams: Vec<DatagramFigures>,
     timing: Timing,
@@ -188,6 +191,7 @@ impl<'a> Cycle<'a> {
             bus: BusFigures::default(),
             drive_errors: DriveErrors::default(),
             axis_problem: Words::default(),
+            verdicts: [Verdict::Awaited; MAX_SENSORS],
             subdevices: Vec::new(),
             datagrams: Vec::new(),
             timing: Timing::default(),
@@ -278,6 +282,7 @@ impl<'a> Cycle<'a> {
         }
         self.drive_errors.look(self.last.measurements.present());
         self.look_at_axes();
+        self.look_at_sensors();
         let phase = self.robot.phase();
         if let Some(words) = self.live.as_mut().and_then(|live| live.acyclic().step(session, phase)) {
             self.happened_by(self.time.now_ns, words, Some(Client::Command));
@@ -394,6 +399,25 @@ impl<'a> Cycle<'a> {
         self.axis_problem = words;
         if before.is_empty() {
             self.happened(self.last.time.now_ns, words);
+        }
+    }
+
+    /// Which sensor isn't believed any more, or is again.
+    fn look_at_sensors(&mut self) {
+        for place in 0..self.plan.sensors.len().min(MAX_SENSORS) {
+            let verdict = self.last.fusion.sensors[place].verdict;
+            let before = std::mem::replace(&mut self.verdicts[place], verdict);
+            let what = match verdict {
+                _ if verdict == before => continue,
+                Verdict::Awaited => continue,
+                Verdict::Good if before == Verdict::Awaited => continue,
+                Verdict::Good => "is believed again",
+                Verdict::Silent => "fell silent",
+                Verdict::Frozen => "isn't believed: it says the same all the time while wheels move",
+                Verdict::Contradicts => "isn't believed: it contradicts the others",
+            };
+            let name = &self.plan.sensors[place].name;
+            self.happened(self.last.time.now_ns, Words::new(format_args!("sensor {name} {what}")));
         }
     }
 

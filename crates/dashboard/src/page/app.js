@@ -338,6 +338,16 @@ function floor() {
   return share < 1 ? `${found}, accelerates by ${(100 * share).toFixed(0)} %` : found;
 }
 
+// Each sensor, and whether it is believed; and how well the place is known, one standard deviation.
+const VERDICTS = ["awaited", "good", "silent", "frozen", "contradicts"];
+function sensors() {
+  const names = [...columns.keys()].filter((name) => name.startsWith("sensor/") && name.endsWith("_verdict"));
+  if (!names.length) return [];
+  const all = names.map((name) => `${name.slice(7, -8)} ${VERDICTS[value(name)] ?? "–"}`).join(", ");
+  const sigma = Math.sqrt(Math.max(value("state/covariance_xx_m2") ?? 0, value("state/covariance_yy_m2") ?? 0));
+  return [["sensors", all], ["known to", `${(1000 * sigma).toFixed(1)} mm`]];
+}
+
 function showPose(believed) {
   const error = value("error/believed_m");
   const pairs = [
@@ -345,7 +355,7 @@ function showPose(believed) {
     ["heading", believed && `${fixed(degrees(believed[2]), 2)}°`],
     ["speed", `${Math.hypot(value("state/twist_in_body_x_m_s") ?? 0, value("state/twist_in_body_y_m_s") ?? 0).toFixed(3)} m/s`],
     ["error", error === null ? "–" : `${fixed(error * 1000, 3)} mm`], ["time", `${last.time_s.toFixed(1)} s`],
-    ["held back by", last.limited_by || "nothing"], ["floor", floor()],
+    ["held back by", last.limited_by || "nothing"], ["floor", floor()], ...sensors(),
   ];
   const list = by("pose");
   if (list.children.length !== pairs.length) {

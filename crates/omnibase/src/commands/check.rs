@@ -4,8 +4,8 @@ use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_description::Body;
 use omnibase_robot::config::{
-    AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, Limits, PdoPlan, RunTable,
-    SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
+    AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, InputOwner, Limits, PdoPlan,
+    RunTable, SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
 };
 use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
@@ -332,6 +332,24 @@ fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         }
     };
     writeln!(output, "footprint   {} corners: {source}", plan.guard.footprint_m.len())?;
+    let frame = plan.estimator.task_frame.unwrap_or_default();
+    for sensor in &plan.sensors {
+        let mount = sensor.sensor.body_from_sensor;
+        let owner = match sensor.from {
+            InputOwner::Device(device) => &plan.devices[device].name,
+            InputOwner::Source(source) => &plan.sources[source].name,
+        };
+        writeln!(
+            output,
+            "sensor      {}: {:?} by {owner}, at ({}, {}) m, {} rad, {} ms old; tasks in {frame:?}",
+            sensor.name,
+            sensor.kind,
+            mount.x_m,
+            mount.y_m,
+            mount.heading_rad,
+            sensor.delay_ns as f64 * 1e-6
+        )?;
+    }
     let described = omnibase_run::mechanics::description(plan);
     let Body { mass_kg, inertia_kg_m2, centre_m: [x_m, y_m, z_m] } = described.body;
     writeln!(

@@ -6,7 +6,7 @@ use omnibase_platform::Pose2;
 use super::Check;
 use crate::config::{
     EstimatorTable, InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable,
-    nearest,
+    SourcePlan, nearest,
 };
 use crate::signals::SignalLayout;
 
@@ -67,6 +67,15 @@ pub(super) fn resolve(
         })
         .collect();
     plans.into_iter().collect()
+}
+
+/// Poses find their place by their instants: their programs may send them in any order.
+pub(super) fn take_in_any_order(sources: &mut [SourcePlan], sensors: &[SensorPlan]) {
+    for sensor in sensors.iter().filter(|sensor| sensor.kind == SensorName::Pose) {
+        if let InputOwner::Source(place) = sensor.from {
+            sources[place].any_order = true;
+        }
+    }
 }
 
 /// Sensors of the simulation are sensors of the robot, whose readings come from a program.

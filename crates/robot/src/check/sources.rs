@@ -39,6 +39,7 @@ pub(super) fn resolve(
             name,
             carries: own.carries.unwrap_or_default().into(),
             input,
+            any_order: false,
             max_age_ns: u64::from(own.max_age_ms.unwrap_or(MAX_AGE_MS)) * 1_000_000,
         }));
     }

@@ -3,6 +3,7 @@
 mod axes;
 mod devices;
 mod kinds;
+mod sensors;
 mod simulation;
 mod torque_gains;
 

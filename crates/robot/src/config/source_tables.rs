@@ -72,6 +72,8 @@ pub struct SourcePlan {
     pub input: Vec<SentPlan>,
     /// What it sent longer ago isn't believed, ns.
     pub max_age_ns: u64,
+    /// It tells poses to a sensor: what was measured earlier than what was heard counts all the same.
+    pub any_order: bool,
 }
 
 /// A value that a program sends.

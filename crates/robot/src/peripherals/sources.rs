@@ -17,6 +17,7 @@ struct Sender {
     inputs: Range<usize>,
     bounds: Vec<[f64; 2]>,
     max_age_ns: u64,
+    any_order: bool,
     /// What came since the cycle before.
     waiting: Option<Heard>,
     between: Between,
@@ -33,6 +34,7 @@ impl Sources {
                 inputs,
                 bounds: source.input.iter().map(|sent| sent.bounds).collect(),
                 max_age_ns: source.max_age_ns,
+                any_order: source.any_order,
                 waiting: None,
                 between: Between::default(),
                 heard_ns: None,
@@ -64,14 +66,16 @@ impl Sources {
             signals.zeroed |= (u64::from(zero) & own) << sender.inputs.start;
             signals.raised |= (u64::from(nonzero) & own) << sender.inputs.start;
             let values = &mut signals.inputs[sender.inputs.clone()];
-            let is_older = |heard: &Heard| sender.heard_ns.is_some_and(|last_ns| heard.instant_ns < last_ns);
+            let is_older = |heard: &Heard| {
+                !sender.any_order && sender.heard_ns.is_some_and(|last_ns| heard.instant_ns < last_ns)
+            };
             // Of the future nobody can tell anything.
             let is_known = |heard: &Heard| heard.instant_ns <= time.now_ns;
             if let Some(heard) = sender.waiting.take().filter(|heard| !is_older(heard)).filter(is_known) {
                 for (value, sent) in values.iter_mut().zip(&heard.values) {
                     *value = *sent;
                 }
-                sender.heard_ns = Some(heard.instant_ns);
+                sender.heard_ns = sender.heard_ns.max(Some(heard.instant_ns));
                 signals.heard |= 1 << place;
                 signals.instants_ns[place] = heard.instant_ns;
             }

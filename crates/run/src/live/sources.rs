@@ -76,6 +76,8 @@ struct SourceLine {
     /// The instant of the latest as it was sent.
     latest_ns: Option<u64>,
     max_age_ns: u64,
+    /// What was measured earlier than what was heard counts all the same.
+    any_order: bool,
     counts: SourceCounts,
 }
 
@@ -96,15 +98,15 @@ impl SourceLines {
         let refused = match by_ns {
             _ if ahead_ns > AHEAD_NS => Some(NotHeard::Future { ahead_ns }),
             _ if age_ns > way.max_age_ns => Some(NotHeard::TooOld { age_ns, most_ns: way.max_age_ns }),
-            Some(by_ns) => Some(NotHeard::Overtaken { by_ns }),
-            None => None,
+            Some(by_ns) if !way.any_order => Some(NotHeard::Overtaken { by_ns }),
+            _ => None,
         };
         match refused {
             Some(NotHeard::TooOld { .. }) => way.counts.late += 1,
             Some(_) => way.counts.out_of_order += 1,
             None => {
                 way.counts.heard += 1;
-                way.latest_ns = Some(instant_ns);
+                way.latest_ns = way.latest_ns.max(Some(instant_ns));
                 way.between.fetch_or(Between::of(heard).word(), Ordering::Relaxed);
                 way.to_cycle.write(Heard { instant_ns: instant_ns.min(clock_ns), ..*heard });
             }
@@ -145,6 +147,7 @@ pub(super) fn source_lines(plans: &[SourcePlan]) -> (SourceLines, SourceEnds) {
             between: between.clone(),
             latest_ns: None,
             max_age_ns: plan.max_age_ns,
+            any_order: plan.any_order,
             counts: SourceCounts::default(),
         };
         ways.push(Mutex::new(way));
