@@ -156,7 +156,9 @@ impl Rates<'_> {
             [truly.x_m, truly.y_m, truly.angle_rad][n] * per_s + self.gain[n] * later_s
         });
         let u = [self.step.x_m, self.step.y_m, self.step.angle_rad].map(|way| way * per_s);
-        // How each component of the body's twist depends on what is estimated.
+        // How each component of the body's twist depends on what is estimated. Derivatives are taken where the wheels alone
+        // say, never where the last readings do: what can't be told apart (the scales of wheels and of a gyro) would seem
+        // to be, reading by reading (Huang, Mourikis, Roumeliotis, *Int. J. Robotics Research* 29, 2010).
         let twist_rows: [Row; 3] = std::array::from_fn(|i| {
             let at = GEOMETRY + 3 * i;
             Row::of(&[(at, u[0]), (at + 1, u[1]), (at + 2, u[2]), (SLIP + i, -1.0)])
@@ -165,8 +167,8 @@ impl Rates<'_> {
         let (expected, rows): ([f64; 3], [Row; 3]) = match sensor.kind {
             SensorKind::Turn => {
                 let scale = 1.0 + belief.error(own + 1);
-                let mut row = Row::of(&[(own, 1.0), (own + 1, body[2])]);
-                row.add_scaled(&twist_rows[2], scale);
+                let mut row = Row::of(&[(own, 1.0), (own + 1, u[2])]);
+                row.add_scaled(&twist_rows[2], 1.0);
                 ([scale * body[2] + belief.error(own), 0.0, 0.0], [row, Row::default(), Row::default()])
             }
             _ => {
@@ -176,14 +178,16 @@ impl Rates<'_> {
                 let at = [body[0] - body[2] * mount.y_m, body[1] + body[2] * mount.x_m];
                 let x = cos * at[0] + sin * at[1];
                 let y = -sin * at[0] + cos * at[1];
-                let mut row_x = Row::of(&[(own, x), (own + 1, scale * y)]);
-                row_x.add_scaled(&twist_rows[0], scale * cos);
-                row_x.add_scaled(&twist_rows[1], scale * sin);
-                row_x.add_scaled(&twist_rows[2], scale * (-cos * mount.y_m + sin * mount.x_m));
-                let mut row_y = Row::of(&[(own, y), (own + 1, -scale * x)]);
-                row_y.add_scaled(&twist_rows[0], -scale * sin);
-                row_y.add_scaled(&twist_rows[1], scale * cos);
-                row_y.add_scaled(&twist_rows[2], scale * (sin * mount.y_m + cos * mount.x_m));
+                let Twist2 { vx_m_s, vy_m_s, .. } = Twist2::new(u[0], u[1], u[2]).at(mount);
+                let (sin, cos) = mount.heading_rad.sin_cos();
+                let mut row_x = Row::of(&[(own, vx_m_s), (own + 1, vy_m_s)]);
+                row_x.add_scaled(&twist_rows[0], cos);
+                row_x.add_scaled(&twist_rows[1], sin);
+                row_x.add_scaled(&twist_rows[2], -cos * mount.y_m + sin * mount.x_m);
+                let mut row_y = Row::of(&[(own, vy_m_s), (own + 1, -vx_m_s)]);
+                row_y.add_scaled(&twist_rows[0], -sin);
+                row_y.add_scaled(&twist_rows[1], cos);
+                row_y.add_scaled(&twist_rows[2], sin * mount.y_m + cos * mount.x_m);
                 ([scale * x, scale * y, body[2]], [row_x, row_y, twist_rows[2]])
             }
         };
