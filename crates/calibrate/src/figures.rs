@@ -74,6 +74,9 @@ impl Drawing {
 }
 
 /// All figures within a square of this side about their beginning, m, in the order in which they are compared.
+///
+/// No turns in place are in `full`: which way rollers turn is then decided by the millimetres by which wheels stand elsewhere than
+/// they should, and treads creep by it. Lines with turns show as much, and don't have that.
 pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
     let half_m = 0.5 * side_m;
     let star = |drawing: &mut Drawing, heading: f64, rays: usize| {
@@ -102,48 +105,68 @@ pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
         square.to(half_m, -half_m, heading);
     }
     square.to(0.0, 0.0, 0.0);
-    let mut both = Drawing::new(pace);
-    star(&mut both, 0.0, 3);
-    both.to(0.0, 0.0, 2.0 * TAU);
-    star(&mut both, 2.0 * TAU + PI, 3);
-    both.to(0.0, 0.0, 0.0);
-    // Straight and turning at once, both ways: arcs.
-    both.to(half_m, 0.0, PI);
-    both.to(-half_m, 0.0, 0.0);
-    both.to(0.0, half_m, -PI);
-    both.to(0.0, -half_m, 0.0);
-    both.to(0.0, 0.0, 0.0);
+    let mut full = Drawing::new(pace);
+    star(&mut full, 0.0, 3);
+    full.to(half_m, 0.0, 0.0);
+    full.to(-half_m, 0.0, TAU);
+    full.to(0.0, half_m, TAU);
+    full.to(0.0, -half_m, 2.0 * TAU);
+    full.to(0.0, 0.0, 2.0 * TAU + PI);
+    star(&mut full, 2.0 * TAU + PI, 3);
+    full.to(0.0, half_m, 2.0 * TAU + PI);
+    full.to(0.0, -half_m, TAU + PI);
+    full.to(-half_m, 0.0, TAU + PI);
+    full.to(half_m, 0.0, PI);
+    full.to(0.0, 0.0, 0.0);
     vec![
         line.done("line", "forward, back, and again"),
         turns.done("turns", "two turns in place to the left, two to the right"),
         rays.done("star", "straight lines in six directions"),
         square.done("square", "a square twice, turning once on its way"),
-        both.done("full", "a star, two turns, the star again the other way round, turns back, arcs"),
+        full.done("full", "a star, lines with turns to the left, the star the other way round, lines with turns to the right"),
     ]
 }
 
-/// Figures for a tape, each from one place where it is measured to the next one: at least a line in three directions, and turns
-/// both ways. Together they end where they began.
+/// Figures for a tape, each from one place where it is measured to the next one: lines in three directions out and back, then
+/// lines on which it turns by an odd number of half turns, so that a wheel that stands elsewhere shows where they end.
 pub fn between_tapes(side_m: f64, pace: Pace) -> Vec<Figure> {
-    let line = |meaning, angle: f64| {
-        let (sin, cos) = angle.sin_cos();
-        let mut out = Drawing::new(pace);
-        out.to(side_m * cos, side_m * sin, 0.0);
-        let mut back = Drawing::new(pace);
-        back.to(-side_m * cos, -side_m * sin, 0.0);
-        [out.done("out", meaning), back.done("back", "back again")]
-    };
-    let turns = |name, meaning, angle: f64| {
-        let mut turns = Drawing::new(pace);
-        turns.to(0.0, 0.0, angle);
-        turns.done(name, meaning)
+    let one = |name, meaning, x: f64, y: f64, heading: f64| {
+        let mut drawing = Drawing::new(pace);
+        drawing.to(x, y, heading);
+        drawing.done(name, meaning)
     };
     let mut list = Vec::new();
-    list.extend(line("straight ahead", 0.0));
-    list.extend(line("straight ahead, to the left by 60°", PI / 3.0));
-    list.extend(line("straight ahead, to the left by 120°", 2.0 * PI / 3.0));
-    list.push(turns("left", "two turns in place to the left", 2.0 * TAU));
-    list.push(turns("right", "two turns in place to the right", -2.0 * TAU));
+    for (out, back, meaning, angle) in [
+        ("ahead", "back", "a line straight ahead", 0.0),
+        ("left-60", "back-60", "a line to the left by 60°", PI / 3.0),
+        ("left-120", "back-120", "a line to the left by 120°", 2.0 * PI / 3.0),
+    ] {
+        let (sin, cos) = f64::sin_cos(angle);
+        list.push(one(out, meaning, side_m * cos, side_m * sin, 0.0));
+        list.push(one(back, "back again", -side_m * cos, -side_m * sin, 0.0));
+    }
+    list.push(one("turning-left", "a line ahead with five half turns to the left", side_m, 0.0, 2.5 * TAU));
+    list.push(one(
+        "turning-on",
+        "the same line on, as it looks now: back, with five half turns more",
+        side_m,
+        0.0,
+        2.5 * TAU,
+    ));
+    list.push(one(
+        "turning-right",
+        "a line ahead with five half turns to the right",
+        side_m,
+        0.0,
+        -2.5 * TAU,
+    ));
+    list.push(one(
+        "turning-back",
+        "the same line on, as it looks now: back, with five half turns more",
+        side_m,
+        0.0,
+        -2.5 * TAU,
+    ));
     list
 }
 

@@ -6,7 +6,7 @@
 //! - [`solve`]: [`solve()`], all of it by least squares, with standard deviations.
 //! - [`observed`]: which combinations of unknowns the runs couldn't show, in words.
 //! - [`figures`]: paths that show the most, and what each is expected to show; [`rehearsal`]: sensors that are made up.
-//! - [`drift`]: how far dead reckoning runs from the truth, before and after.
+//! - [`drift`]: how far dead reckoning runs from the truth, before and after; [`errors`]: what is still wrong, where that is known.
 //!
 //! # What can't be seen
 //! A wheel shows `R·ω = b·ξ` with `b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u)`: of its place only the lever arm of its force. Where it
@@ -23,6 +23,7 @@ mod chain;
 pub mod creep;
 pub mod dataset;
 pub mod drift;
+pub mod errors;
 pub mod figures;
 pub mod observed;
 pub mod rehearsal;
@@ -33,5 +34,6 @@ mod way;
 pub use build::{Build, SensorMount, Tolerances};
 pub use dataset::{Dataset, DatasetError, PlaceSample, PoseSample, Run, Step, TurnSample};
 pub use drift::Drift;
+pub use errors::WheelErrors;
 pub use solve::{Found, Solution, SolveError, solve};
 pub use unknown::Unknown;

@@ -6,6 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::build::Build;
+use crate::errors::contradictions;
 use crate::solve::{Solution, observed_frames};
 use crate::unknown::{Unknown, along, moved_frame};
 
@@ -35,7 +36,7 @@ pub fn unseen(solution: &Solution, expected: &Build) -> Vec<Unseen> {
     let mut rest: Vec<DVector<f64>> = dark.map(|at| eigen.eigenvectors.column(at).into_owned()).collect();
     let mut told: Vec<DVector<f64>> = Vec::new();
     let mut list = Vec::new();
-    for (words, amounts) in named(expected, &unknowns, &names) {
+    for (words, amounts) in named(expected, (&unknowns, &sigmas), &names) {
         let mut one = amounts.component_div(&sigmas);
         for known in &told {
             one -= known * known.dot(&one);
@@ -55,20 +56,18 @@ pub fn unseen(solution: &Solution, expected: &Build) -> Vec<Unseen> {
     }
     for direction in rest {
         let parts = parts(&unknowns, &direction);
-        let words: Vec<String> = parts
-            .iter()
-            .map(|(unknown, part)| {
-                format!("{} {}", if *part < 0.0 { "−" } else { "+" }, unknown.words(&names))
-            })
-            .collect();
-        let words = words.join(" ");
-        list.push(Unseen { words: words.trim_start_matches("+ ").to_owned(), parts });
+        let words = sum(&parts, &names);
+        list.push(Unseen { words, parts });
     }
     list
 }
 
 /// Combinations that have a name, in the order in which they are looked for.
-fn named(expected: &Build, unknowns: &[Unknown], names: &[String]) -> Vec<(String, DVector<f64>)> {
+fn named(
+    expected: &Build,
+    (unknowns, sigmas): (&[Unknown], &DVector<f64>),
+    names: &[String],
+) -> Vec<(String, DVector<f64>)> {
     let single = |at: usize| DVector::from_fn(unknowns.len(), |row, _| if row == at { 1.0 } else { 0.0 });
     let mut list = Vec::new();
     for (at, unknown) in unknowns.iter().enumerate() {
@@ -85,6 +84,11 @@ fn named(expected: &Build, unknowns: &[Unknown], names: &[String]) -> Vec<(Strin
     ];
     for (words, frame) in frames.into_iter().zip(observed_frames()) {
         list.push((words, moved_frame(expected, unknowns, frame)));
+    }
+    for direction in contradictions(expected, unknowns, sigmas) {
+        let words = sum(&parts(unknowns, &direction), names);
+        let amounts = direction.component_mul(sigmas);
+        list.push((format!("what wheels contradict each other by, and nothing moves: {words}"), amounts));
     }
     let length = |unknown: &Unknown| {
         let place = |wheel: usize| expected.wheels[wheel].position_m;
@@ -106,19 +110,23 @@ fn named(expected: &Build, unknowns: &[Unknown], names: &[String]) -> Vec<(Strin
     list
 }
 
-/// The same space without one of its directions.
+/// Parts with their signs.
+fn sum(parts: &[(Unknown, f64)], names: &[String]) -> String {
+    let word = |(unknown, part): &(Unknown, f64)| {
+        format!("{} {}", if *part < 0.0 { "−" } else { "+" }, unknown.words(names))
+    };
+    parts.iter().map(word).collect::<Vec<_>>().join(" ").trim_start_matches("+ ").to_owned()
+}
+
+/// The same space without one of its directions: what the projection on the rest keeps whole.
 fn without(space: &[DVector<f64>], direction: &DVector<f64>) -> Vec<DVector<f64>> {
-    let mut rest: Vec<DVector<f64>> = Vec::new();
+    let mut projection = -direction * direction.transpose();
     for vector in space {
-        let mut left = vector - direction * direction.dot(vector);
-        for other in &rest {
-            left -= other * other.dot(&left);
-        }
-        if let Some(unit) = left.try_normalize(1e-6) {
-            rest.push(unit);
-        }
+        projection += vector * vector.transpose();
     }
-    rest
+    let eigen = projection.symmetric_eigen();
+    let kept = (0..eigen.eigenvalues.len()).filter(|at| eigen.eigenvalues[*at] > 0.5);
+    kept.map(|at| eigen.eigenvectors.column(at).into_owned()).collect()
 }
 
 /// The greatest parts of a direction, the greatest first.

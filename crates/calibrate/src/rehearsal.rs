@@ -1,6 +1,6 @@
 //! Sensors that are made up where the truth is known: in a simulation, for a rehearsal. Their noise is stated, never hidden.
 
-use omnibase_platform::{GeometrySigmas, Pose2, Wheel, wrap_angle_rad};
+use omnibase_platform::{GeometrySigmas, Pose2, Wheel};
 
 use crate::build::SensorMount;
 use crate::dataset::{PlaceSample, PoseSample, TurnSample};
@@ -42,36 +42,6 @@ pub fn drawn_wheel(wheel: &Wheel, sigmas: &GeometrySigmas, random: &mut Random) 
         *coordinate += sigmas.position_m * random.normal();
     }
     drawn
-}
-
-/// What is wrong with a wheel that was found.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WheelErrors {
-    /// Its radius, as a share.
-    pub radius_share: f64,
-    /// Its direction, rad.
-    pub direction_rad: f64,
-    /// The lever arm of its force about base: its place across it, m.
-    pub across_m: f64,
-}
-
-impl WheelErrors {
-    /// Found wheels against the true ones; `true_from_found` is where the base frame of the found ones is in the true one, for
-    /// which of a body's frames is called base is nobody's truth.
-    pub fn of(found: &[Wheel], truth: &[Wheel], true_from_found: Pose2) -> Vec<WheelErrors> {
-        let angle = |wheel: &Wheel| wheel.force_direction[1].atan2(wheel.force_direction[0]);
-        let lever = |[x, y]: [f64; 2], angle: f64| x * angle.sin() - y * angle.cos();
-        let errors = found.iter().zip(truth).map(|(found, truth)| {
-            let place = true_from_found.then(Pose2::new(found.position_m[0], found.position_m[1], 0.0));
-            let (here, there) = (angle(found) + true_from_found.heading_rad, angle(truth));
-            WheelErrors {
-                radius_share: found.radius_m / truth.radius_m - 1.0,
-                direction_rad: wrap_angle_rad(here - there),
-                across_m: lever([place.x_m, place.y_m], here) - lever(truth.position_m, there),
-            }
-        });
-        errors.collect()
-    }
 }
 
 /// A sensor of poses as motion capture is one.

@@ -15,15 +15,24 @@ use crate::chain::Shared;
 use crate::creep;
 use crate::dataset::{Dataset, DatasetError, Run};
 use crate::unknown::{Asked, Unknown, build_at, moved_frame};
-use crate::way::Steps;
+use crate::way::{Steps, Way};
 use factors::{Knots, Linear, Turned};
 
 /// Steps at most.
 const MOST_STEPS: usize = 30;
 /// A step's halves at most.
 const MOST_HALVES: usize = 12;
-/// A step that changes no unknown by more than this share of its tolerance is the last one.
-const DONE: f64 = 1e-6;
+/// How often the floor is looked at, each time with what was found so far.
+const FLOORS: usize = 2;
+/// Bounds of the floor's variances over what tolerances say, and how surely they are right: a factor of so much is one standard
+/// deviation.
+const UNEVENNESS: [f64; 2] = [1e-4, 1e3];
+const UNEVENNESS_SIGMA: f64 = 100.0;
+/// Looks of the search for it: golden sections.
+const LOOKS: usize = 12;
+/// A step that lowers the cost by no more than this is the last one: it changes nothing by more than a thirtieth of what is
+/// uncertain about it.
+const DONE: f64 = 1e-3;
 
 /// Why nothing was found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -49,14 +58,14 @@ pub enum SolveError {
         found: f64,
     },
     /// It went on and on.
-    #[error("no solution after {steps} steps: the last one changed {what} by {sigmas:.1e} of its tolerance")]
+    #[error(
+        "no solution after {steps} steps: the last one still lowered the sum of squares by {lowered:.2e}"
+    )]
     Endless {
         /// How many.
         steps: usize,
-        /// Which unknown was still changing most.
-        what: String,
         /// By how much.
-        sigmas: f64,
+        lowered: f64,
     },
 }
 
@@ -124,6 +133,8 @@ pub struct Solution {
     pub freedoms: usize,
     /// Steps until then.
     pub steps: usize,
+    /// How uneven the floor was: its variances over what tolerances said.
+    pub unevenness: f64,
 }
 
 impl Solution {
@@ -153,6 +164,14 @@ struct State {
     amounts: DVector<f64>,
     /// Poses of each run.
     poses: Vec<Vec<Pose2>>,
+    /// Variances of the floor over what tolerances say.
+    unevenness: f64,
+}
+
+/// A state with everything about it to first order.
+struct Moment {
+    linear: Linear,
+    ways: Vec<Vec<Way>>,
 }
 
 /// Finds what a platform is really like, from what is expected of it and how well.
@@ -162,40 +181,14 @@ struct State {
 pub fn solve(dataset: &Dataset, expected: &Build, tolerances: &Tolerances) -> Result<Solution, SolveError> {
     let problem = Problem::new(dataset, expected, tolerances)?;
     let mut state = problem.start()?;
-    let mut linear = problem.linear(&state)?;
-    for number in 1..=MOST_STEPS {
-        let (amounts, poses) = problem.step(&linear)?;
-        let (mut share, mut tried) = (1.0, 0);
-        loop {
-            let next = state.moved(&amounts, &poses, share);
-            let after = problem.linear(&next);
-            // Wheels of a step too long may be no layout.
-            if let Ok(after) = after
-                && after.cost <= linear.cost * (1.0 + 1e-12)
-            {
-                (state, linear) = (next, after);
-                break;
-            }
-            tried += 1;
-            share *= 0.5;
-            if tried == MOST_HALVES {
-                // Rounding alone keeps the cost from falling.
-                break;
-            }
-        }
-        let change = |(at, amount): (usize, &f64)| (share * amount / problem.sigmas[at]).abs();
-        let greatest = amounts.iter().enumerate().map(change).fold(0.0, f64::max);
-        if greatest < DONE || tried == MOST_HALVES {
-            return problem.solution(&state, &linear, number);
-        }
-        if number == MOST_STEPS {
-            let at =
-                amounts.iter().enumerate().map(change).position(|one| one == greatest).unwrap_or_default();
-            let what = problem.unknowns[at].words(&problem.names());
-            return Err(SolveError::Endless { steps: number, what, sigmas: greatest });
-        }
+    let mut steps = 0;
+    for _ in 0..FLOORS {
+        let moment;
+        (state, moment) = problem.settled(state, &mut steps)?;
+        state.unevenness = problem.likeliest_floor(&state, &moment.ways)?;
     }
-    problem.solution(&state, &linear, MOST_STEPS)
+    let (state, moment) = problem.settled(state, &mut steps)?;
+    problem.solution(&state, &moment.linear, steps)
 }
 
 struct Problem<'a> {
@@ -238,21 +231,55 @@ impl<'a> Problem<'a> {
         Ok(Problem { expected, tolerances, sigmas, runs: prepared.collect(), unknowns })
     }
 
-    fn names(&self) -> Vec<String> {
-        self.expected.wheels.iter().map(|wheel| wheel.name.clone()).collect()
-    }
-
     fn start(&self) -> Result<State, SolveError> {
         let amounts = DVector::zeros(self.unknowns.len());
         let steps = Steps::new(self.expected, self.expected, &[])?;
         let poses = self.runs.iter().map(|run| factors::first_poses(run, &steps, self.expected));
-        Ok(State { amounts, poses: poses.collect() })
+        Ok(State { amounts, poses: poses.collect(), unevenness: 1.0 })
     }
 
-    fn linear(&self, state: &State) -> Result<Linear, SolveError> {
-        let count = self.unknowns.len();
+    /// Steps from a state until one lowers the cost by next to nothing.
+    fn settled(&self, mut state: State, number: &mut usize) -> Result<(State, Moment), SolveError> {
+        let mut moment = self.moment(&state)?;
+        let mut lowered = f64::INFINITY;
+        for _ in 0..MOST_STEPS {
+            *number += 1;
+            let (amounts, poses) = self.step(&moment.linear)?;
+            let (mut share, mut tried) = (1.0, 0);
+            lowered = 0.0;
+            while tried < MOST_HALVES {
+                let next = state.moved(&amounts, &poses, share);
+                // Wheels of a step too long may be no layout.
+                if let Ok(after) = self.moment(&next)
+                    && after.linear.cost <= moment.linear.cost
+                {
+                    lowered = moment.linear.cost - after.linear.cost;
+                    (state, moment) = (next, after);
+                    break;
+                }
+                tried += 1;
+                share *= 0.5;
+            }
+            if lowered < DONE {
+                return Ok((state, moment));
+            }
+        }
+        Err(SolveError::Endless { steps: *number, lowered })
+    }
+
+    fn moment(&self, state: &State) -> Result<Moment, SolveError> {
         let build = build_at(self.expected, &self.unknowns, &state.amounts);
         let steps = Steps::new(&build, self.expected, &self.unknowns)?;
+        let ways = self
+            .runs
+            .iter()
+            .map(|run| steps.ways(run.run, &run.slips_rad, &run.knots.instants_s(build.sensor.delay_s)));
+        let ways: Vec<Vec<Way>> = ways.collect();
+        Ok(Moment { linear: self.linear(state, &build, &ways), ways })
+    }
+
+    fn linear(&self, state: &State, build: &Build, ways: &[Vec<Way>]) -> Linear {
+        let count = self.unknowns.len();
         let mut linear =
             Linear::new(Shared { matrix: DMatrix::zeros(count, count), right: DVector::zeros(count) });
         for (at, sigma) in self.sigmas.iter().enumerate() {
@@ -263,21 +290,60 @@ impl<'a> Problem<'a> {
         }
         linear.residuals += count;
         let view = factors::View {
-            build: &build,
+            unevenness: state.unevenness,
+            build,
             tolerances: self.tolerances,
             unknowns: &self.unknowns,
             amounts: &state.amounts,
         };
-        for (run, poses) in self.runs.iter().zip(&state.poses) {
-            linear.add(run, poses, &steps, &view);
+        for ((run, poses), ways) in self.runs.iter().zip(&state.poses).zip(ways) {
+            linear.add(run, poses, ways, &view);
         }
-        Ok(linear)
+        linear
+    }
+
+    /// How uneven the floor is: that with which all measurements are likeliest, whatever poses and unknowns are (their marginal
+    /// likelihood, by Laplace: exact where all is linear).
+    fn likeliest_floor(&self, state: &State, ways: &[Vec<Way>]) -> Result<f64, SolveError> {
+        let build = build_at(self.expected, &self.unknowns, &state.amounts);
+        let unlikely = |log: f64| -> Result<f64, SolveError> {
+            let linear = self.linear(&State { unevenness: log.exp(), ..state.clone() }, &build, ways);
+            let (shared, chains) = self.eliminated(&linear)?;
+            let rest = shared.matrix.cholesky().ok_or_else(|| self.singular())?;
+            let lowered: f64 = chains.iter().map(|chain| chain.lowered).sum();
+            let log_determinant: f64 = chains.iter().map(|chain| chain.log_determinant).sum();
+            let left = linear.cost - lowered - rest.solve(&shared.right).dot(&shared.right);
+            let known = (log / UNEVENNESS_SIGMA.ln()).powi(2);
+            Ok(left + log_determinant + 2.0 * rest.l().diagonal().map(f64::ln).sum() - linear.log_weight
+                + known)
+        };
+        let [mut low, mut high] = UNEVENNESS.map(f64::ln);
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
+        let [mut a, mut b] = inner(low, high);
+        let (mut at_a, mut at_b) = (unlikely(a)?, unlikely(b)?);
+        for _ in 0..LOOKS {
+            if at_a < at_b {
+                (high, b, at_b) = (b, a, at_a);
+                a = inner(low, high)[0];
+                at_a = unlikely(a)?;
+            } else {
+                (low, a, at_a) = (a, b, at_b);
+                b = inner(low, high)[1];
+                at_b = unlikely(b)?;
+            }
+        }
+        Ok((0.5 * (low + high)).exp())
+    }
+
+    fn singular(&self) -> SolveError {
+        SolveError::Singular { run: self.runs.first().map(|run| run.run.name.clone()).unwrap_or_default() }
     }
 
     /// The step that would end at the least cost were everything linear.
     fn step(&self, linear: &Linear) -> Result<(DVector<f64>, Vec<Vec<Vector3<f64>>>), SolveError> {
         let (shared, chains) = self.eliminated(linear)?;
-        let singular = || SolveError::Singular { run: self.runs[0].run.name.clone() };
+        let singular = || self.singular();
         let amounts = shared.matrix.cholesky().ok_or_else(singular)?.solve(&shared.right);
         let poses = chains.iter().map(|chain| chain.steps(&amounts)).collect();
         Ok((amounts, poses))
@@ -294,7 +360,7 @@ impl<'a> Problem<'a> {
     }
 
     fn solution(&self, state: &State, linear: &Linear, steps: usize) -> Result<Solution, SolveError> {
-        let singular = || SolveError::Singular { run: self.runs[0].run.name.clone() };
+        let singular = || self.singular();
         let (shared, _) = self.eliminated(linear)?;
         let count = self.unknowns.len();
         let freedoms =
@@ -328,6 +394,7 @@ impl<'a> Problem<'a> {
             chi_square: linear.cost,
             freedoms,
             steps,
+            unevenness: state.unevenness,
             build,
             covariance,
             information,
@@ -367,6 +434,10 @@ impl State {
             let pairs = poses.iter().zip(steps);
             pairs.map(|(pose, step)| factors::shifted(*pose, &(step * share))).collect()
         });
-        State { amounts: &self.amounts + amounts * share, poses: moved.collect() }
+        State {
+            amounts: &self.amounts + amounts * share,
+            poses: moved.collect(),
+            unevenness: self.unevenness,
+        }
     }
 }

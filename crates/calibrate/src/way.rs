@@ -1,7 +1,7 @@
 //! The way of the platform between two instants, and how it changes with each unknown.
 
-use nalgebra::{Matrix3, Matrix3xX, Vector3};
-use omnibase_platform::{BodyStep, Kinematics, LayoutError, PerWheel, Pose2, wrap_angle_rad};
+use nalgebra::{Matrix3, Vector3};
+use omnibase_platform::{BodyStep, Kinematics, LayoutError, MAX_WHEELS, PerWheel, Pose2, wrap_angle_rad};
 
 use crate::build::Build;
 use crate::dataset::Run;
@@ -10,21 +10,23 @@ use crate::unknown::Unknown;
 /// By how much a wheel is changed to see what that does: far above rounding, far below where squares count.
 const NUDGE: f64 = 1e-5;
 
+/// The body's step per rad of each wheel.
+type PerRad = [Vector3<f64>; MAX_WHEELS];
+
 /// What a build makes of turns of its wheels.
 pub(crate) struct Steps {
     wheels: usize,
-    /// The body's step per rad of each wheel.
-    per_rad: Matrix3xX<f64>,
+    per_rad: PerRad,
     creep: f64,
-    /// For each unknown that changes steps: its place, and the change of `per_rad` by one of it.
+    /// What changes steps: each with its place among the unknowns.
     changes: Vec<(usize, Change)>,
     /// The place of the delay.
     delay: Option<usize>,
-    unknowns: usize,
 }
 
 enum Change {
-    Wheels(Matrix3xX<f64>),
+    /// The change of the step per rad by one of it.
+    Wheels(Box<PerRad>),
     Creep,
 }
 
@@ -32,21 +34,20 @@ enum Change {
 pub(crate) struct Way {
     /// Its end, seen from its beginning.
     pub(crate) moved: Pose2,
-    /// Its end's change in its own axes by one of each unknown.
-    pub(crate) per_unknown: Matrix3xX<f64>,
+    /// Its end's change in its own axes by one of each unknown that changes it, with the unknown's place.
+    pub(crate) per_unknown: Vec<(usize, Vector3<f64>)>,
     /// Length, m, and all turns, rad.
     pub(crate) length_m: f64,
     pub(crate) turned_rad: f64,
 }
 
-fn per_rad(build: &Build) -> Result<Matrix3xX<f64>, LayoutError> {
+fn per_rad(build: &Build) -> Result<PerRad, LayoutError> {
     let kinematics = Kinematics::new(build.wheels.clone())?;
     let count = kinematics.wheel_count();
-    let columns = (0..count).map(|wheel| {
+    Ok(std::array::from_fn(|wheel| {
         let alone = PerWheel::from_fn(count, |at| if at == wheel { 1.0 } else { 0.0 });
         vector(kinematics.body_step(&alone).0)
-    });
-    Ok(Matrix3xX::from_columns(&columns.collect::<Vec<_>>()))
+    }))
 }
 
 fn vector(step: BodyStep) -> Vector3<f64> {
@@ -88,8 +89,9 @@ impl Steps {
                         unknown.add_to(&mut nudged, expected, amount);
                         per_rad(&nudged)
                     };
-                    let change = (nudged(NUDGE)? - nudged(-NUDGE)?) / (2.0 * NUDGE);
-                    changes.push((place, Change::Wheels(change)));
+                    let [above, below] = [nudged(NUDGE)?, nudged(-NUDGE)?];
+                    let change = std::array::from_fn(|at| (above[at] - below[at]) / (2.0 * NUDGE));
+                    changes.push((place, Change::Wheels(Box::new(change))));
                 }
                 Unknown::Creep => changes.push((place, Change::Creep)),
                 _ => {}
@@ -101,14 +103,13 @@ impl Steps {
             creep: build.creep,
             changes,
             delay: unknowns.iter().position(|unknown| *unknown == Unknown::Delay),
-            unknowns: unknowns.len(),
         })
     }
 
-    fn step(&self, per_rad: &Matrix3xX<f64>, turned_rad: &PerWheel) -> Vector3<f64> {
+    fn step(&self, per_rad: &PerRad, turned_rad: &PerWheel) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
-        for at in 0..self.wheels {
-            sum += per_rad.column(at) * turned_rad[at];
+        for (per_rad, turned) in per_rad.iter().zip(turned_rad.iter()) {
+            sum += per_rad * *turned;
         }
         sum
     }
@@ -134,7 +135,7 @@ impl Steps {
     fn way(&self, slips_rad: &[PerWheel], cursor: &mut Cursor<'_>, to_s: f64) -> Way {
         let mut way = Way {
             moved: Pose2::default(),
-            per_unknown: Matrix3xX::zeros(self.unknowns),
+            per_unknown: self.changes.iter().map(|(place, _)| (*place, Vector3::zeros())).collect(),
             length_m: 0.0,
             turned_rad: 0.0,
         };
@@ -150,13 +151,12 @@ impl Steps {
             way.length_m += step_body.distance_m();
             way.turned_rad += step[2].abs();
             let back = carried_back(step_body.exp());
-            for (place, change) in &self.changes {
+            for ((_, change), (_, so_far)) in self.changes.iter().zip(&mut way.per_unknown) {
                 let changed = match change {
                     Change::Wheels(per_rad) => self.step(per_rad, &turned),
                     Change::Creep => -share * self.step(&self.per_rad, slipped),
                 };
-                let carried = back * way.per_unknown.column(*place) + changed;
-                way.per_unknown.set_column(*place, &carried);
+                *so_far = back * *so_far + changed;
             }
         }
         way
@@ -165,8 +165,7 @@ impl Steps {
     /// A longer delay puts both ends earlier.
     fn with_delay(&self, mut way: Way, start: Vector3<f64>, end: Vector3<f64>) -> Way {
         if let Some(place) = self.delay {
-            let change = carried_back(way.moved) * start - end;
-            way.per_unknown.set_column(place, &change);
+            way.per_unknown.push((place, carried_back(way.moved) * start - end));
         }
         way
     }

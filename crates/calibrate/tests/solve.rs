@@ -36,7 +36,7 @@ fn expected(wheels: Vec<Wheel>) -> (Build, Tolerances) {
 /// A platform of these wheels, driven by wheel speeds that nominal wheels would need for a figure.
 fn driven(nominal: &[Wheel], truth: &[Wheel], figure: &Figure) -> (Run, Vec<(f64, Pose2)>) {
     let [nominal, truth] = [nominal, truth].map(|wheels| Kinematics::new(wheels.to_vec()).unwrap());
-    let period_s = 5e-3;
+    let period_s = 0.01;
     let mut run = Run { name: figure.name.to_owned(), ..Run::default() };
     let mut pose = Pose2::default();
     let mut poses = vec![(0.0, pose)];
@@ -70,7 +70,7 @@ fn found(wheels: Vec<Wheel>, figure: &str, seed: u64) -> (Vec<Wheel>, SensorMoun
         delay_s: 0.02,
     };
     let (mut run, poses) = driven(&build.wheels, &truth, &by_name(figure));
-    run.poses = PoseSensor { mount, ..PoseSensor::default() }.poses(&poses, &mut random);
+    run.poses = PoseSensor { mount, every_s: 0.05, ..PoseSensor::default() }.poses(&poses, &mut random);
     let dataset = Dataset { runs: vec![run] };
     let solution = solve(&dataset, &build, &tolerances).unwrap();
     (truth, mount, solution, dataset, build)
@@ -85,7 +85,7 @@ fn drawn_builds_are_found_within_what_is_said_of_them() {
     for seed in 1..=6 {
         let (truth, mount, solution, dataset, build) = found(layout::bmm(0.38, 0.4, 0.1), "full", seed);
         let chi = solution.reduced_chi_square();
-        assert!((0.97..1.03).contains(&chi), "seed {seed}: {chi}");
+        assert!((0.95..1.05).contains(&chi), "seed {seed}: {chi}");
         let delay = solution.of(Unknown::Delay).unwrap();
         assert!((delay.amount - 0.02).abs() < 4.0 * delay.sigma_held, "{delay:?}");
         let frame = mount.base_from_sensor.then(solution.build.sensor.base_from_sensor.inverse());
@@ -97,7 +97,7 @@ fn drawn_builds_are_found_within_what_is_said_of_them() {
             squares += (direction / sigma(Unknown::Direction(at))).powi(2);
             squares += (radius / sigma(Unknown::Radius(at))).powi(2);
             count += 2;
-            assert!(direction.abs() < 2e-4 && radius.abs() < 3e-4, "seed {seed}: {direction} {radius}");
+            assert!(direction.abs() < 4e-4 && radius.abs() < 6e-4, "seed {seed}: {direction} {radius}");
         }
         let [before, after] = [&build, &solution.build]
             .map(|build| Drift::of(&dataset.runs[0], &solution.runs[0], build).unwrap().rms_m());
@@ -122,19 +122,18 @@ fn what_no_motion_shows_is_named_and_stays() {
             "which way base looks: wheels and sensor turned together",
         ]
     );
+    // Of the sensor's place the tolerances of three wheels say hardly more than its own does; of its heading they do.
+    let dark = |unknown| matches!(unknown, Unknown::Along(_) | Unknown::SensorX | Unknown::SensorY);
     for found in &solution.found {
-        assert_eq!(
-            found.is_observed(),
-            !matches!(
-                found.unknown,
-                Unknown::Along(_) | Unknown::SensorX | Unknown::SensorY | Unknown::SensorHeading
-            ),
-            "{found:?}"
-        );
+        assert_eq!(found.is_observed(), !dark(found.unknown), "{found:?}");
     }
     // Four wheels have three numbers more, by which they only contradict each other.
     let (.., solution, _, build) = found(layout::mecanum4(0.24, 0.21, 0.076), "full", 1);
-    assert_eq!(unseen(&solution, &build).len(), 4 + 3 + 3);
+    let words: Vec<String> = unseen(&solution, &build).into_iter().map(|one| one.words).collect();
+    assert_eq!(words.len(), 4 + 3 + 3, "{words:#?}");
+    let against =
+        words.iter().filter(|words| words.starts_with("what wheels contradict each other by")).count();
+    assert_eq!(against, 3, "{words:#?}");
 }
 
 #[test]

@@ -5,8 +5,9 @@
 
 use std::f64::consts::PI;
 
+use omnibase_calibrate::WheelErrors;
 use omnibase_calibrate::figures::{self, Figure, Pace};
-use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor, Random, Tape, WheelErrors, drawn_wheel};
+use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor, Random, Tape, drawn_wheel};
 use omnibase_calibrate::{Build, Dataset, Run, SensorMount, Solution, Step, Tolerances, solve};
 use omnibase_platform::{GeometrySigmas, Kinematics, PerWheel, Pose2, Wheel, wrap_angle_rad};
 use omnibase_robot::config::{InterpolationName, PathFrame, ReferenceTable};
@@ -95,7 +96,8 @@ pub const SIDE_M: f64 = 2.0;
 pub struct Calibrated {
     /// What was found.
     pub solution: Solution,
-    /// What is still wrong with each wheel, where base is held to the sensor: where it is in the body is nobody's truth.
+    /// What is still wrong with each wheel as far as it moves the platform, where base is held to the sensor: where it is in the
+    /// body is nobody's truth.
     pub errors: Vec<WheelErrors>,
     /// True RMS on the 2 m square before and after, m.
     pub square_m: [f64; 2],
@@ -125,6 +127,8 @@ pub fn calibrate(plan: &RobotPlan, told: Told, seed: u64) -> Calibrated {
         Told::GyroAndTape | Told::Tape => Pose2::default(),
     };
     let errors = WheelErrors::of(&solution.build.wheels, &drawn.wheels, true_from_found);
+    let errors = WheelErrors::that_move(&errors, &build.wheels, &tolerances)
+        .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
     let after = calibrated_plan(plan, &solution.build);
     let square_m = [(plan, Pose2::default()), (&after, true_from_found)]
         .map(|(plan, frame)| square_rms_m(plan, &drawn, frame, seed));

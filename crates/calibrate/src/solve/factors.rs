@@ -1,6 +1,6 @@
 //! What ties poses to each other, to measurements and to the unknowns.
 
-use nalgebra::{DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 use super::Prepared;
@@ -138,6 +138,8 @@ pub(crate) fn first_poses(prepared: &Prepared<'_>, steps: &Steps, expected: &Bui
 
 /// What poses are seen with.
 pub(crate) struct View<'a> {
+    /// Variances of the floor over what tolerances say.
+    pub(crate) unevenness: f64,
     pub(crate) build: &'a Build,
     pub(crate) tolerances: &'a Tolerances,
     pub(crate) unknowns: &'a [Unknown],
@@ -157,6 +159,8 @@ pub(crate) struct Linear {
     pub(crate) shared: Shared,
     /// What is made least: squares of residuals over standard deviations, of doubted poses less.
     pub(crate) cost: f64,
+    /// Sum of the logarithms of the weights of what the wheels say.
+    pub(crate) log_weight: f64,
     pub(crate) residuals: usize,
     pub(crate) looks: Vec<Look>,
 }
@@ -170,29 +174,30 @@ struct Residual {
     by_pose: Matrix3<f64>,
     /// By the earlier one.
     by_before: Option<Matrix3<f64>>,
-    /// By the unknowns.
-    by_unknown: Matrix3xX<f64>,
+    /// By unknowns, with their places; by all others 0.
+    by_unknown: Vec<(usize, Vector3<f64>)>,
 }
 
 impl Linear {
     pub(crate) fn new(shared: Shared) -> Linear {
-        Linear { chains: Vec::new(), shared, cost: 0.0, residuals: 0, looks: Vec::new() }
+        Linear { chains: Vec::new(), shared, cost: 0.0, log_weight: 0.0, residuals: 0, looks: Vec::new() }
     }
 
     pub(crate) fn chains(&self) -> impl Iterator<Item = Chain> + '_ {
         self.chains.iter().cloned()
     }
 
-    /// Adds a run.
-    pub(crate) fn add(&mut self, prepared: &Prepared<'_>, poses: &[Pose2], steps: &Steps, view: &View<'_>) {
+    /// Adds a run; `ways` are those between its poses.
+    pub(crate) fn add(&mut self, prepared: &Prepared<'_>, poses: &[Pose2], ways: &[Way], view: &View<'_>) {
         let instants_s = prepared.knots.instants_s(view.build.sensor.delay_s);
-        let ways = steps.ways(prepared.run, &prepared.slips_rad, &instants_s);
         let mut chain = Chain::new(poses.len(), view.unknowns.len());
         let mut look = Look::default();
         for (at, pose) in poses.iter().enumerate() {
             if let Some(before) = at.checked_sub(1) {
                 let pair = [poses[before], *pose];
-                self.take(&mut chain, at, &by_wheels(&ways[before], pair, view.tolerances));
+                let residual = by_wheels(&ways[before], pair, view);
+                self.log_weight += residual.weight.map(f64::ln).sum();
+                self.take(&mut chain, at, &residual);
                 let span_s = [instants_s[before], instants_s[at]];
                 if let Some(residual) = by_gyro(prepared, pair, span_s, view) {
                     self.take(&mut chain, at, &residual);
@@ -207,7 +212,7 @@ impl Linear {
             let mut residual = if prepared.knots.is_sensor {
                 by_sensor(prepared.run, measured, *pose, view)
             } else {
-                by_tape(prepared.run, measured, *pose, view.unknowns.len())
+                by_tape(prepared.run, measured, *pose)
             };
             let sigmas = residual.error.component_mul(&residual.weight.map(f64::sqrt));
             look.residuals.push(sigmas.into());
@@ -235,33 +240,43 @@ impl Linear {
         let of_pose = by_pose.transpose() * weighted;
         chain.own[at] += of_pose * by_pose;
         chain.right[at] -= of_pose * error;
-        chain.shared[at] += of_pose * by_unknown;
+        for (place, column) in by_unknown {
+            chain.shared[at][*place] += of_pose * column;
+        }
         if let Some(by_before) = by_before {
             let of_before = by_before.transpose() * weighted;
             chain.own[at - 1] += of_before * by_before;
             chain.right[at - 1] -= of_before * error;
-            chain.shared[at - 1] += of_before * by_unknown;
+            for (place, column) in by_unknown {
+                chain.shared[at - 1][*place] += of_before * column;
+            }
             chain.before[at] += of_pose * by_before;
         }
-        let of_unknown = by_unknown.transpose() * weighted;
-        self.shared.matrix += &of_unknown * by_unknown;
-        self.shared.right -= of_unknown * error;
+        for (row, one) in by_unknown {
+            let weighted = one.component_mul(weight);
+            self.shared.right[*row] -= weighted.dot(error);
+            for (column, other) in by_unknown {
+                self.shared.matrix[(*row, *column)] += weighted.dot(other);
+            }
+        }
     }
 }
 
 /// From one pose to the next as the wheels say.
-fn by_wheels(way: &Way, [before, pose]: [Pose2; 2], tolerances: &Tolerances) -> Residual {
+fn by_wheels(way: &Way, [before, pose]: [Pose2; 2], view: &View<'_>) -> Residual {
+    let (tolerances, floor) = (view.tolerances, view.unevenness);
     let moved = before.inverse().then(pose);
     let error = small(way.moved.inverse().then(moved));
     let (m, rad) = (way.length_m, way.turned_rad);
-    let position = STANDING.powi(2) + tolerances.way_m2_per_m * m + tolerances.way_m2_per_rad * rad;
-    let heading = STANDING.powi(2) + tolerances.turn_rad2_per_m * m + tolerances.turn_rad2_per_rad * rad;
+    let position = STANDING.powi(2) + floor * (tolerances.way_m2_per_m * m + tolerances.way_m2_per_rad * rad);
+    let heading =
+        STANDING.powi(2) + floor * (tolerances.turn_rad2_per_m * m + tolerances.turn_rad2_per_rad * rad);
     Residual {
         error,
         weight: Vector3::new(1.0 / position, 1.0 / position, 1.0 / heading),
         by_pose: Matrix3::identity(),
         by_before: Some(-carried_back(moved)),
-        by_unknown: -&way.per_unknown,
+        by_unknown: way.per_unknown.iter().map(|(place, column)| (*place, -column)).collect(),
     }
 }
 
@@ -279,12 +294,12 @@ fn by_gyro(
     // Chains don't wrap: a step between two poses is far less than half a turn.
     let turn = wrap_angle_rad(pose.heading_rad - before.heading_rad);
     let error = (to - from) - scale * turn - view.amounts[bias] * time_s;
-    let mut by_unknown = Matrix3xX::zeros(view.unknowns.len());
-    by_unknown[(0, bias)] = -time_s;
+    let first = |value: f64| Vector3::new(value, 0.0, 0.0);
+    let mut by_unknown = vec![(bias, first(-time_s))];
     for (at, unknown) in view.unknowns.iter().enumerate() {
         match unknown {
-            Unknown::GyroScale => by_unknown[(0, at)] = -turn,
-            Unknown::Delay if prepared.knots.is_sensor => by_unknown[(0, at)] = from_rate - to_rate,
+            Unknown::GyroScale => by_unknown.push((at, first(-turn))),
+            Unknown::Delay if prepared.knots.is_sensor => by_unknown.push((at, first(from_rate - to_rate))),
             _ => {}
         }
     }
@@ -303,7 +318,7 @@ fn by_sensor(run: &Run, measured: usize, pose: Pose2, view: &View<'_>) -> Residu
     let sample = &run.poses[measured];
     let mount = view.build.sensor.base_from_sensor;
     let error = small(pose.then(mount).inverse().then(sample.world_from_sensor));
-    let mut by_unknown = Matrix3xX::zeros(view.unknowns.len());
+    let mut by_unknown = Vec::with_capacity(3);
     let (sin, cos) = mount.heading_rad.sin_cos();
     for (at, unknown) in view.unknowns.iter().enumerate() {
         let column = match unknown {
@@ -312,7 +327,7 @@ fn by_sensor(run: &Run, measured: usize, pose: Pose2, view: &View<'_>) -> Residu
             Unknown::SensorHeading => Vector3::new(0.0, 0.0, -1.0),
             _ => continue,
         };
-        by_unknown.set_column(at, &column);
+        by_unknown.push((at, column));
     }
     let position = sample.sigma_m.powi(-2);
     Residual {
@@ -325,7 +340,7 @@ fn by_sensor(run: &Run, measured: usize, pose: Pose2, view: &View<'_>) -> Residu
 }
 
 /// A pose as somebody measured it on the floor.
-fn by_tape(run: &Run, measured: usize, pose: Pose2, unknowns: usize) -> Residual {
+fn by_tape(run: &Run, measured: usize, pose: Pose2) -> Residual {
     let sample = &run.places[measured];
     let position = sample.sigma_m.powi(-2);
     Residual {
@@ -333,6 +348,6 @@ fn by_tape(run: &Run, measured: usize, pose: Pose2, unknowns: usize) -> Residual
         weight: Vector3::new(position, position, sample.sigma_rad.powi(-2)),
         by_pose: -Matrix3::identity(),
         by_before: None,
-        by_unknown: Matrix3xX::zeros(unknowns),
+        by_unknown: Vec::new(),
     }
 }

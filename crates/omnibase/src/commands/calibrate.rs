@@ -2,6 +2,7 @@
 
 mod drive;
 mod figure;
+mod page;
 mod recordings;
 mod table;
 mod write;
@@ -94,6 +95,9 @@ pub struct Arguments {
     /// Write over that file where it is there already.
     #[arg(long, requires = "write")]
     overwrite: bool,
+    /// Show what was found on this page of HTML, with dead reckoning and residuals over time.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -213,6 +217,10 @@ pub fn run(
         }
     }
     output.flush()?;
+    if let Some(path) = &arguments.report {
+        let page = page::of(&plan.name, (&dataset, &known, &solution), &drifts);
+        std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
+    }
     if let Some(path) = &arguments.write {
         write::write(path, arguments.overwrite, &source.text.text, (&known, &solution), registry)?;
         note(format_args!(

@@ -3,8 +3,7 @@
 use super::Known;
 use crate::terminal::fixed;
 use omnibase_calibrate::observed::unseen;
-use omnibase_calibrate::rehearsal::WheelErrors;
-use omnibase_calibrate::{Build, Dataset, Drift, Found, Solution, Unknown};
+use omnibase_calibrate::{Build, Dataset, Drift, Found, Solution, Unknown, WheelErrors};
 use omnibase_platform::Pose2;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -26,40 +25,13 @@ pub(super) fn print(
     drifts: &[[Drift; 2]],
     output: &mut dyn Write,
 ) -> io::Result<()> {
-    let names: Vec<String> = known.build.wheels.iter().map(|wheel| wheel.name.clone()).collect();
-    let time_s: f64 = dataset.runs.iter().map(|run| run.end_s() - run.begin_s).sum();
-    let count = |of: fn(&omnibase_calibrate::Run) -> usize| dataset.runs.iter().map(of).sum::<usize>();
-    writeln!(
-        output,
-        "{} over {} s: {} poses, {} turns of a gyro, {} places on the floor",
-        plural(dataset.runs.len(), "run"),
-        fixed(time_s, 1),
-        count(|run| run.poses.len()),
-        count(|run| run.turns.len()),
-        count(|run| run.places.len())
-    )?;
-    let doubted: usize = solution.runs.iter().map(|run| run.doubted).sum();
-    if doubted > 0 {
-        writeln!(output, "{doubted} poses are far off and count for less")?;
+    for fact in facts(dataset, solution) {
+        writeln!(output, "{fact}")?;
     }
-    writeln!(
-        output,
-        "residuals: chi² of {} per freedom, 1 where all is as it is said to be\n",
-        fixed(solution.reduced_chi_square(), 2)
-    )?;
-    writeln!(output, "{:<34} {:>12} {:>12} {:>10} unit", "", "in the file", "found", "±")?;
-    for found in &solution.found {
-        let shown = shown(found, &known.build, &solution.build);
-        let Shown { expected, found: value, sigma, unit, decimals } = shown;
-        let words = found.unknown.words(&names);
-        let note = if found.is_observed() { "" } else { "  not observed" };
-        writeln!(
-            output,
-            "{words:<34} {:>12} {:>12} {:>10} {unit}{note}",
-            fixed(expected, decimals),
-            fixed(value, decimals),
-            fixed(sigma, decimals)
-        )?;
+    let [head, rows @ ..] = &rows(known, solution)[..] else { return Ok(()) };
+    for [what, expected, found, sigma, unit, note] in std::iter::once(head).chain(rows) {
+        let line = format!("{what:<34} {expected:>12} {found:>12} {sigma:>10} {unit:<4}{note}");
+        writeln!(output, "{}", line.trim_end())?;
     }
     let unseen = unseen(solution, &known.build);
     if !unseen.is_empty() {
@@ -82,6 +54,50 @@ pub(super) fn print(
     Ok(())
 }
 
+/// What was read, and how well all of it fits.
+pub(super) fn facts(dataset: &Dataset, solution: &Solution) -> Vec<String> {
+    let time_s: f64 = dataset.runs.iter().map(|run| run.end_s() - run.begin_s).sum();
+    let count = |of: fn(&omnibase_calibrate::Run) -> usize| dataset.runs.iter().map(of).sum::<usize>();
+    let doubted: usize = solution.runs.iter().map(|run| run.doubted).sum();
+    let mut facts = vec![format!(
+        "{} over {} s: {} poses, {} turns of a gyro, {} places on the floor",
+        plural(dataset.runs.len(), "run"),
+        fixed(time_s, 1),
+        count(|run| run.poses.len()),
+        count(|run| run.turns.len()),
+        count(|run| run.places.len())
+    )];
+    if doubted > 0 {
+        facts.push(format!("{} far off and counted for less", plural(doubted, "pose")));
+    }
+    facts.push(format!(
+        "residuals: chi² of {} per freedom, 1 where all is as it is said to be; the floor {} times as uneven as the file says",
+        fixed(solution.reduced_chi_square(), 2),
+        fixed(solution.unevenness.sqrt(), 3)
+    ));
+    facts
+}
+
+/// The table: its head, and a row for each unknown, of what, in the file, found, ±, unit, and whether it was observed.
+pub(super) fn rows(known: &Known, solution: &Solution) -> Vec<[String; 6]> {
+    let names: Vec<String> = known.build.wheels.iter().map(|wheel| wheel.name.clone()).collect();
+    let mut rows = vec![["", "in the file", "found", "±", "", ""].map(str::to_owned)];
+    for found in &solution.found {
+        let Shown { expected, found: value, sigma, unit, decimals } =
+            shown(found, &known.build, &solution.build);
+        let note = if found.is_observed() { "" } else { "not observed" };
+        rows.push([
+            found.unknown.words(&names),
+            fixed(expected, decimals),
+            fixed(value, decimals),
+            fixed(sigma, decimals),
+            unit.to_owned(),
+            note.to_owned(),
+        ]);
+    }
+    rows
+}
+
 /// What the rehearsed robot truly is, where base is held to the sensor.
 pub(super) fn print_truth(
     truth: &Build,
@@ -95,9 +111,11 @@ pub(super) fn print_truth(
     } else {
         Pose2::default()
     };
-    writeln!(output, "\nthe rehearsed robot: found less true, with base held to what measured it")?;
-    writeln!(output, "{:<16} {:>10} {:>12} {:>10}", "", "radius %", "direction °", "across mm")?;
     let errors = WheelErrors::of(&solution.build.wheels, &truth.wheels, frame);
+    let errors = WheelErrors::that_move(&errors, &known.build.wheels, &known.tolerances)
+        .map_err(|error| io::Error::other(error.to_string()))?;
+    writeln!(output, "\nthe rehearsed robot: found less true, as far as it moves the platform")?;
+    writeln!(output, "{:<16} {:>10} {:>12} {:>10}", "", "radius %", "direction °", "across mm")?;
     for (wheel, error) in known.build.wheels.iter().zip(&errors) {
         writeln!(
             output,
