@@ -95,6 +95,28 @@ fn a_rehearsal_finds_the_robot_that_it_drew() {
 }
 
 #[test]
+fn figures_are_driven_as_runs_with_recordings_and_references_that_stay() {
+    let folder = Folder::new("calibrate-drive");
+    let kept = folder.path("kept");
+    let drive = ["calibrate", BMM, "--truth", "simulator", "--figure", "line", "--side", "0.5", "--drive"];
+    let told = object(&[&drive[..], &["--recordings", &kept]].concat());
+    assert_eq!(told["rehearsed_errors"], Value::Null);
+    let radius = &told["unknowns"][4];
+    assert!(
+        radius["name"] == "wheel_2 radius" && radius["change"].as_f64().unwrap().abs() < 2e-3,
+        "{radius}"
+    );
+    assert!(std::path::Path::new(&kept).join("1-line.mcap").exists());
+    // The reference is one that `omnibase run` takes as well, and what is behind `--` is its own.
+    let reference = folder.path("kept/1-line.toml");
+    said(&["run", BMM, "--reference", &reference]);
+    let wrong = omnibase(&[&drive[..], &["--recordings", &kept, "--", "--interfaces", "eth1"]].concat());
+    let why = words(&wrong.stderr);
+    assert!(why.contains("behind `--`") && why.contains("--interfaces"), "{why}");
+    assert_eq!(wrong.status.code(), Some(2), "{why}");
+}
+
+#[test]
 fn mistakes_are_told_with_what_was_expected() {
     let folder = Folder::new("calibrate-wrong");
     let (run, text) = (folder.path("run.mcap"), folder.path("run.txt"));

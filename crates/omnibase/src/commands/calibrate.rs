@@ -207,13 +207,17 @@ pub fn run(
     let Driven { dataset, truth } = driven;
     let solution = solve(&dataset, &known.build, &known.tolerances).context("nothing was found")?;
     let drifts = drifts(&dataset, &known, &solution)?;
+    let errors = truth.map(|truth| table::errors(&truth, &known, &solution)).transpose()?;
     if arguments.json {
-        serde_json::to_writer_pretty(&mut *output, &table::json(&dataset, &known, &solution, &drifts))?;
+        let mut object = table::json(&dataset, &known, &solution, &drifts);
+        object["rehearsed_errors"] =
+            errors.map_or(serde_json::Value::Null, |errors| table::errors_json(&errors));
+        serde_json::to_writer_pretty(&mut *output, &object)?;
         writeln!(output)?;
     } else {
         table::print(&dataset, &known, &solution, &drifts, output)?;
-        if let Some(truth) = &truth {
-            table::print_truth(truth, &known, &solution, output)?;
+        if let Some(errors) = &errors {
+            table::print_errors(errors, &known, output)?;
         }
     }
     output.flush()?;

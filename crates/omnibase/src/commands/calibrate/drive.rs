@@ -41,14 +41,15 @@ pub(super) fn rehearse(
     for figure in figures {
         let mut source = source.text.clone();
         source.reference = Some(reference(figure).into());
-        let loaded = source.load(registry).map_err(|problems| problems_of(figure, &problems))?;
-        let mut drive = simulated(loaded.plan, &truth, figure, registry)?;
+        let robot = source.load(registry).map_err(|problems| problems_of(figure, &problems))?;
+        let plan = &robot.plan;
+        let mut drive = simulated(plan.clone(), &truth, figure, registry)?;
         for (_, pose) in &mut drive.poses {
             *pose = floor_from_base.then(*pose);
         }
         floor_from_base = drive.poses.last().map_or(floor_from_base, |(_, pose)| *pose);
         let mut run = drive.run;
-        match figure::witness(arguments) {
+        match figure::witness(arguments, plan) {
             Witness::Poses(sensor) => {
                 let sensor = omnibase_calibrate::rehearsal::PoseSensor { mount: truth.sensor, ..sensor };
                 run.poses = sensor.poses(&drive.poses, &mut random);
@@ -59,7 +60,7 @@ pub(super) fn rehearse(
                     ends.map(|(instant_s, pose)| tape.place(*instant_s, *pose, &mut random)).collect();
             }
         }
-        if arguments.gyro.is_some() {
+        if figure::has_gyro(arguments, plan) {
             let gyro =
                 omnibase_calibrate::rehearsal::GyroSensor { scale: truth.gyro_scale, ..Default::default() };
             run.turns = gyro.turns(&drive.turns, &mut random);
@@ -182,6 +183,9 @@ fn run_once(
     let Command::Run(run) = Cli::from_matches(&matches)?.command else {
         bail!("behind `--`: expected options of run")
     };
+    // Where one object is asked for, there is one.
+    let mut silent = std::io::sink();
+    let output = if arguments.json { &mut silent } else { output };
     match crate::commands::run::run(&run, registry, output)? {
         Outcome::Done => Ok(()),
         Outcome::Failed => bail!("the figure was not driven to its end"),

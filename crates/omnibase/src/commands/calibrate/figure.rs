@@ -49,14 +49,19 @@ pub(super) fn pace(plan: &RobotPlan) -> Pace {
 }
 
 /// What tells where the robot is, as far as it is known beforehand.
-pub(super) fn witness(arguments: &Arguments) -> Witness {
+pub(super) fn witness(arguments: &Arguments, plan: &RobotPlan) -> Witness {
     let [sigma_m, sigma_rad] = arguments.tape_sigma;
     let tape = Tape { sigma_m, sigma_rad };
-    match (&arguments.truth, &arguments.gyro) {
-        (Some(_), _) => Witness::Poses(PoseSensor::default()),
-        (None, Some(_)) => Witness::GyroAndTape(GyroSensor::default(), tape),
-        (None, None) => Witness::Tape(tape),
+    match &arguments.truth {
+        Some(_) => Witness::Poses(PoseSensor::default()),
+        None if has_gyro(arguments, plan) => Witness::GyroAndTape(GyroSensor::default(), tape),
+        None => Witness::Tape(tape),
     }
+}
+
+/// Whether a gyro tells turns: by the command line, or by the robot's file.
+pub(super) fn has_gyro(arguments: &Arguments, plan: &RobotPlan) -> bool {
+    arguments.gyro.is_some() || plan.safety.gyro_input.is_some()
 }
 
 /// The figures that are driven, in order.
@@ -131,7 +136,7 @@ pub(super) fn compare(
     known: &Known,
     output: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let witness = witness(arguments);
+    let witness = witness(arguments, plan);
     let figures = match witness {
         Witness::Poses(_) => figures::all(arguments.side.unwrap_or(SIDE_M), pace(plan)),
         Witness::GyroAndTape(..) | Witness::Tape(_) => return Ok(()),

@@ -98,13 +98,8 @@ pub(super) fn rows(known: &Known, solution: &Solution) -> Vec<[String; 6]> {
     rows
 }
 
-/// What the rehearsed robot truly is, where base is held to the sensor.
-pub(super) fn print_truth(
-    truth: &Build,
-    known: &Known,
-    solution: &Solution,
-    output: &mut dyn Write,
-) -> io::Result<()> {
+/// What is still wrong with each wheel of a rehearsed robot, as far as it moves the platform.
+pub(super) fn errors(truth: &Build, known: &Known, solution: &Solution) -> anyhow::Result<Vec<WheelErrors>> {
     let has_sensor = solution.of(Unknown::SensorX).is_some();
     let frame = if has_sensor {
         truth.sensor.base_from_sensor.then(solution.build.sensor.base_from_sensor.inverse())
@@ -112,11 +107,14 @@ pub(super) fn print_truth(
         Pose2::default()
     };
     let errors = WheelErrors::of(&solution.build.wheels, &truth.wheels, frame);
-    let errors = WheelErrors::that_move(&errors, &known.build.wheels, &known.tolerances)
-        .map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(WheelErrors::that_move(&errors, &known.build.wheels, &known.tolerances)?)
+}
+
+/// Prints them.
+pub(super) fn print_errors(errors: &[WheelErrors], known: &Known, output: &mut dyn Write) -> io::Result<()> {
     writeln!(output, "\nthe rehearsed robot: found less true, as far as it moves the platform")?;
     writeln!(output, "{:<16} {:>10} {:>12} {:>10}", "", "radius %", "direction °", "across mm")?;
-    for (wheel, error) in known.build.wheels.iter().zip(&errors) {
+    for (wheel, error) in known.build.wheels.iter().zip(errors) {
         writeln!(
             output,
             "{:<16} {:>10} {:>12} {:>10}",
@@ -178,6 +176,16 @@ fn shown(found: &Found, expected: &Build, build: &Build) -> Shown {
     }
 }
 
+/// What is still wrong with each wheel, as JSON.
+pub(super) fn errors_json(errors: &[WheelErrors]) -> Value {
+    let one = |error: &WheelErrors| {
+        json!({
+            "radius_share": error.radius_share, "direction_rad": error.direction_rad, "across_m": error.across_m,
+        })
+    };
+    errors.iter().map(one).collect()
+}
+
 /// All of it as one object; SI units.
 pub(super) fn json(dataset: &Dataset, known: &Known, solution: &Solution, drifts: &[[Drift; 2]]) -> Value {
     let names: Vec<String> = known.build.wheels.iter().map(|wheel| wheel.name.clone()).collect();
@@ -218,6 +226,7 @@ pub(super) fn json(dataset: &Dataset, known: &Known, solution: &Solution, drifts
         "creep": solution.build.creep,
         "sensor": { "pose": [mount.x_m, mount.y_m, mount.heading_rad], "delay_s": sensor.delay_s },
         "gyro_scale": solution.build.gyro_scale,
+        "unevenness": solution.unevenness.sqrt(),
         "runs": dataset.runs.iter().zip(drifts).map(run).collect::<Vec<_>>(),
     })
 }
