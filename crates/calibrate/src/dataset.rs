@@ -225,7 +225,7 @@ impl Run {
         for (number, pose) in self.poses.iter().enumerate() {
             self.pose("pose", number, (pose.world_from_sensor, pose.sigma_m))?;
             // Infinity says that no heading was measured.
-            if !(pose.sigma_rad > 0.0) {
+            if pose.sigma_rad.is_nan() || pose.sigma_rad <= 0.0 {
                 return Err(self.not_a_number("pose", number, ("sigma_rad", pose.sigma_rad), true));
             }
         }

@@ -8,7 +8,7 @@ use crate::dataset::Run;
 use crate::solve::RunFit;
 use crate::way::Steps;
 
-/// Dead reckoning against the poses of a fit, from its first one on.
+/// Dead reckoning against the poses of a fit, from its first one on; where only places on the floor were measured, against these.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drift {
     /// When, s.
@@ -29,8 +29,15 @@ impl Drift {
             if let Some(way) = number.checked_sub(1).and_then(|at| ways.get(at)) {
                 reckoned = reckoned.then(way.moved);
             }
+            let measured = run.places.iter().find(|place| (place.instant_s - instant_s).abs() < 1e-6);
+            let truth = match measured {
+                Some(place) => place.floor_from_base,
+                None if run.places.is_empty() => *truth,
+                // In between nobody looked.
+                None => continue,
+            };
             drift.instants_s.push(*instant_s);
-            drift.errors.push(difference(reckoned, *truth));
+            drift.errors.push(difference(reckoned, truth));
         }
         Ok(drift)
     }

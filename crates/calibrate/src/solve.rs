@@ -168,6 +168,12 @@ struct State {
     unevenness: f64,
 }
 
+/// A step of a state: of the unknowns, and of each run's poses, each in its own axes.
+struct Stride {
+    amounts: DVector<f64>,
+    poses: Vec<Vec<Vector3<f64>>>,
+}
+
 /// A state with everything about it to first order.
 struct Moment {
     linear: Linear,
@@ -244,11 +250,11 @@ impl<'a> Problem<'a> {
         let mut lowered = f64::INFINITY;
         for _ in 0..MOST_STEPS {
             *number += 1;
-            let (amounts, poses) = self.step(&moment.linear)?;
+            let stride = self.step(&moment.linear)?;
             let (mut share, mut tried) = (1.0, 0);
             lowered = 0.0;
             while tried < MOST_HALVES {
-                let next = state.moved(&amounts, &poses, share);
+                let next = state.moved(&stride, share);
                 // Wheels of a step too long may be no layout.
                 if let Ok(after) = self.moment(&next)
                     && after.linear.cost <= moment.linear.cost
@@ -341,12 +347,12 @@ impl<'a> Problem<'a> {
     }
 
     /// The step that would end at the least cost were everything linear.
-    fn step(&self, linear: &Linear) -> Result<(DVector<f64>, Vec<Vec<Vector3<f64>>>), SolveError> {
+    fn step(&self, linear: &Linear) -> Result<Stride, SolveError> {
         let (shared, chains) = self.eliminated(linear)?;
         let singular = || self.singular();
         let amounts = shared.matrix.cholesky().ok_or_else(singular)?.solve(&shared.right);
         let poses = chains.iter().map(|chain| chain.steps(&amounts)).collect();
-        Ok((amounts, poses))
+        Ok(Stride { amounts, poses })
     }
 
     fn eliminated(&self, linear: &Linear) -> Result<(Shared, Vec<crate::chain::Eliminated>), SolveError> {
@@ -429,13 +435,13 @@ pub(crate) fn observed_frames() -> [Pose2; 3] {
 }
 
 impl State {
-    fn moved(&self, amounts: &DVector<f64>, poses: &[Vec<Vector3<f64>>], share: f64) -> State {
-        let moved = self.poses.iter().zip(poses).map(|(poses, steps)| {
+    fn moved(&self, stride: &Stride, share: f64) -> State {
+        let moved = self.poses.iter().zip(&stride.poses).map(|(poses, steps)| {
             let pairs = poses.iter().zip(steps);
             pairs.map(|(pose, step)| factors::shifted(*pose, &(step * share))).collect()
         });
         State {
-            amounts: &self.amounts + amounts * share,
+            amounts: &self.amounts + &stride.amounts * share,
             poses: moved.collect(),
             unevenness: self.unevenness,
         }

@@ -95,6 +95,54 @@ fn a_rehearsal_finds_the_robot_that_it_drew() {
 }
 
 #[test]
+fn a_table_of_another_robots_run_is_read() {
+    let folder = Folder::new("calibrate-table");
+    let (run, exported, table) = (folder.path("run.mcap"), folder.path("run.csv"), folder.path("table.csv"));
+    said(&[
+        "run",
+        BMM,
+        "--path",
+        "robots/square.dat",
+        "--set",
+        "platform.wheel_radius_m=0.101",
+        "--record",
+        &run,
+    ]);
+    let signals = ["--signals", "wheel_*.increment_rad", "truth.pose_*"];
+    said(&[&["export", &run], &signals[..], &["--output", &exported]].concat());
+    // Increments are added up to angles; every tenth row has a pose.
+    let text = std::fs::read_to_string(&exported).unwrap();
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let column =
+        |part: &str| names.iter().position(|name| name.contains(part)).unwrap_or_else(|| panic!("{names:?}"));
+    let (time, wheels) = (column("time"), [1, 2, 3].map(|wheel| column(&format!("wheel_{wheel}"))));
+    let pose = ["x_m", "y_m", "heading_rad"].map(|axis| column(&format!("pose_{axis}")));
+    let mut angles = [0.0; 3];
+    let mut rows =
+        "time_s,wheel_1_rad,wheel_2_rad,wheel_3_rad,pose_x_m,pose_y_m,pose_heading_rad\n".to_owned();
+    for (number, line) in text.lines().skip(1).enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        for (angle, column) in angles.iter_mut().zip(wheels) {
+            *angle += cells[column].parse::<f64>().unwrap();
+        }
+        let pose = pose.map(|column| if number % 10 == 0 { cells[column] } else { "" }).join(",");
+        rows += &format!("{},{},{},{},{pose}\n", cells[time], angles[0], angles[1], angles[2]);
+    }
+    std::fs::write(&table, rows).unwrap();
+    let told = object(&["calibrate", BMM, "--from", &table, "--set", "estimator.radius_share=0.01"]);
+    for wheel in told["wheels"].as_array().unwrap() {
+        let radius_m = wheel["radius_m"].as_f64().unwrap();
+        assert!((radius_m - 0.101).abs() < 5e-5, "{wheel}");
+    }
+    std::fs::write(&table, "time_s,wheel_1_rad\n0,0\n").unwrap();
+    let wrong = omnibase(&["calibrate", BMM, "--from", &table]);
+    assert!(
+        words(&wrong.stderr).contains("line 1: no column `wheel_2_rad`, expected the angle of each wheel"),
+        "{wrong:?}"
+    );
+}
+
+#[test]
 fn figures_are_driven_as_runs_with_recordings_and_references_that_stay() {
     let folder = Folder::new("calibrate-drive");
     let kept = folder.path("kept");

@@ -1,5 +1,7 @@
 //! A recorded run as the calibration reads it: what the wheels turned, and what tells where the platform really was.
 
+pub mod table;
+
 use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor, Random};
 use omnibase_calibrate::{PoseSample, Run, Step, TurnSample};
 use omnibase_platform::{PerWheel, Pose2};

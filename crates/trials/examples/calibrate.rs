@@ -21,8 +21,12 @@ fn main() {
     println!("|---|---|---|---|---|---|---|");
     let (mut within, mut squares) = (0, [0.0_f64; 2]);
     let mut most = [0.0_f64; 3];
+    let mut said: [Vec<[f64; 2]>; 3] = Default::default();
     for seed in 1..=builds {
         let calibrated = calibrate(&plan, told, seed);
+        for (all, one) in said.iter_mut().zip(calibrated.said()) {
+            all.extend(one);
+        }
         let [radius, direction, across] = calibrated.greatest();
         let shown = [100.0 * radius, direction.to_degrees(), 1e3 * across];
         let [before, after] = calibrated.square_m.map(|metres| 1e3 * metres);
@@ -47,4 +51,23 @@ fn main() {
          square {:.1} mm in the mean before, {:.2} mm at most after",
         most[0], most[1], most[2], squares[0], squares[1]
     );
+    println!();
+    println!("| of each wheel | RMS error | ± that was said, in the mean | RMS of error over ± | greatest |");
+    println!("|---|---|---|---|---|");
+    let units =
+        [("radius %", 100.0), ("direction °", 180.0 / std::f64::consts::PI), ("place across mm", 1e3)];
+    for ((name, scale), said) in units.into_iter().zip(&said) {
+        let count = said.len().max(1) as f64;
+        let rms =
+            |of: fn(&[f64; 2]) -> f64| (said.iter().map(|one| of(one).powi(2)).sum::<f64>() / count).sqrt();
+        let mean = said.iter().map(|[_, sigma]| sigma).sum::<f64>() / count;
+        let over = |[error, sigma]: &[f64; 2]| error / sigma;
+        let greatest = said.iter().map(|one| over(one).abs()).fold(0.0, f64::max);
+        println!(
+            "| {name} | {:.4} | {:.4} | {:.2} | {greatest:.1} |",
+            scale * rms(|[error, _]| *error),
+            scale * mean,
+            rms(over)
+        );
+    }
 }

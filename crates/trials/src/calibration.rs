@@ -5,10 +5,10 @@
 
 use std::f64::consts::PI;
 
-use omnibase_calibrate::WheelErrors;
 use omnibase_calibrate::figures::{self, Figure, Pace};
 use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor, Random, Tape, drawn_wheel};
 use omnibase_calibrate::{Build, Dataset, Run, SensorMount, Solution, Step, Tolerances, solve};
+use omnibase_calibrate::{Unknown, WheelErrors};
 use omnibase_platform::{GeometrySigmas, Kinematics, PerWheel, Pose2, Wheel, wrap_angle_rad};
 use omnibase_robot::config::{InterpolationName, PathFrame, ReferenceTable};
 use omnibase_robot::{Phase, RequestKind, RobotPlan};
@@ -109,6 +109,26 @@ impl Calibrated {
         let most =
             |of: fn(&WheelErrors) -> f64| self.errors.iter().map(|error| of(error).abs()).fold(0.0, f64::max);
         [most(|error| error.radius_share), most(|error| error.direction_rad), most(|error| error.across_m)]
+    }
+}
+
+impl Calibrated {
+    /// Of each wheel's radius, direction and place across its force: the error, and the standard deviation that was said of it.
+    pub fn said(&self) -> [Vec<[f64; 2]>; 3] {
+        let has_sensor = self.solution.of(Unknown::SensorX).is_some();
+        let sigma = |unknown| {
+            let found = self.solution.of(unknown);
+            found.map_or(f64::NAN, |found| if has_sensor { found.sigma_held } else { found.sigma })
+        };
+        let all = |unknown: fn(usize) -> Unknown, error: fn(&WheelErrors) -> f64| {
+            let wheels = self.errors.iter().enumerate();
+            wheels.map(|(wheel, errors)| [error(errors), sigma(unknown(wheel))]).collect()
+        };
+        [
+            all(Unknown::Radius, |error| error.radius_share),
+            all(Unknown::Direction, |error| error.direction_rad),
+            all(Unknown::Across, |error| error.across_m),
+        ]
     }
 }
 

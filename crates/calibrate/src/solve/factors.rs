@@ -16,8 +16,9 @@ const LEAST_APART_S: f64 = 0.008;
 const KNOT_S: f64 = 0.1;
 /// What wheels that stand may hide, m and rad: keeps weights finite.
 const STANDING: f64 = 3e-6;
-/// Poses farther off than so many standard deviations count for less.
-const DOUBTED_AT: f64 = 4.0;
+/// Poses farther off than so many standard deviations, over all three directions, count for less: chance alone does that to one in
+/// 65,000.
+const DOUBTED_AT: f64 = 5.0;
 /// Nothing is known of where a run begins, m and rad.
 const ANYWHERE: [f64; 2] = [100.0, 10.0];
 

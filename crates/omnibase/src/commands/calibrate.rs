@@ -43,7 +43,8 @@ pub struct Arguments {
     robot: PathBuf,
     #[command(flatten)]
     changes: Changes,
-    /// Drive nothing: read a recording, from `omnibase run --record`; may be given several times.
+    /// Drive nothing: read a recording, from `omnibase run --record`, or a table of text, FILE.csv, with columns time_s, wheel_1_rad ...,
+    /// gyro_rad_s, pose_x_m, pose_y_m, pose_heading_rad; may be given several times.
     #[arg(long, value_name = "FILE")]
     from: Vec<PathBuf>,
     /// Show the figures and what they are expected to show, and drive nothing.

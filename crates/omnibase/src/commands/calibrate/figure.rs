@@ -107,7 +107,7 @@ pub(super) fn announce(figures: &[Figure], plan: &RobotPlan, output: &mut dyn Wr
             fixed(y[1], 2)
         )?;
         let Some(fence) = &plan.guard.fence else {
-            writeln!(output, "; no fence: see that there is room for the platform itself as well")?;
+            writeln!(output, "; no fence is told")?;
             continue;
         };
         let (room_m, pose) = least_room(figure, &plan.guard.footprint_m, &fence.corners_m);

@@ -9,6 +9,7 @@ use omnibase_calibrate::{Dataset, PlaceSample, Run, SensorMount};
 use omnibase_measure::measured::FloorPose;
 use omnibase_record::run::RecordedRun;
 use omnibase_robot::{Registry, RobotPlan};
+use omnibase_run::dataset::table::run_of_table;
 use omnibase_run::dataset::{GyroFrom, PosesFrom, Witnesses, run_of};
 use omnibase_run::robot_text::from_description;
 use std::path::{Path, PathBuf};
@@ -79,6 +80,11 @@ fn read_one(
     registry: &Registry,
     witnesses: &Witnesses,
 ) -> anyhow::Result<Run> {
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        let text = std::fs::read_to_string(path).context("reading it")?;
+        let run = run_of_table(&text, plan.drives.len(), &path.display().to_string())?;
+        return Ok(run.in_steps_of(STEP_S));
+    }
     let file = std::fs::File::open(path).context("opening it")?;
     let recorded = RecordedRun::read_from(file, omnibase_run::dataset::READ)?;
     if let Some(why) = &recorded.truncated {
