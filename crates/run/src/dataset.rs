@@ -294,3 +294,6 @@ fn listed(names: impl Iterator<Item = String>, none: &str) -> String {
     let names: Vec<String> = names.collect();
     if names.is_empty() { none.to_owned() } else { names.join(", ") }
 }
+
+#[cfg(test)]
+mod tests;
