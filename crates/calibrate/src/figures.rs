@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use omnibase_platform::{Kinematics, Pose2, Twist2};
+use omnibase_platform::{Kinematics, Pose2, Twist2, Wheel};
 
 use crate::build::{Build, Tolerances};
 use crate::dataset::{Dataset, PlaceSample, PoseSample, Run, Step, TurnSample};
@@ -73,18 +73,45 @@ impl Drawing {
     }
 }
 
+/// Lines of a star.
+const RAYS: usize = 3;
+
+/// Where the first line of a star goes, rad: away from where wheels roll straight ahead, for there rollers stand, hold the platform
+/// with what they resist, and millimetres decide which way.
+fn first_ray_rad(wheels: &[Wheel]) -> f64 {
+    let apart_rad = PI / RAYS as f64;
+    let nearest = |first_rad: f64| {
+        let straight =
+            wheels.iter().map(|wheel| wheel.rolling_direction[1].atan2(wheel.rolling_direction[0]));
+        let away = straight.map(|angle| {
+            let beside = (angle - first_rad).rem_euclid(apart_rad);
+            beside.min(apart_rad - beside)
+        });
+        away.fold(f64::INFINITY, f64::min)
+    };
+    let tried = (0..12).map(|part| apart_rad * f64::from(part) / 12.0);
+    // The first of the best, whatever rounding says.
+    tried.fold(0.0, |best, one| if nearest(one) > nearest(best) + 1e-6 { one } else { best })
+}
+
 /// All figures within a square of this side about their beginning, m, in the order in which they are compared.
 ///
 /// No turns in place are in `full`: which way rollers turn is then decided by the millimetres by which wheels stand elsewhere than
 /// they should, and treads creep by it. Lines with turns show as much, and don't have that.
-pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
+pub fn all(side_m: f64, pace: Pace, wheels: &[Wheel]) -> Vec<Figure> {
     let half_m = 0.5 * side_m;
-    let star = |drawing: &mut Drawing, heading: f64, rays: usize| {
-        for ray in 0..rays {
-            let (sin, cos) = (PI * ray as f64 / rays as f64).sin_cos();
-            drawing.to(half_m * cos, half_m * sin, heading);
-            drawing.to(-half_m * cos, -half_m * sin, heading);
-            drawing.to(0.0, 0.0, heading);
+    let first_rad = first_ray_rad(wheels);
+    // In axes along and across the first ray.
+    let (ray_sin, ray_cos) = first_rad.sin_cos();
+    let along =
+        move |x: f64, y: f64| [half_m * (ray_cos * x - ray_sin * y), half_m * (ray_sin * x + ray_cos * y)];
+    let star = |drawing: &mut Drawing, heading: f64| {
+        for ray in 0..RAYS {
+            let (sin, cos) = (PI * ray as f64 / RAYS as f64).sin_cos();
+            for share in [1.0, -1.0, 0.0] {
+                let [x, y] = along(share * cos, share * sin);
+                drawing.to(x, y, heading);
+            }
         }
     };
     let mut line = Drawing::new(pace);
@@ -92,7 +119,7 @@ pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
     line.to(-half_m, 0.0, 0.0);
     line.to(0.0, 0.0, 0.0);
     let mut rays = Drawing::new(pace);
-    star(&mut rays, 0.0, 3);
+    star(&mut rays, 0.0);
     let mut turns = Drawing::new(pace);
     turns.to(0.0, 0.0, 2.0 * TAU);
     turns.to(0.0, 0.0, 0.0);
@@ -106,18 +133,30 @@ pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
     }
     square.to(0.0, 0.0, 0.0);
     let mut full = Drawing::new(pace);
-    star(&mut full, 0.0, 3);
-    full.to(half_m, 0.0, 0.0);
-    full.to(-half_m, 0.0, TAU);
-    full.to(0.0, half_m, TAU);
-    full.to(0.0, -half_m, 2.0 * TAU);
-    full.to(0.0, 0.0, 2.0 * TAU + PI);
-    star(&mut full, 2.0 * TAU + PI, 3);
-    full.to(0.0, half_m, 2.0 * TAU + PI);
-    full.to(0.0, -half_m, TAU + PI);
-    full.to(-half_m, 0.0, TAU + PI);
-    full.to(half_m, 0.0, PI);
-    full.to(0.0, 0.0, 0.0);
+    star(&mut full, 0.0);
+    let turned = [
+        (1.0, 0.0, 0.0),
+        (-1.0, 0.0, TAU),
+        (0.0, 1.0, TAU),
+        (0.0, -1.0, 2.0 * TAU),
+        (0.0, 0.0, 2.0 * TAU + PI),
+    ];
+    let turned_back = [
+        (0.0, 1.0, 2.0 * TAU + PI),
+        (0.0, -1.0, TAU + PI),
+        (-1.0, 0.0, TAU + PI),
+        (1.0, 0.0, PI),
+        (0.0, 0.0, 0.0),
+    ];
+    let go = |drawing: &mut Drawing, stretch: [(f64, f64, f64); 5]| {
+        for (share_x, share_y, heading) in stretch {
+            let [x, y] = along(share_x, share_y);
+            drawing.to(x, y, heading);
+        }
+    };
+    go(&mut full, turned);
+    star(&mut full, 2.0 * TAU + PI);
+    go(&mut full, turned_back);
     vec![
         line.done("line", "forward, back, and again"),
         turns.done("turns", "two turns in place to the left, two to the right"),
@@ -129,20 +168,19 @@ pub fn all(side_m: f64, pace: Pace) -> Vec<Figure> {
 
 /// Figures for a tape, each from one place where it is measured to the next one: lines in three directions out and back, then
 /// lines on which it turns by an odd number of half turns, so that a wheel that stands elsewhere shows where they end.
-pub fn between_tapes(side_m: f64, pace: Pace) -> Vec<Figure> {
+pub fn between_tapes(side_m: f64, pace: Pace, wheels: &[Wheel]) -> Vec<Figure> {
     let one = |name, meaning, x: f64, y: f64, heading: f64| {
         let mut drawing = Drawing::new(pace);
         drawing.to(x, y, heading);
         drawing.done(name, meaning)
     };
     let mut list = Vec::new();
-    for (out, back, meaning, angle) in [
-        ("ahead", "back", "a line straight ahead", 0.0),
-        ("left-60", "back-60", "a line to the left by 60°", PI / 3.0),
-        ("left-120", "back-120", "a line to the left by 120°", 2.0 * PI / 3.0),
-    ] {
-        let (sin, cos) = f64::sin_cos(angle);
-        list.push(one(out, meaning, side_m * cos, side_m * sin, 0.0));
+    let first_rad = first_ray_rad(wheels);
+    for (number, [out, back]) in
+        [["out-1", "back-1"], ["out-2", "back-2"], ["out-3", "back-3"]].into_iter().enumerate()
+    {
+        let (sin, cos) = (first_rad + PI * number as f64 / RAYS as f64).sin_cos();
+        list.push(one(out, "a straight line", side_m * cos, side_m * sin, 0.0));
         list.push(one(back, "back again", -side_m * cos, -side_m * sin, 0.0));
     }
     list.push(one("turning-left", "a line ahead with five half turns to the left", side_m, 0.0, 2.5 * TAU));

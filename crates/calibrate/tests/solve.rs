@@ -52,7 +52,10 @@ fn driven(nominal: &[Wheel], truth: &[Wheel], figure: &Figure) -> (Run, Vec<(f64
 }
 
 fn by_name(name: &str) -> Figure {
-    figures::all(2.0, PACE).into_iter().find(|figure| figure.name == name).unwrap()
+    figures::all(2.0, PACE, &layout::bmm(0.38, 0.4, 0.1))
+        .into_iter()
+        .find(|figure| figure.name == name)
+        .unwrap()
 }
 
 /// The build of a seed, seen by a sensor of poses in a figure, and what was found.
@@ -156,7 +159,7 @@ fn tapes_and_a_gyro_find_what_they_can() {
     let truth: Vec<Wheel> =
         build.wheels.iter().map(|wheel| drawn_wheel(wheel, &SIGMAS, &mut random)).collect();
     let mut dataset = Dataset::default();
-    for figure in figures::between_tapes(2.0, PACE) {
+    for figure in figures::between_tapes(2.0, PACE, &build.wheels) {
         let (mut run, poses) = driven(&build.wheels, &truth, &figure);
         let rates = poses.windows(2).map(|pair| {
             let period_s = pair[1].0 - pair[0].0;

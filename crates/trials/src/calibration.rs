@@ -65,7 +65,7 @@ pub enum Told {
 }
 
 /// What the file expects, and how well.
-pub fn expected(plan: &RobotPlan, told: Told) -> (Build, Tolerances) {
+pub fn expected(plan: &RobotPlan) -> (Build, Tolerances) {
     let build = Build {
         wheels: plan.kinematics.wheels().to_vec(),
         creep: 0.0,
@@ -80,7 +80,6 @@ pub fn expected(plan: &RobotPlan, told: Told) -> (Build, Tolerances) {
         sensor_m: MOUNTED[0],
         sensor_rad: MOUNTED[1],
         gyro_density: gyro.density,
-        creep: if told == Told::Tape { 0.01 } else { 0.02 },
         ..Tolerances::default()
     };
     (build, tolerances)
@@ -138,7 +137,7 @@ impl Calibrated {
 /// Where a drive doesn't come to its end, or nothing is found.
 pub fn calibrate(plan: &RobotPlan, told: Told, seed: u64) -> Calibrated {
     let mut drawn = Drawn::new(plan, seed);
-    let (build, tolerances) = expected(plan, told);
+    let (build, tolerances) = expected(plan);
     let dataset = measured(plan, &mut drawn, told);
     let solution =
         solve(&dataset, &build, &tolerances).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
@@ -169,10 +168,11 @@ pub fn calibrated_plan(plan: &RobotPlan, build: &Build) -> RobotPlan {
 /// Drives the figures, and what is told of them.
 fn measured(plan: &RobotPlan, drawn: &mut Drawn, told: Told) -> Dataset {
     let all = match told {
-        Told::Poses => {
-            figures::all(SIDE_M, PACE).into_iter().filter(|figure| figure.name == "full").collect()
-        }
-        Told::GyroAndTape | Told::Tape => figures::between_tapes(SIDE_M, PACE),
+        Told::Poses => figures::all(SIDE_M, PACE, plan.kinematics.wheels())
+            .into_iter()
+            .filter(|figure| figure.name == "full")
+            .collect(),
+        Told::GyroAndTape | Told::Tape => figures::between_tapes(SIDE_M, PACE, plan.kinematics.wheels()),
     };
     let runs = all.iter().map(|figure| {
         let drive = drive_figure(plan, drawn, figure);

@@ -68,9 +68,9 @@ pub(super) fn has_gyro(arguments: &Arguments, plan: &RobotPlan) -> bool {
 pub(super) fn chosen(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<Vec<Figure>> {
     let (side_m, pace) = (arguments.side.unwrap_or(SIDE_M), pace(plan));
     if arguments.truth.is_none() && arguments.figure.is_none() {
-        return Ok(figures::between_tapes(side_m, pace));
+        return Ok(figures::between_tapes(side_m, pace, plan.kinematics.wheels()));
     }
-    let all = figures::all(side_m, pace);
+    let all = figures::all(side_m, pace, plan.kinematics.wheels());
     let name = arguments.figure.as_deref().unwrap_or(DEFAULT);
     let names: Vec<&str> = all.iter().map(|figure| figure.name).collect();
     let one = all.iter().find(|figure| figure.name == name).cloned();
@@ -138,7 +138,9 @@ pub(super) fn compare(
 ) -> anyhow::Result<()> {
     let witness = witness(arguments, plan);
     let figures = match witness {
-        Witness::Poses(_) => figures::all(arguments.side.unwrap_or(SIDE_M), pace(plan)),
+        Witness::Poses(_) => {
+            figures::all(arguments.side.unwrap_or(SIDE_M), pace(plan), plan.kinematics.wheels())
+        }
         Witness::GyroAndTape(..) | Witness::Tape(_) => return Ok(()),
     };
     writeln!(output, "expected of each figure, ± of the worst wheel:")?;
