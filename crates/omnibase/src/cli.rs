@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    bridge, check, completions, decode, description, doctor, exchange, export, joystick, kinematics, live,
-    margins, new, replay, report, run, scan, sdo, sii, simulate,
+    bridge, calibrate, check, completions, decode, description, doctor, exchange, export, joystick,
+    kinematics, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -28,6 +28,7 @@ pub struct Cli {
 pub enum Command {
     Run(Box<run::Arguments>),
     Check(check::Arguments),
+    Calibrate(calibrate::Arguments),
     Kinematics(kinematics::Arguments),
     Margins(margins::Arguments),
     Replay(replay::Arguments),

@@ -2,6 +2,7 @@
 
 pub mod at_robot;
 pub mod bridge;
+pub mod calibrate;
 pub mod check;
 pub mod completions;
 pub mod decode;
@@ -36,6 +37,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
     match command {
         Command::Run(arguments) => run::run(arguments, registry, output),
         Command::Check(arguments) => check::run(arguments, registry, output),
+        Command::Calibrate(arguments) => calibrate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),

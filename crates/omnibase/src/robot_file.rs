@@ -32,6 +32,11 @@ impl Changes {
         self.lines().iter().any(is_simulations)
     }
 
+    /// As options of a command that takes them, too.
+    pub fn as_options(&self) -> Vec<String> {
+        self.lines().into_iter().flat_map(|line| ["--set".to_owned(), line]).collect()
+    }
+
     /// As lines of TOML; what has an option of its own comes first, so that `--set` has the last word.
     fn lines(&self) -> Vec<String> {
         let controller = self.controller.iter().map(|name| format!("controller.kind = {name:?}"));

@@ -30,6 +30,7 @@ mod beside;
 mod chart;
 mod configuration;
 mod curve;
+mod curves;
 mod histogram;
 mod overhead;
 mod scale;
@@ -40,6 +41,7 @@ mod text;
 mod tracking;
 mod wheels;
 
+pub use curves::{CurveChart, CurvesPage, Quantity};
 pub use tracking::{BelievedAndTrue, TrackingFigures};
 
 use crate::run::{Keep, RecordedRun};

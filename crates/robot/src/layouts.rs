@@ -71,6 +71,6 @@ fn wheel(table: &WheelTable, index: usize, radius_m: f64) -> Made<Wheel> {
         position_m,
         rolling_direction: [rolling_rad.cos(), rolling_rad.sin()],
         force_direction: [force_rad.cos(), force_rad.sin()],
-        radius_m,
+        radius_m: table.radius_m.unwrap_or(radius_m),
     })
 }

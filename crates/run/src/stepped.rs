@@ -66,8 +66,20 @@ impl Stepped {
         leader: Leader,
         warn: &mut dyn FnMut(String),
     ) -> Result<Self, NotBegun> {
+        let built = plan.clone();
+        Stepped::begin_on(&built, plan, registry, leader, warn)
+    }
+
+    /// As [`Stepped::begin`], on the machine of another plan: what is built isn't quite what the robot's file says.
+    pub fn begin_on(
+        built: &RobotPlan,
+        plan: RobotPlan,
+        registry: &Registry,
+        leader: Leader,
+        warn: &mut dyn FnMut(String),
+    ) -> Result<Self, NotBegun> {
         let robot = Robot::build(&plan, registry)?;
-        let (mut segment, machine) = simulated::segment(&plan)?;
+        let (mut segment, machine) = simulated::segment(built)?;
         let script = Script::new(&plan, &mut segment, &machine);
         let (link, clock) = in_process(segment);
         let (clock, pace) = PacedClock::free(clock);

@@ -7,6 +7,7 @@
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`sensed`]: such robots with sensors: how far they truly are from where they should be
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
+//! - [`calibration`]: such robots calibrated by what they drive, and driven again.
 //! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`wiring`]: robots that are not as their file says, and whether they are named.
@@ -18,6 +19,7 @@
 
 pub mod approaches;
 pub mod builds;
+pub mod calibration;
 pub mod framed;
 pub mod grip;
 pub mod mujoco;

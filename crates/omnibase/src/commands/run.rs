@@ -203,7 +203,7 @@ pub fn run(
 }
 
 /// Asks a person where the platform stands, until it is a pose; nothing for an empty line.
-fn ask_where_it_stands() -> anyhow::Result<Option<FloorPose>> {
+pub(super) fn ask_where_it_stands() -> anyhow::Result<Option<FloorPose>> {
     loop {
         eprint!("measured on the floor, x y heading [m m rad, or 90deg; empty: not measured]: ");
         let mut line = String::new();

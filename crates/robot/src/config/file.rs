@@ -181,6 +181,9 @@ pub struct WheelTable {
     pub rolling_angle_rad: Option<f64>,
     /// Direction along which it transmits force, rad from x forward; default: the rolling direction (omni wheel).
     pub force_angle_rad: Option<f64>,
+    /// Its radius, m; default: `wheel_radius_m`.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub radius_m: Option<f64>,
 }
 
 /// Limits of the platform and its wheels.

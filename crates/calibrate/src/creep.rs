@@ -1,0 +1,101 @@
+//! What treads of unit creep would have slipped.
+//!
+//! A contact with force `f` under load `N` slips at `c·|v|·f/N` against the direction of `f` (Carter's law for small forces,
+//! K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. The forces accelerate the platform,
+//! a disc that reaches out to its wheels with its centre of mass over the origin of base, and they overcome the resistance of
+//! rollers, a share of their loads. All of that is in proportion to the mass, so that no mass is needed.
+
+use nalgebra::{DMatrix, DVector};
+use omnibase_platform::{Kinematics, PerWheel, Twist2, Wheel, Wrench2};
+
+use crate::dataset::Run;
+
+const GRAVITY_M_S2: f64 = 9.806_65;
+/// Speed over the floor at which a roller's resistance is 0.7 of its whole, m/s: the sign of a speed about zero is noise.
+const ROLLERS_TURN_M_S: f64 = 1e-3;
+/// Speeds are compared over so long for an acceleration, s.
+const GAIN_OVER_S: f64 = 0.04;
+
+/// For each step of a run the angle that each wheel turned in vain, rad, per unit of creep.
+pub fn slips_rad(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> Vec<PerWheel> {
+    let wheels = kinematics.wheels();
+    let count = wheels.len();
+    let loads_m_s2 = loads(wheels).map(|share| share * GRAVITY_M_S2);
+    let squares = wheels.iter().map(|wheel| wheel.position_m[0].powi(2) + wheel.position_m[1].powi(2));
+    let gyration_m2 = 0.5 * squares.sum::<f64>() / count as f64;
+    let mut before_s = run.begin_s;
+    let moved: Vec<(f64, f64, Twist2)> = run
+        .steps
+        .iter()
+        .map(|step| {
+            let period_s = step.end_s - before_s;
+            let middle_s = 0.5 * (step.end_s + before_s);
+            before_s = step.end_s;
+            let speeds = step.turned_rad.map(|angle| angle / period_s);
+            (middle_s, period_s, kinematics.twist(&speeds).twist_in_base)
+        })
+        .collect();
+    let (mut first, mut last) = (0, 0);
+    let slip = |(number, &(middle_s, period_s, twist)): (usize, &(f64, f64, Twist2))| {
+        while moved[first].0 < middle_s - 0.5 * GAIN_OVER_S && first < number {
+            first += 1;
+        }
+        while last + 1 < moved.len() && (moved[last].0 < middle_s + 0.5 * GAIN_OVER_S || last < number) {
+            last += 1;
+        }
+        let (from, to) = (&moved[first], &moved[last]);
+        let per_s = if to.0 > from.0 { 1.0 / (to.0 - from.0) } else { 0.0 };
+        let Twist2 { vx_m_s, vy_m_s, w_rad_s } = twist;
+        // In axes that don't turn; the forces of unit mass over the step.
+        let gained = [
+            (to.2.vx_m_s - from.2.vx_m_s) * per_s - w_rad_s * vy_m_s,
+            (to.2.vy_m_s - from.2.vy_m_s) * per_s + w_rad_s * vx_m_s,
+            (to.2.w_rad_s - from.2.w_rad_s) * per_s,
+        ];
+        let mut wrench = Wrench2::new(gained[0], gained[1], gyration_m2 * gained[2]);
+        for (at, (wheel, row)) in wheels.iter().zip(kinematics.matrix()).enumerate() {
+            let [x_m, y_m] = wheel.position_m;
+            let ([ux, uy], [ax, ay]) = (wheel.rolling_direction, wheel.force_direction);
+            let (u_size, a_size) = (ux.hypot(uy), ax.hypot(ay));
+            let across = [-ay / a_size, ax / a_size];
+            let rolled_m_s = (row[0] * vx_m_s + row[1] * vy_m_s + row[2] * w_rad_s) / u_size;
+            let over_m_s = across[0] * (vx_m_s - w_rad_s * y_m - ux * rolled_m_s)
+                + across[1] * (vy_m_s + w_rad_s * x_m - uy * rolled_m_s);
+            let resisted = roller_resistance * loads_m_s2[at] * over_m_s / over_m_s.hypot(ROLLERS_TURN_M_S);
+            wrench.fx_n += resisted * across[0];
+            wrench.fy_n += resisted * across[1];
+            wrench.torque_nm += resisted * (x_m * across[1] - y_m * across[0]);
+        }
+        let torques = kinematics.wheel_torques_nm(wrench);
+        PerWheel::from_fn(count, |at| {
+            let wheel = &wheels[at];
+            let lever_m = wheel.radius_m * signed_rim_share(wheel);
+            let [x_m, y_m] = wheel.position_m;
+            let travel_m_s = (vx_m_s - w_rad_s * y_m).hypot(vy_m_s + w_rad_s * x_m);
+            travel_m_s * period_s * torques[at] / (lever_m * lever_m * loads_m_s2[at])
+        })
+    };
+    moved.iter().enumerate().map(slip).collect()
+}
+
+/// Cosine between rolling and force direction.
+fn signed_rim_share(wheel: &Wheel) -> f64 {
+    let ([ux, uy], [ax, ay]) = (wheel.rolling_direction, wheel.force_direction);
+    (ux * ax + uy * ay) / (ux.hypot(uy) * ax.hypot(ay))
+}
+
+/// Each wheel's share of the weight of a body over the origin: the most even one that holds it level.
+fn loads(wheels: &[Wheel]) -> PerWheel {
+    let count = wheels.len();
+    let level =
+        DMatrix::from_fn(3, count, |row, at| if row == 0 { 1.0 } else { wheels[at].position_m[row - 1] });
+    let even = DVector::from_element(count, 1.0 / count as f64);
+    let lacking = DVector::from_column_slice(&[1.0, 0.0, 0.0]) - &level * &even;
+    let gram = &level * level.transpose();
+    let shares = match gram.try_inverse() {
+        Some(inverse) => even.clone() + level.transpose() * inverse * lacking,
+        None => even.clone(),
+    };
+    // A wheel that would be lifted carries next to nothing.
+    PerWheel::from_fn(count, |at| shares[at].max(0.05 / count as f64))
+}

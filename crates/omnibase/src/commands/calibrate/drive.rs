@@ -1,0 +1,193 @@
+//! Figures driven: by a simulated robot that isn't quite what its file says, or by the real one as `omnibase run` does it.
+
+use super::figure::{self, reference};
+use super::recordings::{self, STEP_S};
+use super::{Arguments, Known};
+use crate::cli::{Cli, Command};
+use crate::progress::{note, warn};
+use crate::robot_file::RobotSource;
+use crate::{Outcome, WrongUsage};
+use anyhow::{Context, bail, ensure};
+use omnibase_calibrate::figures::{Figure, Witness};
+use omnibase_calibrate::rehearsal::{Random, drawn_wheel};
+use omnibase_calibrate::{Build, Dataset, Run, SensorMount, Step};
+use omnibase_measure::measured::FloorPose;
+use omnibase_platform::{Kinematics, PerWheel, Pose2};
+use omnibase_robot::{Registry, RobotPlan};
+use omnibase_run::stepped::{Leader, Stepped};
+use omnibase_session::session::input_age_ns;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What was driven, and what the robot truly is where that is known.
+pub(super) struct Driven {
+    pub(super) dataset: Dataset,
+    pub(super) truth: Option<Build>,
+}
+
+/// Rehearses figures on a simulated robot that is drawn by the file's tolerances.
+pub(super) fn rehearse(
+    arguments: &Arguments,
+    source: &RobotSource,
+    figures: &[Figure],
+    known: &Known,
+    registry: &Registry,
+) -> anyhow::Result<Driven> {
+    let mut random = Random::new(arguments.seed);
+    let truth = drawn(known, &mut random);
+    let mut dataset = Dataset::default();
+    let mut floor_from_base = Pose2::default();
+    for figure in figures {
+        let mut source = source.text.clone();
+        source.reference = Some(reference(figure).into());
+        let robot = source.load(registry).map_err(|problems| problems_of(figure, &problems))?;
+        let plan = &robot.plan;
+        let mut drive = simulated(plan.clone(), &truth, figure, registry)?;
+        for (_, pose) in &mut drive.poses {
+            *pose = floor_from_base.then(*pose);
+        }
+        floor_from_base = drive.poses.last().map_or(floor_from_base, |(_, pose)| *pose);
+        let mut run = drive.run;
+        match figure::witness(arguments, plan) {
+            Witness::Poses(sensor) => {
+                let sensor = omnibase_calibrate::rehearsal::PoseSensor { mount: truth.sensor, ..sensor };
+                run.poses = sensor.poses(&drive.poses, &mut random);
+            }
+            Witness::GyroAndTape(_, tape) | Witness::Tape(tape) => {
+                let ends = [drive.poses.first(), drive.poses.last()].into_iter().flatten();
+                run.places =
+                    ends.map(|(instant_s, pose)| tape.place(*instant_s, *pose, &mut random)).collect();
+            }
+        }
+        if figure::has_gyro(arguments, plan) {
+            let gyro =
+                omnibase_calibrate::rehearsal::GyroSensor { scale: truth.gyro_scale, ..Default::default() };
+            run.turns = gyro.turns(&drive.turns, &mut random);
+        }
+        dataset.runs.push(run.in_steps_of(STEP_S));
+    }
+    Ok(Driven { dataset, truth: Some(truth) })
+}
+
+/// A robot as it might have been built.
+fn drawn(known: &Known, random: &mut Random) -> Build {
+    let Known { build, tolerances } = known;
+    let wheels = build.wheels.iter().map(|wheel| drawn_wheel(wheel, &tolerances.wheel, random)).collect();
+    let mount = build.sensor.base_from_sensor;
+    let [x, y, heading] = [(); 3].map(|()| random.normal());
+    let base_from_sensor = Pose2 {
+        x_m: mount.x_m + tolerances.sensor_m * x,
+        y_m: mount.y_m + tolerances.sensor_m * y,
+        heading_rad: mount.heading_rad + tolerances.sensor_rad * heading,
+    };
+    let sensor = SensorMount { base_from_sensor, delay_s: 0.02 };
+    Build { wheels, sensor, gyro_scale: 0.5 * tolerances.gyro_scale, ..build.clone() }
+}
+
+/// A drive, and the truth of it.
+struct Drive {
+    run: Run,
+    poses: Vec<(f64, Pose2)>,
+    turns: Vec<(f64, f64)>,
+}
+
+fn simulated(plan: RobotPlan, truth: &Build, figure: &Figure, registry: &Registry) -> anyhow::Result<Drive> {
+    let built = RobotPlan { kinematics: Kinematics::new(truth.wheels.clone())?, ..plan.clone() };
+    let age_s = input_age_ns(&plan.bus) as f64 * 1e-9;
+    let mut robot = Stepped::begin_on(&built, plan, registry, Leader::Plan, &mut |text| warn(text))?;
+    let mut drive = Drive {
+        run: Run { name: figure.name.to_owned(), ..Run::default() },
+        poses: Vec::new(),
+        turns: Vec::new(),
+    };
+    while !robot.is_over() {
+        let record = *robot.step(None).context("the simulated bus")?;
+        let instant_s = record.time.now_ns as f64 * 1e-9 - age_s;
+        let drives = record.measurements.present();
+        let turned_rad = PerWheel::from_fn(drives.len(), |wheel| drives[wheel].increment_rad);
+        if drive.poses.is_empty() {
+            drive.run.begin_s = instant_s;
+        } else {
+            drive.run.steps.push(Step { end_s: instant_s, turned_rad });
+        }
+        let truth = robot.truth();
+        drive.poses.push((instant_s, truth.odom_from_body));
+        drive.turns.push((instant_s, truth.twist_in_body.w_rad_s));
+    }
+    ensure!(
+        robot.has_finished(),
+        "{}: the simulated robot stopped on its way: {}",
+        figure.name,
+        robot.record().stop_reason.text()
+    );
+    Ok(drive)
+}
+
+fn problems_of(figure: &Figure, problems: &[omnibase_robot::Problem]) -> anyhow::Error {
+    let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    anyhow::anyhow!("the figure {}: {}", figure.name, words.join("; "))
+}
+
+/// Drives figures with the real robot, each by `omnibase run` with a recording of its own, and reads these back.
+pub(super) fn drive(
+    arguments: &Arguments,
+    figures: &[Figure],
+    plan: &RobotPlan,
+    registry: &Arc<Registry>,
+    output: &mut dyn Write,
+) -> anyhow::Result<Driven> {
+    let folder = &arguments.recordings;
+    std::fs::create_dir_all(folder).with_context(|| format!("creating `{}`", folder.display()))?;
+    let by_tape = arguments.truth.is_none();
+    let (mut recordings, mut tapes) = (Vec::new(), Vec::new());
+    for (number, figure) in figures.iter().enumerate() {
+        let name = format!("{}-{}", number + 1, figure.name);
+        let (path, recording) = (folder.join(format!("{name}.toml")), folder.join(format!("{name}.mcap")));
+        let table = toml::to_string(&reference(figure)).context("the figure as a reference")?;
+        std::fs::write(&path, table).with_context(|| format!("writing `{}`", path.display()))?;
+        if by_tape {
+            tapes.push(asked()?);
+        }
+        note(format_args!("{}: {}", figure.name, figure.meaning));
+        run_once(arguments, &path, &recording, registry, output)?;
+        if by_tape {
+            tapes.push(asked()?);
+        }
+        recordings.push(recording);
+    }
+    let dataset = recordings::read_all(arguments, (&recordings, &tapes), plan, registry)?;
+    Ok(Driven { dataset, truth: None })
+}
+
+fn asked() -> anyhow::Result<FloorPose> {
+    crate::commands::run::ask_where_it_stands()?
+        .context("without a place on the floor there is nothing to calibrate by")
+}
+
+/// `omnibase run` with a figure; everything else is as its own options and the robot's file say.
+fn run_once(
+    arguments: &Arguments,
+    reference: &Path,
+    recording: &Path,
+    registry: &Arc<Registry>,
+    output: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    let mut words = vec!["omnibase".to_owned(), "run".to_owned(), text(&arguments.robot)];
+    words.extend(["--reference".to_owned(), text(reference), "--record".to_owned(), text(recording)]);
+    words.extend(arguments.changes.as_options());
+    words.extend(arguments.run.iter().cloned());
+    let matches = Cli::command_with(registry).try_get_matches_from(words);
+    let matches = matches.map_err(|error| WrongUsage(anyhow::anyhow!("behind `--`: {error}")))?;
+    let Command::Run(run) = Cli::from_matches(&matches)?.command else {
+        bail!("behind `--`: expected options of run")
+    };
+    // Where one object is asked for, there is one.
+    let mut silent = std::io::sink();
+    let output = if arguments.json { &mut silent } else { output };
+    match crate::commands::run::run(&run, registry, output)? {
+        Outcome::Done => Ok(()),
+        Outcome::Failed => bail!("the figure was not driven to its end"),
+    }
+}
