@@ -344,6 +344,7 @@ impl Robot {
             time: &record.time,
             exchange: record.exchange,
             phase: self.lifecycle.phase(),
+            is_ramp_blind: self.lifecycle.is_blind(),
             measurements: &record.measurements,
             signals: &record.signals,
             failed_device: self.peripherals.standing(record.exchange).1,

@@ -15,9 +15,9 @@ mod reliance;
 use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
 
 use crate::config::{Limits, RobotPlan};
-use crate::grip::GRAVITY_M_S2;
 use crate::grip::friction::WheelFriction;
 use crate::grip::loads::Loads;
+use crate::grip::{FirstEstimates, GRAVITY_M_S2};
 use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
 use reliance::Reliance;
@@ -35,6 +35,9 @@ const SPINS_M_S: f64 = 0.2;
 const BEHIND_S: f64 = 0.1;
 /// Less than this part of its acceleration is asked of no robot: it would never stand.
 const LEAST_SHARE: f64 = 0.05;
+/// A wheel is held back as if it bore this part of the mean load at least: where a slope is taken for a centre of mass near one side, the
+/// wheels beyond it would hold back all others until none brakes.
+const LEAST_LOAD: f64 = 0.5;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
 const SLIPPING: f64 = 0.5;
 
@@ -51,6 +54,9 @@ pub(crate) struct Traction {
     wheels: usize,
     loads: Loads,
     height_m: f64,
+    /// What the robot's file says of floor and mass.
+    told: Option<f64>,
+    told_kg: f64,
     limits: Limits,
     reliance: Reliance,
     /// For how long the platform still counts as behind, s.
@@ -71,6 +77,8 @@ impl Traction {
             wheels: kinematics.wheel_count(),
             loads: Loads::new(kinematics),
             height_m: plan.grip.height_m,
+            told: plan.grip.friction,
+            told_kg: FirstEstimates::of(plan).mass.0,
             limits: plan.limits,
             reliance: Reliance::new(&plan.grip),
             behind_s: 0.0,
@@ -162,7 +170,7 @@ impl Traction {
             let turning = dynamics.inertia_kg_m2 * turn - along_y * x + along_x * y;
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * turning.abs();
-            let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m());
+            let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m()).max(LEAST_LOAD);
             (given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n)) / needed_n
         };
         let share = (0..self.wheels).map(of_wheel).fold(1.0, f64::min);
@@ -182,7 +190,10 @@ impl Traction {
         (setpoint, grip): (&Setpoint, &GripReport),
         stops: bool,
     ) -> Commands {
-        let counted = self.report.friction;
+        // A slope or a push makes a platform look light, and its wheels slip: a stop that believes that doesn't brake. What the file
+        // tells counts there, where it is more.
+        let counted =
+            self.report.friction.map(|friction| if stops { self.told.unwrap_or(friction) } else { friction });
         let found = grip.friction.filter(|_| stops);
         let Some(friction) = counted.or(found).filter(|_| wished.quantity == Quantity::Torque) else {
             return wished;
@@ -192,7 +203,8 @@ impl Traction {
         let [x, y] = grip.dynamics.centre_m();
         // Where weight and inertia together press.
         let pressed = [x - leans_m * acceleration.vx_m_s, y - leans_m * acceleration.vy_m_s];
-        let (mean_n, [spin_n, _]) = (self.mean_n(grip), grip.dynamics.friction_n);
+        let told_n = if stops { self.told_kg * GRAVITY_M_S2 / self.wheels as f64 } else { 0.0 };
+        let (mean_n, [spin_n, _]) = (self.mean_n(grip).max(told_n), grip.dynamics.friction_n);
         let mut values = wished.values;
         let mut factor = 1.0_f64;
         for (wheel, value) in values.iter_mut().enumerate().take(self.wheels) {
@@ -201,7 +213,8 @@ impl Traction {
             let part = if spins { SLIPPING } else { 1.0 };
             // What the wheel's own bearing takes never reaches the floor.
             let given_n = part * self.rim_share[wheel] * friction * mean_n;
-            let most_nm = self.radius_m[wheel] * self.loads.of(wheel, pressed) * (given_n + spin_n);
+            let most_nm =
+                self.radius_m[wheel] * self.loads.of(wheel, pressed).max(LEAST_LOAD) * (given_n + spin_n);
             match (value.abs() > most_nm, counted) {
                 (true, Some(_)) => factor = factor.min(most_nm / value.abs()),
                 // What the floor gives it doesn't depend on its torque: nothing turns the platform.

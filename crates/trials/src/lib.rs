@@ -7,6 +7,7 @@
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
 //! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
+//! - [`braking`]: the same robots are stopped under way, pushed, on slopes, with other loads: whether their ramps are followed.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`wiring`]: robots that are not as their file says, and whether they are named.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
@@ -16,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 pub mod approaches;
+pub mod braking;
 pub mod builds;
 pub mod framed;
 pub mod grip;
