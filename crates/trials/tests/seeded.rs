@@ -21,3 +21,9 @@ fn a_drive_with_a_fast_current_loop_holds_a_heavy_platforms_wheels_still() {
 fn a_law_that_was_told_its_treads_becomes_soft_where_they_slip() {
     none_is(Wrong::LimitCycle, &[1428, 5941, 7697, 502]);
 }
+
+#[test]
+fn a_wheel_that_slips_is_not_named_as_wired_wrongly() {
+    // Both laws, floors of 0.16 to 0.33.
+    none_is(Wrong::Misnamed, &[203, 238, 330, 715, 822, 897, 916, 1224]);
+}
