@@ -178,9 +178,9 @@ class Stepped(unittest.TestCase):
         self.assertLessEqual(np.abs(rows[:, :3]).max(), 21.0)
         self.assertLess(np.abs(rows[:, 4:]).max(), 1.2 * 21.0)
         self.assertGreater(rows[:, 3].max(), 0)
-        # It doesn't follow the ramp of its stop either, and is cut off after `safety.stop_timeout_ms`.
-        robot.step(8000)
-        self.assertIn("ramp to a stop took too long", robot.stop_reason)
+        # It doesn't follow the ramp of its stop either, and is cut off long before `safety.stop_timeout_ms`.
+        robot.step(1500)
+        self.assertRegex(robot.stop_reason, "turned faster than its limit|too far from where it should be")
         self.assertLess(np.abs(robot.true_twist).max(), 1e-3)
         self.assertLess(max(abs(speed) for speed in robot.wheel_speeds_rad_s), 0.05)
 

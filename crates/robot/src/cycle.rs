@@ -331,7 +331,8 @@ impl Robot {
                 let is_of_its_kind = commands.quantity == controller.quantity();
                 if is_of_its_kind {
                     let stops = self.lifecycle.phase() == Phase::Stopping;
-                    self.traction.cap(commands, (&record.setpoint, &record.grip), stops)
+                    let slips = (self.grip.apart(), stops);
+                    self.traction.cap(commands, (&record.setpoint, &record.grip), slips)
                 } else {
                     Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
                 }
@@ -347,6 +348,7 @@ impl Robot {
             time: &record.time,
             exchange: record.exchange,
             phase: self.lifecycle.phase(),
+            is_ramp_blind: self.lifecycle.is_blind(),
             measurements: &record.measurements,
             signals: &record.signals,
             failed_device: self.peripherals.standing(record.exchange).1,

@@ -1,6 +1,8 @@
 //! The last word on commands: limits, finite check and stops in one place.
 
+mod astray;
 mod oscillation;
+mod overspeed;
 mod runaway;
 mod shortfall;
 mod torque_watch;
@@ -12,7 +14,9 @@ use crate::signals::{
     SafetyAction, SafetyReason, Signals, Stage, StopCategory,
 };
 use crate::stages::{Safety, SafetyView};
+use astray::AstrayWatch;
 use oscillation::OscillationWatch;
+use overspeed::OverspeedWatch;
 use runaway::RunawayWatch;
 use shortfall::ShortfallWatch;
 use torque_watch::TorqueWatch;
@@ -35,6 +39,8 @@ pub struct SafetyChain {
     runaway: RunawayWatch,
     shortfall: ShortfallWatch,
     wiring: WiringWatch,
+    overspeed: OverspeedWatch,
+    astray: AstrayWatch,
     /// The platform gave way to an obstacle, and isn't back where the plan is.
     gives_way: bool,
 }
@@ -60,6 +66,8 @@ impl SafetyChain {
             runaway: RunawayWatch::new(plan),
             shortfall: ShortfallWatch::new(plan),
             wiring: WiringWatch::new(plan),
+            overspeed: OverspeedWatch::new(plan),
+            astray: AstrayWatch::new(plan),
             gives_way: false,
         }
     }
@@ -71,6 +79,8 @@ impl SafetyChain {
         self.runaway.reset();
         self.shortfall.reset();
         self.wiring.reset();
+        self.overspeed.reset();
+        self.astray.reset();
     }
 
     /// There is no ramp by torques without knowing the speeds: a torque goes on pushing whatever happens.
@@ -140,12 +150,20 @@ impl SafetyChain {
     }
 
     fn wheel_speed(&self, view: &SafetyView<'_>) -> Objection {
+        let stop = SafetyAction::Stop(self.plan.wheel_speed_stop);
+        // Who drives it on heeds no ramp.
+        if let Some(wheel) = self.overspeed.driven() {
+            return Some((harder(SafetyAction::QuickStop, stop), SafetyReason::WheelSpeed, wheel as u64));
+        }
         let limit = WHEEL_SPEED_MARGIN * view.wheel_limits.speed_rad_s;
         let drives = view.measurements.present();
         let fast = drives.iter().position(|drive| drive.speed_rad_s.abs() > limit);
-        fast.map(|wheel| {
-            (SafetyAction::Stop(self.plan.wheel_speed_stop), SafetyReason::WheelSpeed, wheel as u64)
-        })
+        fast.map(|wheel| (stop, SafetyReason::WheelSpeed, wheel as u64))
+    }
+
+    /// A law that doesn't follow the ramp of a stop gets no other chance.
+    fn ramp(&self, _: &SafetyView<'_>) -> Objection {
+        self.astray.is_astray().then_some((SafetyAction::QuickStop, SafetyReason::TrackingError, 0))
     }
 
     /// A drive that gives more torque than it was allowed: it doesn't obey, or its torques are scaled wrongly.
@@ -302,18 +320,21 @@ impl Safety for SafetyChain {
                 self.runaway.look(view);
                 self.shortfall.look(view);
                 self.wiring.look(view);
+                self.overspeed.look(view);
+                self.astray.look(view);
             }
             false => self.forget_motion(),
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 18] = [
+        let checks: [(bool, Check); 19] = [
             (is_powered, Self::exchange),
             (is_powered, Self::inputs),
             (true, Self::finite),
             (is_powered, Self::drives),
             (is_powered, Self::axes),
             (is_powered, Self::wheel_speed),
+            (torque_counts, Self::ramp),
             (torque_counts, Self::wheel_torque),
             (torque_counts, Self::oscillation),
             (torque_counts, Self::encoder),

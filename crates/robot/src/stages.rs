@@ -308,6 +308,8 @@ pub struct SafetyView<'a> {
     pub exchange: Exchange,
     /// Where the robot is in its life.
     pub phase: Phase,
+    /// It ramps down without what is measured: drives were lost, or the pose.
+    pub is_ramp_blind: bool,
     /// What the drives said.
     pub measurements: &'a Measurements,
     /// What comes in beside the drives.

@@ -15,9 +15,9 @@ mod reliance;
 use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
 
 use crate::config::{Limits, RobotPlan};
-use crate::grip::GRAVITY_M_S2;
 use crate::grip::friction::WheelFriction;
 use crate::grip::loads::Loads;
+use crate::grip::{FirstEstimates, GRAVITY_M_S2};
 use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
 use reliance::Reliance;
@@ -30,11 +30,17 @@ const ROLLERS: f64 = 0.03;
 const MOST_ROLLERS: f64 = 0.5;
 /// A wheel whose rim is further ahead spins, m/s: that is no doubt of an estimate.
 const SPINS_M_S: f64 = 0.2;
+/// In this time a wheel that was caught gets its torque back, s.
+const GIVEN_BACK_S: f64 = 0.3;
 /// After torques were held back, or a wheel slipped, the platform counts as behind for so long, s: what waits for it must not swing
 /// with it.
 const BEHIND_S: f64 = 0.1;
 /// Less than this part of its acceleration is asked of no robot: it would never stand.
 const LEAST_SHARE: f64 = 0.05;
+/// A wheel is held back as if it bore this part of the mean load at least at rest: where a slope is taken for a centre of mass near one side, the
+/// wheels beyond it would hold back all others until none brakes. And where the platform leans away from it, this part.
+const LEAST_LOAD: f64 = 0.5;
+const LEANING_LOAD: f64 = 0.1;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
 const SLIPPING: f64 = 0.5;
 
@@ -51,10 +57,15 @@ pub(crate) struct Traction {
     wheels: usize,
     loads: Loads,
     height_m: f64,
+    /// What the robot's file says of floor and mass.
+    told: Option<f64>,
+    told_kg: f64,
     limits: Limits,
     reliance: Reliance,
     /// For how long the platform still counts as behind, s.
     behind_s: f64,
+    /// What part of its torque each wheel is given, after it was caught.
+    given: [f64; MAX_WHEELS],
     report: TractionReport,
     /// How fast the rims of wheels that slip are ahead, m/s.
     slips_m_s: [f64; MAX_WHEELS],
@@ -71,9 +82,12 @@ impl Traction {
             wheels: kinematics.wheel_count(),
             loads: Loads::new(kinematics),
             height_m: plan.grip.height_m,
+            told: plan.grip.friction,
+            told_kg: FirstEstimates::of(plan).mass.0,
             limits: plan.limits,
             reliance: Reliance::new(&plan.grip),
             behind_s: 0.0,
+            given: [1.0; MAX_WHEELS],
             report: TractionReport::default(),
             slips_m_s: [0.0; MAX_WHEELS],
         };
@@ -114,6 +128,9 @@ impl Traction {
         let slips = grip.slip_m_s.iter().zip(grip.slipped_m);
         for (slips_m_s, (ahead_m_s, way_m)) in self.slips_m_s.iter_mut().zip(slips) {
             *slips_m_s = if way_m > 0.0 { *ahead_m_s } else { 0.0 };
+        }
+        for given in &mut self.given {
+            *given = (*given + time.period_s() / GIVEN_BACK_S).min(1.0);
         }
         let friction = self.reliance.friction();
         let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
@@ -162,7 +179,7 @@ impl Traction {
             let turning = dynamics.inertia_kg_m2 * turn - along_y * x + along_x * y;
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * turning.abs();
-            let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m());
+            let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m()).max(LEAST_LOAD);
             (given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n)) / needed_n
         };
         let share = (0..self.wheels).map(of_wheel).fold(1.0, f64::min);
@@ -175,24 +192,38 @@ impl Traction {
     }
 
     /// Torques that the floor carries: all scaled alike where a wheel would slip. Where nothing is counted on each wheel that spins is
-    /// caught by itself, and only once the platform `stops`: as long as it goes on its way tells that it has to.
+    /// caught by itself, and only once the platform `stops`: as long as it goes on its way tells that it has to. Always the wheel
+    /// that is `apart`, ahead of all others, gets no torque on, and its torque back slowly: what is caught again and again must not swing.
     pub(crate) fn cap(
         &mut self,
-        wished: Commands,
+        mut wished: Commands,
         (setpoint, grip): (&Setpoint, &GripReport),
-        stops: bool,
+        (apart, stops): (Option<(usize, f64)>, bool),
     ) -> Commands {
-        let counted = self.report.friction;
-        let found = grip.friction.filter(|_| stops);
-        let Some(friction) = counted.or(found).filter(|_| wished.quantity == Quantity::Torque) else {
+        if wished.quantity != Quantity::Torque {
             return wished;
-        };
+        }
+        if let Some((wheel, ahead_m_s)) = apart
+            && ahead_m_s * wished.values[wheel] > 0.0
+        {
+            self.given[wheel] = 0.0;
+        }
+        for (value, given) in wished.values.iter_mut().zip(self.given) {
+            *value *= given;
+        }
+        // A slope or a push makes a platform look light, and its wheels slip: a stop that believes that doesn't brake. What the file
+        // tells counts there, where it is more.
+        let counted =
+            self.report.friction.map(|friction| if stops { self.told.unwrap_or(friction) } else { friction });
+        let found = grip.friction.filter(|_| stops);
+        let Some(friction) = counted.or(found) else { return wished };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
         let leans_m = self.height_m / GRAVITY_M_S2;
-        let [x, y] = grip.dynamics.centre_m();
-        // Where weight and inertia together press.
-        let pressed = [x - leans_m * acceleration.vx_m_s, y - leans_m * acceleration.vy_m_s];
-        let (mean_n, [spin_n, _]) = (self.mean_n(grip), grip.dynamics.friction_n);
+        let centre_m = grip.dynamics.centre_m();
+        // How far inertia shifts where the weight presses.
+        let leans = [-leans_m * acceleration.vx_m_s, -leans_m * acceleration.vy_m_s];
+        let told_n = if stops { self.told_kg * GRAVITY_M_S2 / self.wheels as f64 } else { 0.0 };
+        let (mean_n, [spin_n, _]) = (self.mean_n(grip).max(told_n), grip.dynamics.friction_n);
         let mut values = wished.values;
         let mut factor = 1.0_f64;
         for (wheel, value) in values.iter_mut().enumerate().take(self.wheels) {
@@ -201,7 +232,10 @@ impl Traction {
             let part = if spins { SLIPPING } else { 1.0 };
             // What the wheel's own bearing takes never reaches the floor.
             let given_n = part * self.rim_share[wheel] * friction * mean_n;
-            let most_nm = self.radius_m[wheel] * self.loads.of(wheel, pressed) * (given_n + spin_n);
+            let [by_x, by_y] = self.loads.shift(wheel);
+            let rests = self.loads.of(wheel, centre_m).max(LEAST_LOAD);
+            let load = (rests + by_x * leans[0] + by_y * leans[1]).max(LEANING_LOAD);
+            let most_nm = self.radius_m[wheel] * load * (given_n + spin_n);
             match (value.abs() > most_nm, counted) {
                 (true, Some(_)) => factor = factor.min(most_nm / value.abs()),
                 // What the floor gives it doesn't depend on its torque: nothing turns the platform.

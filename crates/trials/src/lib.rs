@@ -9,6 +9,7 @@
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
 //! - [`calibration`]: such robots calibrated by what they drive, and driven again.
 //! - [`seeded`]: robots of every kind on every floor, by the thousand, and what must happen to none of them.
+//! - [`braking`]: the same robots are stopped under way, pushed, on slopes, with other loads: whether their ramps are followed.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`wiring`]: robots that are not as their file says, and whether they are named.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
@@ -18,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod approaches;
+pub mod braking;
 pub mod builds;
 pub mod calibration;
 pub mod framed;

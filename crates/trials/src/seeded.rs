@@ -94,6 +94,8 @@ pub enum Wrong {
     FalseSlip,
     /// The same, of a robot with a weak motor: whose torque isn't what its drive says.
     WeakMotorSlip,
+    /// A wheel was named as wired backwards, swapped, or counting the wrong way: all are as the file says.
+    Misnamed,
     /// It stopped and didn't say why.
     Unnamed,
     /// It came to its end and isn't where it believes to be.
@@ -102,11 +104,12 @@ pub enum Wrong {
 
 impl Wrong {
     /// All of them.
-    pub const ALL: [Wrong; 6] = [
+    pub const ALL: [Wrong; 7] = [
         Wrong::LimitCycle,
         Wrong::SpinAway,
         Wrong::FalseSlip,
         Wrong::WeakMotorSlip,
+        Wrong::Misnamed,
         Wrong::Unnamed,
         Wrong::Lost,
     ];
@@ -118,6 +121,7 @@ impl Wrong {
             Wrong::SpinAway => "wheel that spun for more than 50 ms",
             Wrong::FalseSlip => "slip told where nothing slipped",
             Wrong::WeakMotorSlip => "the same, a motor weaker than it says",
+            Wrong::Misnamed => "wheel named as wired wrongly",
             Wrong::Unnamed => "stop without a name",
             Wrong::Lost => "at the end, and not where it believes to be",
         }
@@ -156,6 +160,9 @@ impl Outcome {
             Wrong::SpinAway => self.spun_s > SPINS_S,
             Wrong::FalseSlip => self.is_slip_false && !self.has_weak_motor,
             Wrong::WeakMotorSlip => self.is_slip_false && self.has_weak_motor,
+            Wrong::Misnamed => {
+                matches!(self.stopped, SafetyReason::Wiring | SafetyReason::EncoderDirection)
+            }
             Wrong::Unnamed => !self.run.finished && !is_named,
             Wrong::Lost => !is_named && self.off_m > LOST_M.max(self.sure_m),
         }
@@ -368,7 +375,7 @@ impl Seeded {
     }
 
     /// Its machine isn't quite what its file says.
-    fn build(&self, machine: &mut MachineParameters, geometry: &GeometrySigmas) {
+    pub(crate) fn build(&self, machine: &mut MachineParameters, geometry: &GeometrySigmas) {
         let mut random = Random::new(self.seed ^ 0xB111_D000_0000_0000);
         for (drive, ratio) in machine.wheels.iter_mut().zip(&self.torque_ratios) {
             builds::build(&mut drive.wheel, geometry, &mut random);

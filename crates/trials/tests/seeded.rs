@@ -21,3 +21,22 @@ fn a_drive_with_a_fast_current_loop_holds_a_heavy_platforms_wheels_still() {
 fn a_law_that_was_told_its_treads_becomes_soft_where_they_slip() {
     none_is(Wrong::LimitCycle, &[1428, 5941, 7697, 502]);
 }
+
+#[test]
+fn a_wheel_that_slips_is_not_named_as_wired_wrongly() {
+    // Both laws, floors of 0.16 to 0.33.
+    none_is(Wrong::Misnamed, &[203, 238, 330, 715, 822, 897, 916, 1224]);
+}
+
+#[test]
+fn a_path_that_waits_for_the_traction_makes_no_torque_swing() {
+    none_is(Wrong::LimitCycle, &[1738, 1854, 2428]);
+}
+
+#[test]
+fn a_wheel_that_spins_is_caught_within_50_cycles_of_1_ms() {
+    let seeds = [4685, 6216, 8516];
+    none_is(Wrong::SpinAway, &seeds);
+    // What is caught again and again doesn't swing.
+    none_is(Wrong::LimitCycle, &seeds);
+}

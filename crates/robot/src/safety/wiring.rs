@@ -31,6 +31,14 @@ const SWAPPED_MISFIT: f64 = 100.0;
 /// What the supposition itself may leave: of the file's, and by itself.
 const LEFT_SHARE: f64 = 0.3;
 const LEFT: f64 = 0.1;
+/// From where the wheels' speeds contradict each other as the file has them, m/s (the root of the mean square); other wires that
+/// explain the motion leave at most this part of its square, and prove themselves where they leave that little.
+const CONTRADICTION_M_S: f64 = 0.02;
+const CONTRADICTION_LEFT: f64 = 0.3;
+const PROVEN_LEFT: f64 = 0.1;
+/// For so long they must explain it, s: a slip is over by then, or stops the robot. Proven, none lasts so long.
+const LASTING_S: f64 = 0.15;
+const PROVEN_S: f64 = 0.02;
 /// A platform that stood for so long may have been loaded, and all begins anew, ns.
 const LOADED_NS: u64 = 1_000_000_000;
 /// Slower than this all wheels stand, m/s.
@@ -52,6 +60,8 @@ pub(super) struct WiringWatch {
     periods: Option<u32>,
     /// Since when it stands, ns.
     stood_ns: u64,
+    /// For how long other wires explain the motion; time in which they don't counts back, s.
+    explained_s: f64,
     named: Option<usize>,
 }
 
@@ -77,6 +87,7 @@ impl WiringWatch {
             rims: Rims::default(),
             periods: None,
             stood_ns: 0,
+            explained_s: 0.0,
             named: None,
         }
     }
@@ -88,7 +99,7 @@ impl WiringWatch {
     }
 
     fn begin_anew(&mut self) {
-        (self.next, self.named, self.stood_ns) = (0, None, 0);
+        (self.next, self.named, self.stood_ns, self.explained_s) = (0, None, 0, 0.0);
         for supposition in &mut self.suppositions {
             *supposition = Supposition::new(supposition.wiring, &self.platform);
         }
@@ -96,7 +107,7 @@ impl WiringWatch {
 
     /// What was learnt of the platform may no longer hold; what is refuted stays so.
     fn forget_load(&mut self) {
-        (self.next, self.stood_ns) = (0, 0);
+        (self.next, self.stood_ns, self.explained_s) = (0, 0, 0.0);
         for supposition in &mut self.suppositions {
             let is_refuted = supposition.score <= REFUTED;
             let refuted = supposition.score;
@@ -150,12 +161,16 @@ impl WiringWatch {
         // Never 0 again before all begins anew.
         self.next = turn + 1;
         if self.named.is_none() {
-            self.named = self.judge();
+            let judged = self.judge();
+            let passed_s = if judged.is_some() { period_s } else { -period_s };
+            self.explained_s = (self.explained_s + passed_s).max(0.0);
+            self.named =
+                judged.filter(|(_, lasting_s)| self.explained_s > *lasting_s).map(|(wheel, _)| wheel);
         }
     }
 
-    /// The wheel that is the first to be looked at, where the wires are wrong.
-    fn judge(&self) -> Option<usize> {
+    /// The wheel that is the first to be looked at, where the wires are wrong, and for how long that must last, s.
+    fn judge(&self) -> Option<(usize, f64)> {
         let of_file = self.suppositions[0].misfit;
         let rest = &self.suppositions[1..];
         let best = rest.iter().max_by(|one, other| one.score.total_cmp(&other.score))?;
@@ -172,7 +187,14 @@ impl WiringWatch {
         let second = others.map(|other| other.score).fold(0.0, f64::max);
         let is_clear = best.score > SCORE && best.score - second > MARGIN;
         let is_explained = best.misfit < LEFT_SHARE * of_file.min((LEFT * of_file).max(1.0));
-        (is_clear && of_file > least && is_explained).then_some(wheel)
+        let contradiction = self.suppositions[0].contradiction;
+        let left = best.contradiction / contradiction;
+        // Wheels that turn as a rigid platform's do say nothing of their wires: their drives see to it.
+        let (is_consistent, lasting_s) = match contradiction > CONTRADICTION_M_S.powi(2) {
+            true => (left < CONTRADICTION_LEFT, if left < PROVEN_LEFT { PROVEN_S } else { LASTING_S }),
+            false => (true, LASTING_S),
+        };
+        (is_clear && of_file > least && is_explained && is_consistent).then_some((wheel, lasting_s))
     }
 
     /// The wheel that seems to be wired wrongly.

@@ -3,6 +3,7 @@
 mod axes;
 mod blocked;
 mod courses;
+mod heedless;
 mod inputs;
 mod inwards;
 mod lifecycle;

@@ -4,6 +4,7 @@
 //! F = … + (Rotᵀ·g, h), θ = (…, gx, gy, h).
 //! The likelihood of the filter's innovations says how well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
 //! Tracking and Navigation*, 2001, section 11.6), with the tails of a Student's distribution: slip and pushes are rare and far off.
+//! Where wheels are wired as the file says, what slip explains is no misfit.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 
@@ -32,6 +33,8 @@ const FIRST_MOMENT: f64 = 0.3;
 const WALK_SHARE: f64 = 0.01;
 const WALK_N: f64 = 0.2;
 const WALK_OUTSIDE: f64 = 0.3;
+/// Wheels slip where forces give the platform so much less than what their rims gain, over that.
+const LEAST_SLIP: f64 = 0.2;
 /// How long a misfit is remembered, s.
 const MISFIT_S: f64 = 0.3;
 
@@ -154,6 +157,8 @@ pub(super) struct Supposition {
     pub(super) score: f64,
     /// Mean square of what it leaves unexplained, over what no equation tells.
     pub(super) misfit: f64,
+    /// Mean square of what no motion of the platform explains of the wheels' speeds, m²/s².
+    pub(super) contradiction: f64,
 }
 
 impl Supposition {
@@ -161,7 +166,15 @@ impl Supposition {
         let FirstEstimates { mass, inertia, .. } = platform.first;
         let theta = [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let estimate = Estimate::new(theta, platform.start);
-        Supposition { wiring, estimate, heading_rad: 0.0, last: 0.0, score: 0.0, misfit: 0.0 }
+        Supposition {
+            wiring,
+            estimate,
+            heading_rad: 0.0,
+            last: 0.0,
+            score: 0.0,
+            misfit: 0.0,
+            contradiction: 0.0,
+        }
     }
 
     /// Log-likelihood of its last equations.
@@ -174,8 +187,41 @@ impl Supposition {
         let (likelihood, misfit) = self.learn(platform, rims, span_s);
         self.last = likelihood;
         let keep = |lasting_s: f64| (-span_s / lasting_s).exp();
-        self.misfit = keep(MISFIT_S) * self.misfit + (1.0 - keep(MISFIT_S)) * misfit;
+        let lasting = |before: f64, now: f64| keep(MISFIT_S) * before + (1.0 - keep(MISFIT_S)) * now;
+        self.misfit = lasting(self.misfit, misfit);
+        self.contradiction = lasting(self.contradiction, self.contradicts(platform, rims));
         self.score += likelihood - against.unwrap_or(likelihood);
+    }
+
+    /// What no motion of the platform explains of the wheels' speeds: the mean of its squares, m²/s².
+    fn contradicts(&self, platform: &Platform, rims: &Rims) -> f64 {
+        let speed_m_s = self.wiring.rewired(&rims.speed_m_s);
+        let twist = platform.sum(&platform.twist_per_rim, &speed_m_s);
+        let squares = platform.rows.iter().zip(speed_m_s).take(platform.wheels).map(|(row, rim_m_s)| {
+            let told_m_s: f64 = row.iter().zip(twist).map(|(row, speed)| row * speed).sum();
+            (rim_m_s - told_m_s).powi(2)
+        });
+        squares.sum::<f64>() / platform.wheels as f64
+    }
+
+    /// By how much the wrench falls short of the equations because wheels slip: rims that slip gain speed that no force gave the
+    /// platform, so what is missing lies against that gain, and is no more than all of it. Less is noise.
+    fn slips(&self, platform: &Platform, rows: &[[f64; PARAMETERS]; 3], wrench: &[f64; 3]) -> [f64; 3] {
+        let moved = rows.map(|mut row| {
+            // What rubs is no gain, nor is what acts from outside.
+            (row[2], row[3]) = (0.0, 0.0);
+            row[BODY..].fill(0.0);
+            self.estimate.told(&row)
+        });
+        let arms = [1.0, 1.0, platform.lever_m];
+        let dot = |one: &[f64; 3]| -> f64 {
+            let parts = one.iter().zip(moved).zip(arms);
+            parts.map(|((one, moved), arm)| one * moved / (arm * arm)).sum()
+        };
+        let short = std::array::from_fn(|axis| self.estimate.told(&rows[axis]) - wrench[axis]);
+        let all = dot(&moved);
+        let share = if all > 0.0 { (dot(&short) / all).min(1.0) } else { 0.0 };
+        if share > LEAST_SLIP { moved.map(|moved| share * moved) } else { [0.0; 3] }
     }
 
     fn learn(&mut self, platform: &Platform, rims: &Rims, span_s: f64) -> (f64, f64) {
@@ -193,14 +239,23 @@ impl Supposition {
         let mass_kg = platform.first.mass.0;
         let held_n = HELD_SHARE * mass_kg * GRAVITY_M_S2 / platform.wheels as f64;
         let held = platform.friction.unknown_per_newton(twist, HELD_M_S);
-        let (mut likelihood, mut misfit) = (0.0, 0.0);
-        for axis in 0..3 {
+        let rows: [[f64; PARAMETERS]; 3] = std::array::from_fn(|axis| {
             let mut row = [0.0; PARAMETERS];
             row[..BODY].copy_from_slice(&body[axis]);
             row[BODY..].copy_from_slice(&outside[axis]);
+            row
+        });
+        // What slip explains is no reason to look for other wires.
+        let slips = match self.wiring {
+            Wiring::AsTold => self.slips(platform, &rows, &wrench),
+            Wiring::Turned(_) | Wiring::Swapped(..) => [0.0; 3],
+        };
+        let (mut likelihood, mut misfit) = (0.0, 0.0);
+        for (axis, row) in rows.iter().enumerate() {
             let lever_m = if axis == 2 { platform.lever_m } else { 1.0 };
             let untold = (NOISE_M_S2 * mass_kg * lever_m).powi(2) + held_n * held_n * held[axis];
-            let (said, left) = self.take(&row, wrench[axis] - self.estimate.told(&row), (untold, span_s));
+            let off = wrench[axis] + slips[axis] - self.estimate.told(row);
+            let (said, left) = self.take(row, off, (untold, span_s));
             likelihood += said;
             misfit += left / 3.0;
         }
