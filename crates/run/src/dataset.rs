@@ -8,7 +8,6 @@ use omnibase_platform::{PerWheel, Pose2};
 use omnibase_record::run::{FILE_NUMBER, Keep, RecordedRun};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::signals::{Carries, Exchange, column_name};
-use omnibase_session::session::input_age_ns;
 
 /// What is kept of a recording while it is read: wheels, truth, and what comes from beside the drives.
 pub const READ: Keep<'static> = Keep::Signals(is_read);
@@ -159,7 +158,7 @@ impl<'a> Reader<'a> {
 
     /// When the encoders of each row were read, s.
     fn instants_s(&self) -> Result<Vec<f64>, DatasetReadError> {
-        let age_s = input_age_ns(&self.plan.bus) as f64 * 1e-9;
+        let age_s = self.plan.bus.input_age_ns() as f64 * 1e-9;
         let times = self.column("/cycle", "time_ns", "a cycle's moment")?;
         Ok(times.into_iter().map(|time_ns| time_ns * 1e-9 - age_s).collect())
     }

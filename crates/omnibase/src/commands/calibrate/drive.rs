@@ -15,7 +15,6 @@ use omnibase_measure::measured::FloorPose;
 use omnibase_platform::{Kinematics, PerWheel, Pose2};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::stepped::{Leader, Stepped};
-use omnibase_session::session::input_age_ns;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -94,7 +93,7 @@ struct Drive {
 
 fn simulated(plan: RobotPlan, truth: &Build, figure: &Figure, registry: &Registry) -> anyhow::Result<Drive> {
     let built = RobotPlan { kinematics: Kinematics::new(truth.wheels.clone())?, ..plan.clone() };
-    let age_s = input_age_ns(&plan.bus) as f64 * 1e-9;
+    let age_s = plan.bus.input_age_ns() as f64 * 1e-9;
     let mut robot = Stepped::begin_on(&built, plan, registry, Leader::Plan, &mut |text| warn(text))?;
     let mut drive = Drive {
         run: Run { name: figure.name.to_owned(), ..Run::default() },
