@@ -17,6 +17,8 @@ const KEPT: u64 = 256;
 const REACH: u64 = 240;
 /// A reading may be ahead of the wheels by so much: theirs is read in the middle of a cycle, ns.
 const AHEAD_NS: u64 = 10_000_000;
+/// Wheels that say what is no number may have gone anywhere, m.
+const UNKNOWN_M: f64 = 10.0;
 /// Least duration of an epoch, ns.
 const EPOCH_NS: u64 = 5_000_000;
 /// Epochs that are passed in one cycle at most, beside the new one.
@@ -86,6 +88,7 @@ pub struct Estimate {
 pub struct Filter {
     settings: FilterSettings,
     sensors: Vec<Sensor>,
+    initial: Knowledge,
     /// The place of each among those that tell speeds.
     rates: [usize; MAX_SENSORS],
     epochs: Box<[Epoch]>,
@@ -144,6 +147,7 @@ impl Filter {
             epoch_ns: EPOCH_NS.max(settings.period_ns),
             settings,
             sensors,
+            initial: known,
             rates: places,
             epochs: vec![Epoch::default(); KEPT as usize].into(),
             known_after: vec![known; KEPT as usize].into(),
@@ -162,7 +166,8 @@ impl Filter {
     /// Somebody says where the platform is: what was learnt of wheels and sensors stays. Where that is no place, the next
     /// pose that is heard is.
     pub fn place(&mut self, map_from_body: Pose2, covariance: [f64; 6], is_placed: bool) {
-        let mut known = self.told.0;
+        // What isn't finite any more was no knowledge.
+        let mut known = if self.told.0.belief.is_finite() { self.told.0 } else { self.initial };
         known.belief.place(map_from_body, covariance);
         (known.is_placed, known.doubt) = (is_placed, [0.0; 2]);
         for standing in &mut known.standings {
@@ -196,7 +201,12 @@ impl Filter {
         let epoch = &mut self.epochs[(self.open % KEPT) as usize];
         epoch.end_ns = now_ns;
         epoch.time_s += if is_first { period_s } else { time_s };
-        epoch.body_from_end = epoch.body_from_end.then(motion.body_from_next);
+        if motion.body_from_next.is_finite() {
+            epoch.body_from_end = epoch.body_from_end.then(motion.body_from_next);
+        } else {
+            epoch.has_gap = true;
+            epoch.unread = [UNKNOWN_M, std::f64::consts::PI];
+        }
         epoch.slip_m_s = epoch.slip_m_s.max(motion.slip_m_s);
         epoch.unread = [0, 1].map(|n| epoch.unread[n] + motion.unread[n]);
         epoch.has_gap |= !motion.is_heard;

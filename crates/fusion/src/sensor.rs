@@ -62,16 +62,25 @@ pub enum Reading {
 }
 
 impl Reading {
-    /// Whether it is of a kind, and every number is finite.
+    /// Whether it is of a kind, and every number one that can be: no further away than the Moon, no variance below 0.
     pub fn is_of(&self, kind: SensorKind) -> bool {
         match (self, kind) {
-            (Reading::Turn(turn), SensorKind::Turn) => turn.is_finite(),
-            (Reading::Flow(flow), SensorKind::Flow) => flow.iter().all(|value| value.is_finite()),
-            (Reading::Twist(twist), SensorKind::Twist) => twist.iter().all(|value| value.is_finite()),
+            (Reading::Turn(turn), SensorKind::Turn) => can_be(*turn),
+            (Reading::Flow(flow), SensorKind::Flow) => flow.iter().copied().all(can_be),
+            (Reading::Twist(twist), SensorKind::Twist) => twist.iter().copied().all(can_be),
             (Reading::Pose { map_from_sensor, covariance }, SensorKind::Pose) => {
-                map_from_sensor.is_finite() && covariance.iter().all(|value| value.is_finite())
+                let Pose2 { x_m, y_m, heading_rad } = *map_from_sensor;
+                [x_m, y_m, heading_rad].into_iter().chain(*covariance).all(can_be)
+                    && [0, 3, 5].iter().all(|at| covariance[*at] >= 0.0)
             }
             _ => false,
         }
     }
+}
+
+/// Numbers beyond it are no measurement, in any unit.
+const GREATEST: f64 = 4e8;
+
+fn can_be(value: f64) -> bool {
+    value.abs() <= GREATEST
 }

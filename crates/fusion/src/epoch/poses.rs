@@ -45,7 +45,11 @@ impl Epoch {
             (belief.innovation::<3>(difference, &rows, &noise), difference)
         };
         let (innovation, off) = compare(&known.belief);
-        let Some(mut innovation) = innovation else { return };
+        let Some(mut innovation) = innovation else {
+            // Its covariance is none.
+            known.standings[heard.sensor].judge(heard.instant_ns, false, Verdict::Contradicts);
+            return;
+        };
         let standing = &mut known.standings[heard.sensor];
         standing.nis = innovation.nis / 3.0;
         let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];

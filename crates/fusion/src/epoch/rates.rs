@@ -109,7 +109,10 @@ impl Rates<'_> {
         let (_, place, sum) = one;
         let sensor = &self.sensors[place];
         let (innovation, expected) = self.compare::<M>(one, known);
-        let Some(innovation) = innovation else { return };
+        let Some(innovation) = innovation else {
+            known.standings[place].judge(self.epoch.end_ns, false, Verdict::Contradicts);
+            return;
+        };
         let standing = &mut known.standings[place];
         let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
         let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound);

@@ -1,6 +1,7 @@
 //! What comes late and in any order ends where it would have in its order.
 
-use omnibase_fusion::{Filter, Reading};
+use omnibase_fusion::{Filter, Reading, Verdict};
+use omnibase_platform::Pose2;
 
 use crate::world::{Chance, PERIOD_NS, World, gyro, mouse, settings, tracker};
 
@@ -83,4 +84,37 @@ fn what_is_older_than_all_that_is_kept_is_left_out_and_counted() {
     assert!(!filter.hear(0, world.now_ns, &Reading::Turn(f64::NAN)));
     assert_eq!(filter.left_out(), 1);
     assert!(filter.hear(0, world.now_ns - 1_100_000_000, &reading));
+}
+
+#[test]
+fn what_is_no_number_ends_in_numbers() {
+    let sensors = [gyro(), tracker()];
+    let mut world = World::new(5, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let pose = |x_m: f64, variance: f64, xy: f64| Reading::Pose {
+        map_from_sensor: Pose2::new(x_m, 0.0, 0.0),
+        covariance: [variance, xy, 0.0, variance, 0.0, variance],
+    };
+    for cycle in 0..3000 {
+        let mut motion = world.step();
+        if cycle == 1000 {
+            motion.body_from_next.x_m = f64::NAN;
+        }
+        filter.advance(world.now_ns, &motion);
+        let reading = world.read(1);
+        filter.hear(1, world.now_ns, &reading);
+        for (sensor, wrong) in [
+            (0, Reading::Turn(f64::INFINITY)),
+            (0, Reading::Turn(3e8)),
+            (1, pose(f64::NAN, 0.0, 0.0)),
+            (1, pose(1e300, 0.0, 0.0)),
+            (1, pose(0.0, -1.0, 0.0)),
+            (1, pose(0.0, 1e-6, 1.0)),
+        ] {
+            filter.hear(sensor, world.now_ns, &wrong);
+        }
+        let estimate = filter.estimate();
+        assert!(estimate.map_from_body.is_finite() && filter.belief().0.is_finite(), "{cycle}");
+    }
+    assert_eq!(filter.verdict(0).0, Verdict::Contradicts, "3e8 rad/s");
 }
