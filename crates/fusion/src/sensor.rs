@@ -43,6 +43,29 @@ pub struct Sensor {
     pub silent_ns: u64,
 }
 
+impl Sensor {
+    /// One of a kind, as it is where nobody says more: a MEMS gyro of the better sort, a gaming mouse's chip, a camera, motion
+    /// capture; in the middle of the platform.
+    pub fn of(kind: SensorKind) -> Sensor {
+        let is_gyro = kind == SensorKind::Turn;
+        Sensor {
+            kind,
+            body_from_sensor: Pose2::default(),
+            sigma: match kind {
+                SensorKind::Turn => [0.005, 0.0, 0.0],
+                SensorKind::Flow => [0.02, 0.02, 0.0],
+                SensorKind::Twist => [0.02, 0.02, 0.005],
+                SensorKind::Pose => [0.002, 0.002, 0.004],
+            },
+            bias_sigma: if is_gyro { 0.02 } else { 0.0 },
+            bias_walk: if is_gyro { 3e-6 } else { 0.0 },
+            scale_sigma: if is_gyro { 0.005 } else { 0.02 },
+            direction_sigma_rad: 0.02,
+            silent_ns: 300_000_000,
+        }
+    }
+}
+
 /// What a sensor said at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {

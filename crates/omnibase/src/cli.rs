@@ -1,7 +1,7 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    bridge, calibrate, check, completions, decode, description, doctor, exchange, export, joystick,
+    bridge, calibrate, check, completions, decode, description, doctor, estimate, exchange, export, joystick,
     kinematics, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
@@ -29,6 +29,7 @@ pub enum Command {
     Run(Box<run::Arguments>),
     Check(check::Arguments),
     Calibrate(calibrate::Arguments),
+    Estimate(estimate::Arguments),
     Kinematics(kinematics::Arguments),
     Margins(margins::Arguments),
     Replay(replay::Arguments),

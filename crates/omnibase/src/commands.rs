@@ -8,6 +8,7 @@ pub mod completions;
 pub mod decode;
 pub mod description;
 pub mod doctor;
+pub mod estimate;
 pub mod exchange;
 pub mod export;
 pub mod joystick;
@@ -38,6 +39,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Run(arguments) => run::run(arguments, registry, output),
         Command::Check(arguments) => check::run(arguments, registry, output),
         Command::Calibrate(arguments) => calibrate::run(arguments, registry, output),
+        Command::Estimate(arguments) => estimate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),

@@ -17,6 +17,7 @@ use omnibase_measure::measured::FloorPose;
 use omnibase_platform::Wheel;
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::{Registry, RobotPlan};
+pub(crate) use recordings::one_recording;
 use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -106,14 +107,14 @@ pub struct Arguments {
 
 /// Who tells poses.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Truth {
+pub(crate) enum Truth {
     Source(String),
     Simulator,
 }
 
 /// Who tells turns.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Gyro {
+pub(crate) enum Gyro {
     Input(String),
     Simulator,
 }

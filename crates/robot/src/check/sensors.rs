@@ -188,26 +188,23 @@ fn inputs(
 }
 
 fn sensor(table: &SensorTable, kind: SensorName) -> Sensor {
+    let ready = Sensor::of(kind.into());
     let [x_m, y_m] = table.position_m.unwrap_or_default();
-    let turn = table.sigma_rad_s.unwrap_or(0.005);
-    let speed = table.sigma_m_s.unwrap_or(0.02);
-    let is_gyro = kind == SensorName::Gyro;
+    let [x, y, turn] = ready.sigma;
+    let (along, about) = match ready.kind {
+        SensorKind::Turn => (table.sigma_rad_s, None),
+        SensorKind::Flow | SensorKind::Twist => (table.sigma_m_s, table.sigma_rad_s),
+        SensorKind::Pose => (table.sigma_m, table.sigma_rad),
+    };
+    let has_y = ready.kind != SensorKind::Turn;
     Sensor {
-        kind: kind.into(),
         body_from_sensor: Pose2::new(x_m, y_m, table.heading_rad.unwrap_or(0.0)),
-        sigma: match SensorKind::from(kind) {
-            SensorKind::Turn => [turn, 0.0, 0.0],
-            SensorKind::Flow => [speed, speed, 0.0],
-            SensorKind::Twist => [speed, speed, turn],
-            SensorKind::Pose => {
-                let place = table.sigma_m.unwrap_or(0.002);
-                [place, place, table.sigma_rad.unwrap_or(0.004)]
-            }
-        },
-        bias_sigma: if is_gyro { table.bias_sigma_rad_s.unwrap_or(0.02) } else { 0.0 },
-        bias_walk: if is_gyro { table.bias_walk_rad_s.unwrap_or(3e-6) } else { 0.0 },
-        scale_sigma: table.scale_sigma.unwrap_or(if is_gyro { 0.005 } else { 0.02 }),
-        direction_sigma_rad: table.direction_sigma_rad.unwrap_or(0.02),
-        silent_ns: u64::from(table.silent_ms.unwrap_or(300)) * 1_000_000,
+        sigma: [along.unwrap_or(x), along.filter(|_| has_y).unwrap_or(y), about.unwrap_or(turn)],
+        bias_sigma: table.bias_sigma_rad_s.unwrap_or(ready.bias_sigma),
+        bias_walk: table.bias_walk_rad_s.unwrap_or(ready.bias_walk),
+        scale_sigma: table.scale_sigma.unwrap_or(ready.scale_sigma),
+        direction_sigma_rad: table.direction_sigma_rad.unwrap_or(ready.direction_sigma_rad),
+        silent_ns: table.silent_ms.map_or(ready.silent_ns, |silent_ms| u64::from(silent_ms) * 1_000_000),
+        ..ready
     }
 }

@@ -7,6 +7,7 @@ use anyhow::Context;
 use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor};
 use omnibase_calibrate::{Dataset, PlaceSample, Run, SensorMount};
 use omnibase_measure::measured::FloorPose;
+use omnibase_platform::Pose2;
 use omnibase_record::run::RecordedRun;
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::dataset::table::run_of_table;
@@ -57,21 +58,43 @@ pub(super) fn read_all(
 }
 
 fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesses {
-    let poses = arguments.truth.as_ref().map(|truth| match truth {
+    let told = (arguments.truth.as_ref(), arguments.gyro.as_ref());
+    witnesses_of(told, arguments.sensor.0, plan, arguments.seed.wrapping_add(number as u64))
+}
+
+/// A recording by itself, with whose poses and turns are told.
+pub(crate) fn one_recording(
+    path: &Path,
+    plan: &RobotPlan,
+    registry: &Registry,
+    told: (Option<&Truth>, Option<&Gyro>),
+) -> anyhow::Result<Run> {
+    let mount = plan.sensors.iter().find(|one| one.sensor.kind == omnibase_fusion::SensorKind::Pose);
+    let mount = mount.map_or(PoseSensor::default().mount.base_from_sensor, |one| one.sensor.body_from_sensor);
+    read_one(path, plan, registry, &witnesses_of(told, mount, plan, 1))
+}
+
+fn witnesses_of(
+    (truth, gyro): (Option<&Truth>, Option<&Gyro>),
+    base_from_sensor: Pose2,
+    plan: &RobotPlan,
+    seed: u64,
+) -> Witnesses {
+    let poses = truth.map(|truth| match truth {
         Truth::Source(name) => PosesFrom::Source(name.clone()),
         Truth::Simulator => {
             let ready = PoseSensor::default();
-            let mount = SensorMount { base_from_sensor: arguments.sensor.0, ..ready.mount };
+            let mount = SensorMount { base_from_sensor, ..ready.mount };
             PosesFrom::Simulator(PoseSensor { mount, ..ready })
         }
     });
     let of_file = plan.safety.gyro_input.and_then(|input| plan.signals().inputs.into_iter().nth(input));
-    let gyro = match (&arguments.gyro, of_file) {
+    let gyro = match (gyro, of_file) {
         (Some(Gyro::Input(name)), _) => Some(GyroFrom::Input(name.clone())),
         (Some(Gyro::Simulator), _) => Some(GyroFrom::Simulator(GyroSensor::default())),
         (None, of_file) => of_file.map(|input| GyroFrom::Input(input.name)),
     };
-    Witnesses { poses, gyro, seed: arguments.seed.wrapping_add(number as u64) }
+    Witnesses { poses, gyro, seed }
 }
 
 fn read_one(

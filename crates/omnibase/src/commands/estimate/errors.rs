@@ -1,0 +1,159 @@
+//! Absolute and relative errors of a trajectory, as `evo` (M. Grupp) computes them.
+
+use omnibase_platform::{Pose2, wrap_angle_rad};
+
+/// A pose at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stamped {
+    /// When, s.
+    pub time_s: f64,
+    /// Where.
+    pub pose: Pose2,
+}
+
+/// How far a trajectory is from the true one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrajectoryErrors {
+    /// How many true poses were compared.
+    pub poses: usize,
+    /// The true way, m.
+    pub way_m: f64,
+    /// RMS of the distance after the best rigid alignment (Umeyama, without scale), m.
+    pub absolute_m: f64,
+    /// RMS of what a metre of the true way is off by, m; `None` where the way is shorter.
+    pub relative_m: Option<f64>,
+    /// The same of its turn, rad.
+    pub relative_rad: Option<f64>,
+}
+
+/// The way over which relative errors are taken, m.
+const OVER_M: f64 = 1.0;
+
+impl TrajectoryErrors {
+    /// Of what is believed at the true poses' times; `None` where fewer than three lie within its own.
+    pub fn of(truth: &[Stamped], believed: &[Stamped]) -> Option<TrajectoryErrors> {
+        let pairs: Vec<(Pose2, Pose2)> =
+            truth.iter().filter_map(|one| Some((one.pose, at(believed, one.time_s)?))).collect();
+        if pairs.len() < 3 {
+            return None;
+        }
+        let absolute_m = rms(aligned_distances_m(&pairs).into_iter())?;
+        let (mut way_m, mut ways_m) = (0.0, vec![0.0]);
+        for two in pairs.windows(2) {
+            way_m += two[0].0.distance_m(two[1].0);
+            ways_m.push(way_m);
+        }
+        // From each pose to the first that is a metre further.
+        let mut relative = Vec::new();
+        let mut end = 0;
+        for begin in 0..pairs.len() {
+            while end < pairs.len() && ways_m[end] - ways_m[begin] < OVER_M {
+                end += 1;
+            }
+            if end == pairs.len() {
+                break;
+            }
+            let step = |from: Pose2, to: Pose2| from.inverse().then(to);
+            let true_step = step(pairs[begin].0, pairs[end].0);
+            relative.push(step(true_step, step(pairs[begin].1, pairs[end].1)));
+        }
+        Some(TrajectoryErrors {
+            poses: pairs.len(),
+            way_m,
+            absolute_m,
+            relative_m: rms(relative.iter().map(|off| off.x_m.hypot(off.y_m))),
+            relative_rad: rms(relative.iter().map(|off| wrap_angle_rad(off.heading_rad))),
+        })
+    }
+}
+
+/// Where a trajectory is at a time, between its poses along a line; `None` beyond its ends.
+fn at(trajectory: &[Stamped], time_s: f64) -> Option<Pose2> {
+    let next = trajectory.partition_point(|one| one.time_s < time_s);
+    let after = trajectory.get(next)?;
+    let before = if next == 0 { (after.time_s == time_s).then_some(after)? } else { &trajectory[next - 1] };
+    let share = if after.time_s > before.time_s {
+        (time_s - before.time_s) / (after.time_s - before.time_s)
+    } else {
+        1.0
+    };
+    let (a, b) = (before.pose, after.pose);
+    Some(Pose2 {
+        x_m: a.x_m + share * (b.x_m - a.x_m),
+        y_m: a.y_m + share * (b.y_m - a.y_m),
+        heading_rad: a.heading_rad + share * wrap_angle_rad(b.heading_rad - a.heading_rad),
+    })
+}
+
+/// Distances of the true places from the others, turned and moved to fit best.
+fn aligned_distances_m(pairs: &[(Pose2, Pose2)]) -> Vec<f64> {
+    let count = pairs.len() as f64;
+    let mean = |of: &dyn Fn(&(Pose2, Pose2)) -> Pose2| {
+        let sum = pairs.iter().map(of).fold([0.0; 2], |sum, pose| [sum[0] + pose.x_m, sum[1] + pose.y_m]);
+        sum.map(|sum| sum / count)
+    };
+    let (true_mean, other_mean) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+    let from = |pose: Pose2, mean: [f64; 2]| [pose.x_m - mean[0], pose.y_m - mean[1]];
+    let (mut along, mut across) = (0.0, 0.0);
+    for (truth, other) in pairs {
+        let (t, o) = (from(*truth, true_mean), from(*other, other_mean));
+        along += o[0] * t[0] + o[1] * t[1];
+        across += o[0] * t[1] - o[1] * t[0];
+    }
+    let (sin, cos) = across.atan2(along).sin_cos();
+    let off = |(truth, other): &(Pose2, Pose2)| {
+        let (t, o) = (from(*truth, true_mean), from(*other, other_mean));
+        (cos * o[0] - sin * o[1] - t[0]).hypot(sin * o[0] + cos * o[1] - t[1])
+    };
+    pairs.iter().map(off).collect()
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
+    (count > 0.0).then(|| (sum / count).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A quarter of a circle of 2 m, each pose changed.
+    fn trajectory(change: impl Fn(f64, Pose2) -> Pose2) -> Vec<Stamped> {
+        let pose = |n: usize| {
+            let angle = std::f64::consts::FRAC_PI_2 * n as f64 / 100.0;
+            let pose = Pose2::new(2.0 * angle.sin(), 2.0 - 2.0 * angle.cos(), angle);
+            Stamped { time_s: 0.1 * n as f64, pose: change(angle, pose) }
+        };
+        (0..=100).map(pose).collect()
+    }
+
+    #[test]
+    fn what_is_only_turned_and_moved_has_no_error() {
+        let truth = trajectory(|_, pose| pose);
+        let moved = trajectory(|_, pose| Pose2::new(3.0, -1.0, 0.7).then(pose));
+        let errors = TrajectoryErrors::of(&truth, &moved).unwrap();
+        assert!(errors.absolute_m < 1e-12 && errors.relative_m.unwrap() < 1e-12, "{errors:?}");
+        assert!((errors.way_m - std::f64::consts::PI).abs() < 1e-3 && errors.poses == 101);
+    }
+
+    #[test]
+    fn a_scale_is_seen_in_each_metre_and_a_turn_as_one() {
+        let truth = trajectory(|_, pose| pose);
+        let longer = trajectory(|_, pose| Pose2::new(1.01 * pose.x_m, 1.01 * pose.y_m, pose.heading_rad));
+        let relative_m = TrajectoryErrors::of(&truth, &longer).unwrap().relative_m.unwrap();
+        // The chord of a metre of that circle: 4·sin(1/4).
+        assert!((relative_m - 0.01 * 4.0 * 0.25_f64.sin()).abs() < 2e-4, "{relative_m}");
+        let turning =
+            trajectory(|angle, pose| Pose2 { heading_rad: pose.heading_rad + 0.02 * angle, ..pose });
+        let relative_rad = TrajectoryErrors::of(&truth, &turning).unwrap().relative_rad.unwrap();
+        assert!((relative_rad - 0.02 * 0.5).abs() < 2e-4, "half a radian a metre: {relative_rad}");
+    }
+
+    #[test]
+    fn another_clock_compares_nothing() {
+        let truth = trajectory(|_, pose| pose);
+        let later: Vec<Stamped> =
+            truth.iter().map(|one| Stamped { time_s: one.time_s + 100.0, ..*one }).collect();
+        assert_eq!(TrajectoryErrors::of(&truth, &later), None);
+    }
+}
