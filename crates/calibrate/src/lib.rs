@@ -3,7 +3,7 @@
 //! - [`dataset`]: [`Dataset`], runs of wheels, and beside them a gyro's turns, poses of a sensor, places on the floor.
 //! - [`build`]: [`Build`], a platform's wheels, creep and sensors, and [`Tolerances`], how well they are known beforehand.
 //! - [`unknown`]: [`Unknown`], what is solved for, one by one.
-//! - [`solve`]: [`solve()`], all of it by least squares, with standard deviations.
+//! - [`mod@solve`]: [`solve()`], all of it by least squares, with standard deviations.
 //! - [`observed`]: which combinations of unknowns the runs couldn't show, in words.
 //! - [`figures`]: paths that show the most, and what each is expected to show; [`rehearsal`]: sensors that are made up.
 //! - [`drift`]: how far dead reckoning runs from the truth, before and after; [`errors`]: what is still wrong, where that is known.
