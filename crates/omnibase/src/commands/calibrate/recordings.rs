@@ -6,8 +6,8 @@ use crate::progress::warn;
 use anyhow::Context;
 use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor};
 use omnibase_calibrate::{Dataset, PlaceSample, Run, SensorMount};
+use omnibase_fusion::SensorKind;
 use omnibase_measure::measured::FloorPose;
-use omnibase_platform::Pose2;
 use omnibase_record::run::RecordedRun;
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::dataset::table::run_of_table;
@@ -59,34 +59,36 @@ pub(super) fn read_all(
 
 fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesses {
     let told = (arguments.truth.as_ref(), arguments.gyro.as_ref());
-    witnesses_of(told, arguments.sensor.0, plan, arguments.seed.wrapping_add(number as u64))
+    let mount = SensorMount { base_from_sensor: arguments.sensor.0, ..PoseSensor::default().mount };
+    witnesses_of(told, mount, plan, arguments.seed.wrapping_add(number as u64))
 }
 
-/// A recording by itself, with whose poses and turns are told.
+/// A recording by itself, its poses at their true instants; whose poses and turns is told.
 pub(crate) fn one_recording(
     path: &Path,
     plan: &RobotPlan,
     registry: &Registry,
     told: (Option<&Truth>, Option<&Gyro>),
 ) -> anyhow::Result<Run> {
-    let mount = plan.sensors.iter().find(|one| one.sensor.kind == omnibase_fusion::SensorKind::Pose);
-    let mount = mount.map_or(PoseSensor::default().mount.base_from_sensor, |one| one.sensor.body_from_sensor);
-    read_one(path, plan, registry, &witnesses_of(told, mount, plan, 1))
+    let tracker = plan.sensors.iter().find(|one| one.sensor.kind == SensorKind::Pose);
+    let mount = tracker.map_or(SensorMount::default(), |one| SensorMount {
+        base_from_sensor: one.sensor.body_from_sensor,
+        delay_s: one.delay_ns as f64 * 1e-9,
+    });
+    let mut run = read_one(path, plan, registry, &witnesses_of(told, mount, plan, 1))?;
+    run.poses.iter_mut().for_each(|pose| pose.instant_s -= mount.delay_s);
+    Ok(run)
 }
 
 fn witnesses_of(
     (truth, gyro): (Option<&Truth>, Option<&Gyro>),
-    base_from_sensor: Pose2,
+    mount: SensorMount,
     plan: &RobotPlan,
     seed: u64,
 ) -> Witnesses {
     let poses = truth.map(|truth| match truth {
         Truth::Source(name) => PosesFrom::Source(name.clone()),
-        Truth::Simulator => {
-            let ready = PoseSensor::default();
-            let mount = SensorMount { base_from_sensor, ..ready.mount };
-            PosesFrom::Simulator(PoseSensor { mount, ..ready })
-        }
+        Truth::Simulator => PosesFrom::Simulator(PoseSensor { mount, ..PoseSensor::default() }),
     });
     let of_file = plan.safety.gyro_input.and_then(|input| plan.signals().inputs.into_iter().nth(input));
     let gyro = match (gyro, of_file) {

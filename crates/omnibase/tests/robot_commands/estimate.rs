@@ -1,0 +1,57 @@
+//! `omnibase estimate`: the filter on a recording and on a table of text, and what it says of wrong input.
+
+use crate::command_line::{Folder, omnibase, root, words};
+use serde_json::Value;
+
+#[test]
+fn a_recording_is_estimated_with_and_without_poses() {
+    let folder = Folder::new("estimate");
+    let (run, tum) = (folder.path("run.mcap"), folder.path("tum"));
+    let recorded = omnibase(&["run", "robots/bmm.toml", "--path", "robots/square.dat", "--record", &run]);
+    assert!(recorded.status.success(), "{}", words(&recorded.stderr));
+    let told = |more: &[&str]| -> Value {
+        let of =
+            ["estimate", "robots/bmm.toml", &run, "--truth", "simulator", "--gyro", "simulator", "--json"];
+        let output = omnibase(&[&of, more].concat());
+        assert!(output.status.success(), "{}", words(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let absolute_mm = |told: &Value, of: &str| 1e3 * told[of]["absolute_m"].as_f64().unwrap();
+    let alone = told(&["--tum", &tum]);
+    assert!((7.5..9.5).contains(&alone["way_m"].as_f64().unwrap()), "{alone}");
+    assert_eq!(alone["sensors"]["gyro"], "good");
+    // Poses tell to a millimetre where it is, and are themselves what it is compared with.
+    let with_poses = told(&["--poses", "5"]);
+    assert_eq!(with_poses["sensors"]["poses"], "good");
+    let (wheels, fused) = (absolute_mm(&with_poses, "wheels"), absolute_mm(&with_poses, "fused"));
+    assert!(fused < 2.0 && fused <= wheels, "{fused} of {wheels}");
+    for name in ["truth", "wheels", "fused"] {
+        let text = std::fs::read_to_string(format!("{tum}/{name}.tum")).unwrap();
+        assert!(text.lines().count() > 1000 && text.lines().all(|line| line.split(' ').count() == 8));
+    }
+}
+
+#[test]
+fn a_table_of_anybody_is_taken_and_what_it_lacks_is_said() {
+    let folder = Folder::new("estimate-table");
+    let table = folder.path("run.csv");
+    // Straight ahead at 0.5 m/s, by wheels that are 1 % too large, seen by a camera.
+    let mut text =
+        String::from("time_s,wheel_1_rad,wheel_2_rad,wheel_3_rad,pose_x_m,pose_y_m,pose_heading_rad\n");
+    for n in 0..=500 {
+        let (time_s, x_m) = (0.01 * f64::from(n), 0.005 * f64::from(n));
+        let turned = 1.01 * x_m / 0.1 * 3.0_f64.sqrt() / 2.0;
+        text += &format!("{time_s},0,{},{turned},{x_m},0,0\n", -turned);
+    }
+    std::fs::write(&table, &text).unwrap();
+    let output = omnibase(&["estimate", "robots/bmm.toml", &table, "--poses", "1", "--json"]);
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["fused"]["absolute_m"].as_f64() < told["wheels"]["absolute_m"].as_f64(), "{told}");
+    let relative_m = told["wheels"]["relative_m"].as_f64().unwrap();
+    assert!((relative_m - 0.01).abs() < 1e-4, "{told}");
+    std::fs::write(&table, text.replace("pose_x_m,pose_y_m,pose_heading_rad", "a,b,c")).unwrap();
+    let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
+    assert!(!output.status.success() && words(&output.stderr).contains("has no poses to compare with"));
+    assert!(root().join("robots/bmm.toml").is_file());
+}
