@@ -331,8 +331,7 @@ impl Robot {
                 let is_of_its_kind = commands.quantity == controller.quantity();
                 if is_of_its_kind {
                     let stops = self.lifecycle.phase() == Phase::Stopping;
-                    let slips = (self.grip.apart(), stops);
-                    self.traction.cap(commands, (&record.setpoint, &record.grip), slips)
+                    self.traction.cap(commands, (&record.setpoint, &record.grip), stops)
                 } else {
                     Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
                 }

@@ -4,8 +4,6 @@
 //! wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a floor gives to a slipping wheel brakes its
 //! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push or a slope does the opposite, for then the wheel's
 //! force is against it. How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s.
-//! Four or more wheels that grip agree on one motion: where they don't, one of those that run ahead of the others in the direction
-//! of their force spins, or isn't wired as the file says, and it is the one that pushes most for its load.
 
 pub(crate) mod equation;
 pub(crate) mod friction;
@@ -30,12 +28,6 @@ const FILTER_1_S: f64 = 400.0;
 const DRAWN_1_S: f64 = 5.0;
 /// A rim that is less ahead than this may be creep, tread, or a slope of 3 %, m/s.
 const LEAST_SLIP_M_S: f64 = 0.05;
-/// A rim that is ahead of what the other wheels show by more than this, and this part of the fastest rim, isn't one whose radius or
-/// direction is a little wrong, m/s.
-const APART_M_S: f64 = 0.15;
-const APART_SHARE: f64 = 0.05;
-/// A wheel that shares less than this in what its own speed contradicts has no witness.
-const LEAST_WITNESS: f64 = 0.1;
 /// So many standard deviations of v̂ come on top.
 const SIGMAS: f64 = 3.0;
 /// For how long it must be ahead, ns; and what slips grips again after as long below half of it.
@@ -80,8 +72,6 @@ pub(crate) struct Grip {
     wheel_kg: f64,
     /// A rim that is faster, or further ahead, is no measurement, m/s.
     most_m_s: f64,
-    /// The part of a wheel's own speed that all wheels together contradict; 0 for three.
-    witnessed: [f64; MAX_WHEELS],
     /// Periods since the last complete exchange: its increments span them all.
     periods: u32,
     wheels: [Wheel; MAX_WHEELS],
@@ -93,7 +83,6 @@ pub(crate) struct Grip {
     shown: [f64; 3],
     /// Standard deviations of v̂.
     sigma: [f64; 3],
-    apart: Option<(usize, f64)>,
     /// `None` before any wheel slipped, in this run or one that is remembered.
     floor: Option<Floor>,
 }
@@ -168,7 +157,6 @@ impl Grip {
             loads: Loads::new(&plan.kinematics),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, mass.0),
-            witnessed: witnessed(&plan.kinematics),
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
@@ -177,7 +165,6 @@ impl Grip {
             acceleration: [0.0; 3],
             shown: [0.0; 3],
             sigma: [0.0; 3],
-            apart: None,
             floor: plan
                 .grip
                 .remembered
@@ -228,7 +215,7 @@ impl Grip {
     /// Nothing is known of the motion before the next measurement.
     fn forget(&mut self) {
         (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
-        (self.wheels, self.apart) = ([Wheel::default(); MAX_WHEELS], None);
+        self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
     /// v̂ goes on by what forces give it.
@@ -308,7 +295,6 @@ impl Grip {
                 gripping_rad_s[at] = wheel.ahead_m_s / rim.radius_m;
             }
         }
-        self.apart = self.contradicted(shown);
         let toward = axes(&self.kinematics.twist(&gripping_rad_s).twist_in_base);
         self.body = Some(std::array::from_fn(|axis| body[axis] + drawn * toward[axis]));
         if !is_possible {
@@ -316,31 +302,6 @@ impl Grip {
         } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
         }
-    }
-
-    /// Which wheel runs ahead of all others in the direction of its force, and by how much, m/s.
-    fn contradicted(&self, shown: [f64; 3]) -> Option<(usize, f64)> {
-        let rows = self.kinematics.matrix();
-        let wheels = &self.wheels[..rows.len()];
-        let fastest_m_s = wheels.iter().fold(0.0_f64, |fastest, wheel| fastest.max(wheel.rim_m_s.abs()));
-        let least_m_s = APART_M_S + APART_SHARE * fastest_m_s;
-        let centre_m = self.identification.dynamics().centre_m();
-        let mut most_n = LEAST_N;
-        let mut found = None;
-        for (at, (wheel, row)) in wheels.iter().zip(rows).enumerate() {
-            let told_m_s: f64 = row.iter().zip(shown).map(|(row, speed)| row * speed).sum();
-            let ahead_m_s = (wheel.rim_m_s - told_m_s) / self.witnessed[at].max(LEAST_WITNESS);
-            let pushes_n = wheel.force_n * ahead_m_s.signum() / self.loads.of(at, centre_m);
-            if self.witnessed[at] > LEAST_WITNESS && ahead_m_s.abs() > least_m_s && pushes_n > most_n {
-                (found, most_n) = (Some((at, ahead_m_s)), pushes_n);
-            }
-        }
-        found
-    }
-
-    /// The wheel that runs ahead of all others in the direction of its force, and by how much, m/s.
-    pub(crate) fn apart(&self) -> Option<(usize, f64)> {
-        self.apart
     }
 
     /// Wheels that stand are held by dry friction, whatever their motors' torques.
@@ -410,23 +371,6 @@ impl Grip {
             friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),
         }
     }
-}
-
-/// The part of each wheel's own speed that all of them together contradict.
-fn witnessed(kinematics: &Kinematics) -> [f64; MAX_WHEELS] {
-    let mut witnessed = [0.0; MAX_WHEELS];
-    for (at, (row, rim)) in kinematics.matrix().iter().zip(kinematics.wheels()).enumerate() {
-        let alone =
-            PerWheel::from_fn(
-                kinematics.wheel_count(),
-                |other| {
-                    if other == at { 1.0 / rim.radius_m } else { 0.0 }
-                },
-            );
-        let shown = axes(&kinematics.twist(&alone).twist_in_base);
-        witnessed[at] = 1.0 - row.iter().zip(shown).map(|(row, speed)| row * speed).sum::<f64>();
-    }
-    witnessed
 }
 
 impl Floor {

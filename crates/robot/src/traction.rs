@@ -30,8 +30,6 @@ const ROLLERS: f64 = 0.03;
 const MOST_ROLLERS: f64 = 0.5;
 /// A wheel whose rim is further ahead spins, m/s: that is no doubt of an estimate.
 const SPINS_M_S: f64 = 0.2;
-/// In this time a wheel that was caught gets its torque back, s.
-const GIVEN_BACK_S: f64 = 0.3;
 /// After torques were held back, or a wheel slipped, the platform counts as behind for so long, s: what waits for it must not swing
 /// with it.
 const BEHIND_S: f64 = 0.1;
@@ -64,8 +62,6 @@ pub(crate) struct Traction {
     reliance: Reliance,
     /// For how long the platform still counts as behind, s.
     behind_s: f64,
-    /// What part of its torque each wheel is given, after it was caught.
-    given: [f64; MAX_WHEELS],
     report: TractionReport,
     /// How fast the rims of wheels that slip are ahead, m/s.
     slips_m_s: [f64; MAX_WHEELS],
@@ -87,7 +83,6 @@ impl Traction {
             limits: plan.limits,
             reliance: Reliance::new(&plan.grip),
             behind_s: 0.0,
-            given: [1.0; MAX_WHEELS],
             report: TractionReport::default(),
             slips_m_s: [0.0; MAX_WHEELS],
         };
@@ -128,9 +123,6 @@ impl Traction {
         let slips = grip.slip_m_s.iter().zip(grip.slipped_m);
         for (slips_m_s, (ahead_m_s, way_m)) in self.slips_m_s.iter_mut().zip(slips) {
             *slips_m_s = if way_m > 0.0 { *ahead_m_s } else { 0.0 };
-        }
-        for given in &mut self.given {
-            *given = (*given + time.period_s() / GIVEN_BACK_S).min(1.0);
         }
         let friction = self.reliance.friction();
         let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
@@ -192,31 +184,21 @@ impl Traction {
     }
 
     /// Torques that the floor carries: all scaled alike where a wheel would slip. Where nothing is counted on each wheel that spins is
-    /// caught by itself, and only once the platform `stops`: as long as it goes on its way tells that it has to. Always the wheel
-    /// that is `apart`, ahead of all others, gets no torque on, and its torque back slowly: what is caught again and again must not swing.
+    /// caught by itself, and only once the platform `stops`: as long as it goes on its way tells that it has to.
     pub(crate) fn cap(
         &mut self,
-        mut wished: Commands,
+        wished: Commands,
         (setpoint, grip): (&Setpoint, &GripReport),
-        (apart, stops): (Option<(usize, f64)>, bool),
+        stops: bool,
     ) -> Commands {
-        if wished.quantity != Quantity::Torque {
-            return wished;
-        }
-        if let Some((wheel, ahead_m_s)) = apart
-            && ahead_m_s * wished.values[wheel] > 0.0
-        {
-            self.given[wheel] = 0.0;
-        }
-        for (value, given) in wished.values.iter_mut().zip(self.given) {
-            *value *= given;
-        }
         // A slope or a push makes a platform look light, and its wheels slip: a stop that believes that doesn't brake. What the file
         // tells counts there, where it is more.
         let counted =
             self.report.friction.map(|friction| if stops { self.told.unwrap_or(friction) } else { friction });
         let found = grip.friction.filter(|_| stops);
-        let Some(friction) = counted.or(found) else { return wished };
+        let Some(friction) = counted.or(found).filter(|_| wished.quantity == Quantity::Torque) else {
+            return wished;
+        };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
         let leans_m = self.height_m / GRAVITY_M_S2;
         let centre_m = grip.dynamics.centre_m();

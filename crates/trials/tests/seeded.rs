@@ -32,11 +32,3 @@ fn a_wheel_that_slips_is_not_named_as_wired_wrongly() {
 fn a_path_that_waits_for_the_traction_makes_no_torque_swing() {
     none_is(Wrong::LimitCycle, &[1738, 1854, 2428]);
 }
-
-#[test]
-fn a_wheel_that_spins_is_caught_within_50_cycles_of_1_ms() {
-    let seeds = [4685, 6216, 8516];
-    none_is(Wrong::SpinAway, &seeds);
-    // What is caught again and again doesn't swing.
-    none_is(Wrong::LimitCycle, &seeds);
-}
