@@ -154,11 +154,11 @@ fn sensors(bencher: Bencher<'_, '_>, late_ms: u64) {
             running.robot.hear(source, &Heard { instant_ns, values: [value; MAX_SOURCE_VALUES] });
         };
         hear(0, now_ns);
-        if now_ns % 8_000_000 == 0 {
+        if now_ns.is_multiple_of(8_000_000) {
             hear(1, now_ns);
             hear(2, now_ns);
         }
-        if now_ns % 10_000_000 == 0 {
+        if now_ns.is_multiple_of(10_000_000) {
             hear(3, now_ns.saturating_sub(late_ms * 1_000_000));
         }
         running.cycle(None).allowed.commands.values[0]

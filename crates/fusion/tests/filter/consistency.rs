@@ -15,7 +15,7 @@ fn mean(sensors: &[(Sensor, u64)], seeds: u64, seconds: u64) -> (f64, f64) {
             let motion = world.step();
             filter.advance(world.now_ns, &motion);
             for (sensor, (_, every)) in sensors.iter().enumerate() {
-                if world.now_ns / PERIOD_NS % every == 0 {
+                if (world.now_ns / PERIOD_NS).is_multiple_of(*every) {
                     let reading = world.read(sensor);
                     filter.hear(sensor, world.now_ns, &reading);
                 }

@@ -59,7 +59,7 @@ fn each_fault_of_each_sensor_is_named_and_the_truth_stays_within_three_sigmas() 
                 filter.advance(world.now_ns, &motion);
                 let is_broken = world.now_ns >= begin_ns;
                 for (sensor, every) in [(0, 1), (1, 8), (2, 8), (3, 10)] {
-                    if world.now_ns / PERIOD_NS % every != 0 {
+                    if !(world.now_ns / PERIOD_NS).is_multiple_of(every) {
                         continue;
                     }
                     let mut reading = world.read(sensor);

@@ -21,7 +21,7 @@ fn drive(seed: u64, delay_ns: &dyn Fn(&mut Chance, usize) -> u64, cycles: u64) -
         late.advance(world.now_ns, &motion);
         if world.now_ns < last_ns {
             for (sensor, every) in [(0, 1), (1, 8), (2, 10), (3, 8)] {
-                if world.now_ns / PERIOD_NS % every == 0 {
+                if (world.now_ns / PERIOD_NS).is_multiple_of(every) {
                     let reading = world.read(sensor);
                     assert!(in_order.hear(sensor, world.now_ns, &reading));
                     let at_ns = world.now_ns + delay_ns(&mut chance, sensor);

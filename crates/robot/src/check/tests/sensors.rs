@@ -30,9 +30,9 @@ fn the_shipped_robot_with_a_tracker_resolves() {
 #[test]
 fn mistakes_are_told_with_what_was_expected() {
     for (from, to, setting, words) in [
-        ("\"fused\"", "\"wheel_odometry\"", "sensor", "expected estimator.kind = \"fused\""),
+        ("\"fused\"", "\"wheel_odometry\"", "sensor", "allowed: estimator.kind = \"fused\""),
         ("\"imu.turn\"", "\"imi.turn\"", "sensor[0].from", "did you mean `imu`?"),
-        ("\"imu.turn\"", "\"imu.rate\"", "sensor[0].from", "expected imu.turn"),
+        ("\"imu.turn\"", "\"imu.rate\"", "sensor[0].from", "allowed: imu.turn"),
         ("kind = \"pose\"\nfrom = \"tracker\"", "kind = \"pose\"\nfrom = \"imu\"", "sensor[1].from", "imu.x"),
         ("name = \"mocap\"", "name = \"gyro\"", "sensor[1].name", "another sensor has the same name"),
         ("sigma_rad_s = 0.002", "sigma_m = 0.002", "sensor[0].sigma_m", "a key of pose"),
@@ -41,7 +41,7 @@ fn mistakes_are_told_with_what_was_expected() {
             "name = \"mocap\"\njitter",
             "name = \"mocup\"\njitter",
             "simulation.sensor[1].name",
-            "expected gyro, mocap",
+            "allowed: gyro, mocap",
         ),
     ] {
         let told = told(from, to, setting);
