@@ -211,7 +211,7 @@ impl RobotInfo {
                 problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
             })?;
         // Its points are in the table: nobody needs the file any more.
-        Ok((ReferenceTable { points_file: None, ..table }, made))
+        Ok((ReferenceTable { points_file: None, correction_file: None, ..table }, made))
     }
 
     /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.

@@ -369,15 +369,20 @@ impl Check {
         let kinds = &registry.references;
         let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
         table.kind = Some(kind.name.to_owned());
-        if let Some(name) = table.points_file.as_ref().filter(|_| kind.reads("points_file")) {
-            if table.points.is_some() {
-                let reason = "give `points` or `points_file`, not both";
-                self.report(ProblemKind::Contradiction, "reference.points_file", reason);
+        for (lines, file, [key, file_key]) in [
+            (&mut table.points, &table.points_file, ["points", "points_file"]),
+            (&mut table.correction, &table.correction_file, ["correction", "correction_file"]),
+        ] {
+            let Some(name) = file.as_ref().filter(|_| kind.reads(file_key)) else { continue };
+            let setting = format!("reference.{file_key}");
+            if lines.is_some() {
+                let reason = format!("give `{key}` or `{file_key}`, not both");
+                self.report(ProblemKind::Contradiction, &setting, reason);
             }
             match read_file(name).and_then(|text| crate::references::read_points(&text)) {
-                Ok(points) => table.points = Some(points),
+                Ok(read) => *lines = Some(read),
                 Err(reason) => {
-                    let problem = self.report(ProblemKind::File, "reference.points_file", reason);
+                    let problem = self.report(ProblemKind::File, &setting, reason);
                     problem.value = Some(format!("\"{name}\""));
                     return None;
                 }
@@ -398,11 +403,11 @@ impl Check {
             return None;
         }
         let mut made = registry.make_reference(table, limits);
-        if let (Err(error), Some(file)) = (&mut made, &table.points_file) {
-            for problem in
-                error.0.iter_mut().filter(|problem| problem.setting.starts_with("reference.points"))
-            {
-                "reference.points_file".clone_into(&mut problem.setting);
+        for (file, key) in [(&table.points_file, "points"), (&table.correction_file, "correction")] {
+            let (Err(error), Some(file)) = (&mut made, file) else { continue };
+            let of_it = format!("reference.{key}");
+            for problem in error.0.iter_mut().filter(|problem| problem.setting.starts_with(&of_it)) {
+                problem.setting = format!("{of_it}_file");
                 problem.value = Some(format!("\"{file}\""));
             }
         }

@@ -3,8 +3,8 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, Placed, Shape, ShapeError,
-    ShapeTrajectory, SpeedRule, Trajectory,
+    Corrected, Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, PathPointsError, Placed, Shape,
+    ShapeError, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
 use crate::config::{
@@ -17,6 +17,9 @@ use crate::stages::Reference;
 
 /// A motion without a duration keeps this far from the limits, so that catching up has room.
 const ROOM: f64 = 1.02;
+
+/// The keys of what repeats taught.
+const CORRECTION: [&str; 2] = ["correction", "correction_file"];
 
 /// A geometric shape by its name.
 struct ShapeKind {
@@ -81,23 +84,27 @@ pub fn register(registry: &mut Registry) {
         });
     for shape in SHAPES {
         let further = ["duration_s", "period_s", "turns", "heading", "frame"];
+        let further = further.into_iter().chain(CORRECTION);
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, limits| {
-            Ok(Tracked::new(shape.trajectory(table, limits)?, table))
+            Tracked::new(shape.trajectory(table, limits)?, table)
         });
     }
     references.add(
         Kind {
             name: "path",
             meaning: "A path through points with their times",
-            keys: vec![
+            keys: [
                 needed("points"),
                 optional("points_file"),
                 optional("interpolation"),
                 optional("frame"),
-            ],
+            ]
+            .into_iter()
+            .chain(CORRECTION.map(optional))
+            .collect(),
         },
-        |table, limits| Ok(Tracked::new(path(table, limits)?, table)),
+        |table, limits| Tracked::new(path(table, limits)?, table),
     );
 }
 
@@ -148,12 +155,8 @@ impl ShapeKind {
 }
 
 fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
-    let points = given(table.points.as_ref(), "points")?;
-    let points = points.iter().map(|&[time_s, x_m, y_m, heading_rad]| PathPoint {
-        time_s,
-        odom_from_base: Pose2::new(x_m, y_m, heading_rad),
-    });
-    let points = PathPoints::new(points.collect()).map_err(|error| Problem::refused("points", error))?;
+    let points = points_of(given(table.points.as_ref(), "points")?)
+        .map_err(|error| Problem::refused("points", error))?;
     let interpolation = match table.interpolation.unwrap_or(InterpolationName::CubicPreviousSlope) {
         InterpolationName::CubicPreviousSlope => Interpolation::Cubic(SpeedRule::PreviousSlope),
         InterpolationName::CubicMeanSlope => Interpolation::Cubic(SpeedRule::MeanSlope),
@@ -175,6 +178,22 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
             .map_err(|refusal| Problem::refused("points", refusal))?;
     }
     Ok(path)
+}
+
+fn points_of(lines: &[[f64; 4]]) -> Result<PathPoints, PathPointsError> {
+    let point = |&[time_s, x_m, y_m, heading_rad]: &[f64; 4]| PathPoint {
+        time_s,
+        odom_from_base: Pose2::new(x_m, y_m, heading_rad),
+    };
+    PathPoints::new(lines.iter().map(point).collect())
+}
+
+/// A trajectory with what repeats taught of it.
+fn corrected(trajectory: AnyTrajectory, table: &ReferenceTable) -> Made<AnyTrajectory> {
+    let Some(lines) = &table.correction else { return Ok(trajectory) };
+    let controls = points_of(lines).map_err(|error| Problem::refused("correction", error))?;
+    let corrected = Corrected::new(trajectory, &controls);
+    Ok(Box::new(corrected.map_err(|error| Problem::refused("correction", error))?))
 }
 
 type AnyTrajectory = Box<dyn Trajectory + Send>;
@@ -212,12 +231,13 @@ struct Tracked {
 
 impl Tracked {
     /// A reference that follows a trajectory in the frame that a table asks for.
-    fn new(trajectory: AnyTrajectory, table: &ReferenceTable) -> Self {
+    fn new(trajectory: AnyTrajectory, table: &ReferenceTable) -> Made<Self> {
+        let trajectory = corrected(trajectory, table)?;
         let duration_s = trajectory.duration_s();
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Tracked { placed, duration_s, frame, first, last }
+        Ok(Tracked { placed, duration_s, frame, first, last })
     }
 
     /// Where it begins from a pose.

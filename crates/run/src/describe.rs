@@ -51,7 +51,7 @@ fn reference_words(table: &ReferenceTable) -> String {
     for (key, value) in keys.iter().filter(|(key, _)| *key != "kind") {
         let word = match value {
             // Of a file its name says enough.
-            toml::Value::String(text) if key == "points_file" => {
+            toml::Value::String(text) if key.ends_with("_file") => {
                 text.rsplit('/').next().unwrap_or(text).to_owned()
             }
             toml::Value::String(text) => text.replace('_', " "),

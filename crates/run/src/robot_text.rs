@@ -144,7 +144,9 @@ pub fn read_reference(text: &str, name: &str, folder: &Path) -> Source<Reference
     let beside = |name: String| {
         std::path::absolute(folder.join(&name)).map_or(name, |path| path.to_string_lossy().into_owned())
     };
-    source.file.points_file = source.file.points_file.map(beside);
+    for file in [&mut source.file.points_file, &mut source.file.correction_file] {
+        *file = file.take().map(beside);
+    }
     source
 }
 

@@ -5,6 +5,7 @@
 //! - [`interpolation`]: cubic, quintic, C2 spline and B-spline through [`PathPoints`]; [`polynomial`] below it.
 //! - [`shape`]: circle, ellipse, Archimedes spiral and figure of eight, from rest to rest or without an end.
 //! - [`platform_axes`]: a motion whose velocity is in the platform's own axes.
+//! - [`corrected`]: [`Corrected`], a motion with what repeats taught added to it.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
 //! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
 //! - [`playback`]: [`Playback`] pauses, resumes and reverses a trajectory without leaving its path or its limits.
@@ -13,6 +14,7 @@
 //! playing do not.
 #![forbid(unsafe_code)]
 
+pub mod corrected;
 pub mod interpolation;
 pub mod limiter;
 pub mod limits;
@@ -23,6 +25,7 @@ pub mod polynomial;
 pub mod shape;
 pub mod trajectory;
 
+pub use corrected::{Corrected, CorrectionError};
 pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
 pub use limiter::{LimitedTwist, TwistLimiter};
 pub use limits::{Limits, LimitsError, Peaks, Refusal};

@@ -45,6 +45,11 @@ pub struct ReferenceTable {
     pub points_file: Option<String>,
     /// What joins the points; default: `cubic_previous_slope`, the thesis's rule.
     pub interpolation: Option<InterpolationName>,
+    /// What repeats taught: lines `[t, x, y, θ]` in the platform's axes, SI, added to the motion as a B-spline; 0 in the first
+    /// one. `omnibase learn` finds it.
+    pub correction: Option<Vec<[f64; 4]>>,
+    /// A file of lines `(t, x, y, θ)` in place of `correction`.
+    pub correction_file: Option<String>,
     /// Where its coordinates begin; default: `start`.
     pub frame: Option<PathFrame>,
     /// The reference's own keys.
