@@ -1,8 +1,9 @@
 //! The command line as clap reads it.
 
+use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
     bridge, calibrate, check, completions, decode, description, doctor, estimate, exchange, export, joystick,
-    kinematics, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -29,6 +30,7 @@ pub enum Command {
     Run(Box<run::Arguments>),
     Check(check::Arguments),
     Calibrate(calibrate::Arguments),
+    Learn(learn::Arguments),
     Estimate(estimate::Arguments),
     Kinematics(kinematics::Arguments),
     Margins(margins::Arguments),
@@ -61,15 +63,20 @@ pub enum Command {
 impl Cli {
     /// The command line with an option for each registered motion.
     pub fn command_with(registry: &Registry) -> clap::Command {
-        Cli::command().mut_subcommand("run", |run| run::with_motions(run, registry))
+        let with_motions = |command| ReferenceChoice::options(command, registry);
+        Cli::command()
+            .mut_subcommand("run", |run| ReferenceChoice::with_correction(with_motions(run)))
+            .mut_subcommand("learn", with_motions)
     }
 
     /// What a matched command line says.
     pub fn from_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         let mut cli = Cli::from_arg_matches(matches)?;
-        if let (Command::Run(arguments), Some(of_run)) = (&mut cli.command, matches.subcommand_matches("run"))
-        {
-            arguments.choose_motion(of_run);
+        let Some((_, own)) = matches.subcommand() else { return Ok(cli) };
+        match &mut cli.command {
+            Command::Run(arguments) => arguments.choose_motion(own),
+            Command::Learn(arguments) => arguments.choose_motion(own),
+            _ => {}
         }
         Ok(cli)
     }

@@ -13,6 +13,7 @@ pub mod exchange;
 pub mod export;
 pub mod joystick;
 pub mod kinematics;
+pub mod learn;
 pub mod live;
 pub mod margins;
 pub mod new;
@@ -39,6 +40,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Run(arguments) => run::run(arguments, registry, output),
         Command::Check(arguments) => check::run(arguments, registry, output),
         Command::Calibrate(arguments) => calibrate::run(arguments, registry, output),
+        Command::Learn(arguments) => learn::run(arguments, registry, output),
         Command::Estimate(arguments) => estimate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),

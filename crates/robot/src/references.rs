@@ -94,15 +94,10 @@ pub fn register(registry: &mut Registry) {
         Kind {
             name: "path",
             meaning: "A path through points with their times",
-            keys: [
-                needed("points"),
-                optional("points_file"),
-                optional("interpolation"),
-                optional("frame"),
-            ]
-            .into_iter()
-            .chain(CORRECTION.map(optional))
-            .collect(),
+            keys: [needed("points"), optional("points_file"), optional("interpolation"), optional("frame")]
+                .into_iter()
+                .chain(CORRECTION.map(optional))
+                .collect(),
         },
         |table, limits| Tracked::new(path(table, limits)?, table),
     );

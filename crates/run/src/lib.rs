@@ -12,6 +12,7 @@
 //! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
 //! - [`view`]: what viewers draw of it; [`codes`]: what they call the codes of its signals.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
+//! - [`learn`]: from repeats of a motion to a correction of it.
 //! - [`channels`]: a cycle as a row of a recording; [`mod@replay`]: a recording computed again, to the same bits;
 //!   [`dataset`]: a recording as the calibration reads it.
 #![forbid(unsafe_code)]
@@ -23,6 +24,7 @@ pub mod dataset;
 pub mod describe;
 pub mod drive_errors;
 pub mod floor_memory;
+pub mod learn;
 pub mod live;
 pub mod mechanics;
 pub mod pace;

@@ -272,11 +272,11 @@ fn thinned(
     }
 }
 
-/// The points of a reference as lines of a path file.
-pub fn lines(reference: &ReferenceTable) -> String {
+/// Points as lines of a path file, below a comment.
+pub fn lines(comment: &str, points: &[[f64; 4]]) -> String {
     let row = |[t, x, y, heading]: &[f64; 4]| format!("({t}, {x}, {y}, {heading})\n");
-    let mut text = "# Taught: t s, x m, y m, heading rad, in odom.\n".to_owned();
-    text.extend(reference.points.iter().flatten().map(row));
+    let mut text = format!("# {comment}\n");
+    text.extend(points.iter().map(row));
     text
 }
 

@@ -9,6 +9,11 @@ use crate::trajectory::{Setpoint, Trajectory};
 /// The farthest that a correction may be, m and rad: more isn't made up for by repeats.
 pub const MOST_CORRECTED: [f64; 2] = [0.05, 0.05];
 
+/// About when a control counts most, s: of a correction with controls 0 to `last`, whose knots are evenly spread.
+pub fn control_centre_s(duration_s: f64, last: usize, control: usize) -> f64 {
+    duration_s * (control + 1) as f64 / (last + 2) as f64
+}
+
 /// Why points are no correction of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CorrectionError {

@@ -24,6 +24,7 @@ pub mod builds;
 pub mod calibration;
 pub mod framed;
 pub mod grip;
+pub mod learning;
 pub mod mujoco;
 pub mod robots;
 mod run;

@@ -103,7 +103,8 @@ impl CallHandler {
         let folder: &Path = &self.about.paths;
         std::fs::create_dir_all(folder)?;
         let points = format!("{name}.dat");
-        std::fs::write(folder.join(&points), lines(table))?;
+        let rows = table.points.as_deref().unwrap_or_default();
+        std::fs::write(folder.join(&points), lines("Taught: t s, x m, y m, heading rad, in odom.", rows))?;
         let named = ReferenceTable { points: None, points_file: Some(points), ..table.clone() };
         let text = toml::to_string(&named).map_err(std::io::Error::other)?;
         std::fs::write(folder.join(format!("{name}.toml")), text)

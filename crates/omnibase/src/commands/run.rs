@@ -5,9 +5,10 @@ mod joystick_thread;
 mod operated;
 mod page;
 mod recording;
-mod reference;
+pub(crate) mod reference;
 mod report;
 
+use crate::cli::{Cli, Command};
 use crate::progress::{bar, error, note, warn};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
@@ -96,6 +97,26 @@ pub struct Arguments {
     /// Print the summary as one JSON object.
     #[arg(long)]
     json: bool,
+}
+
+/// `omnibase run` with a motion from a reference file and a recording; everything else is as its own options and the robot's file say.
+pub(crate) fn recorded_run(
+    (robot, changes, options): (&Path, &Changes, &[String]),
+    (reference, recording): (&Path, &Path),
+    registry: &Arc<Registry>,
+    output: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    let mut words = vec!["omnibase".to_owned(), "run".to_owned(), text(robot)];
+    words.extend(["--reference".to_owned(), text(reference), "--record".to_owned(), text(recording)]);
+    words.extend(changes.as_options());
+    words.extend(options.iter().cloned());
+    let matches = Cli::command_with(registry).try_get_matches_from(words);
+    let matches = matches.map_err(|error| WrongUsage(anyhow::anyhow!("behind `--`: {error}")))?;
+    let Command::Run(arguments) = Cli::from_matches(&matches)?.command else {
+        anyhow::bail!("behind `--`: expected options of run")
+    };
+    run(&arguments, registry, output)
 }
 
 /// Runs the command.
@@ -228,13 +249,8 @@ struct Connection {
     script: Option<Script>,
 }
 
-/// The command with its options for motions.
-pub fn with_motions(command: clap::Command, registry: &Registry) -> clap::Command {
-    ReferenceChoice::options(command, registry)
-}
-
 impl Arguments {
-    /// Takes over what the options of [`with_motions`] say.
+    /// The motion that the command line chose.
     pub fn choose_motion(&mut self, matches: &clap::ArgMatches) {
         self.reference = ReferenceChoice::of(matches);
     }

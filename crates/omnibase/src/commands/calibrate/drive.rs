@@ -3,11 +3,11 @@
 use super::figure::{self, reference};
 use super::recordings::{self, STEP_S};
 use super::{Arguments, Known};
-use crate::cli::{Cli, Command};
+use crate::Outcome;
+use crate::commands::run::recorded_run;
 use crate::progress::{note, warn};
 use crate::robot_file::RobotSource;
-use crate::{Outcome, WrongUsage};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use omnibase_calibrate::figures::{Figure, Witness};
 use omnibase_calibrate::rehearsal::{Random, drawn_wheel};
 use omnibase_calibrate::{Build, Dataset, Run, SensorMount, Step};
@@ -16,7 +16,6 @@ use omnibase_platform::{Kinematics, PerWheel, Pose2};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::stepped::{Leader, Stepped};
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 
 /// What was driven, and what the robot truly is where that is known.
@@ -149,7 +148,12 @@ pub(super) fn drive(
             tapes.push(asked()?);
         }
         note(format_args!("{}: {}", figure.name, figure.meaning));
-        run_once(arguments, &path, &recording, registry, output)?;
+        // Where one object is asked for, there is one.
+        let mut silent = std::io::sink();
+        let output: &mut dyn Write = if arguments.json { &mut silent } else { output };
+        let robot = (arguments.robot.as_path(), &arguments.changes, arguments.run.as_slice());
+        let driven = recorded_run(robot, (&path, &recording), registry, output)?;
+        ensure!(driven == Outcome::Done, "the figure was not driven to its end");
         if by_tape {
             tapes.push(asked()?);
         }
@@ -162,31 +166,4 @@ pub(super) fn drive(
 fn asked() -> anyhow::Result<FloorPose> {
     crate::commands::run::ask_where_it_stands()?
         .context("without a place on the floor there is nothing to calibrate by")
-}
-
-/// `omnibase run` with a figure; everything else is as its own options and the robot's file say.
-fn run_once(
-    arguments: &Arguments,
-    reference: &Path,
-    recording: &Path,
-    registry: &Arc<Registry>,
-    output: &mut dyn Write,
-) -> anyhow::Result<()> {
-    let text = |path: &Path| path.to_string_lossy().into_owned();
-    let mut words = vec!["omnibase".to_owned(), "run".to_owned(), text(&arguments.robot)];
-    words.extend(["--reference".to_owned(), text(reference), "--record".to_owned(), text(recording)]);
-    words.extend(arguments.changes.as_options());
-    words.extend(arguments.run.iter().cloned());
-    let matches = Cli::command_with(registry).try_get_matches_from(words);
-    let matches = matches.map_err(|error| WrongUsage(anyhow::anyhow!("behind `--`: {error}")))?;
-    let Command::Run(run) = Cli::from_matches(&matches)?.command else {
-        bail!("behind `--`: expected options of run")
-    };
-    // Where one object is asked for, there is one.
-    let mut silent = std::io::sink();
-    let output = if arguments.json { &mut silent } else { output };
-    match crate::commands::run::run(&run, registry, output)? {
-        Outcome::Done => Ok(()),
-        Outcome::Failed => bail!("the figure was not driven to its end"),
-    }
 }

@@ -12,9 +12,14 @@ use std::path::Path;
 
 const GROUP: &str = "motion";
 
-/// The motion, in place of the robot file's own: an option and its value.
+/// The motion, in place of the robot file's own.
 #[derive(Clone, Debug, Default)]
-pub struct ReferenceChoice(Option<(String, String)>);
+pub struct ReferenceChoice {
+    /// An option and its value.
+    motion: Option<(String, String)>,
+    /// A file with what repeats taught of it.
+    correction: Option<String>,
+}
 
 /// The kinds that have an option of their own: those with keys, but for the path, whose points come from a file.
 fn offered(registry: &Registry) -> impl Iterator<Item = &Kind> {
@@ -47,27 +52,47 @@ impl ReferenceChoice {
             .args(shapes)
     }
 
+    /// The command with an option for what repeats taught of the motion.
+    pub fn with_correction(command: Command) -> Command {
+        command.arg(
+            Arg::new("correction")
+                .long("correction")
+                .value_name("FILE")
+                .requires(GROUP)
+                .help_heading("Motion")
+                .help("What repeats of this motion taught, as `omnibase learn` writes it"),
+        )
+    }
+
     /// What the matched options say.
     pub fn of(matches: &ArgMatches) -> Self {
         let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
         let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
-        ReferenceChoice(chosen.and_then(value))
+        let correction = matches.try_get_one::<String>("correction").ok().flatten().cloned();
+        ReferenceChoice { motion: chosen.and_then(value), correction }
     }
 
     /// What was chosen; `None` leaves the robot file's own.
     pub fn chosen(&self, registry: &Registry) -> anyhow::Result<Option<Source<ReferenceTable>>> {
-        let Some((option, value)) = &self.0 else { return Ok(None) };
-        Ok(Some(match option.as_str() {
+        let Some((option, value)) = &self.motion else { return Ok(None) };
+        let absolute = |name: &String| -> std::io::Result<String> {
+            Ok(std::path::absolute(name)?.to_string_lossy().into_owned())
+        };
+        let mut chosen = match option.as_str() {
             "reference" => {
                 let text = std::fs::read_to_string(value).with_context(|| format!("reading `{value}`"))?;
                 read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
             }
             "path" => {
-                let points_file = Some(std::path::absolute(value)?.to_string_lossy().into_owned());
+                let points_file = Some(absolute(value)?);
                 ReferenceTable { kind: Some("path".to_owned()), points_file, ..Default::default() }.into()
             }
             name => shape(&registry.references.find(Some(name))?.0, value).map_err(WrongUsage)?,
-        }))
+        };
+        if let Some(name) = &self.correction {
+            chosen.file.correction_file = Some(absolute(name)?);
+        }
+        Ok(Some(chosen))
     }
 }
 
