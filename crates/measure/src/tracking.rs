@@ -53,7 +53,7 @@ impl Sums {
 impl Tracking {
     /// Takes a cycle in; errors count while the reference is tracked, the last one also while its end is held.
     pub fn take(&mut self, record: &CycleRecord, truth: Option<&TruePlatform>) -> Errors {
-        let wished = record.wished.odom_from_body;
+        let wished = record.wished.odom_from_body.then(record.correction.inverse());
         let errors = errors(wished, record.state.odom_from_body, truth);
         if record.phase == Phase::Tracking {
             self.cycles += 1;

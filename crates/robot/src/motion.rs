@@ -202,6 +202,14 @@ impl Motion {
         self.time_ns * 1e-9
     }
 
+    /// How far what is followed is beside the motion that was asked for, in its axes.
+    pub(crate) fn correction(&self) -> Pose2 {
+        match self.course {
+            Course::Reference => self.reference.correction(self.time_s()),
+            Course::Velocity | Course::Way => Pose2::default(),
+        }
+    }
+
     pub(crate) fn rate(&self) -> f64 {
         self.rate_now
     }

@@ -3,8 +3,8 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Corrected, Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, PathPointsError, Placed, Shape,
-    ShapeError, ShapeTrajectory, SpeedRule, Trajectory,
+    Corrected, Correction, Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, PathPointsError,
+    Placed, Shape, ShapeError, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
 use crate::config::{
@@ -183,12 +183,12 @@ fn points_of(lines: &[[f64; 4]]) -> Result<PathPoints, PathPointsError> {
     PathPoints::new(lines.iter().map(point).collect())
 }
 
-/// A trajectory with what repeats taught of it.
-fn corrected(trajectory: AnyTrajectory, table: &ReferenceTable) -> Made<AnyTrajectory> {
-    let Some(lines) = &table.correction else { return Ok(trajectory) };
+/// What repeats taught of a motion of this duration, s.
+fn correction(duration_s: f64, table: &ReferenceTable) -> Made<Option<Correction>> {
+    let Some(lines) = &table.correction else { return Ok(None) };
     let controls = points_of(lines).map_err(|error| Problem::refused("correction", error))?;
-    let corrected = Corrected::new(trajectory, &controls);
-    Ok(Box::new(corrected.map_err(|error| Problem::refused("correction", error))?))
+    let correction = Correction::new(duration_s, &controls);
+    Ok(Some(correction.map_err(|error| Problem::refused("correction", error))?))
 }
 
 type AnyTrajectory = Box<dyn Trajectory + Send>;
@@ -217,6 +217,8 @@ pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
 struct Tracked {
     /// Taken out only while it is put in its place.
     placed: Option<Placed<AnyTrajectory>>,
+    /// What is in it of repeats.
+    correction: Option<Correction>,
     duration_s: f64,
     frame: PathFrame,
     /// The trajectory's own first and last pose; without an end it has no last.
@@ -227,12 +229,16 @@ struct Tracked {
 impl Tracked {
     /// A reference that follows a trajectory in the frame that a table asks for.
     fn new(trajectory: AnyTrajectory, table: &ReferenceTable) -> Made<Self> {
-        let trajectory = corrected(trajectory, table)?;
         let duration_s = trajectory.duration_s();
+        let correction = correction(duration_s, table)?;
+        let trajectory: AnyTrajectory = match &correction {
+            Some(correction) => Box::new(Corrected::new(trajectory, correction.clone())),
+            None => trajectory,
+        };
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Tracked { placed, duration_s, frame, first, last })
+        Ok(Tracked { placed, correction, duration_s, frame, first, last })
     }
 
     /// Where it begins from a pose.
@@ -270,6 +276,10 @@ impl Reference for Tracked {
                 ReferenceStatus::Finished
             },
         })
+    }
+
+    fn correction(&self, since_start_s: f64) -> Pose2 {
+        self.correction.as_ref().map_or_else(Pose2::default, |correction| correction.at(since_start_s))
     }
 
     fn duration_s(&self) -> Option<f64> {

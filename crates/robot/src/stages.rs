@@ -217,6 +217,12 @@ pub trait Reference: Send {
         None
     }
 
+    /// How far the setpoint at a time since the start, s, is beside the motion that was asked for, in its axes.
+    fn correction(&self, since_start_s: f64) -> Pose2 {
+        let _ = since_start_s;
+        Pose2::default()
+    }
+
     /// Time of the whole motion, s; `None` where it has no end.
     fn duration_s(&self) -> Option<f64> {
         None

@@ -12,7 +12,6 @@ use omnibase_robot::RobotPlan;
 use omnibase_robot::config::TaskFrame;
 use omnibase_robot::signals::{CycleRecord, LimitedBy, Phase, SafetyReason};
 use omnibase_trajectory::corrected::{MOST_CORRECTED, control_centre_s};
-use omnibase_trajectory::{Interpolation, PathPoint, PathPoints, PointTrajectory, Trajectory};
 
 /// Between two controls, s, and the most of them.
 const CONTROL_S: f64 = 0.1;
@@ -78,9 +77,8 @@ pub enum NotLearnt {
 #[derive(Clone, Debug)]
 pub struct Repeat {
     duration_s: f64,
-    /// What it is driven with: controls, and what they come to.
+    /// What it is driven with.
     controls: Vec<[f64; 3]>,
-    correction: Option<PointTrajectory>,
     poses: Vec<(usize, String)>,
     in_map: bool,
     map_from_odom: Option<Pose2>,
@@ -114,11 +112,9 @@ impl Repeat {
         }
         let mut controls: Vec<_> = lines.iter().map(|[_, x, y, turn]| [*x, *y, *turn]).collect();
         controls.resize(expected, [0.0; 3]);
-        let correction = points_of(lines).map(|points| PointTrajectory::new(&points, Interpolation::BSpline));
         Ok(Repeat {
             duration_s,
             controls,
-            correction,
             doubted: vec![0; poses.len()],
             poses,
             in_map: plan.estimator.task_frame.unwrap_or_default() == TaskFrame::Map,
@@ -155,12 +151,8 @@ impl Repeat {
             self.look(record, time_s);
         }
         let Some(map_from_odom) = self.map_from_odom else { return };
-        let corrected = self
-            .correction
-            .as_ref()
-            .map_or_else(Pose2::default, |correction| correction.sample(time_s).odom_from_base);
-        let wished = map_from_odom.then(record.wished.odom_from_body.then(corrected.inverse()));
-        let off = wished.inverse().then(record.fusion.map_from_body);
+        let asked = map_from_odom.then(record.wished.odom_from_body.then(record.correction.inverse()));
+        let off = asked.inverse().then(record.fusion.map_from_body);
         let off = [off.x_m, off.y_m, wrap_angle_rad(off.heading_rad)];
         let (last, span_s) = (self.sums.len() - 1, self.duration_s / (self.sums.len() + 1) as f64);
         for (control, sum) in self.sums.iter_mut().enumerate() {
@@ -301,14 +293,6 @@ fn controls_of(duration_s: f64) -> usize {
     ((duration_s / CONTROL_S).ceil().min(MOST_CONTROLS as f64) as usize).max(FEWEST_CONTROLS)
 }
 
-fn points_of(lines: &[[f64; 4]]) -> Option<PathPoints> {
-    let point = |&[time_s, x_m, y_m, heading_rad]: &[f64; 4]| PathPoint {
-        time_s,
-        odom_from_base: Pose2 { x_m, y_m, heading_rad },
-    };
-    PathPoints::new(lines.iter().map(point).collect()).ok()
-}
-
 /// The uniform cubic B-spline about 0, with knots 1 apart.
 fn bell(at: f64) -> f64 {
     let at = at.abs();
@@ -326,6 +310,7 @@ mod tests {
     use super::*;
     use omnibase_platform::{Kinematics, Wheel};
     use omnibase_robot::Registry;
+    use omnibase_trajectory::{Correction, PathPoint, PathPoints};
 
     const TRACKED: &str = include_str!("../../../robots/bmm_tracked.toml");
 
@@ -375,14 +360,20 @@ mod tests {
         let mut plan = plan(CIRCLE);
         plan.reference.correction = Some(controls.to_vec());
         let mut repeat = Repeat::new(&plan, 7.0).unwrap();
+        let point = |&[time_s, x_m, y_m, heading_rad]: &[f64; 4]| PathPoint {
+            time_s,
+            odom_from_base: Pose2 { x_m, y_m, heading_rad },
+        };
+        let points = PathPoints::new(controls.iter().map(point).collect());
+        let correction = points.ok().map(|points| Correction::new(7.0, &points).unwrap());
         for cycle in 0..=7000 {
             let mut record = CycleRecord { phase: Phase::Tracking, ..CycleRecord::default() };
             record.reference_time_s = 1e-3 * f64::from(cycle);
             record.reference_rate = 1.0;
             record.fusion.sensors.iter_mut().for_each(|sensor| sensor.verdict = Verdict::Good);
-            let correction = repeat.correction.as_ref();
-            let corrected = correction.map(|correction| correction.sample(record.reference_time_s));
-            record.wished.odom_from_body = corrected.unwrap_or_default().odom_from_base;
+            record.correction =
+                correction.as_ref().map_or_else(Pose2::default, |all| all.at(record.reference_time_s));
+            record.wished.odom_from_body = record.correction;
             record.fusion.map_from_body.x_m = off_m;
             repeat.take(&record);
         }

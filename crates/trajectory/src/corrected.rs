@@ -40,20 +40,24 @@ pub enum CorrectionError {
     },
 }
 
-/// A trajectory with a small motion of its own in the platform's axes on top: `odom_from_base` followed by
-/// `base_from_corrected`.
-#[derive(Clone, Debug)]
-pub struct Corrected<T> {
-    trajectory: T,
-    /// A cubic B-spline over the same time: C2, at rest at both ends.
+/// A small motion in the platform's axes: a cubic B-spline, so C2, at rest at both ends.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correction {
     base_from_corrected: PointTrajectory,
 }
 
-impl<T: Trajectory> Corrected<T> {
-    /// The motion with the correction that has these controls, each with x, y in m and heading in rad.
-    pub fn new(trajectory: T, controls: &PathPoints) -> Result<Self, CorrectionError> {
+/// A trajectory with a correction on top: `odom_from_base` followed by `base_from_corrected`.
+#[derive(Clone, Debug)]
+pub struct Corrected<T> {
+    trajectory: T,
+    correction: Correction,
+}
+
+impl Correction {
+    /// That of a motion of this duration, s, by its controls, each with x, y in m and heading in rad.
+    pub fn new(expected_s: f64, controls: &PathPoints) -> Result<Self, CorrectionError> {
         let base_from_corrected = PointTrajectory::new(controls, Interpolation::BSpline);
-        let (expected_s, found_s) = (trajectory.duration_s(), base_from_corrected.duration_s());
+        let found_s = base_from_corrected.duration_s();
         if expected_s.is_infinite() || (found_s - expected_s).abs() > 1e-3 * expected_s {
             return Err(CorrectionError::Duration { expected_s, found_s });
         }
@@ -67,7 +71,19 @@ impl<T: Trajectory> Corrected<T> {
                 return Err(CorrectionError::TooFar { time_s: control.time_s, distance_m, turn_rad });
             }
         }
-        Ok(Corrected { trajectory, base_from_corrected })
+        Ok(Correction { base_from_corrected })
+    }
+
+    /// How far the corrected motion is beside the motion itself at a time, s: its pose in the motion's axes.
+    pub fn at(&self, time_s: f64) -> Pose2 {
+        self.base_from_corrected.sample(time_s).odom_from_base
+    }
+}
+
+impl<T: Trajectory> Corrected<T> {
+    /// The motion with its correction.
+    pub fn new(trajectory: T, correction: Correction) -> Self {
+        Corrected { trajectory, correction }
     }
 }
 
@@ -78,7 +94,7 @@ impl<T: Trajectory> Trajectory for Corrected<T> {
 
     fn sample(&self, time_s: f64) -> Setpoint {
         let own = self.trajectory.sample(time_s);
-        let small = self.base_from_corrected.sample(time_s);
+        let small = self.correction.base_from_corrected.sample(time_s);
         let [w, dw, ddw] =
             [own.twist_in_odom.w_rad_s, own.acceleration_in_odom.w_rad_s, own.jerk_in_odom.w_rad_s];
         let d = [small.odom_from_base.x_m, small.odom_from_base.y_m];
@@ -118,7 +134,7 @@ impl<T: Trajectory> Trajectory for Corrected<T> {
 
     fn breaks_s(&self) -> Vec<f64> {
         let mut breaks_s = self.trajectory.breaks_s();
-        breaks_s.extend(self.base_from_corrected.breaks_s());
+        breaks_s.extend(self.correction.base_from_corrected.breaks_s());
         breaks_s.sort_by(f64::total_cmp);
         breaks_s.dedup();
         breaks_s
@@ -148,7 +164,7 @@ mod tests {
 
     #[test]
     fn each_rate_is_that_of_the_one_below_it() {
-        let corrected = Corrected::new(circle(), &controls(6.0, 0.02)).unwrap();
+        let corrected = Corrected::new(circle(), Correction::new(6.0, &controls(6.0, 0.02)).unwrap());
         let h = 1e-4;
         for n in 1..60 {
             // Between the breaks, where the jerk jumps.
@@ -176,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_correction_begins_with_nothing_and_both_ends_rest() {
-        let corrected = Corrected::new(circle(), &controls(6.0, 0.02)).unwrap();
+        let corrected = Corrected::new(circle(), Correction::new(6.0, &controls(6.0, 0.02)).unwrap());
         let (first, last) = (corrected.sample(0.0), corrected.sample(6.0));
         assert_eq!(first.odom_from_base, circle().sample(0.0).odom_from_base);
         for end in [first, last] {
@@ -189,7 +205,7 @@ mod tests {
 
     #[test]
     fn what_belongs_to_another_motion_is_refused_with_the_reason() {
-        let refused = |controls: &PathPoints| Corrected::new(circle(), controls).unwrap_err();
+        let refused = |controls: &PathPoints| Correction::new(6.0, controls).unwrap_err();
         assert_eq!(
             refused(&controls(7.0, 0.02)),
             CorrectionError::Duration { expected_s: 6.0, found_s: 7.0 }
@@ -198,7 +214,6 @@ mod tests {
         let mut shifted = controls(6.0, 0.02).as_slice().to_vec();
         shifted[0].odom_from_base.x_m = 0.001;
         assert_eq!(refused(&PathPoints::new(shifted).unwrap()), CorrectionError::Beginning);
-        let endless = ShapeTrajectory::endless(Shape::Circle { radius_m: 0.7 }, Heading::Fixed, 6.0).unwrap();
-        assert!(Corrected::new(endless, &controls(6.0, 0.02)).is_err());
+        assert!(Correction::new(f64::INFINITY, &controls(6.0, 0.02)).is_err());
     }
 }

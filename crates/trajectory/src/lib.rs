@@ -25,7 +25,7 @@ pub mod polynomial;
 pub mod shape;
 pub mod trajectory;
 
-pub use corrected::{Corrected, CorrectionError};
+pub use corrected::{Corrected, Correction, CorrectionError};
 pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
 pub use limiter::{LimitedTwist, TwistLimiter};
 pub use limits::{Limits, LimitsError, Peaks, Refusal};

@@ -69,9 +69,23 @@ pub(super) struct Tracking {
     pub(super) true_error: Option<Error>,
 }
 
+/// The poses that were asked for: those that were followed, without what repeats taught.
+fn asked(followed: Option<Poses>, correction: Option<Poses>) -> Option<Poses> {
+    let mut asked = followed?;
+    let Some(correction) = correction else { return Some(asked) };
+    for row in 0..asked.x.len() {
+        asked.heading[row] -= correction.heading[row];
+        let (sin, cos) = asked.heading[row].sin_cos();
+        asked.x[row] -= cos * correction.x[row] - sin * correction.y[row];
+        asked.y[row] -= sin * correction.x[row] + cos * correction.y[row];
+    }
+    Some(asked)
+}
+
 impl Tracking {
     pub(super) fn new(signals: &Signals<'_>) -> Self {
-        let planned = signals.poses(&["wished_pose", "setpoint_pose"]);
+        let planned =
+            asked(signals.poses(&["wished_pose", "setpoint_pose"]), signals.poses(&["reference_correction"]));
         let believed = signals.poses(&["state_pose"]);
         let truth = signals.poses(&["truth_pose"]);
         let twists = signals.twists(&["wished_twist", "setpoint_twist"]);

@@ -1,6 +1,6 @@
 //! What is wished in a cycle, and what the platform's limits leave of it.
 
-use omnibase_platform::Twist2;
+use omnibase_platform::{Pose2, Twist2};
 
 use super::Robot;
 use crate::guard::Drive;
@@ -10,6 +10,10 @@ impl Robot {
     /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
     pub(super) fn wish(&mut self) -> Setpoint {
         let here = self.record.state.odom_from_body;
+        if !matches!(self.lifecycle.phase(), Phase::Holding | Phase::Stopping) {
+            // Who holds or stops stays beside what it was led to.
+            self.record.correction = Pose2::default();
+        }
         match self.lifecycle.phase() {
             Phase::Disabled | Phase::Enabling | Phase::QuickStopping | Phase::Fault => {
                 Setpoint::at_rest(here)
@@ -28,7 +32,9 @@ impl Robot {
                 None => {
                     let (inputs, mut outputs) = self.peripherals.open(&self.record.signals);
                     self.motion.signals(&inputs, &mut outputs);
-                    self.motion.sample(&self.record.time, &self.settings, &self.guard)
+                    let wished = self.motion.sample(&self.record.time, &self.settings, &self.guard);
+                    self.record.correction = self.motion.correction();
+                    return wished;
                 }
             },
         }

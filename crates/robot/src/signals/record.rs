@@ -2,7 +2,7 @@
 
 mod visit;
 
-use omnibase_platform::Regime;
+use omnibase_platform::{Pose2, Regime};
 
 use super::{
     Allowed, Commands, Course, CycleTime, Exchange, FusionReport, GripReport, GuardReport, LimitedBy,
@@ -72,6 +72,8 @@ pub struct CycleRecord {
     pub reference_rate: f64,
     /// 1 where the reference was begun and isn't at its end.
     pub reference_begun: u64,
+    /// How far the wished pose is beside the motion that was asked for, in its axes: what repeats taught.
+    pub correction: Pose2,
     /// What is wished.
     pub wished: Setpoint,
     /// What of it the platform's limits let through: what the controller follows.
@@ -318,6 +320,7 @@ impl CycleRecord {
         v.f64("reference.time", "s", &mut self.reference_time_s);
         v.f64("reference.rate", "", &mut self.reference_rate);
         v.u64("reference.begun", "", &mut self.reference_begun);
+        v.pose("reference.correction", &mut self.correction);
         v.setpoint(["wished.pose", "wished.twist", "wished.acceleration", "wished.status"], &mut self.wished);
         v.setpoint(
             ["setpoint.pose", "setpoint.twist", "setpoint.acceleration", "setpoint.status"],
