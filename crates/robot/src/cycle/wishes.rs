@@ -34,7 +34,7 @@ impl Robot {
                     self.motion.signals(&inputs, &mut outputs);
                     let wished = self.motion.sample(&self.record.time, &self.settings, &self.guard);
                     self.record.correction = self.motion.correction();
-                    return wished;
+                    wished
                 }
             },
         }
