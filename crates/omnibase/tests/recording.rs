@@ -61,7 +61,7 @@ fn chosen_signals_every_10_ms_take_a_twentieth_at_most_and_say_that_they_replay_
     let chosen = runs.join(name);
     let chosen = chosen.to_str().unwrap();
     let (code, _, error) = omnibase(&["replay", chosen]);
-    assert!(code == Some(1) && error.contains("holds only 37 of 207 signals, every 10 ms"), "{error}");
+    assert!(code == Some(1) && error.contains("holds only 37 of 210 signals, every 10 ms"), "{error}");
     let page = folder.path().join("run.html");
     let said = done(&["report", chosen, "-o", page.to_str().unwrap()]);
     assert!(said.contains("602 cycles") && said.contains("holds only 37 of 207 signals"), "{said}");

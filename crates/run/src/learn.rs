@@ -49,6 +49,14 @@ pub enum NotLearnt {
         /// Lines that it has.
         found: usize,
     },
+    /// It is of another motion.
+    #[error("it is a motion of {found_s} s: expected one of {expected_s} s, as those before it")]
+    Another {
+        /// Those before it, s.
+        expected_s: f64,
+        /// This one, s.
+        found_s: f64,
+    },
     /// It wasn't driven to its end.
     #[error("it wasn't driven to its end: {why}")]
     NotDriven {
@@ -212,6 +220,16 @@ pub struct Learnt {
     pub is_best: bool,
 }
 
+/// The best repeat so far.
+#[derive(Clone, Debug)]
+struct Best {
+    rms_m: f64,
+    /// What it was driven with.
+    controls: Vec<[f64; 3]>,
+    /// Where the platform was in the axes of where it should have been.
+    offs: Vec<[f64; 3]>,
+}
+
 /// What repeats taught so far.
 #[derive(Clone, Debug)]
 pub struct Learner {
@@ -219,8 +237,7 @@ pub struct Learner {
     gain: f64,
     /// What the next repeat is driven with.
     next: Vec<[f64; 3]>,
-    /// The best repeat: its RMS, what it was driven with, and where the platform was.
-    best: Option<(f64, Vec<[f64; 3]>, Vec<[f64; 3]>)>,
+    best: Option<Best>,
     /// The RMS of the first one.
     first_m: f64,
 }
@@ -239,8 +256,8 @@ impl Learner {
 
     /// The best one that was driven; nothing where none was better than the first by what is worth it.
     pub fn best(&self) -> Option<Vec<[f64; 4]>> {
-        let (rms_m, controls, _) = self.best.as_ref()?;
-        (*rms_m < (1.0 - WORTH) * self.first_m).then(|| self.lines(controls))
+        let best = self.best.as_ref()?;
+        (best.rms_m < (1.0 - WORTH) * self.first_m).then(|| self.lines(&best.controls))
     }
 
     /// Whether more repeats teach nothing.
@@ -250,20 +267,23 @@ impl Learner {
 
     /// Learns from a repeat.
     pub fn learn(&mut self, repeat: &Repeat) -> Result<Learnt, NotLearnt> {
+        if repeat.duration_s != self.duration_s {
+            return Err(NotLearnt::Another { expected_s: self.duration_s, found_s: repeat.duration_s });
+        }
         let offs = repeat.offs()?;
         let square_m2 = |[x, y, turn]: &[f64; 3]| x * x + y * y + (ARM_M * turn).powi(2);
         let rms_m = (offs.iter().map(square_m2).sum::<f64>() / offs.len() as f64).sqrt();
-        let is_best = self.best.as_ref().is_none_or(|(best_m, ..)| rms_m < *best_m);
+        let is_best = self.best.as_ref().is_none_or(|best| rms_m < best.rms_m);
         if is_best {
             if self.best.is_none() {
                 self.first_m = rms_m;
             }
-            self.best = Some((rms_m, repeat.controls.clone(), offs));
+            self.best = Some(Best { rms_m, controls: repeat.controls.clone(), offs });
         } else {
             // Back to the best one, and on from there in smaller steps.
             self.gain *= 0.5;
         }
-        if let Some((_, controls, offs)) = &self.best {
+        if let Some(Best { controls, offs, .. }) = &self.best {
             let corrected = controls.iter().zip(offs).map(|(control, off)| {
                 let sum = [0, 1, 2].map(|n| control[n] - self.gain * off[n]);
                 within(sum)
@@ -446,6 +466,8 @@ mod tests {
         assert_eq!(Repeat::new(&bare, 7.0).unwrap_err(), NotLearnt::NoPoses);
         assert_eq!(Repeat::new(&plan(CIRCLE), f64::INFINITY).unwrap_err(), NotLearnt::Endless);
         let mut other = plan(CIRCLE);
+        let another = Learner::new(8.0).learn(&seen(0.0, &[])).unwrap_err();
+        assert_eq!(another, NotLearnt::Another { expected_s: 8.0, found_s: 7.0 });
         other.reference.correction = Some(vec![[0.0; 4], [7.0, 0.0, 0.0, 0.0]]);
         assert_eq!(Repeat::new(&other, 7.0).unwrap_err(), NotLearnt::Correction { expected: 70, found: 2 });
     }
