@@ -49,6 +49,10 @@ pub struct Arguments {
     /// The fixed frame.
     #[arg(long, value_name = "FRAME", default_value = "odom")]
     pub odom_frame: String,
+    /// The frame in which sensors tell where the platform is: tells its transform to the fixed frame, too, as a localiser does
+    /// (REP-105); default: none, for a localiser of ROS 2's own.
+    #[arg(long, value_name = "FRAME")]
+    pub map_frame: Option<String>,
     /// The platform's frame.
     #[arg(long, value_name = "FRAME", default_value = "base_link")]
     pub base_frame: String,
@@ -95,6 +99,11 @@ impl Arguments {
     /// The fixed frame's whole name.
     pub fn odom_frame(&self) -> String {
         format!("{}{}", self.frame_prefix, self.odom_frame)
+    }
+
+    /// The whole name of the frame of sensors.
+    pub fn map_frame(&self) -> Option<String> {
+        Some(format!("{}{}", self.frame_prefix, self.map_frame.as_ref()?))
     }
 
     /// The platform's whole name.

@@ -70,12 +70,14 @@ struct Places {
     covariance: [usize; 6],
     slip: usize,
     pose_known: usize,
+    /// Where sensors told that the platform is, and whether they did; for robots with sensors.
+    map: Option<([usize; 3], usize)>,
     /// Of each wheel: increment, speed, torque.
     wheels: Vec<[usize; 3]>,
 }
 
 impl Places {
-    fn find(names: &[String], wheels: &[String]) -> anyhow::Result<Places> {
+    fn find(names: &[String], wheels: &[String], with_map: bool) -> anyhow::Result<Places> {
         let place = |name: &str| {
             names.iter().position(|known| known == name).with_context(|| format!("the robot has no `{name}`"))
         };
@@ -88,7 +90,10 @@ impl Places {
         let of_wheel =
             |name: &String| three(&format!("{name}."), ["increment_rad", "speed_rad_s", "torque_nm"]);
         let covariance = ["xx_m2", "xy_m2", "xh_m_rad", "yy_m2", "yh_m_rad", "hh_rad2"];
+        let map = || anyhow::Ok((three("map.pose_", ["x_m", "y_m", "heading_rad"])?, place("map.placed")?));
+        let words = "--map-frame: expected a robot with a [[sensor]] and the estimator `fused`";
         Ok(Places {
+            map: with_map.then(|| map().context(words)).transpose()?,
             pose: three("state.pose_", ["x_m", "y_m", "heading_rad"])?,
             twist: three("state.twist_in_body_", ["x_m_s", "y_m_s", "heading_rad_s"])?,
             covariance: places("state.covariance_", &covariance)?.try_into().ok().context("six places")?,
@@ -106,6 +111,7 @@ pub struct Teller {
     clock: Clock,
     counts: Arc<Counts>,
     odom_frame: String,
+    map_frame: Option<String>,
     base_frame: String,
     odom: (Due, Publisher<Odometry>),
     transform: Option<(Due, Publisher<Transforms>)>,
@@ -126,9 +132,11 @@ impl Teller {
     ) -> anyhow::Result<Teller> {
         let signals = ["increment_rad", "speed_rad_s", "torque_nm"];
         let of_wheels = wheels.iter().flat_map(|wheel| signals.map(|signal| format!("{wheel}.{signal}")));
-        let signals = std::iter::once("state.*".to_owned()).chain(of_wheels).collect();
+        let map_frame = arguments.map_frame();
+        let of_map = map_frame.iter().map(|_| "map.*".to_owned());
+        let signals = std::iter::once("state.*".to_owned()).chain(of_map).chain(of_wheels).collect();
         let states = States::follow(robot, &Wanted { signals, every_ms: None })?;
-        let places = Places::find(states.names(), &wheels)?;
+        let places = Places::find(states.names(), &wheels, map_frame.is_some())?;
         let every_cycle = 1000.0 / states.cycle_ms();
         let odom_hz = if arguments.odom_hz == 0.0 { every_cycle } else { arguments.odom_hz };
         let odom = ros.publisher("odom", telling_at(odom_hz))?;
@@ -142,6 +150,7 @@ impl Teller {
             clock,
             counts: Arc::default(),
             odom_frame: arguments.odom_frame(),
+            map_frame,
             base_frame: arguments.base_frame(),
             odom: (Due::new(every_ns(arguments.odom_hz)?), odom),
             transform: transform.map(|publisher| (Due::new(tf_ns), publisher)),
@@ -207,13 +216,21 @@ impl Teller {
             && is_told
             && due.take(row.instant_ns)
         {
-            let Point { x, y, z } = pose.position;
-            let transform = TransformStamped {
-                header: header(&self.odom_frame),
-                child_frame_id: self.base_frame.clone(),
-                transform: Transform { translation: Vector3 { x, y, z }, rotation: pose.orientation },
+            let transform = |parent: &str, child: &str, [x, y, turn]: [f64; 3]| TransformStamped {
+                header: header(parent),
+                child_frame_id: child.to_owned(),
+                transform: Transform {
+                    translation: Vector3 { x, y, z: 0.0 },
+                    rotation: Quaternion::heading(turn),
+                },
             };
-            unsent += u64::from(publisher.publish(Transforms { transforms: vec![transform] }).is_err());
+            let odom_from_base = self.places.pose.map(|place| row.values[place]);
+            let mut transforms = vec![transform(&self.odom_frame, &self.base_frame, odom_from_base)];
+            if let (Some(frame), Some(map_from_base)) = (&self.map_frame, self.places.in_map(row)) {
+                let map_from_odom = from_odom(map_from_base, odom_from_base);
+                transforms.push(transform(frame, &self.odom_frame, map_from_odom));
+            }
+            unsent += u64::from(publisher.publish(Transforms { transforms }).is_err());
         }
         if let Some((due, publisher)) = &mut self.joints
             && due.take(row.instant_ns)
@@ -232,7 +249,20 @@ impl Teller {
     }
 }
 
+/// Where odom is in a frame in which the platform's pose is known, too: x, y in m, turn in rad.
+fn from_odom([x, y, turn]: [f64; 3], [odom_x, odom_y, odom_turn]: [f64; 3]) -> [f64; 3] {
+    let (sin, cos) = (turn - odom_turn).sin_cos();
+    [x - cos * odom_x + sin * odom_y, y - sin * odom_x - cos * odom_y, turn - odom_turn]
+}
+
 impl Places {
+    /// Where sensors told that the platform is; `None` before they did.
+    fn in_map(&self, row: &Row) -> Option<[f64; 3]> {
+        let (pose, placed) = self.map?;
+        let pose = pose.map(|place| row.values[place]);
+        (row.values[placed] == 1.0 && pose.iter().all(|number| number.is_finite())).then_some(pose)
+    }
+
     /// Of x, y, z, and the turns about them, in the fixed frame.
     fn pose_covariance(&self, row: &Row) -> Numbers<36> {
         let [xx, xy, xh, yy, yh, hh] = self.covariance.map(|place| row.values[place]);
@@ -267,4 +297,21 @@ fn diagonal(variances: [f64; 6]) -> Numbers<36> {
         covariance.0[7 * at] = variance;
     }
     covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn odom_in_map_leads_from_the_pose_in_odom_to_that_in_map() {
+        let (map, odom) = ([1.0, 2.0, 1.3], [0.4, -0.2, 0.3]);
+        let [x, y, turn] = from_odom(map, odom);
+        let (sin, cos) = turn.sin_cos();
+        let back = [x + cos * odom[0] - sin * odom[1], y + sin * odom[0] + cos * odom[1], turn + odom[2]];
+        for (back, map) in back.iter().zip(map) {
+            assert!((back - map).abs() < 1e-12, "{back} {map}");
+        }
+        assert_eq!(from_odom(odom, odom), [0.0; 3]);
+    }
 }
