@@ -71,8 +71,13 @@ struct Grid {
 impl Grid {
     fn new<P: GeometricPath>(path: &P, bounds: &PlatformBounds) -> Result<Grid, FastestError> {
         let length = path.length();
-        let mut grid =
-            Grid { sigma: vec![0.0], intervals: Vec::new(), most: Vec::new(), free: Vec::new(), pace: Vec::new() };
+        let mut grid = Grid {
+            sigma: vec![0.0],
+            intervals: Vec::new(),
+            most: Vec::new(),
+            free: Vec::new(),
+            pace: Vec::new(),
+        };
         let mut before: Option<Bend> = None;
         for pair in path.breaks().windows(2) {
             let piece = pair[1] - pair[0];
@@ -131,7 +136,8 @@ impl Grid {
             interval.share = pace * pace;
         }
         for (at, (most, free)) in self.most.iter_mut().zip(&self.free).enumerate() {
-            let beside = [at.checked_sub(1), Some(at)].map(|beside| beside.and_then(|beside| self.pace.get(beside)));
+            let beside =
+                [at.checked_sub(1), Some(at)].map(|beside| beside.and_then(|beside| self.pace.get(beside)));
             let pace = beside.into_iter().flatten().fold(1.0_f64, |least, pace| least.min(*pace));
             *most = free * pace * pace;
         }

@@ -67,7 +67,8 @@ impl PiecewisePath {
                 points.push(point);
             }
         }
-        let chords: Vec<f64> = points.windows(2).map(|pair| distance(&pair[0], &pair[1], joining.radius_m)).collect();
+        let chords: Vec<f64> =
+            points.windows(2).map(|pair| distance(&pair[0], &pair[1], joining.radius_m)).collect();
         if chords.is_empty() {
             return None;
         }
@@ -169,7 +170,8 @@ fn distance(from: &[f64; 3], to: &[f64; 3], radius_m: f64) -> f64 {
 /// Whether three points turn by more than a corner does, with the heading's part of the way counted too.
 fn is_corner(points: &[[f64; 3]], chords: &[f64], joining: Joining) -> bool {
     let scale = [1.0, 1.0, joining.radius_m];
-    let direction = |at: usize, axis: usize| scale[axis] * (points[at + 1][axis] - points[at][axis]) / chords[at];
+    let direction =
+        |at: usize, axis: usize| scale[axis] * (points[at + 1][axis] - points[at][axis]) / chords[at];
     let cosine: f64 = (0..3).map(|axis| direction(0, axis) * direction(1, axis)).sum();
     cosine < joining.corner_rad.cos()
 }
@@ -223,7 +225,8 @@ fn spline_speeds(values: &[f64], lengths: &[f64]) -> Vec<f64> {
     let mut uppers = vec![0.0; last + 1];
     for at in 0..=last {
         let [lower, diagonal, upper, right] = row(at);
-        let (upper_before, speed_before) = if at == 0 { (0.0, 0.0) } else { (uppers[at - 1], speeds[at - 1]) };
+        let (upper_before, speed_before) =
+            if at == 0 { (0.0, 0.0) } else { (uppers[at - 1], speeds[at - 1]) };
         let pivot = diagonal - lower * upper_before;
         uppers[at] = upper / pivot;
         speeds[at] = (right - lower * speed_before) / pivot;

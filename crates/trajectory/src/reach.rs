@@ -94,6 +94,8 @@ pub fn fastest(
 const ROUNDING: f64 = 1e-9;
 /// A coefficient of u below this part of its row's other one bounds x alone.
 const FLAT: f64 = 1e-14;
+/// Bounds that differ by less are equal, over the size of what they are sums of.
+const EQUAL: f64 = 1e-13;
 /// Newton's steps at most; a handful is usual.
 const STEPS: usize = 60;
 
@@ -117,12 +119,21 @@ struct Disk {
     most: f64,
 }
 
-/// A bound of u at some x: its value, its slope over x, and the disk that makes it.
+/// A bound of u at some x: its value, its slope over x, the size of what it is the sum of, and the disk that makes it.
 #[derive(Clone, Copy, Debug)]
 struct Bound {
     at: f64,
     slope: f64,
+    size: f64,
     disk: Option<Disk>,
+}
+
+impl Bound {
+    /// Where a·u + b·x is the most that it may be.
+    fn line(most: f64, [a, b]: [f64; 2], x: f64) -> Bound {
+        let size = (most.abs() + (b * x).abs()) / a.abs();
+        Bound { at: (most - b * x) / a, slope: -b / a, size, disk: None }
+    }
 }
 
 impl Disk {
@@ -136,8 +147,10 @@ impl Disk {
     fn bound(self, x: f64, sign: f64) -> Bound {
         let (pp, pr, det) = self.products();
         let root = (pp * self.most * self.most - x * x * det).max(0.0).sqrt();
-        let slope = if det > 0.0 { (-pr - sign * x * det / root.max(f64::MIN_POSITIVE)) / pp } else { -pr / pp };
-        Bound { at: (-pr * x + sign * root) / pp, slope, disk: Some(self) }
+        let slope =
+            if det > 0.0 { (-pr - sign * x * det / root.max(f64::MIN_POSITIVE)) / pp } else { -pr / pp };
+        let size = (pr * x).abs() / pp + self.most / pp.sqrt();
+        Bound { at: (-pr * x + sign * root) / pp, slope, size, disk: Some(self) }
     }
 
     /// Where a line u = at + slope·(x − x0) meets its edge: the smaller and the greater x.
@@ -188,36 +201,34 @@ impl Scene {
     }
 
     fn upper(&self, x: f64) -> Bound {
-        let mut least = Bound { at: f64::INFINITY, slope: 0.0, disk: None };
+        let mut least = Bound { at: f64::INFINITY, slope: 0.0, size: 0.0, disk: None };
         let mut take = |bound: Bound| {
             if bound.at < least.at {
                 least = bound;
             }
         };
         for [a, b, most] in self.rows.iter().filter(|row| row[0] > 0.0) {
-            take(Bound { at: (most - b * x) / a, slope: -b / a, disk: None });
+            take(Bound::line(*most, [*a, *b], x));
         }
         if let Some(([_, high], length)) = self.target {
-            let slope = -0.5 / length;
-            take(Bound { at: (x - high) * slope, slope, disk: None });
+            take(Bound::line(high, [2.0 * length, 1.0], x));
         }
         self.disks.iter().for_each(|disk| take(disk.bound(x, 1.0)));
         least
     }
 
     fn lower(&self, x: f64) -> Bound {
-        let mut most = Bound { at: f64::NEG_INFINITY, slope: 0.0, disk: None };
+        let mut most = Bound { at: f64::NEG_INFINITY, slope: 0.0, size: 0.0, disk: None };
         let mut take = |bound: Bound| {
             if bound.at > most.at {
                 most = bound;
             }
         };
         for [a, b, limit] in self.rows.iter().filter(|row| row[0] < 0.0) {
-            take(Bound { at: (limit - b * x) / a, slope: -b / a, disk: None });
+            take(Bound::line(*limit, [*a, *b], x));
         }
         if let Some(([low, _], length)) = self.target {
-            let slope = -0.5 / length;
-            take(Bound { at: (x - low) * slope, slope, disk: None });
+            take(Bound::line(low, [2.0 * length, 1.0], x));
         }
         self.disks.iter().for_each(|disk| take(disk.bound(x, -1.0)));
         most
@@ -226,15 +237,17 @@ impl Scene {
     /// The greatest x at which some u keeps all limits, at most `most`.
     fn highest(&self, most: f64) -> Option<f64> {
         let mut x = most.min(self.ceiling);
+        let mut shift = EQUAL;
         for _ in 0..STEPS {
             let Some(next) = self.nearer(x, 1) else { return Some(x) };
-            // Beside the right edge of both sides nothing is left: standing still is the last resort.
-            if !(next >= 0.0 && next < x) {
-                return (x <= most * 1e-15 || self.nearer(0.0, 1).is_none()).then_some(0.0);
+            // Right of x nothing is sought, and at a disk's tip rounding hides how far there is to go.
+            x = next.min(x * (1.0 - shift));
+            shift = 0.5_f64.min(2.0 * shift);
+            if x.is_nan() || x < 0.0 {
+                break;
             }
-            x = next;
         }
-        Some(x)
+        self.nearer(0.0, 1).is_none().then_some(0.0)
     }
 
     /// The least x at which some u keeps all limits, where `highest` is the greatest.
@@ -255,7 +268,7 @@ impl Scene {
     fn nearer(&self, x: f64, side: usize) -> Option<f64> {
         let (upper, lower) = (self.upper(x), self.lower(x));
         let gap = upper.at - lower.at;
-        if gap >= -1e-13 * (upper.at.abs() + lower.at.abs()) {
+        if gap >= -EQUAL * (upper.size + lower.size) {
             return None;
         }
         // A disk's edge is steep where it is narrow: it is met exactly, by the other's tangent.
@@ -267,9 +280,9 @@ impl Scene {
             _ => {
                 let slope = upper.slope - lower.slope;
                 let leads = if side == 1 { slope < 0.0 } else { slope > 0.0 };
-                return Some(if leads { x - gap / slope } else { f64::NAN });
+                return Some(if leads { x - gap / slope } else { [f64::INFINITY, f64::NEG_INFINITY][side] });
             }
         };
-        Some(met.map_or(f64::NAN, |met| met[side]))
+        Some(met.map_or([f64::INFINITY, f64::NEG_INFINITY][side], |met| met[side]))
     }
 }

@@ -74,8 +74,10 @@ impl PlatformBounds {
             (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
         });
         let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
-        let planes =
-            self.planes.iter().map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.most));
+        let planes = self
+            .planes
+            .iter()
+            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.most));
         own.chain(speeds).chain(planes)
     }
 
@@ -93,7 +95,8 @@ impl PlatformBounds {
             let u = (pair[1] - pair[0]) / (2.0 * interval.length);
             let along = interval.ends[0].rate.map(|rate| rate * u);
             for step in [before, [0.0; 3]].map(|other| [0, 1, 2].map(|axis| along[axis] - other[axis])) {
-                most_s = most_s.max(step[0].hypot(step[1]) / jerk_m_s3).max(step[2].abs() / angular_jerk_rad_s3);
+                most_s =
+                    most_s.max(step[0].hypot(step[1]) / jerk_m_s3).max(step[2].abs() / angular_jerk_rad_s3);
             }
             before = along;
         }

@@ -34,7 +34,8 @@ impl Progress {
         } else {
             // Without a window accelerations jump.
             let slopes = times_s.windows(2).zip(rates.windows(2)).map(|(t, v)| (v[1] - v[0]) / (t[1] - t[0]));
-            let values = rates.iter().zip(slopes.chain([0.0])).map(|(v, slope)| [0.0, *v, slope, 0.0]).collect();
+            let values =
+                rates.iter().zip(slopes.chain([0.0])).map(|(v, slope)| [0.0, *v, slope, 0.0]).collect();
             Progress { times_s, values }
         };
         progress.integrate(sigma[sigma.len() - 1]);
@@ -68,7 +69,9 @@ impl Progress {
 
     /// Times at which limits are looked at: beside the joints, and between them.
     pub(super) fn looks_s(&self) -> impl Iterator<Item = f64> {
-        self.times_s.windows(2).flat_map(|pair| [0.001, 0.5, 0.999].map(|part| pair[0] + part * (pair[1] - pair[0])))
+        self.times_s
+            .windows(2)
+            .flat_map(|pair| [0.001, 0.5, 0.999].map(|part| pair[0] + part * (pair[1] - pair[0])))
     }
 
     /// Takes `factor` times as long.
