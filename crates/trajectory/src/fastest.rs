@@ -92,7 +92,7 @@ impl Grid {
                     let size = bend.rate.iter().map(|rate| rate.abs()).sum::<f64>();
                     size > 0.0 && size.is_finite() && bend.curve.iter().all(|curve| curve.is_finite())
                 };
-                if !is_way(&first) || !is_way(&second) || !(to > from) {
+                if !is_way(&first) || !is_way(&second) || to <= from {
                     return Err(FastestError::NoDirection { at: from, length });
                 }
                 match before {

@@ -5,7 +5,7 @@ use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
 use clap::{Arg, ArgGroup, ArgMatches, Command};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{ReferenceTable, Source, nearest};
+use omnibase_robot::config::{ReferenceTable, Source, Timing, nearest};
 use omnibase_robot::registry::Kind;
 use omnibase_run::robot_text::read_reference;
 use std::path::Path;
@@ -14,7 +14,10 @@ const GROUP: &str = "motion";
 
 /// The motion, in place of the robot file's own: an option and its value.
 #[derive(Clone, Debug, Default)]
-pub struct ReferenceChoice(Option<(String, String)>);
+pub struct ReferenceChoice {
+    motion: Option<(String, String)>,
+    timing: Option<Timing>,
+}
 
 /// The kinds that have an option of their own: those with keys, but for the path, whose points come from a file.
 fn offered(registry: &Registry) -> impl Iterator<Item = &Kind> {
@@ -45,19 +48,34 @@ impl ReferenceChoice {
                     .help("A file of path points, lines of (t, x, y, heading) in s, m and rad"),
             )
             .args(shapes)
+            .arg(
+                Arg::new("timing")
+                    .long("timing")
+                    .help_heading("Motion")
+                    .value_name("HOW")
+                    .value_parser(["as_given", "stretched", "fastest"])
+                    .requires(GROUP)
+                    .help("How fast the motion is gone along: by its own times, by longer ones, or as fast as the limits allow"),
+            )
     }
 
     /// What the matched options say.
     pub fn of(matches: &ArgMatches) -> Self {
         let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
         let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
-        ReferenceChoice(chosen.and_then(value))
+        let timing = match matches.get_one::<String>("timing").map(String::as_str) {
+            Some("as_given") => Some(Timing::AsGiven),
+            Some("stretched") => Some(Timing::Stretched),
+            Some("fastest") => Some(Timing::Fastest),
+            _ => None,
+        };
+        ReferenceChoice { motion: chosen.and_then(value), timing }
     }
 
     /// What was chosen; `None` leaves the robot file's own.
     pub fn chosen(&self, registry: &Registry) -> anyhow::Result<Option<Source<ReferenceTable>>> {
-        let Some((option, value)) = &self.0 else { return Ok(None) };
-        Ok(Some(match option.as_str() {
+        let Some((option, value)) = &self.motion else { return Ok(None) };
+        let mut chosen = match option.as_str() {
             "reference" => {
                 let text = std::fs::read_to_string(value).with_context(|| format!("reading `{value}`"))?;
                 read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
@@ -67,7 +85,9 @@ impl ReferenceChoice {
                 ReferenceTable { kind: Some("path".to_owned()), points_file, ..Default::default() }.into()
             }
             name => shape(&registry.references.find(Some(name))?.0, value).map_err(WrongUsage)?,
-        }))
+        };
+        chosen.file.timing = self.timing.or(chosen.file.timing);
+        Ok(Some(chosen))
     }
 }
 
