@@ -16,7 +16,8 @@ use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional}
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// A motion without a duration keeps this far from the limits, so that catching up has room.
+/// A motion without times of its own keeps this far from the limits, so that catching up has room: without it a setpoint that lags while
+/// all brake overshoots.
 const ROOM: f64 = 1.02;
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
@@ -228,7 +229,7 @@ fn fastest(
     }
     let bounds = PlatformBounds::new(motion_limits(limits));
     let motion = FastestTrajectory::new(way, &bounds).map_err(|error| Problem::refused("timing", error))?;
-    Ok(Box::new(motion))
+    Ok(Box::new(Placed::new(motion).stretched(ROOM)))
 }
 
 /// A motion that takes longer where the limits ask for it.
