@@ -3,20 +3,24 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Corrected, Correction, Heading, InPlatformAxes, Interpolation, PathPoint, PathPoints, PathPointsError,
-    Placed, Shape, ShapeError, ShapeTrajectory, SpeedRule, Trajectory,
+    Corrected, Correction, FastestTrajectory, GeometricPath, Heading, InPlatformAxes, Interpolation, Joining,
+    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PlatformBounds, PointTrajectory, Shape,
+    ShapeError, ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
 use crate::config::{
-    EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Turns,
+    EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
     motion_limits,
 };
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// A motion without a duration keeps this far from the limits, so that catching up has room.
+/// A motion without times of its own keeps this far from the limits, so that catching up has room: without it a setpoint that lags while
+/// all brake overshoots.
 const ROOM: f64 = 1.02;
+/// Where points turn by more than this they are a corner, rad: 30°.
+const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
 /// The keys of what repeats taught.
 const CORRECTION: [&str; 2] = ["correction", "correction_file"];
@@ -83,7 +87,7 @@ pub fn register(registry: &mut Registry) {
             Ok(Hold::default())
         });
     for shape in SHAPES {
-        let further = ["duration_s", "period_s", "turns", "heading", "frame"];
+        let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame"];
         let further = further.into_iter().chain(CORRECTION);
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, limits| {
@@ -94,10 +98,17 @@ pub fn register(registry: &mut Registry) {
         Kind {
             name: "path",
             meaning: "A path through points with their times",
-            keys: [needed("points"), optional("points_file"), optional("interpolation"), optional("frame")]
-                .into_iter()
-                .chain(CORRECTION.map(optional))
-                .collect(),
+            keys: [
+                needed("points"),
+                optional("points_file"),
+                optional("interpolation"),
+                optional("timing"),
+                optional("corner_m"),
+                optional("frame"),
+            ]
+            .into_iter()
+            .chain(CORRECTION.map(optional))
+            .collect(),
         },
         |table, limits| Tracked::new(path(table, limits)?, table),
     );
@@ -126,6 +137,18 @@ impl ShapeKind {
             (None, Some(period_s), Turns::Named(EndlessName::Endless)) => (Some(period_s), "period_s"),
             (None, None, _) => (None, ""),
         };
+        if table.timing == Some(Timing::Fastest) {
+            let refused = |key: &str, reason: &str| Err(Problem::refused(key, reason).into());
+            return match (time_s, turns) {
+                (Some(_), _) => {
+                    refused(key, "the fastest motion takes the time that the limits allow: leave it out")
+                }
+                (None, Turns::Named(EndlessName::Endless)) => {
+                    refused("turns", "the fastest motion goes from rest to rest, so it has an end")
+                }
+                (None, Turns::Count(turns)) => fastest(ShapePath { shape, heading, turns }, table, limits),
+            };
+        }
         let make = |time_s: f64| {
             let made = match turns {
                 Turns::Count(count) => ShapeTrajectory::new(shape, heading, count, time_s),
@@ -142,6 +165,9 @@ impl ShapeKind {
             return make(stretch * ROOM);
         };
         let trajectory = make(time_s)?;
+        if table.timing == Some(Timing::Stretched) {
+            return Ok(stretched(trajectory, limits));
+        }
         let given_s = table.period_s.unwrap_or(time_s);
         limits::check(&trajectory, given_s, &motion_limits(limits))
             .map_err(|refusal| Problem::refused(key, refusal))?;
@@ -159,6 +185,25 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
         InterpolationName::Spline => Interpolation::Spline,
         InterpolationName::BSpline => Interpolation::BSpline,
     };
+    match table.timing {
+        Some(Timing::Fastest) => {
+            let poses: Vec<Pose2> = points.as_slice().iter().map(|point| point.odom_from_base).collect();
+            let joining = Joining {
+                radius_m: limits.speed_m_s / limits.turn_speed_rad_s,
+                corner_rad: CORNER_RAD,
+                tolerance_m: table.corner_m.unwrap_or(0.0),
+            };
+            let reason = "all of them are the same pose: there is no way to go fast along";
+            let way =
+                PiecewisePath::through(&poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
+            return fastest(way, table, limits);
+        }
+        Some(Timing::Stretched) => {
+            let path = in_frame(PointTrajectory::new(&points, interpolation), table)?;
+            return Ok(stretched(path, limits));
+        }
+        Some(Timing::AsGiven) | None => {}
+    }
     let planned = limits::plan(&points, interpolation, &motion_limits(limits)).map_err(|refusals| {
         let problem = |refusal: &limits::Refusal| {
             let key = refusal.part.point.map_or_else(|| "points".into(), |point| format!("points[{point}]"));
@@ -189,6 +234,27 @@ fn correction(duration_s: f64, table: &ReferenceTable) -> Made<Option<Correction
     let controls = points_of(lines).map_err(|error| Problem::refused("correction", error))?;
     let correction = Correction::new(duration_s, &controls);
     Ok(Some(correction.map_err(|error| Problem::refused("correction", error))?))
+}
+
+/// A way in the shortest time that the limits allow.
+fn fastest(
+    way: impl GeometricPath + Send + 'static,
+    table: &ReferenceTable,
+    limits: &Limits,
+) -> Made<AnyTrajectory> {
+    if table.frame == Some(PathFrame::Platform) {
+        let reason = "the fastest motion is planned in `start` or `odom`";
+        return Err(Problem::refused("frame", reason).into());
+    }
+    let bounds = PlatformBounds::new(motion_limits(limits));
+    let motion = FastestTrajectory::new(way, &bounds).map_err(|error| Problem::refused("timing", error))?;
+    Ok(Box::new(Placed::new(motion).stretched(ROOM)))
+}
+
+/// A motion that takes longer where the limits ask for it.
+fn stretched(trajectory: AnyTrajectory, limits: &Limits) -> AnyTrajectory {
+    let (factor, _) = Peaks::of(&trajectory).stretch(&motion_limits(limits));
+    if factor <= 1.0 { trajectory } else { Box::new(Placed::new(trajectory).stretched(factor * ROOM)) }
 }
 
 type AnyTrajectory = Box<dyn Trajectory + Send>;

@@ -6,6 +6,8 @@
 //! - [`shape`]: circle, ellipse, Archimedes spiral and figure of eight, from rest to rest or without an end.
 //! - [`platform_axes`]: a motion whose velocity is in the platform's own axes.
 //! - [`corrected`]: [`Corrected`], a motion with what repeats taught added to it.
+//! - [`geometry`]: ways without times ([`GeometricPath`]): smooth through points, corners cut within a tolerance.
+//! - [`fastest`]: a way in the shortest time ([`FastestTrajectory`]); [`reach`] below it.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
 //! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
 //! - [`playback`]: [`Playback`] pauses, resumes and reverses a trajectory without leaving its path or its limits.
@@ -15,6 +17,8 @@
 #![forbid(unsafe_code)]
 
 pub mod corrected;
+pub mod fastest;
+pub mod geometry;
 pub mod interpolation;
 pub mod limiter;
 pub mod limits;
@@ -22,10 +26,13 @@ pub mod path_points;
 pub mod platform_axes;
 pub mod playback;
 pub mod polynomial;
+pub mod reach;
 pub mod shape;
 pub mod trajectory;
 
 pub use corrected::{Corrected, Correction, CorrectionError};
+pub use fastest::{FastestError, FastestTrajectory, PlatformBounds};
+pub use geometry::{GeometricPath, Joining, PiecewisePath, ShapePath};
 pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
 pub use limiter::{LimitedTwist, TwistLimiter};
 pub use limits::{Limits, LimitsError, Peaks, Refusal};

@@ -83,7 +83,16 @@ impl Quantity {
         }
     }
 
-    fn of(self, setpoint: &Setpoint) -> f64 {
+    /// How many times as long a motion must take for a value of so many times the limit to come down to it.
+    pub(crate) fn stretch(self, load: f64) -> f64 {
+        match self.order() {
+            1 => load,
+            2 => load.sqrt(),
+            _ => load.cbrt(),
+        }
+    }
+
+    pub(crate) fn of(self, setpoint: &Setpoint) -> f64 {
         match self {
             Quantity::Speed => setpoint.twist_in_odom.speed_m_s(),
             Quantity::Acceleration => setpoint.acceleration_in_odom.speed_m_s(),

@@ -55,4 +55,22 @@ impl Polynomial {
         }
         [found[0], found[1], 2.0 * found[2], 6.0 * found[3]]
     }
+
+    /// The same polynomial with its time counted from `time_s` on.
+    #[must_use]
+    pub fn shifted(&self, time_s: f64) -> Polynomial {
+        let mut coefficients = self.coefficients;
+        // Repeated division by t − time_s (Ruffini and Horner).
+        for from in 0..coefficients.len() {
+            for at in (from..coefficients.len() - 1).rev() {
+                coefficients[at] += time_s * coefficients[at + 1];
+            }
+        }
+        Polynomial { coefficients }
+    }
+}
+
+/// Derivatives by σ become derivatives by time, for σ with its derivatives by time (F. Faà di Bruno).
+pub(crate) fn over_time(f: [f64; 4], [_, p1, p2, p3]: [f64; 4]) -> [f64; 4] {
+    [f[0], f[1] * p1, f[2] * p1 * p1 + f[1] * p2, f[3] * p1 * p1 * p1 + 3.0 * f[2] * p1 * p2 + f[1] * p3]
 }

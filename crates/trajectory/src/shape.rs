@@ -5,7 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-use crate::polynomial::{End, Polynomial};
+use crate::polynomial::{End, Polynomial, over_time};
 use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 
 /// A curve in the plane.
@@ -184,23 +184,23 @@ impl Trajectory for ShapeTrajectory {
         let inside = (0.0..=duration_s).contains(&time_s);
         let time_s = if time_s > 0.0 { time_s.min(duration_s) } else { 0.0 };
         let phase = self.phase(time_s);
-        let curve = self.shape.curve(phase[0]);
-        let heading = match self.heading {
-            Heading::Fixed => [0.0; 4],
-            Heading::FollowsTangent => over_time(self.shape.tangent(phase[0], &curve), phase),
-        };
-        let axis = |at: usize| over_time([curve[0][at], curve[1][at], curve[2][at], curve[3][at]], phase);
-        let setpoint = Setpoint::from_axes([axis(0), axis(1), heading]);
+        let setpoint = Setpoint::from_axes(self.shape.axes(self.heading, phase));
         if inside { setpoint } else { Setpoint::at_rest(setpoint.odom_from_base) }
     }
 }
 
-/// Derivatives by φ become derivatives by time (Faà di Bruno).
-fn over_time(f: [f64; 4], [_, p1, p2, p3]: [f64; 4]) -> [f64; 4] {
-    [f[0], f[1] * p1, f[2] * p1 * p1 + f[1] * p2, f[3] * p1 * p1 * p1 + 3.0 * f[2] * p1 * p2 + f[1] * p3]
-}
-
 impl Shape {
+    /// x, y and heading, each with three derivatives by what φ and its derivatives are given by.
+    pub(crate) fn axes(&self, heading: Heading, phase: [f64; 4]) -> [[f64; 4]; 3] {
+        let curve = self.curve(phase[0]);
+        let heading = match heading {
+            Heading::Fixed => [0.0; 4],
+            Heading::FollowsTangent => over_time(self.tangent(phase[0], &curve), phase),
+        };
+        let axis = |at: usize| over_time([curve[0][at], curve[1][at], curve[2][at], curve[3][at]], phase);
+        [axis(0), axis(1), heading]
+    }
+
     /// The point and its first four derivatives by φ.
     fn curve(&self, phi: f64) -> [Point; 5] {
         let (sin, cos) = phi.sin_cos();

@@ -50,6 +50,11 @@ pub struct ReferenceTable {
     pub correction: Option<Vec<[f64; 4]>>,
     /// A file of lines `(t, x, y, θ)` in place of `correction`.
     pub correction_file: Option<String>,
+    /// How fast it is gone along; default: `as_given`.
+    pub timing: Option<Timing>,
+    /// How far the fastest way through points may cut their corners, m; default: 0, it stops at them.
+    #[schemars(extend("minimum" = 0.0))]
+    pub corner_m: Option<f64>,
     /// Where its coordinates begin; default: `start`.
     pub frame: Option<PathFrame>,
     /// The reference's own keys.
@@ -110,6 +115,19 @@ pub enum InterpolationName {
     Spline,
     /// Cubic B-spline: smooth, within the points' hull, but past inner points.
     BSpline,
+}
+
+/// How fast a motion is gone along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Timing {
+    /// By its own times; what the limits don't allow in them is refused.
+    AsGiven,
+    /// By its own times, all of them longer by one factor where the limits ask for it.
+    Stretched,
+    /// In the shortest time that the platform's limits allow; its own times don't count. Points are joined smoothly but for their
+    /// corners (turns by more than 30°).
+    Fastest,
 }
 
 /// How the heading goes along a shape.

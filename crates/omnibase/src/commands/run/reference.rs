@@ -5,7 +5,7 @@ use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
 use clap::{Arg, ArgGroup, ArgMatches, Command};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{ReferenceTable, Source, nearest};
+use omnibase_robot::config::{ReferenceTable, Source, Timing, nearest};
 use omnibase_robot::registry::Kind;
 use omnibase_run::robot_text::read_reference;
 use std::path::Path;
@@ -17,6 +17,7 @@ const GROUP: &str = "motion";
 pub struct ReferenceChoice {
     /// An option and its value.
     motion: Option<(String, String)>,
+    timing: Option<Timing>,
     /// A file with what repeats taught of it.
     correction: Option<String>,
 }
@@ -50,6 +51,15 @@ impl ReferenceChoice {
                     .help("A file of path points, lines of (t, x, y, heading) in s, m and rad"),
             )
             .args(shapes)
+            .arg(
+                Arg::new("timing")
+                    .long("timing")
+                    .help_heading("Motion")
+                    .value_name("HOW")
+                    .value_parser(["as_given", "stretched", "fastest"])
+                    .requires(GROUP)
+                    .help("How fast the motion is gone along: by its own times, by longer ones, or as fast as the limits allow"),
+            )
     }
 
     /// The command with an option for what repeats taught of the motion.
@@ -69,7 +79,13 @@ impl ReferenceChoice {
         let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
         let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
         let correction = matches.try_get_one::<String>("correction").ok().flatten().cloned();
-        ReferenceChoice { motion: chosen.and_then(value), correction }
+        let timing = match matches.get_one::<String>("timing").map(String::as_str) {
+            Some("as_given") => Some(Timing::AsGiven),
+            Some("stretched") => Some(Timing::Stretched),
+            Some("fastest") => Some(Timing::Fastest),
+            _ => None,
+        };
+        ReferenceChoice { motion: chosen.and_then(value), timing, correction }
     }
 
     /// What was chosen; `None` leaves the robot file's own.
@@ -92,6 +108,7 @@ impl ReferenceChoice {
         if let Some(name) = &self.correction {
             chosen.file.correction_file = Some(absolute(name)?);
         }
+        chosen.file.timing = self.timing.or(chosen.file.timing);
         Ok(Some(chosen))
     }
 }

@@ -1,0 +1,120 @@
+//! What a platform may do along a way, and how far it does.
+
+use crate::limits::{Limits, Quantity};
+use crate::reach::{AccelerationBounds, Bend, Interval, Plane};
+use crate::trajectory::Setpoint;
+
+/// A limit that a motion can meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limit {
+    /// One of the platform's own.
+    Platform(Quantity),
+    /// The speed of a wheel.
+    WheelSpeed,
+    /// The torque of a wheel.
+    WheelTorque,
+    /// What the floor gives a wheel.
+    Grip,
+}
+
+/// The platform's limits, and those of its wheels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlatformBounds {
+    /// Those of the platform.
+    pub limits: Limits,
+    /// Rows over the twist in base: each product is at most 1 in size.
+    pub wheel_speeds: Vec<[f64; 3]>,
+    /// Limits on the acceleration in base.
+    pub planes: Vec<(Limit, Plane)>,
+}
+
+impl PlatformBounds {
+    /// Without wheels.
+    pub fn new(limits: Limits) -> PlatformBounds {
+        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new() }
+    }
+
+    /// All limits on the acceleration.
+    pub(super) fn acceleration(&self) -> AccelerationBounds {
+        let most = self.limits.angular_acceleration_rad_s2;
+        let turning = [1.0, -1.0].map(|sign| Plane { normal: [0.0, 0.0, sign], most });
+        AccelerationBounds {
+            length: Some(self.limits.acceleration_m_s2),
+            planes: turning.into_iter().chain(self.planes.iter().map(|(_, plane)| *plane)).collect(),
+        }
+    }
+
+    /// A place on the way in the platform's axes, and the greatest σ̇² there by limits on speed, and by the jerk that the bend
+    /// alone makes.
+    pub(super) fn look(&self, axes: &[[f64; 4]; 3]) -> (Bend, f64) {
+        let (sin, cos) = axes[2][0].sin_cos();
+        let turned = |order: usize| {
+            let [x, y, turn] = axes.map(|axis| axis[order]);
+            [cos * x + sin * y, cos * y - sin * x, turn]
+        };
+        let (bend, third) = (Bend { rate: turned(1), curve: turned(2) }, turned(3));
+        let Limits { speed_m_s, rate_rad_s, jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
+        let along = bend.rate[0].hypot(bend.rate[1]) / speed_m_s;
+        let rates = self.wheel_speeds.iter().map(|row| dot(row, &bend.rate).abs());
+        let rate = rates.fold(along.max(bend.rate[2].abs() / rate_rad_s), f64::max);
+        let cube = (third[0].hypot(third[1]) / jerk_m_s3).max(third[2].abs() / angular_jerk_rad_s3).cbrt();
+        (bend, rate.max(cube).powi(-2))
+    }
+
+    /// Each limit with how much of it a motion takes at a moment, over itself.
+    pub fn loads<'a>(&'a self, setpoint: &Setpoint) -> impl Iterator<Item = (Limit, f64)> + use<'a> {
+        let setpoint = *setpoint;
+        let turn_rad = -setpoint.odom_from_base.heading_rad;
+        let axes = |twist: omnibase_platform::Twist2| {
+            let turned = twist.rotated(turn_rad);
+            [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
+        };
+        let (twist, acceleration) = (axes(setpoint.twist_in_odom), axes(setpoint.acceleration_in_odom));
+        let own = Quantity::ALL.into_iter().map(move |quantity| {
+            (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
+        });
+        let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
+        let planes = self
+            .planes
+            .iter()
+            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.most));
+        own.chain(speeds).chain(planes)
+    }
+
+    /// How many times as long the motion must take at a moment to keep every limit.
+    pub(super) fn pace(&self, setpoint: &Setpoint) -> f64 {
+        self.loads(setpoint).map(|(limit, load)| limit.stretch(load)).fold(0.0, f64::max)
+    }
+
+    /// A window whose mean keeps the jerk where a motion speeds up from rest or turns from speeding up to braking, s.
+    pub(super) fn first_window_s(&self, intervals: &[Interval], x: &[f64]) -> f64 {
+        let Limits { jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
+        let mut before = [0.0; 3];
+        let mut most_s: f64 = 0.0;
+        for (interval, pair) in intervals.iter().zip(x.windows(2)) {
+            let u = (pair[1] - pair[0]) / (2.0 * interval.length);
+            let along = interval.ends[0].rate.map(|rate| rate * u);
+            for step in [before, [0.0; 3]].map(|other| [0, 1, 2].map(|axis| along[axis] - other[axis])) {
+                most_s =
+                    most_s.max(step[0].hypot(step[1]) / jerk_m_s3).max(step[2].abs() / angular_jerk_rad_s3);
+            }
+            before = along;
+        }
+        most_s
+    }
+}
+
+impl Limit {
+    /// How many times as long a motion must take for a load to become 1.
+    fn stretch(self, load: f64) -> f64 {
+        match self {
+            Limit::Platform(quantity) => quantity.stretch(load),
+            Limit::WheelSpeed => load,
+            Limit::WheelTorque | Limit::Grip => load.max(0.0).sqrt(),
+        }
+    }
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,149 @@
+//! The mean over a window of time of a progress whose acceleration jumps.
+
+/// σ over time: cubic between its times, with a continuous acceleration.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Progress {
+    times_s: Vec<f64>,
+    /// σ, σ̇, σ̈ and σ⃛ from each time on.
+    values: Vec<[f64; 4]>,
+}
+
+/// A speed below this part of the greatest is rest.
+const REST: f64 = 1e-9;
+
+impl Progress {
+    /// From σ and σ̇² at the points of a grid, with a constant σ̈ between them; where it rests it waits for the window.
+    pub(super) fn new(sigma: &[f64], x: &[f64], window_s: f64) -> Progress {
+        let speeds: Vec<f64> = x.iter().map(|x| x.max(0.0).sqrt()).collect();
+        let greatest = speeds.iter().fold(0.0_f64, |most, speed| most.max(*speed));
+        // Times and speeds of the progress before the mean, with its waits.
+        let (mut times_s, mut rates) = (vec![0.0], vec![speeds[0]]);
+        let mut time_s = 0.0;
+        for (at, (ways, pair)) in sigma.windows(2).zip(speeds.windows(2)).enumerate() {
+            time_s += 2.0 * (ways[1] - ways[0]) / (pair[0] + pair[1]);
+            times_s.push(time_s);
+            rates.push(pair[1]);
+            if pair[1] <= REST * greatest && at + 2 < sigma.len() {
+                time_s += window_s;
+                times_s.push(time_s);
+                rates.push(pair[1]);
+            }
+        }
+        let mut progress = if window_s > 0.0 {
+            mean(&times_s, &rates, window_s)
+        } else {
+            // Without a window accelerations jump.
+            let slopes = times_s.windows(2).zip(rates.windows(2)).map(|(t, v)| (v[1] - v[0]) / (t[1] - t[0]));
+            let values =
+                rates.iter().zip(slopes.chain([0.0])).map(|(v, slope)| [0.0, *v, slope, 0.0]).collect();
+            Progress { times_s, values }
+        };
+        progress.integrate(sigma[sigma.len() - 1]);
+        progress
+    }
+
+    /// Finds σ from what its rates are.
+    fn integrate(&mut self, length: f64) {
+        let mut at = 0.0;
+        for (index, pair) in self.times_s.windows(2).enumerate() {
+            self.values[index][0] = at;
+            at = ahead(self.values[index], pair[1] - pair[0])[0];
+        }
+        // What rounding left.
+        let scale = length / at;
+        for values in &mut self.values {
+            *values = values.map(|value| value * scale);
+        }
+        if let Some(last) = self.values.last_mut() {
+            *last = [length, 0.0, 0.0, 0.0];
+        }
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.times_s.last().copied().unwrap_or_default()
+    }
+
+    pub(super) fn times_s(&self) -> Vec<f64> {
+        self.times_s.clone()
+    }
+
+    /// Times at which limits are looked at: beside the joints, and between them.
+    pub(super) fn looks_s(&self) -> impl Iterator<Item = f64> {
+        self.times_s
+            .windows(2)
+            .flat_map(|pair| [0.001, 0.5, 0.999].map(|part| pair[0] + part * (pair[1] - pair[0])))
+    }
+
+    /// Takes `factor` times as long.
+    pub(super) fn stretch(&mut self, factor: f64) {
+        self.times_s.iter_mut().for_each(|time_s| *time_s *= factor);
+        for values in &mut self.values {
+            let [at, rate, second, third] = *values;
+            *values = [at, rate / factor, second / factor.powi(2), third / factor.powi(3)];
+        }
+    }
+
+    /// σ and its first three derivatives; at rest before and after.
+    pub(super) fn at(&self, time_s: f64) -> [f64; 4] {
+        let piece = self.times_s.partition_point(|begin_s| *begin_s <= time_s);
+        match (piece, self.values.last()) {
+            // NaN is before the beginning: it must not move anything.
+            (0, _) | (_, None) => [0.0; 4],
+            (piece, Some(last)) if piece == self.values.len() => [last[0], 0.0, 0.0, 0.0],
+            (piece, _) => ahead(self.values[piece - 1], time_s - self.times_s[piece - 1]),
+        }
+    }
+}
+
+/// A cubic after a time.
+fn ahead([at, rate, second, third]: [f64; 4], time_s: f64) -> [f64; 4] {
+    [
+        at + time_s * (rate + time_s * (second / 2.0 + time_s * third / 6.0)),
+        rate + time_s * (second + time_s * third / 2.0),
+        second + time_s * third,
+        third,
+    ]
+}
+
+/// The mean of rates that are linear between times, at rest before and after: its joints lie half a window beside them.
+fn mean(times_s: &[f64], rates: &[f64], window_s: f64) -> Progress {
+    let count = times_s.len();
+    let rate = |time_s: f64, from: usize| -> f64 {
+        if from == 0 || from >= count {
+            return 0.0;
+        }
+        let part = (time_s - times_s[from - 1]) / (times_s[from] - times_s[from - 1]);
+        rates[from - 1] + part * (rates[from] - rates[from - 1])
+    };
+    // Both ends of the window go along the times; the mean's own time begins when the first end does.
+    let (mut old, mut new) = (0, 0);
+    let mut joints: Vec<(f64, f64)> = Vec::with_capacity(2 * count);
+    while old < count {
+        let from_old = times_s[old] + window_s;
+        let time_s = if new < count { times_s[new].min(from_old) } else { from_old };
+        let [newer, older] = [(time_s, new), (time_s - window_s, old)];
+        let second = (rate(newer.0, newer.1) - rate(older.0, older.1)) / window_s;
+        match joints.last() {
+            Some((last_s, _)) if time_s - last_s <= f64::EPSILON * time_s => {}
+            _ => joints.push((time_s, second)),
+        }
+        if new < count && times_s[new] <= time_s {
+            new += 1;
+        }
+        if from_old <= time_s {
+            old += 1;
+        }
+    }
+    let mut progress = Progress::default();
+    let mut speed = 0.0;
+    for pair in joints.windows(2) {
+        let [(from_s, from), (to_s, to)] = [pair[0], pair[1]];
+        let third = (to - from) / (to_s - from_s);
+        progress.times_s.push(from_s);
+        progress.values.push([0.0, speed, from, third]);
+        speed += 0.5 * (from + to) * (to_s - from_s);
+    }
+    progress.times_s.push(joints.last().map_or(0.0, |(time_s, _)| *time_s));
+    progress.values.push([0.0; 4]);
+    progress
+}

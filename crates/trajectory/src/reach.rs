@@ -1,0 +1,288 @@
+//! The fastest progress along a path whose limits are known at the points of a grid.
+//!
+//! With a path q(σ), x = σ̇² and u = σ̈ the speed is q'·√x and the acceleration q'·u + q''·x: limits on them are linear or a
+//! disk in (u, x). Backwards along the grid follows from which x the end can still be reached, forwards the greatest x that stays
+//! inside (reachability analysis: H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on
+//! Reachability Analysis*, IEEE T-RO 34(3), 2018). Each interval keeps its limits at both of its ends (collocation by
+//! interpolation), so singular points need no care of their own.
+
+/// Limits on the acceleration, in its axes: x and y in m/s², the turn in rad/s².
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AccelerationBounds {
+    /// The length of its part along x and y at most; `None`: no limit of that kind.
+    pub length: Option<f64>,
+    /// Planes: their normal times the acceleration is at most this.
+    pub planes: Vec<Plane>,
+}
+
+/// One linear limit on the acceleration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Its normal.
+    pub normal: [f64; 3],
+    /// The greatest product of the normal with the acceleration, positive: standing still is allowed everywhere.
+    pub most: f64,
+}
+
+/// What the path does to the axes at a place: its first and second derivative by σ.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bend {
+    /// q'.
+    pub rate: [f64; 3],
+    /// q''.
+    pub curve: [f64; 3],
+}
+
+/// A part of the path with a constant σ̈.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Interval {
+    /// Its length in σ, positive.
+    pub length: f64,
+    /// The path at its beginning and its end.
+    pub ends: [Bend; 2],
+    /// By how much its limits count: accelerations by this factor.
+    pub share: f64,
+}
+
+/// Why there is no motion: from this point of the grid on the end can't be reached within the limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the limits leave no motion at point {0} of the grid")]
+pub struct Unreachable(pub usize);
+
+/// The greatest x = σ̇² at every point of the grid: one more than intervals.
+///
+/// `most` holds the greatest x at each point by limits on speed. `ends` is x at the beginning and at the end; what is beyond the
+/// limits there is refused.
+pub fn fastest(
+    intervals: &[Interval],
+    most: &[f64],
+    bounds: &AccelerationBounds,
+    ends: [f64; 2],
+) -> Result<Vec<f64>, Unreachable> {
+    let count = intervals.len();
+    let mut scene = Scene::default();
+    // From where the end can be reached: x from the first to the second.
+    let mut reach = vec![[0.0, 0.0]; count + 1];
+    reach[count] = [ends[1], ends[1]];
+    if ends[1] > most[count] * (1.0 + ROUNDING) {
+        return Err(Unreachable(count));
+    }
+    for at in (0..count).rev() {
+        scene.look(&intervals[at], bounds);
+        scene.target = Some((reach[at + 1], intervals[at].length));
+        let highest = scene.highest(most[at]).ok_or(Unreachable(at))?;
+        reach[at] = [scene.lowest(highest), highest];
+    }
+    let [low, high] = reach[0];
+    if !(low * (1.0 - ROUNDING)..=high * (1.0 + ROUNDING)).contains(&ends[0]) {
+        return Err(Unreachable(0));
+    }
+    let mut found = Vec::with_capacity(count + 1);
+    found.push(ends[0]);
+    let mut x = ends[0].clamp(low, high);
+    for (interval, [low, high]) in intervals.iter().zip(&reach[1..]) {
+        scene.look(interval, bounds);
+        scene.target = None;
+        let u = scene.upper(x).at.max(scene.lower(x).at);
+        x = (x + 2.0 * interval.length * u).clamp(*low, *high);
+        found.push(x);
+    }
+    Ok(found)
+}
+
+/// Relative, for what is equal but for rounding.
+const ROUNDING: f64 = 1e-9;
+/// A coefficient of u below this part of its row's other one bounds x alone.
+const FLAT: f64 = 1e-14;
+/// Bounds that differ by less are equal, over the size of what they are sums of.
+const EQUAL: f64 = 1e-13;
+/// Newton's steps at most; a handful is usual.
+const STEPS: usize = 60;
+
+/// All limits on (u, x) of one interval.
+#[derive(Debug, Default)]
+struct Scene {
+    /// u·row[0] + x·row[1] <= row[2].
+    rows: Vec<[f64; 3]>,
+    disks: Vec<Disk>,
+    /// x must not be greater, by limits that don't depend on u.
+    ceiling: f64,
+    /// Which x must be met at the end of the interval, and its length.
+    target: Option<([f64; 2], f64)>,
+}
+
+/// |p·u + r·x| <= most: pp = p·p, pr = p·r, det = (p × r)².
+#[derive(Clone, Copy, Debug)]
+struct Disk {
+    p: [f64; 2],
+    r: [f64; 2],
+    most: f64,
+}
+
+/// A bound of u at some x: its value, its slope over x, the size of what it is the sum of, and the disk that makes it.
+#[derive(Clone, Copy, Debug)]
+struct Bound {
+    at: f64,
+    slope: f64,
+    size: f64,
+    disk: Option<Disk>,
+}
+
+impl Bound {
+    /// Where a·u + b·x is the most that it may be.
+    fn line(most: f64, [a, b]: [f64; 2], x: f64) -> Bound {
+        let size = (most.abs() + (b * x).abs()) / a.abs();
+        Bound { at: (most - b * x) / a, slope: -b / a, size, disk: None }
+    }
+}
+
+impl Disk {
+    fn products(&self) -> (f64, f64, f64) {
+        let Disk { p, r, .. } = self;
+        let cross = p[0] * r[1] - p[1] * r[0];
+        (p[0] * p[0] + p[1] * p[1], p[0] * r[0] + p[1] * r[1], cross * cross)
+    }
+
+    /// Its bound of u at x, above for `sign` 1 and below for −1.
+    fn bound(self, x: f64, sign: f64) -> Bound {
+        let (pp, pr, det) = self.products();
+        let root = (pp * self.most * self.most - x * x * det).max(0.0).sqrt();
+        let slope =
+            if det > 0.0 { (-pr - sign * x * det / root.max(f64::MIN_POSITIVE)) / pp } else { -pr / pp };
+        let size = (pr * x).abs() / pp + self.most / pp.sqrt();
+        Bound { at: (-pr * x + sign * root) / pp, slope, size, disk: Some(self) }
+    }
+
+    /// Where a line u = at + slope·(x − x0) meets its edge: the smaller and the greater x.
+    fn meets(self, line: &Bound, x0: f64) -> Option<[f64; 2]> {
+        let offset = line.at - line.slope * x0;
+        let e: [f64; 2] = std::array::from_fn(|axis| self.p[axis] * line.slope + self.r[axis]);
+        let (pp, ..) = self.products();
+        let pe = self.p[0] * e[0] + self.p[1] * e[1];
+        let ee = e[0] * e[0] + e[1] * e[1];
+        let under = offset * offset * pe * pe - ee * (offset * offset * pp - self.most * self.most);
+        (under >= 0.0 && ee > 0.0)
+            .then(|| [-offset * pe - under.sqrt(), -offset * pe + under.sqrt()].map(|part| part / ee))
+    }
+}
+
+impl Scene {
+    /// Takes the limits of an interval.
+    fn look(&mut self, interval: &Interval, bounds: &AccelerationBounds) {
+        let Interval { length, ends: [first, second], share } = *interval;
+        self.rows.clear();
+        self.disks.clear();
+        self.ceiling = f64::INFINITY;
+        // At the end x is greater by 2·length·u.
+        let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
+        for (p, r) in [(first.rate, first.curve), (at_end, second.curve)] {
+            for plane in &bounds.planes {
+                let n = plane.normal;
+                let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
+                let most = plane.most * share;
+                if a.abs() > FLAT * b.abs() {
+                    self.rows.push([a, b, most]);
+                } else if b > 0.0 {
+                    self.ceiling = self.ceiling.min(most / b);
+                }
+            }
+            if let Some(most) = bounds.length {
+                let disk = Disk { p: [p[0], p[1]], r: [r[0], r[1]], most: most * share };
+                let (pp, _, det) = disk.products();
+                let rr = r[0] * r[0] + r[1] * r[1];
+                if pp > FLAT * FLAT * rr {
+                    self.ceiling = self.ceiling.min(disk.most * (pp / det).sqrt());
+                    self.disks.push(disk);
+                } else if rr > 0.0 {
+                    self.ceiling = self.ceiling.min(disk.most / rr.sqrt());
+                }
+            }
+        }
+    }
+
+    fn upper(&self, x: f64) -> Bound {
+        let mut least = Bound { at: f64::INFINITY, slope: 0.0, size: 0.0, disk: None };
+        let mut take = |bound: Bound| {
+            if bound.at < least.at {
+                least = bound;
+            }
+        };
+        for [a, b, most] in self.rows.iter().filter(|row| row[0] > 0.0) {
+            take(Bound::line(*most, [*a, *b], x));
+        }
+        if let Some(([_, high], length)) = self.target {
+            take(Bound::line(high, [2.0 * length, 1.0], x));
+        }
+        self.disks.iter().for_each(|disk| take(disk.bound(x, 1.0)));
+        least
+    }
+
+    fn lower(&self, x: f64) -> Bound {
+        let mut most = Bound { at: f64::NEG_INFINITY, slope: 0.0, size: 0.0, disk: None };
+        let mut take = |bound: Bound| {
+            if bound.at > most.at {
+                most = bound;
+            }
+        };
+        for [a, b, limit] in self.rows.iter().filter(|row| row[0] < 0.0) {
+            take(Bound::line(*limit, [*a, *b], x));
+        }
+        if let Some(([low, _], length)) = self.target {
+            take(Bound::line(low, [2.0 * length, 1.0], x));
+        }
+        self.disks.iter().for_each(|disk| take(disk.bound(x, -1.0)));
+        most
+    }
+
+    /// The greatest x at which some u keeps all limits, at most `most`.
+    fn highest(&self, most: f64) -> Option<f64> {
+        let mut x = most.min(self.ceiling);
+        let mut shift = EQUAL;
+        for _ in 0..STEPS {
+            let Some(next) = self.nearer(x, 1) else { return Some(x) };
+            // Right of x nothing is sought, and at a disk's tip rounding hides how far there is to go.
+            x = next.min(x * (1.0 - shift));
+            shift = 0.5_f64.min(2.0 * shift);
+            if x.is_nan() || x < 0.0 {
+                break;
+            }
+        }
+        self.nearer(0.0, 1).is_none().then_some(0.0)
+    }
+
+    /// The least x at which some u keeps all limits, where `highest` is the greatest.
+    fn lowest(&self, highest: f64) -> f64 {
+        let mut x = 0.0;
+        for _ in 0..STEPS {
+            match self.nearer(x, 0) {
+                Some(next) if next > x && next < highest => x = next,
+                Some(_) => return highest,
+                None => return x,
+            }
+        }
+        x
+    }
+
+    /// A place nearer to where limits leave a u, without passing it (Newton's method: what they leave is concave in x); `None`
+    /// where they do. `side`: 1 from greater x, 0 from smaller ones.
+    fn nearer(&self, x: f64, side: usize) -> Option<f64> {
+        let (upper, lower) = (self.upper(x), self.lower(x));
+        let gap = upper.at - lower.at;
+        if gap >= -EQUAL * (upper.size + lower.size) {
+            return None;
+        }
+        // A disk's edge is steep where it is narrow: it is met exactly, by the other's tangent.
+        let met = match (upper.disk, lower.disk) {
+            (Some(disk), other) if other.is_none() || upper.slope.abs() >= lower.slope.abs() => {
+                disk.meets(&lower, x)
+            }
+            (_, Some(disk)) => disk.meets(&upper, x),
+            _ => {
+                let slope = upper.slope - lower.slope;
+                let leads = if side == 1 { slope < 0.0 } else { slope > 0.0 };
+                return Some(if leads { x - gap / slope } else { [f64::INFINITY, f64::NEG_INFINITY][side] });
+            }
+        };
+        Some(met.map_or([f64::INFINITY, f64::NEG_INFINITY][side], |met| met[side]))
+    }
+}

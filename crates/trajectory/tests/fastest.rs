@@ -1,0 +1,211 @@
+//! The fastest motion along a way: against optima that are known in closed form, and within every limit.
+
+use omnibase_platform::Pose2;
+use omnibase_trajectory::fastest::Limit;
+use omnibase_trajectory::reach::{self, AccelerationBounds, Bend, Interval, Plane};
+use omnibase_trajectory::{
+    FastestTrajectory, GeometricPath, Heading, Joining, Limits, PiecewisePath, PlatformBounds, Shape,
+    ShapePath, Trajectory,
+};
+
+const LIMITS: Limits = Limits {
+    speed_m_s: 1.0,
+    acceleration_m_s2: 1.5,
+    jerk_m_s3: 40.0,
+    rate_rad_s: 1.5,
+    angular_acceleration_rad_s2: 3.0,
+    angular_jerk_rad_s3: 80.0,
+};
+const JOINING: Joining = Joining { radius_m: 0.67, corner_rad: 0.5, tolerance_m: 0.05 };
+
+/// The grid of a path, and x by a limit on the speed.
+fn grid(path: &impl GeometricPath, count: usize, speed: f64) -> (Vec<Interval>, Vec<f64>) {
+    let at = |index: usize| path.length() * index as f64 / count as f64;
+    let bend = |sigma: f64, side: f64| {
+        let axes = path.sample(sigma, side);
+        Bend { rate: axes.map(|axis| axis[1]), curve: axes.map(|axis| axis[2]) }
+    };
+    let intervals = (0..count)
+        .map(|index| Interval {
+            length: at(index + 1) - at(index),
+            ends: [bend(at(index), 1.0), bend(at(index + 1), -1.0)],
+            share: 1.0,
+        })
+        .collect();
+    let most = |index: usize| {
+        let rate = bend(at(index), 1.0).rate;
+        (speed / rate[0].hypot(rate[1])).powi(2)
+    };
+    (intervals, (0..=count).map(most).collect())
+}
+
+fn time_s(intervals: &[Interval], x: &[f64]) -> f64 {
+    let speeds = x.windows(2).map(|pair| pair[0].max(0.0).sqrt() + pair[1].max(0.0).sqrt());
+    intervals.iter().zip(speeds).map(|(interval, speeds)| 2.0 * interval.length / speeds).sum()
+}
+
+fn line(length_m: f64) -> PiecewisePath {
+    PiecewisePath::through(&[Pose2::default(), Pose2::new(length_m, 0.0, 0.0)], JOINING).unwrap()
+}
+
+#[test]
+fn a_straight_line_takes_the_time_of_a_trapezoid() {
+    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let (intervals, most) = grid(&line(3.0), 450, 1.0);
+    // v/a to reach the speed, and again to stop; both take half of the way that they would else.
+    let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
+    let expected_s = 3.0 + 1.0 / 1.5;
+    assert!((time_s(&intervals, &x) - expected_s).abs() < 1e-4, "{}", time_s(&intervals, &x));
+    // Any speed at either end: from 0.5 to 0.8 m/s.
+    let x = reach::fastest(&intervals, &most, &disk, [0.25, 0.64]).unwrap();
+    assert!((x[0] - 0.25).abs() < 1e-12 && (x[450] - 0.64).abs() < 1e-12);
+    let lost_s = (0.5_f64.powi(2) + 0.2_f64.powi(2)) / (2.0 * 1.5);
+    assert!((time_s(&intervals, &x) - 3.0 - lost_s).abs() < 1e-4, "{}", time_s(&intervals, &x));
+    // Too fast at an end, or too fast to brake.
+    assert!(reach::fastest(&intervals, &most, &disk, [0.0, 1.1]).is_err());
+    let (short, most) = grid(&line(0.1), 50, 1.0);
+    assert!(reach::fastest(&short, &most, &disk, [0.81, 0.0]).is_err());
+    assert!(reach::fastest(&short, &most, &disk, [0.0, 0.81]).is_err());
+}
+
+#[test]
+fn a_circle_is_driven_at_the_edge_of_the_disk() {
+    let circle = ShapePath { shape: Shape::Circle { radius_m: 0.5 }, heading: Heading::Fixed, turns: 1.0 };
+    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let (intervals, most) = grid(&circle, 2000, 9.0);
+    let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
+    // |a|² = (r·φ̈)² + (r·φ̇²)²: from rest φ̇² = (A/r)·sin 2φ until it is A/r at π/4.
+    let most_rate = 1.5 / 0.5;
+    for (at, x) in x.iter().enumerate() {
+        let phi = std::f64::consts::TAU * at as f64 / 2000.0;
+        let phi = phi.min(std::f64::consts::TAU - phi);
+        let expected =
+            if phi < std::f64::consts::FRAC_PI_4 { most_rate * (2.0 * phi).sin() } else { most_rate };
+        assert!((x - expected).abs() < 0.02, "at {phi}: {x}, expected {expected}");
+    }
+}
+
+#[test]
+fn zero_inertia_points_are_passed_without_a_swing() {
+    // x² along y: where q' of y is zero its limit says nothing of u, and the bend alone bounds x.
+    let count = 400;
+    let bend = |sigma: f64| Bend { rate: [1.0, 2.0 * sigma, 0.0], curve: [0.0, 2.0, 0.0] };
+    let at = |index: usize| -1.0 + 2.0 * index as f64 / count as f64;
+    let intervals: Vec<Interval> = (0..count)
+        .map(|index| Interval {
+            length: at(index + 1) - at(index),
+            ends: [bend(at(index)), bend(at(index + 1))],
+            share: 1.0,
+        })
+        .collect();
+    let plane = |normal: [f64; 3], most: f64| Plane { normal, most };
+    let planes = vec![
+        plane([1.0, 0.0, 0.0], 5.0),
+        plane([-1.0, 0.0, 0.0], 5.0),
+        plane([0.0, 1.0, 0.0], 1.0),
+        plane([0.0, -1.0, 0.0], 1.0),
+    ];
+    let bounds = AccelerationBounds { length: None, planes };
+    let x = reach::fastest(&intervals, &vec![1e6; count + 1], &bounds, [0.0, 0.0]).unwrap();
+    assert!((x[count / 2] - 0.5).abs() < 1e-3, "2·x is at most 1 at the vertex: {}", x[count / 2]);
+    // The profile is smooth there: no chatter of u.
+    let u = |index: usize| (x[index + 1] - x[index]) / (2.0 * intervals[index].length);
+    let jumps = (150..250).map(|index| (u(index + 1) - u(index)).abs()).fold(0.0, f64::max);
+    assert!(jumps < 0.1, "{jumps}");
+}
+
+/// The greatest part of each limit, at times that aren't the planner's own.
+fn loads(motion: &impl Trajectory, bounds: &PlatformBounds) -> f64 {
+    let count = 20_000;
+    let at = |index: usize| motion.sample(motion.duration_s() * (index as f64 + 0.37) / count as f64);
+    (0..count)
+        .flat_map(|index| bounds.loads(&at(index)).collect::<Vec<_>>())
+        .map(|(_, load)| load)
+        .fold(0.0, f64::max)
+}
+
+fn square() -> Vec<Pose2> {
+    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]].map(|[x, y]| Pose2::new(x, y, 0.0)).to_vec()
+}
+
+#[test]
+fn every_limit_is_kept_and_the_time_is_short() {
+    let bounds = PlatformBounds::new(LIMITS);
+    let stops = Joining { tolerance_m: 0.0, ..JOINING };
+    let eight = |heading| ShapePath { shape: Shape::Eight { half_length_m: 0.8 }, heading, turns: 1.0 };
+    let circle = ShapePath { shape: Shape::Circle { radius_m: 0.5 }, heading: Heading::Fixed, turns: 1.0 };
+    let paths: [(&str, Box<dyn GeometricPath>, f64); 5] = [
+        ("square", Box::new(PiecewisePath::through(&square(), stops).unwrap()), 10.68 + 4.0 * 0.055),
+        ("blended", Box::new(PiecewisePath::through(&square(), JOINING).unwrap()), 9.86),
+        ("circle", Box::new(circle), 4.29),
+        ("eight", Box::new(eight(Heading::Fixed)), 7.12),
+        ("tangent", Box::new(eight(Heading::FollowsTangent)), 8.95),
+    ];
+    for (name, path, most_s) in paths {
+        let ends = [path.sample(0.0, 1.0), path.sample(path.length(), -1.0)];
+        let motion = FastestTrajectory::new(path, &bounds).unwrap();
+        assert!(loads(&motion, &bounds) < 1.003, "{name}: {}", loads(&motion, &bounds));
+        assert!(motion.duration_s() < most_s, "{name}: {}", motion.duration_s());
+        for (time_s, axes) in
+            [(0.0, ends[0]), (motion.duration_s(), ends[1]), (1e9, ends[1]), (f64::NAN, ends[0])]
+        {
+            let setpoint = motion.sample(time_s);
+            let Pose2 { x_m, y_m, heading_rad } = setpoint.odom_from_base;
+            let off = [x_m - axes[0][0], y_m - axes[1][0], heading_rad - axes[2][0]];
+            assert!(off.iter().all(|off| off.abs() < 1e-9), "{name} at {time_s}: {off:?}");
+            assert!(setpoint.twist_in_odom.speed_m_s() < 1e-6, "{name} at {time_s}");
+        }
+    }
+}
+
+#[test]
+fn wheels_bind_where_the_platform_does_not() {
+    let mut bounds = PlatformBounds::new(LIMITS);
+    // One wheel that rolls along x: no faster than 0.4 m/s, and 50 kg that it pushes by 20 N.
+    bounds.wheel_speeds.push([1.0 / 0.4, 0.0, 0.0]);
+    for sign in [1.0, -1.0] {
+        bounds.planes.push((Limit::WheelTorque, Plane { normal: [sign * 50.0, 0.0, 0.0], most: 20.0 }));
+    }
+    let motion = FastestTrajectory::new(line(2.0), &bounds).unwrap();
+    assert!(loads(&motion, &bounds) < 1.003);
+    let expected_s = 2.0 / 0.4 + 0.4 / 0.4;
+    assert!((motion.duration_s() - expected_s).abs() < 0.05, "{}", motion.duration_s());
+}
+
+#[test]
+fn corners_are_cut_within_their_tolerance_and_smooth_points_are_met() {
+    let path = PiecewisePath::through(&square(), JOINING).unwrap();
+    let mut nearest = [f64::INFINITY; 5];
+    for at in 0..=10_000 {
+        let [x, y, _] = path.sample(path.length() * f64::from(at) / 10_000.0, 1.0).map(|axis| axis[0]);
+        for (nearest, corner) in nearest.iter_mut().zip(square()) {
+            *nearest = nearest.min((x - corner.x_m).hypot(y - corner.y_m));
+        }
+    }
+    assert!(nearest[1..4].iter().all(|off_m| (0.045..0.0501).contains(off_m)), "{nearest:?}");
+    // Direction and curvature are continuous at every joint.
+    for at in path.breaks() {
+        let [before, after] = [-1.0, 1.0].map(|side| path.sample(at, side));
+        for (before, after) in before.iter().zip(after) {
+            assert!((0..3).all(|order| (before[order] - after[order]).abs() < 1e-6), "{at}");
+        }
+    }
+    let round: Vec<Pose2> = (0..=80)
+        .map(|at| f64::from(at) / 80.0 * std::f64::consts::TAU)
+        .map(|phi| Pose2::new(0.8 * phi.sin(), 0.4 * (2.0 * phi).sin(), 0.0))
+        .collect();
+    let path = PiecewisePath::through(&round, JOINING).unwrap();
+    assert_eq!(path.breaks().len(), 81, "no corner among them");
+    for (at, pose) in path.breaks().iter().zip(&round) {
+        let [x, y, _] = path.sample(*at, 1.0).map(|axis| axis[0]);
+        assert!((x - pose.x_m).hypot(y - pose.y_m) < 1e-12);
+    }
+}
+
+#[test]
+fn points_that_repeat_count_once() {
+    let pose = |x_m: f64| Pose2::new(x_m, 0.0, 0.0);
+    let path = PiecewisePath::through(&[pose(0.0), pose(0.0), pose(1.0), pose(1.0)], JOINING).unwrap();
+    assert_eq!(path.length(), 1.0);
+    assert!(PiecewisePath::through(&[pose(1.0), pose(1.0)], JOINING).is_none());
+}
