@@ -2,7 +2,7 @@
 
 use super::support::{BMM, Bench, plan};
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{PathFrame, ReferenceTable};
+use omnibase_robot::config::{PathFrame, ReferenceTable, Timing};
 use omnibase_robot::signals::{Batch, Course, CycleRecord, Frame, RequestAnswer, StopCategory};
 use omnibase_robot::{Phase, Registry, RequestKind};
 
@@ -263,4 +263,36 @@ fn a_robot_that_nobody_leads_stays_where_an_obstacle_comes_near_it() {
         assert_eq!((record.phase, bench.pose), (Phase::Holding, begin));
     }
     assert!(bench.robot.record().guard.obstacle_distance_m.unwrap() < 1.0, "it came by");
+}
+
+#[test]
+fn timing_says_how_fast_points_are_gone_along() {
+    let limits = plan(BMM).limits;
+    // An eight in 80 points, too fast for the default's rule and its limits.
+    let point = |at: u32| {
+        let phi = f64::from(at) / 80.0 * std::f64::consts::TAU;
+        [f64::from(at) * 0.1, 0.8 * phi.sin(), 0.4 * (2.0 * phi).sin(), 0.0]
+    };
+    let table = |timing| ReferenceTable {
+        kind: Some("path".into()),
+        points: Some((0..=80).map(point).collect()),
+        timing,
+        ..Default::default()
+    };
+    let make = |table: &ReferenceTable| Registry::with_built_in().make_reference(table, &limits);
+    let duration_s = |timing| make(&table(Some(timing))).unwrap().duration_s().unwrap();
+    assert!(make(&table(None)).is_err() && make(&table(Some(Timing::AsGiven))).is_err());
+    assert!(duration_s(Timing::Stretched) > 8.0);
+    assert!(duration_s(Timing::Fastest) < 8.0);
+    let refusal = |table: ReferenceTable| make(&table).err().unwrap().to_string();
+    let fastest = Some(Timing::Fastest);
+    assert!(refusal(ReferenceTable { frame: Some(PathFrame::Platform), ..table(fastest) }).contains("frame"));
+    let circle = ReferenceTable {
+        kind: Some("circle".into()),
+        radius_m: Some(0.5),
+        duration_s: Some(9.0),
+        timing: fastest,
+        ..Default::default()
+    };
+    assert!(refusal(circle).contains("duration_s"));
 }
