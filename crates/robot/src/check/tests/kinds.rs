@@ -84,7 +84,10 @@ fn what_no_chosen_kind_reads_is_refused_with_what_it_reads() {
     let circle = format!("{BMM}\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nstep_m = 0.1\n");
     let (value, reason, limit) = unread(&circle, "reference.step_m");
     assert_eq!((value.as_str(), reason.as_str()), ("0.1", "the reference `circle` doesn't read it"));
-    assert_eq!(limit, "correction, correction_file, duration_s, frame, heading, period_s, radius_m, timing, turns");
+    assert_eq!(
+        limit,
+        "correction, correction_file, duration_s, frame, heading, period_s, radius_m, timing, turns"
+    );
     let hold = format!("{BMM}\n[reference]\npoints = [[0, 0, 0, 0]]\n");
     let (value, reason, limit) = unread(&hold, "reference.points");
     assert_eq!(
