@@ -39,7 +39,14 @@ fn what_is_learnt_drives_truer_and_is_for_its_motion_alone() {
     let end_mm = |run: &Value| run["final_error_m"]["true"].as_f64().unwrap() * 1e3;
     let (without, with) = (run(&[]), run(&["--correction", &learnt]));
     assert!(end_mm(&with) < 0.5 * end_mm(&without), "{} {}", end_mm(&with), end_mm(&without));
-    assert!(true_mm(&without) > 0.0);
+    assert!(true_mm(&with) < 0.2 * true_mm(&without), "{} {}", true_mm(&with), true_mm(&without));
+    // The page tells the same errors, against the motion that was asked for.
+    let (recording, page) = (folder.path("run.mcap"), folder.path("run.html"));
+    let recorded = run(&["--correction", &learnt, "--record", &recording]);
+    said(&["report", &recording, "-o", &page]);
+    let html = std::fs::read_to_string(&page).unwrap();
+    let shown = format!("{:.3} mm", true_mm(&recorded));
+    assert!(html.contains(&shown), "{shown} isn't on the page");
     // What is there isn't written over.
     let again = refused(&[&["learn"][..], &motion, &["--write", &learnt]].concat());
     assert!(again.contains("is there already: give --overwrite"), "{again}");

@@ -49,7 +49,7 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
 }
 
 /// Beginnings of the names of all signals that are shown, beside those of wheels.
-const SHOWN: [&str; 18] = [
+const SHOWN: [&str; 19] = [
     "bus_dc_phase",
     "cycle_phase",
     "cycle_period",
@@ -57,6 +57,7 @@ const SHOWN: [&str; 18] = [
     "state_pose",
     "state_twist_in_body",
     "state_slip_residual",
+    "reference_correction",
     "wished_pose",
     "wished_twist",
     "setpoint_pose",
