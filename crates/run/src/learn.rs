@@ -10,7 +10,7 @@ use omnibase_fusion::{SensorKind, Verdict};
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::TaskFrame;
-use omnibase_robot::signals::{CycleRecord, LimitedBy, Phase, SafetyReason};
+use omnibase_robot::signals::{Course, CycleRecord, LimitedBy, Phase, SafetyReason};
 use omnibase_trajectory::corrected::{MOST_CORRECTED, control_centre_s};
 
 /// Between two controls, s, and the most of them.
@@ -143,7 +143,9 @@ impl Repeat {
     /// Takes a cycle of it in; those before and after it, too.
     pub fn take(&mut self, record: &CycleRecord) {
         let time_s = match record.phase {
-            Phase::Tracking => record.reference_time_s.min(self.duration_s),
+            Phase::Tracking if record.course == Course::Reference => {
+                record.reference_time_s.min(self.duration_s)
+            }
             // It rests where it ends.
             Phase::Holding if self.ended => self.duration_s,
             _ => return,
@@ -446,6 +448,9 @@ mod tests {
             Learner::new(7.0).learn(&repeat)
         };
         assert!(learn(&|_| {}, 7.0).is_ok());
+        // On the way to its start nothing is learnt.
+        let by_way = learn(&|record| record.course = Course::Way, 7.0);
+        assert!(matches!(by_way, Err(NotLearnt::NotDriven { .. })), "{by_way:?}");
         assert!(matches!(learn(&|_| {}, 6.0), Err(NotLearnt::NotDriven { .. })));
         let held = |change: &dyn Fn(&mut CycleRecord)| {
             let refused = learn(change, 7.0).unwrap_err();
