@@ -104,7 +104,7 @@ pub enum Refused {
     #[error("the rigid body isn't tracked")]
     Untracked,
     /// Its values can't be.
-    #[error("{what} is {found}: expected {expected}")]
+    #[error("{what} is {found:.3}: expected {expected}")]
     Value {
         /// What.
         what: &'static str,
