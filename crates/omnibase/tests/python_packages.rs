@@ -2,6 +2,7 @@
 //! description is validated, and a client of it alone drives the robot; NatNet's frames are read by another's client.
 
 #[path = "../../receive/tests/receivers/motive.rs"]
+#[expect(dead_code, reason = "its talk is heard in the tests of omnibase-receive")]
 mod motive;
 mod python_tools;
 
@@ -134,16 +135,20 @@ fn frames_of_natnet_are_read_as_by_another_client() {
             serde_json::json!({ "id": body.id, "position": body.position, "rotation": body.rotation, "error": body.error,
                 "is_tracked": body.is_tracked })
         };
-        ours.push(serde_json::json!({ "number": read.number, "exposed": read.exposed_ticks, "sent": read.sent_ticks,
-            "bodies": read.bodies.iter().map(body).collect::<Vec<_>>() }));
+        ours.push(
+            serde_json::json!({ "number": read.number, "exposed": read.exposed_ticks, "sent": read.sent_ticks,
+            "bodies": read.bodies.iter().map(body).collect::<Vec<_>>() }),
+        );
         ours.push(serde_json::json!(body_names(&descriptions[4..], own).expect("descriptions")));
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/natnet_frame.py");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("frames");
     std::fs::write(&file, lines).unwrap();
-    let read = successful(Command::new(python).arg(script).stdin(std::fs::File::open(&file).unwrap())).unwrap();
+    let read =
+        successful(Command::new(python).arg(script).stdin(std::fs::File::open(&file).unwrap())).unwrap();
     let theirs = String::from_utf8(read).unwrap();
-    let theirs: Vec<serde_json::Value> = theirs.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let theirs: Vec<serde_json::Value> =
+        theirs.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(theirs, ours);
 }

@@ -284,10 +284,14 @@ mod tests {
         let twist = last(SensorParameters { tells: Tells::Twist, ..PERFECT }).values;
         assert!((twist[0] - own[0]).abs() < 1e-12 && (twist[1] - own[1]).abs() < 1e-12, "{twist:?}");
         // About the pole it is only drawn inwards, by the turn's square times its distance.
-        let inertia = last(SensorParameters { tells: Tells::Inertia, bias_m_s2: [0.5, -0.25], ..PERFECT }).values;
+        let inertia =
+            last(SensorParameters { tells: Tells::Inertia, bias_m_s2: [0.5, -0.25], ..PERFECT }).values;
         let inwards = [-turn * turn * 0.2, turn * turn * 1.1];
         let felt = [cos * inwards[0] + sin * inwards[1] + 0.5, -sin * inwards[0] + cos * inwards[1] - 0.25];
-        assert!(inertia[0] == turn && (0..2).all(|n| (inertia[n + 1] - felt[n]).abs() < 1e-2), "{inertia:?} {felt:?}");
+        assert!(
+            inertia[0] == turn && (0..2).all(|n| (inertia[n + 1] - felt[n]).abs() < 1e-2),
+            "{inertia:?} {felt:?}"
+        );
         let way = last(PERFECT).values;
         assert!(
             (way[0] - own[0]).abs() < 1e-6 && (way[1] - own[1]).abs() < 1e-6,

@@ -346,11 +346,7 @@ impl Kinds<MakeEvent> {
 
 impl Kinds<MakeReceiver> {
     /// Adds a way by which values come in; one of the same name is replaced.
-    pub fn add(
-        &mut self,
-        kind: Kind,
-        make: impl Fn(&SourceTable) -> Made<Received> + Send + Sync + 'static,
-    ) {
+    pub fn add(&mut self, kind: Kind, make: impl Fn(&SourceTable) -> Made<Received> + Send + Sync + 'static) {
         self.put(kind, Box::new(make));
     }
 }

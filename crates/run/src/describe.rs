@@ -41,7 +41,8 @@ pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     let inertia = machine.body.yaw_inertia_kg_m2 + machine.payload.yaw_inertia_kg_m2;
     tell("simulation.inertia_kg_m2", inertia.to_string());
     if !plan.sensors.is_empty() {
-        let gate = |sensor: &SensorPlan| format!("{} {}", sensor.name, omnibase_fusion::gate(sensor.sensor.kind));
+        let gate =
+            |sensor: &SensorPlan| format!("{} {}", sensor.name, omnibase_fusion::gate(sensor.sensor.kind));
         tell("sensor_gates", plan.sensors.iter().map(gate).collect::<Vec<_>>().join("; "));
     }
     all

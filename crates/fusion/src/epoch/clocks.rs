@@ -66,7 +66,8 @@ impl Clock {
         }
         let early_s = xy / xx;
         let explained = xy * xy / xx;
-        let is_sure = early_s.abs() > LEAST_OFF_S && explained > EXPLAINED * yy && explained > STRONG * noise * time_s;
+        let is_sure =
+            early_s.abs() > LEAST_OFF_S && explained > EXPLAINED * yy && explained > STRONG * noise * time_s;
         Some(Off { early_s, is_sure })
     }
 }

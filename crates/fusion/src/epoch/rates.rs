@@ -41,9 +41,9 @@ impl Rates<'_> {
         let contradicting = off.iter().flatten().count();
         // A gyro that is alone is believed while the floor may be giving way: it can't be lifted off it.
         let is_gyro_alone = heard == 1
-            && self.heard().any(|(rate, sensor, _)| {
-                off[rate].is_some() && self.sensors[sensor].kind.is_gyro()
-            });
+            && self
+                .heard()
+                .any(|(rate, sensor, _)| off[rate].is_some() && self.sensors[sensor].kind.is_gyro());
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
         if contradicting > 0 && may_slip {
             let mut slipping = *known;

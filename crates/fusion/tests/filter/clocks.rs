@@ -6,7 +6,11 @@ use crate::lively::Lively;
 use crate::world::{gyro, mouse, settings};
 
 /// How long after the clock of one was off it was named, s; and whoever else was.
-fn named(sensors: &[Sensor], (off_one, early_ms): (usize, i64), slip: Option<(f64, [f64; 2])>) -> (Option<f64>, Vec<usize>) {
+fn named(
+    sensors: &[Sensor],
+    (off_one, early_ms): (usize, i64),
+    slip: Option<(f64, [f64; 2])>,
+) -> (Option<f64>, Vec<usize>) {
     let mut world = Lively::new(3, slip);
     let mut filter = Filter::new(settings(), sensors);
     let (mut after_s, mut others) = (None, Vec::new());
@@ -61,7 +65,8 @@ fn nobody_is_named_for_clocks_that_are_right_nor_for_wheels_that_slip() {
         for slip in [None, Some((0.2, [5.0, 6.5])), Some((0.5, [5.0, 6.5]))] {
             let (after_s, others) = named(sensors, (0, 0), slip);
             println!("{} sensors, slip {slip:?}: {after_s:?} {others:?}", sensors.len());
-            if slip.is_none() {
+            // One mouse, or two without a gyro, are taken for wrong where they contradict the wheels for long, as ever.
+            if slip.is_none() || sensors.len() != 2 {
                 assert!(after_s.is_none() && others.is_empty(), "{slip:?}: {after_s:?} {others:?}");
             }
         }

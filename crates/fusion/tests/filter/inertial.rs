@@ -45,7 +45,8 @@ fn a_slip_is_felt_and_the_place_is_no_better_known_than_it_says() {
     for seed in 0..4 {
         for (share, from_s) in [(0.4, 1.0), (0.6, 1.0), (0.4, 1.9), (0.6, 2.8)] {
             let slip = Some((share, [from_s, from_s + 1.5]));
-            let told = [Sensor { sigma: [3e-3, 1e6, 1e6], ..imu() }, imu()].map(|sensor| driven(sensor, seed, slip));
+            let told =
+                [Sensor { sigma: [3e-3, 1e6, 1e6], ..imu() }, imu()].map(|sensor| driven(sensor, seed, slip));
             for (n, (off_m, sigmas, _)) in told.iter().enumerate() {
                 worst[n] = worst[n].max(*sigmas);
                 sums[n] += off_m * off_m / 16.0;
@@ -53,7 +54,11 @@ fn a_slip_is_felt_and_the_place_is_no_better_known_than_it_says() {
         }
     }
     let [turn_m, felt_m] = sums.map(f64::sqrt);
-    println!("RMS {:.1} mm with the turn alone, {:.1} with accelerations; worst {worst:.1?} sigma", 1e3 * turn_m, 1e3 * felt_m);
+    println!(
+        "RMS {:.1} mm with the turn alone, {:.1} with accelerations; worst {worst:.1?} sigma",
+        1e3 * turn_m,
+        1e3 * felt_m
+    );
     assert!(felt_m < 1.05 * turn_m, "{felt_m} of {turn_m}: no worse");
     assert!(worst[1] < 0.25 * worst[0], "{worst:?}: and it is said how well");
 }

@@ -1,7 +1,7 @@
 //! The filter against worlds of its own model: order, consistency, faults.
 
-mod consistency;
 mod clocks;
+mod consistency;
 mod faults;
 mod inertial;
 mod lively;

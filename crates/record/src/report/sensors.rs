@@ -124,7 +124,8 @@ fn innovations(times: &[f64], sensors: &[Sensor]) -> String {
         let sigmas: Vec<f64> = sensor.nis.iter().map(|nis| nis.sqrt()).collect();
         let look = LOOKS[0].to_owned();
         let line = Line { name: "innovation over its sigma".into(), class: look, values: &sigmas };
-        let limits = sensor.gate.map(|gate| Limit { name: "gate".into(), class: "limit", value: gate.sqrt() });
+        let limits =
+            sensor.gate.map(|gate| Limit { name: "gate".into(), class: "limit", value: gate.sqrt() });
         TimeChart {
             title: &format!("{}: innovation over its standard deviation", sensor.name),
             unit: Unit::plain("σ"),
@@ -175,7 +176,13 @@ fn place(signals: &Signals<'_>, tracking: &Tracking) -> String {
         seen.sort_by(f64::total_cmp);
         let usual = seen.get(seen.len() / 2).copied().unwrap_or(0.0);
         let unit = if is_length { Unit::length(usual) } else { Unit::angle(usual) };
-        let most = MOST_SEEN * usual.max(all.iter().skip(1).flat_map(|(.., values)| values).fold(0.0, |most: f64, value| most.max(*value)));
+        let most = MOST_SEEN
+            * usual.max(
+                all.iter()
+                    .skip(1)
+                    .flat_map(|(.., values)| values)
+                    .fold(0.0, |most: f64, value| most.max(*value)),
+            );
         let drawn: Vec<(&str, &str, Vec<f64>)> = all
             .into_iter()
             .map(|(name, class, values)| {

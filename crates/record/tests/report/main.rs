@@ -276,7 +276,8 @@ fn sensed() -> RecordedRun {
     let plain = square(3, 2000);
     let mut run = RecordedRun { values: Vec::new(), ..plain.clone() };
     let pose = ["pose_x_m", "pose_y_m", "pose_heading_rad"];
-    run.schema.push("/map", [&pose[..], &["covariance_xx_m2", "covariance_yy_m2", "covariance_hh_rad2"]].concat());
+    run.schema
+        .push("/map", [&pose[..], &["covariance_xx_m2", "covariance_yy_m2", "covariance_hh_rad2"]].concat());
     run.schema.push("/sensor", ["gyro_verdict", "gyro_nis", "mocap_verdict", "mocap_nis"]);
     run.description.insert("sensor_gates".into(), "gyro 10.83; mocap 5.42".into());
     let truth = ["pose.x", "pose.y", "pose.heading"];

@@ -32,7 +32,10 @@ fn each_kind_brings_its_own_values() {
     let ReceiverPlan::NatNet(plan) = natnet.receiver else { panic!() };
     assert_eq!((plan.server, plan.command_port), (Ipv4Addr::new(192, 168, 1, 20), 1510));
     assert_eq!((plan.data_port, plan.up_axis, plan.unit_m), (1511, UpAxis::Z, 1.0));
-    assert_eq!((plan.body, plan.multicast), (BodyChoice::Name("robot".into()), Some(Ipv4Addr::new(239, 255, 42, 99))));
+    assert_eq!(
+        (plan.body, plan.multicast),
+        (BodyChoice::Name("robot".into()), Some(Ipv4Addr::new(239, 255, 42, 99)))
+    );
 }
 
 #[test]
@@ -51,7 +54,11 @@ fn what_is_wrong_is_told_with_what_was_expected() {
         ("receiver = \"mouse\"\ndevice = \"m\"\nbody_id = 1", "body_id", "`mouse` doesn't read it"),
         (natnet, "body", "`body` or `body_id`"),
         (&format!("{natnet}body = \"a\"\nbody_id = 1"), "body", "not both"),
-        (&format!("{natnet}body_id = 1\nmulticast = \"192.168.1.1\""), "multicast", "224.0.0.0 to 239.255.255.255"),
+        (
+            &format!("{natnet}body_id = 1\nmulticast = \"192.168.1.1\""),
+            "multicast",
+            "224.0.0.0 to 239.255.255.255",
+        ),
         (&format!("{natnet}body_id = 1\nlocal_address = \"eth0\""), "local_address", "an IPv4 address"),
         ("input = [{ name = \"open\" }]\npeer = \"::1\"", "peer", "`program` doesn't read it"),
     ] {
