@@ -299,7 +299,7 @@ fn sensors_are_shown_with_their_gates_and_how_well_the_place_is_known() {
     let text = words(&page);
     for expected in [
         "Sensors and the place in map",
-        "gyro: good",
+        "good gyro good contradicts mocap",
         "mocap: good contradicts",
         // Of 2000 readings 200 are beyond the gate; the mocap said the same all the time.
         "gyro 100.0 % 2\u{202F}000 10.00 %",
