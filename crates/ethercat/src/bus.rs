@@ -28,8 +28,6 @@ pub struct BusOptions {
     pub transaction: TransactionOptions,
     /// The longest waits for states.
     pub timeouts: StateTimeouts,
-    /// What is added to the host's time to make the segment's: ns since 2000-01-01, where the host knows the date.
-    pub epoch_ns: u64,
 }
 
 /// Something that doesn't stop the set-up but that a person should know.
@@ -90,10 +88,18 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Warning::DuplicateAlias { alias, positions } => {
-                write!(f, "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it")
+                write!(
+                    f,
+                    "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it; give all but one another \
+                     (`omnibase eeprom alias`)"
+                )
             }
             Warning::EntersAtPort { position, port } => {
-                write!(f, "frames enter SubDevice {position} at port {port}, not 0: are its cables swapped?")
+                write!(
+                    f,
+                    "frames enter SubDevice {position} at port {port}, not 0: its cables are swapped (IN and OUT), so that the order of \
+                     positions isn't that of the cables; plug the cable from the MainDevice into IN"
+                )
             }
             Warning::NoEeprom(error) => write!(f, "{error}; it is taken as a device without identity"),
             Warning::ErasedEeprom { position } => write!(

@@ -184,7 +184,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
         }
         let delays = delays(&segment)?;
         self.propagation = Some(propagation(&segment));
-        let epoch_ns = self.options.epoch_ns;
+        // Where the host knows the date, the segment's time is that of the standard: ns since 2000.
+        let epoch_ns = self.transactor.clock.since_2000_ns().unwrap_or(0);
         let mut writes = Vec::with_capacity(3 * with_clock.len());
         for (&number, reads) in with_clock.iter().zip(reads.chunks_exact(2)) {
             let subdevice = &mut self.subdevices[number];

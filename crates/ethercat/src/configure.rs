@@ -5,10 +5,10 @@ use alloc::vec::Vec;
 
 use crate::bus::{Bus, Unusable, Warning};
 use crate::clock_setup;
-use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
+use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, Presence, SubDeviceConfig};
 use crate::error::{Mismatch, SetUpError};
 use crate::fmmu;
-use crate::image::{ClockUse, ImagePlan, Member};
+use crate::image::{ClockUse, CycleFit, ImagePlan, Member, PlanError};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
@@ -28,11 +28,66 @@ fn is_expected(expected: &ExpectedIdentity, found: &Identity) -> bool {
         && same(expected.serial, found.serial)
 }
 
+/// Whether the SubDevice that a configuration is for is there, as far as it is known by a name of its own.
+fn is_there(subdevices: &[SubDevice], config: &SubDeviceConfig) -> bool {
+    match config.place {
+        Some(Match::Alias(alias)) => subdevices.iter().any(|one| one.alias == Some(alias)),
+        Some(Match::Identification(number)) => {
+            subdevices.iter().any(|one| one.identification == Some(number))
+        }
+        Some(Match::Position(position)) => usize::from(position) < subdevices.len(),
+        None => true,
+    }
+}
+
+/// The configurations of those who have to be there, and of the hot-connect groups that are; a group is there as a whole.
+fn present<'a>(
+    subdevices: &[SubDevice],
+    configs: &'a [SubDeviceConfig],
+) -> Result<Vec<&'a SubDeviceConfig>, Mismatch> {
+    let mut present = Vec::with_capacity(configs.len());
+    for config in configs {
+        let Presence::Group(group) = &config.presence else {
+            present.push(config);
+            continue;
+        };
+        let members = || configs.iter().filter(|other| other.presence == config.presence);
+        let there = members().filter(|other| is_there(subdevices, other)).count();
+        if there == 0 {
+            continue;
+        }
+        if let Some(missing) = members().find(|other| !is_there(subdevices, other)) {
+            let words = missing
+                .name
+                .clone()
+                .map_or_else(|| alloc::format!("{:?}", missing.place), |name| alloc::format!("`{name}`"));
+            return Err(Mismatch::PartOfGroup {
+                group: String::from(&**group),
+                present: members().filter_map(|one| position_of(subdevices, one)).collect(),
+                missing: words,
+            });
+        }
+        present.push(config);
+    }
+    Ok(present)
+}
+
+/// Where the SubDevice of a configuration is, where that is known by a name of its own.
+fn position_of(subdevices: &[SubDevice], config: &SubDeviceConfig) -> Option<u16> {
+    let is_it = |one: &&SubDevice| match config.place {
+        Some(Match::Alias(alias)) => one.alias == Some(alias),
+        Some(Match::Identification(number)) => one.identification == Some(number),
+        Some(Match::Position(position)) => one.position == position,
+        None => false,
+    };
+    subdevices.iter().find(is_it).map(|one| one.position)
+}
+
 /// The position of the SubDevice that each configuration is for.
-fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<Vec<u16>, Mismatch> {
+fn find_places(subdevices: &[SubDevice], configs: &[&SubDeviceConfig]) -> Result<Vec<u16>, Mismatch> {
     let count = subdevices.len();
     let mut places = Vec::with_capacity(configs.len());
-    for (number, config) in (0u16..).zip(configs) {
+    for (number, config) in (0u16..).zip(configs.iter().copied()) {
         let position = match config.place {
             Some(Match::Alias(alias)) => {
                 let having = subdevices.iter().filter(|one| one.alias == Some(alias));
@@ -160,7 +215,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
         if !configs.is_empty() {
-            let places = find_places(&self.subdevices, configs)?;
+            let configs = present(&self.subdevices, configs)?;
+            let places = find_places(&self.subdevices, &configs)?;
             for (position, config) in places.into_iter().zip(configs) {
                 let subdevice = &mut self.subdevices[usize::from(position)];
                 subdevice.config = config.clone();
@@ -171,6 +227,16 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
         }
         self.set_up(Unusable::IsError)
+    }
+
+    /// Which cycle the segment's frames fit into, behind [`Bus::configure`].
+    pub fn cycle_fit(&self) -> Result<CycleFit, PlanError> {
+        let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
+        let clock = match clock_setup::reference_clock(&self.subdevices) {
+            Some(one) => ClockUse::Distribute { reference: one.position },
+            None => ClockUse::None,
+        };
+        Ok(ImagePlan::new(&members, clock)?.fit(members.len(), self.propagation))
     }
 
     /// As [`Bus::configure`] without any configuration, for those who don't need everybody: a SubDevice that can't be

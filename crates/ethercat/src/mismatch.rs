@@ -69,6 +69,15 @@ pub enum Mismatch {
         /// The SubDevice.
         position: u16,
     },
+    /// Some of a hot-connect group are there, others aren't.
+    PartOfGroup {
+        /// The group.
+        group: String,
+        /// Positions of those that are there.
+        present: Vec<u16>,
+        /// The first that is missing, in words.
+        missing: String,
+    },
     /// SYNC is asked of a SubDevice without a clock.
     NoClock {
         /// The SubDevice.
@@ -131,6 +140,10 @@ impl fmt::Display for Mismatch {
             Mismatch::ConfiguredTwice { position } => {
                 write!(f, "two configurations are for SubDevice {position}")
             }
+            Mismatch::PartOfGroup { group, present, missing } => write!(
+                f,
+                "hot-connect group `{group}`: SubDevices {present:?} of it are there, {missing} is not; connect all of it, or none"
+            ),
             Mismatch::NoClock { position, name } => {
                 write!(
                     f,

@@ -2,8 +2,8 @@
 
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
-    bridge, calibrate, check, completions, decode, description, doctor, estimate, exchange, export, joystick,
-    kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    bridge, calibrate, check, completions, decode, description, doctor, eeprom, estimate, exchange, export,
+    foe, joystick, kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -51,6 +51,8 @@ pub enum Command {
     Doctor(doctor::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
+    Eeprom(eeprom::Arguments),
+    Foe(foe::Arguments),
     Exchange(exchange::Arguments),
     Simulate(simulate::Arguments),
     Decode(decode::Arguments),

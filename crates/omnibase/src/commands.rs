@@ -8,9 +8,11 @@ pub mod completions;
 pub mod decode;
 pub mod description;
 pub mod doctor;
+pub mod eeprom;
 pub mod estimate;
 pub mod exchange;
 pub mod export;
+pub mod foe;
 pub mod joystick;
 pub mod kinematics;
 pub mod learn;
@@ -61,6 +63,8 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
+        Command::Eeprom(arguments) => eeprom::run(arguments, output),
+        Command::Foe(arguments) => foe::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
         Command::Simulate(arguments) => simulate::run(arguments, registry, output),
         Command::Decode(arguments) => decode::run(arguments, output),

@@ -3,7 +3,7 @@
 use crate::progress::{note, warn};
 use anyhow::Context;
 use omnibase_ethercat::{Bus, BusOptions};
-use omnibase_ethercat_sim::{VirtualClock, in_process};
+use omnibase_ethercat_sim::{Pace, VirtualClock, in_process};
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError, RingState};
 use omnibase_host::{
     Holder, InterfaceLock, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, Waiting, listen,
@@ -158,6 +158,13 @@ impl Clock for AnyClock {
         }
     }
 
+    fn since_2000_ns(&self) -> Option<u64> {
+        match self {
+            AnyClock::Host(clock) => clock.since_2000_ns(),
+            AnyClock::Virtual(_) | AnyClock::Paced(_) => None,
+        }
+    }
+
     fn sleep_until(&mut self, instant: HostTime) {
         match self {
             AnyClock::Host(clock) => clock.sleep_until(instant),
@@ -197,7 +204,7 @@ impl Target {
                 )
             }
             Target::Simulated(path) => {
-                let (link, clock) = in_process(crate::segment::load(path)?);
+                let (link, clock) = in_process(crate::segment::load(path, Pace::Lockstep)?);
                 Ok(Cable { link: Box::new(link), clock: AnyClock::Virtual(clock), label: self.to_string() })
             }
         }

@@ -188,7 +188,17 @@ const PERIPHERAL: Sort = Sort {
     table: "device",
     key: "kind",
     default: None,
-    common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
+    common: &[
+        "name",
+        "position",
+        "alias",
+        "identification",
+        "kind",
+        "vendor_id",
+        "product_code",
+        "revision",
+        "custom",
+    ],
 };
 const EVENT: Sort =
     Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };

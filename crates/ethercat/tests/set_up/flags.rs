@@ -5,7 +5,7 @@ use omnibase_ethercat::cyclic::Exchange;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::{self, FmmuUsage, General, Image, Pdo, PdoEntry, SyncManagerUsage};
 use omnibase_ethercat::wire::{Clock, HostTime, register};
-use omnibase_ethercat::{Bus, BusOptions, SubDeviceConfig, Warning};
+use omnibase_ethercat::{Bus, BusOptions, Presence, SubDeviceConfig, Warning};
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::axis::Load;
 use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
@@ -178,14 +178,100 @@ fn lost_links_are_counted_from_the_start_of_a_set_up() {
 #[test]
 fn the_segments_time_is_the_hosts_since_2000_where_it_is_known() {
     const EPOCH_NS: u64 = 850_000_000_000_000_000;
+    struct Dated(omnibase_ethercat_sim::VirtualClock);
+    impl Clock for Dated {
+        fn now(&self) -> HostTime {
+            self.0.now()
+        }
+        fn since_2000_ns(&self) -> Option<u64> {
+            Some(EPOCH_NS)
+        }
+        fn sleep_until(&mut self, instant: HostTime) {
+            self.0.sleep_until(instant);
+        }
+    }
     let drive = Drive::new(DriveKind::Generic);
     let (link, clock) =
         in_process(Segment::line(vec![drive.build(&Piece::default(), Load::default())]).unwrap());
-    let options = BusOptions { epoch_ns: EPOCH_NS, ..BusOptions::default() };
-    let mut bus = Bus::new(link, clock.clone(), options);
+    let mut bus = Bus::new(link, Dated(clock.clone()), BusOptions::default());
     bus.scan().unwrap();
     bus.configure(&[]).unwrap();
     let now = clock.now();
     let shown = bus.transactor().link.segment().sub_devices()[0].esc().system_time(now).unwrap();
     assert!(shown.0.abs_diff(EPOCH_NS + now.0) < 100_000, "{shown:?} at {now:?}");
+}
+
+/// A gripper of two SubDevices that may be there or not: everything else is known by its alias.
+#[test]
+fn a_hot_connect_group_is_there_as_a_whole_or_not_at_all() {
+    let drive = Drive::new(DriveKind::Generic);
+    let alias = |alias, presence| SubDeviceConfig {
+        place: Some(Match::Alias(alias)),
+        name: Some(format!("alias {alias}")),
+        presence,
+        ..SubDeviceConfig::default()
+    };
+    let group = || Presence::Group("gripper".into());
+    let wanted =
+        [alias(1, Presence::Required), alias(2, group()), alias(3, group()), alias(4, Presence::Required)];
+    let configured = |aliases: &[u16]| {
+        let piece = |alias: &u16| Piece { alias: *alias, ..Piece::default() };
+        let drives = aliases.iter().map(|one| drive.build(&piece(one), Load::default())).collect();
+        let (link, clock) = in_process(Segment::line(drives).unwrap());
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().unwrap();
+        bus.configure(&wanted).map_err(|error| error.to_string())
+    };
+    assert_eq!(configured(&[1, 2, 3, 4]), Ok(()));
+    assert_eq!(configured(&[1, 4]), Ok(()));
+    let part = "hot-connect group `gripper`: SubDevices [1] of it are there, `alias 3` is not; connect all of it, or none";
+    assert_eq!(configured(&[1, 2, 4]), Err(part.to_owned()));
+    // Who isn't of the group has to be there all the same.
+    let missing = configured(&[1, 2, 3]).unwrap_err();
+    assert!(missing.contains("no SubDevice has alias 0x0004"), "{missing}");
+}
+
+#[test]
+fn a_modular_device_tells_where_another_module_is_plugged_in() {
+    use omnibase_ethercat_sim::dictionary::{Entry, Object};
+    let list = |index, idents: &[u32]| {
+        let entries = (1..).zip(idents).map(|(slot, ident)| Entry::u32(slot, "Module", *ident)).collect();
+        Object::array(index, "Modules", entries)
+    };
+    let found = |objects: Vec<Object>| {
+        let sii = crate::segment::with_mailbox(crate::segment::sii_of(sii::Identity::default(), 0));
+        let generic = Generic::with_objects(&sii, &Piece::default(), objects).unwrap();
+        let (link, clock) = in_process(Segment::line(vec![generic.sub_device]).unwrap());
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().unwrap();
+        bus.configure(&[]).unwrap();
+        bus.read_modules(0).unwrap()
+    };
+    assert_eq!(found(vec![]), None);
+    let modules = found(vec![list(0xF030, &[7, 9, 0]), list(0xF050, &[7, 8, 5])]).unwrap();
+    assert_eq!((&modules.configured[..], &modules.detected[..]), (&[7, 9, 0][..], &[7, 8, 5][..]));
+    assert_eq!(modules.differences(), [(2, 9, 8), (3, 0, 5)]);
+    // One that isn't configured takes what it finds.
+    assert_eq!(found(vec![list(0xF050, &[7, 8, 5])]).unwrap().differences(), []);
+}
+
+/// Damage is told of the cable on which it happens, and a mailbox protocol of what is to be done about it.
+#[test]
+fn damaged_frames_are_told_by_port_and_neighbour() {
+    use omnibase_ethercat::trouble::Trouble;
+    let drive = Drive::new(DriveKind::Generic);
+    let drives = (0..3).map(|_| drive.build(&Piece::default(), Load::default())).collect();
+    let (link, clock) = in_process(Segment::line(drives).unwrap());
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().unwrap();
+    assert_eq!(bus.look_for_trouble(), Ok(vec![]));
+    bus.transactor().link.segment_mut().inject(1, Fault::CrcErrors { port: 0, frames: 5 }).unwrap();
+    let trouble = bus.look_for_trouble().unwrap();
+    let [Trouble::LostFrames { lost: 5, .. }, damaged @ Trouble::Damaged { position: 1, port: 0, .. }] =
+        &trouble[..]
+    else {
+        panic!("{trouble:?}")
+    };
+    let words = damaged.to_string();
+    assert!(words.contains("arrived first at its port 0, from SubDevice 0 (its port 1)"), "{words}");
 }

@@ -118,6 +118,7 @@ fn bus_place(place: BusPlace) -> String {
     match place {
         BusPlace::Position(position) => format!("position {position}"),
         BusPlace::Alias(alias) => format!("alias {alias}"),
+        BusPlace::Identification(number) => format!("identification {number}"),
     }
 }
 
