@@ -235,7 +235,8 @@ fn a_hot_connect_group_is_there_as_a_whole_or_not_at_all() {
 fn a_modular_device_tells_where_another_module_is_plugged_in() {
     use omnibase_ethercat_sim::dictionary::{Entry, Object};
     let list = |index, idents: &[u32]| {
-        let entries = (1..).zip(idents).map(|(slot, ident)| Entry::u32(slot, "Module", *ident)).collect();
+        let entries =
+            (1..).zip(idents).map(|(slot, ident)| Entry::unsigned32(slot, "Module", *ident)).collect();
         Object::array(index, "Modules", entries)
     };
     let found = |objects: Vec<Object>| {

@@ -1,5 +1,7 @@
 //! `omnibase check`: all problems of a robot's file at once, else what it resolves to.
 
+mod cycle;
+
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
 use omnibase_description::Body;
@@ -61,6 +63,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
                 writeln!(output)?;
             } else {
                 print(&robot.plan, output)?;
+                print_cycle(&robot.plan, output)?;
                 for doubt in robot.plan.doubts() {
                     writeln!(output, "\nWARNING: {doubt}")?;
                 }
@@ -81,6 +84,21 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             Ok(Outcome::Failed)
         }
     }
+}
+
+/// The shortest cycle of its frames, and whether the file's is one.
+fn print_cycle(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    let Some(fit) = cycle::fit(plan) else { return Ok(()) };
+    writeln!(output, "\nshortest cycle, estimated: {fit}")?;
+    let timeout_us = plan.bus.receive_timeout_ns / 1000;
+    if fit.needed().as_micros() as u64 > timeout_us {
+        writeln!(
+            output,
+            "\nWARNING: bus.cycle_us = {}, frames awaited for {timeout_us} us: they are probably not back by then",
+            plan.bus.cycle_ns / 1000
+        )?;
+    }
+    Ok(())
 }
 
 /// Each kind with its keys; those that must be given have a star.

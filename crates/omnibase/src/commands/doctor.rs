@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 /// What `scan` sees of the segment that a person should do something about.
 fn segment(interface: &str) -> anyhow::Result<Vec<Finding>> {
     let target = Target::Interface(interface.to_owned());
-    let (words, cycle) = scan::trouble(&target, Manners { force: false })?;
+    let (words, cycle) = scan::trouble(&target, Manners { force: false, visible: false })?;
     let mut findings = vec![doctor::segment_cycle(cycle)];
     findings.extend(words.into_iter().map(doctor::segment_trouble));
     Ok(findings)

@@ -226,7 +226,7 @@ pub(super) fn open_at_rest(target: &Target, position: u16) -> anyhow::Result<Any
         !matches!(target, Target::Running(_)),
         "a robot runs there: end it first; nothing is changed in devices that may be enabled"
     );
-    let mut bus = Manners { force: false }.enter(target, Port::Socket)?.into_bus();
+    let mut bus = Manners { force: false, visible: false }.enter(target, Port::Socket)?.into_bus();
     if let Some(states) = bus.present_states()? {
         let is_driven = states & (AlState::SafeOp.bits() | AlState::Op.bits()) != 0;
         ensure!(
