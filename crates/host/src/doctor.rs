@@ -103,11 +103,9 @@ impl Finding {
 
 /// What is wrong with the segment at the interface, in words that say what to do.
 pub fn segment_trouble(words: String) -> Finding {
-    Finding::degraded(
-        "segment",
-        "what is wrong with a cable or a device costs frames, and frames are cycles",
-        words,
-    )
+    let why = "what is wrong with a cable or a device costs frames, and frames are cycles";
+    let by_hand = How::ByHand("it is a cable, a supply or a device");
+    Finding::degraded("segment", why, words).mended("what it says", by_hand)
 }
 
 /// Which cycle the segment's frames fit into.
