@@ -56,7 +56,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// A list of idents; `None` where there is no such object.
     fn read_idents(&mut self, position: u16, index: u16) -> Result<Option<Vec<u32>>, SetUpError> {
         let mut idents = Vec::new();
-        let mut read = |bus: &mut Self, subindex| match bus.sdo_read(
+        let read = |bus: &mut Self, subindex| match bus.sdo_read(
             position,
             ObjectAddress::new(index, subindex),
             SdoAccess::Entry,

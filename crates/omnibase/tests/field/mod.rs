@@ -162,3 +162,61 @@ fn exchange_writes_the_watchdog_of_who_has_outputs() {
         assert!(frames.windows(datagram.len()).any(|bytes| bytes == datagram), "{steps} steps");
     }
 }
+
+/// The firmware in C that the repository ships, compiled; `None`, said loudly, where there is no C compiler.
+fn mailbox_firmware() -> Option<std::path::PathBuf> {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ethercat-sim/c");
+    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mailbox_firmware");
+    let compiled = Command::new("cc")
+        .args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o"])
+        .arg(&program)
+        .args([sources.join("mailbox_firmware.c"), sources.join("pdi_client.c")])
+        .output();
+    let Ok(compiled) = compiled else {
+        eprintln!("SKIPPED: no C compiler (cc), so foreign firmware isn't tested from the command line");
+        return None;
+    };
+    assert!(compiled.status.success(), "{}", text(&compiled.stderr));
+    Some(program)
+}
+
+/// Two programs in C behind two chips, in lockstep: mapped by their own SDO servers, brought to OP, cycled without a loss.
+#[test]
+fn foreign_firmware_goes_to_op_from_the_command_line() {
+    let Some(program) = mailbox_firmware() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let sockets = ["one", "two"].map(|name| folder.path().join(format!("{name}.pdi")));
+    let tables: Vec<String> = sockets
+        .iter()
+        .map(|path| {
+            format!(
+                "[[subdevice]]\nkind = \"servo\"\nfirmware = \"socket\"\nsocket = \"{}\"\n",
+                path.display()
+            )
+        })
+        .collect();
+    let file = folder.path().join("foreign.toml");
+    std::fs::write(&file, tables.concat()).unwrap();
+    let mut exchange = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["exchange", &format!("sim:{}", file.display()), "--cycles", "300", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut firmware = Vec::new();
+    for socket in &sockets {
+        // Each is waited for before the next socket is made.
+        while !socket.exists() && exchange.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        firmware.push(Command::new(&program).arg(socket).spawn().unwrap());
+    }
+    let output = exchange.wait_with_output().unwrap();
+    let report = json(&output);
+    assert_eq!((&report["operational"], &report["lost_frames"]), (&true.into(), &0.into()), "{report}");
+    assert_eq!(report["working_counter_errors"], 0, "{report}");
+    for mut one in firmware {
+        // Its connection ended with the simulator.
+        assert!(one.wait().unwrap().success());
+    }
+}
