@@ -156,7 +156,7 @@ impl Check {
         let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let sources = sources::resolve(self, &file.source, &file.device);
+        let sources = sources::resolve(self, (&file.source, &file.device), registry);
         let beside = devices.zip(sources);
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();

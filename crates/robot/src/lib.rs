@@ -32,6 +32,7 @@ pub mod limiter;
 mod motion;
 mod obstacle;
 pub mod peripherals;
+mod receivers;
 pub mod references;
 pub mod registry;
 pub mod safety;

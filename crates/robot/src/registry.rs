@@ -15,8 +15,10 @@ use omnibase_trajectory::LONGEST_S;
 
 use crate::config::{
     DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, Limits, OutputPlan, ParameterPlan,
-    PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
+    PdoPlan, PlatformTable, Problem, ProblemKind, ReceiverPlan, ReferenceTable, RobotPlan, SentPlan,
+    SourceTable, nearest,
 };
+use crate::signals::Carries;
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 
 /// Why something can't be made: every reason, with its setting.
@@ -192,6 +194,13 @@ const PERIPHERAL: Sort = Sort {
 };
 const EVENT: Sort =
     Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };
+const RECEIVER: Sort = Sort {
+    name: "receiver",
+    table: "source",
+    key: "receiver",
+    default: Some("program"),
+    common: &["name", "receiver", "max_age_ms"],
+};
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
@@ -335,6 +344,17 @@ impl Kinds<MakeEvent> {
     }
 }
 
+impl Kinds<MakeReceiver> {
+    /// Adds a way by which values come in; one of the same name is replaced.
+    pub fn add(
+        &mut self,
+        kind: Kind,
+        make: impl Fn(&SourceTable) -> Made<Received> + Send + Sync + 'static,
+    ) {
+        self.put(kind, Box::new(make));
+    }
+}
+
 impl Kinds<MakeDevice> {
     /// Adds a kind of drive, made from its plan, with what the robot's file need not say; one of the same name is
     /// replaced. Settings in its refusals are those of the drive's table.
@@ -407,6 +427,20 @@ pub struct Course {
     pub end: Option<Happening>,
 }
 
+/// Makes a way by which a source's values come in, from its table.
+pub type MakeReceiver = Box<dyn Fn(&SourceTable) -> Made<Received> + Send + Sync>;
+
+/// What comes in, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// How.
+    pub receiver: ReceiverPlan,
+    /// What.
+    pub carries: Carries,
+    /// Its values; empty: those of the table, or of what it carries.
+    pub input: Vec<SentPlan>,
+}
+
 /// All kinds.
 pub struct Registry {
     /// Control laws.
@@ -423,6 +457,8 @@ pub struct Registry {
     pub layouts: Kinds<MakeWheels>,
     /// What happens to the simulated robot.
     pub events: Kinds<MakeEvent>,
+    /// How values of sources come in.
+    pub receivers: Kinds<MakeReceiver>,
 }
 
 impl Registry {
@@ -436,6 +472,7 @@ impl Registry {
             peripherals: Kinds::new(PERIPHERAL),
             layouts: Kinds::new(LAYOUT),
             events: Kinds::new(EVENT),
+            receivers: Kinds::new(RECEIVER),
         }
     }
 

@@ -4,6 +4,7 @@ mod calendar;
 mod joystick_thread;
 mod operated;
 mod page;
+mod receivers;
 mod recording;
 pub(crate) mod reference;
 mod report;
