@@ -180,3 +180,32 @@ fn check_depth(root: Element) -> Result<(), EsiError> {
         node = next;
     }
 }
+
+impl EsiFile {
+    /// The device of this type or name, or of `product:revision` (numbers as in the file, `0x` or decimal).
+    ///
+    /// Where several revisions have the name, the newest one is meant that no other one asked for by number.
+    pub fn device(&self, wanted: &str) -> Result<&Device, String> {
+        let numbers = wanted.split_once(':').and_then(|(product, revision)| {
+            Some((crate::xml::parse_number(product)?, crate::xml::parse_number(revision)?))
+        });
+        let is_meant = |device: &&Device| match numbers {
+            Some((product, revision)) => {
+                device.product_code.map(i64::from) == Some(product) && i64::from(device.revision) == revision
+            }
+            None => device.type_name == wanted || device.names.all().iter().any(|(_, name)| name == wanted),
+        };
+        let found = self.devices.iter().filter(is_meant).max_by_key(|device| device.revision);
+        found.ok_or_else(|| {
+            let mut known: Vec<&str> = self.devices.iter().map(|device| device.type_name.as_str()).collect();
+            known.dedup();
+            format!("no device of the file is called \"{wanted}\"; it has {}", known.join(", "))
+        })
+    }
+
+    /// The module of this type for a device: of the device's own list first.
+    pub fn module<'a>(&'a self, device: &'a Device, wanted: &str) -> Option<&'a Module> {
+        let own = device.slots.iter().flat_map(|slots| &slots.modules);
+        own.chain(&self.modules).find(|module| module.type_name == wanted)
+    }
+}

@@ -71,7 +71,8 @@ fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
             _ => child.skip(notes),
         }
     }
-    if entry.bits == 0 {
+    // Some makers keep places free by gaps without a bit.
+    if entry.bits == 0 && !entry.is_gap() {
         element.problem("the entry has no length of 1 to 255 bits", notes);
     }
     entry
