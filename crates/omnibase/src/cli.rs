@@ -2,8 +2,8 @@
 
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
-    bridge, calibrate, check, completions, decode, description, doctor, estimate, exchange, export, joystick,
-    kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    bridge, calibrate, check, completions, decode, description, doctor, esi, estimate, exchange, export,
+    joystick, kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -49,6 +49,7 @@ pub enum Command {
     Bridge(bridge::Arguments),
     Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),
+    Esi(esi::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
     Exchange(exchange::Arguments),

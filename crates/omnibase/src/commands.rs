@@ -8,6 +8,7 @@ pub mod completions;
 pub mod decode;
 pub mod description;
 pub mod doctor;
+pub mod esi;
 pub mod estimate;
 pub mod exchange;
 pub mod export;
@@ -58,6 +59,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Top(arguments) => live::top(arguments, output),
         Command::Bridge(arguments) => bridge::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments, output),
+        Command::Esi(arguments) => esi::run(arguments, output),
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
