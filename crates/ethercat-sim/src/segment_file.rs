@@ -6,6 +6,7 @@
 //! name = "left"              # default: the kind and the position
 //! alias = 1                  # station alias, default 0 (none)
 //! serial = 1001              # default 0 (none)
+//! identification = 7         # what its switch for explicit device identification shows, default none
 //! dc_offset_ns = 5_000_000   # its clock at power-on
 //! dc_drift_ppm = 50.0        # its quartz, against virtual time
 //! cable_delay_ns = 100       # of the cable to its parent
@@ -156,6 +157,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
     let name = entry.text("name", document);
     let alias = entry.integer("alias", 0..=0xFFFF, document).unwrap_or(0);
     let serial = entry.integer("serial", 0..=0xFFFF_FFFF, document).unwrap_or(0);
+    let identification = entry.integer("identification", 0..=0xFFFF, document);
     let offset = entry.integer("dc_offset_ns", 0..=i64::MAX, document).unwrap_or(0);
     let offset_step = entry.integer("dc_offset_step_ns", 0..=1_000_000_000_000, document).unwrap_or(0);
     let drift = entry.number("dc_drift_ppm", -1000.0..=1000.0, document).unwrap_or(0.0);
@@ -204,6 +206,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
         let piece = Piece {
             alias: counted(alias) as u16,
             serial: counted(serial) as u32,
+            identification: identification.map(|identification| (identification + number as i64) as u16),
             dc_offset_ns: offset as u64 + offset_step as u64 * number as u64,
             dc_drift_ppm: drift + spread * spread_of(number, count),
         };

@@ -15,6 +15,8 @@ pub enum Match {
     Position(u16),
     /// The one with this alias.
     Alias(u16),
+    /// The one with this explicit device identification.
+    Identification(u16),
 }
 
 /// Who must be there. What is `None` isn't compared.

@@ -3,7 +3,7 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use crate::bus::{Bus, Unusable};
+use crate::bus::{Bus, Unusable, Warning};
 use crate::clock_setup;
 use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
 use crate::error::{Mismatch, SetUpError};
@@ -14,8 +14,8 @@ use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
-use crate::subdevice::SubDevice;
-use crate::sync_manager;
+use crate::subdevice::{Activation, SubDevice, SyncManager};
+use crate::sync_manager::{self, ACTIVATE};
 use crate::watchdog;
 use crate::wire::sii::{self, Identity, SyncManagerUsage};
 use crate::wire::{AlState, Clock, Link, register};
@@ -41,6 +41,17 @@ fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<
                     [] => return Err(Mismatch::NoSuchAlias { alias, name: config.name.clone() }),
                     [position] => position,
                     _ => return Err(Mismatch::AmbiguousAlias { alias, positions }),
+                }
+            }
+            Some(Match::Identification(identification)) => {
+                let having = subdevices.iter().filter(|one| one.identification == Some(identification));
+                let positions: Vec<u16> = having.map(|one| one.position).collect();
+                match positions[..] {
+                    [position] => position,
+                    _ => {
+                        let name = config.name.clone();
+                        return Err(Mismatch::Identification { identification, positions, name });
+                    }
                 }
             }
             Some(Match::Position(position)) => position,
@@ -130,12 +141,8 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
         }
     }
     if subdevice.mailbox.is_some() {
-        let mailboxes: Vec<u8> = subdevice
-            .sync_managers
-            .iter()
-            .take(2)
-            .flat_map(crate::subdevice::SyncManager::registers)
-            .collect();
+        let mailboxes: Vec<u8> =
+            subdevice.sync_managers.iter().take(2).flat_map(SyncManager::registers).collect();
         steps.push(registers("the mailboxes", register::SM, &mailboxes));
     }
     steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
@@ -288,10 +295,28 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
+        self.take_listed_lengths();
         let check =
             |one: &SubDevice| mapping::check_sizes(one.position, &one.config, &one.sync_managers).err();
         let unusable: Vec<_> = self.subdevices.iter().filter_map(check).collect();
         unusable.into_iter().try_for_each(|error| self.without(error))
+    }
+
+    /// SyncManagers for which nobody names a PDO, but whose SII names a length: the device expects that length.
+    fn take_listed_lengths(&mut self) {
+        for subdevice in self.subdevices.iter_mut().filter(|one| one.broken.is_none()) {
+            for manager in subdevice.sync_managers.iter_mut().filter(|one| one.direction().is_some()) {
+                let listed = subdevice.sii.sync_managers.get(usize::from(manager.index));
+                let bytes = listed.filter(|one| one.enable & sii::SM_ENABLE != 0).map_or(0, |one| one.length);
+                let is_asked = subdevice.config.pdos.iter().any(|asked| asked.sync_manager == manager.index);
+                if bytes == 0 || !manager.pdos.is_empty() || is_asked {
+                    continue;
+                }
+                sync_manager::map(manager, Vec::from([sync_manager::gaps(bytes)]));
+                let (position, sync_manager) = (subdevice.position, manager.index);
+                self.warnings.push(Warning::NoPdos { position, sync_manager, bytes });
+            }
+        }
     }
 
     /// The process image, and the FMMUs that follow from it.
@@ -316,7 +341,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             for manager in &subdevice.sync_managers {
                 let is_mailbox =
                     matches!(manager.usage, SyncManagerUsage::MailboxOut | SyncManagerUsage::MailboxIn);
-                if !is_mailbox && manager.enabled {
+                if !is_mailbox && manager.area.length > 0 && manager.activation != Activation::Never {
                     let register = register::SM + register::SM_SIZE * u16::from(manager.index);
                     steps.push(registers("a SyncManager", register, &manager.registers()));
                 }
@@ -338,9 +363,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
             if subdevice.config.dc != DcConfig::Off {
                 steps.push(StartUpStep::ArmSync);
             }
-            for state in [AlState::SafeOp, AlState::Op] {
-                steps.push(StartUpStep::State { state, timeout: timeouts.of(state) });
+            let state = |state| StartUpStep::State { state, timeout: timeouts.of(state) };
+            steps.push(state(AlState::SafeOp));
+            for index in subdevice.sync_managers.iter().filter_map(SyncManager::op_only) {
+                let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;
+                steps.push(registers("switching a SyncManager on", register, &[1]));
             }
+            steps.push(state(AlState::Op));
         }
         Ok(())
     }

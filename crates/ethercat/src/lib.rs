@@ -9,6 +9,7 @@
 //!   asked, [`clock_setup`] makes the clocks run together.
 //! - [`transaction`]: datagrams in frames, matched, repeated, their working counters checked.
 //! - [`eeprom`], [`topology`], [`state`], [`sync_manager`], [`mapping`], [`fmmu`], [`watchdog`]: one matter each.
+//! - [`field`]: what is done to a SubDevice where it stands: its EEPROM written, files read and written (FoE).
 //! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
 //! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it; [`error`].
 //!
@@ -35,8 +36,10 @@ pub mod configure;
 pub mod cyclic;
 pub mod eeprom;
 pub mod error;
+pub mod field;
 pub mod fmmu;
 mod found;
+mod identification;
 pub mod image;
 pub mod mailbox;
 pub mod mapping;

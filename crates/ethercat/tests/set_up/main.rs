@@ -1,5 +1,7 @@
 //! The set-up against the simulated segment.
 
+mod field;
+mod flags;
 mod matching;
 mod operational;
 mod replay;
