@@ -11,7 +11,7 @@ pub(super) fn plus(a: Vector, b: Vector, factor: f64) -> Vector {
 
 pub(super) fn length(a: Vector) -> f64 {
     // A straight command along an axis shall not suffer from the rounding of a root.
-    if a[1] == 0.0 { a[0].abs() } else { a[0].hypot(a[1]) }
+    if a[1] == 0.0 { a[0].abs() } else { omnibase_platform::length(a) }
 }
 
 fn dot(a: Vector, b: Vector) -> f64 {
