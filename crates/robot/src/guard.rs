@@ -104,6 +104,8 @@ pub(crate) struct Guard {
     fence: Option<FencePlan>,
     braking: Braking,
     limits: Limits,
+    /// Those of a plan that is followed.
+    followed: Limits,
     period_s: f64,
     obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// How uncertain the believed pose is, and how it becomes more so.
@@ -132,6 +134,7 @@ impl Guard {
             fence: plan.fence.clone(),
             braking: Braking::new(limits, period_s),
             limits: *limits,
+            followed: *limits,
             period_s,
             obstacles,
             spread: Spread::default(),
@@ -183,7 +186,9 @@ impl Guard {
 
     /// The limits to which motions keep from now on; no motion is let through whose stop needs more. What was let through before
     /// keeps the stop that was promised with it.
-    pub(crate) fn keep_to(&mut self, limits: &Limits) {
+    /// A plan that is followed keeps to `followed`: then only what stops it is bound to the others.
+    pub(crate) fn keep_to(&mut self, limits: &Limits, followed: &Limits) {
+        self.followed = *followed;
         if self.limits != *limits {
             (self.limits, self.braking) = (*limits, Braking::new(limits, self.period_s));
         }
@@ -254,8 +259,12 @@ impl Guard {
             Drive::Stop => Twist2::default(),
         };
         let here = limiter.setpoint();
+        let driven = match drive {
+            Drive::Follow(..) => self.followed,
+            Drive::Toward(_) | Drive::Stop => self.limits,
+        };
         if self.is_idle() {
-            limiter.set_limits(&self.limits);
+            limiter.set_limits(&driven);
             return limiter.toward(wish);
         }
         if !wish.is_finite() || !here.is_finite() || !state.is_finite() {
@@ -273,8 +282,10 @@ impl Guard {
         let mut cause = cause;
         for candidate in [shaped, half, straight, turning, Twist2::default()] {
             let mut tried = limiter.clone();
-            tried.set_limits(&self.limits);
+            tried.set_limits(&driven);
             let next = tried.toward(candidate);
+            // The stop after it.
+            tried.set_limits(&self.limits);
             match self.check([&here, &next], &now) {
                 Ok(()) => {
                     *limiter = tried;
