@@ -111,7 +111,9 @@ impl ClockMap {
         match (self.least_ns.strictest(Side::Least), self.most_ns.strictest(Side::Most)) {
             (None, None) => None,
             (Some(one), None) | (None, Some(one)) => Some((one, None)),
-            (Some(least), Some(most)) => Some(((least + most) / 2, Some((most - least).abs() / 2 + DRIFT_NS))),
+            (Some(least), Some(most)) => {
+                Some(((least + most) / 2, Some((most - least).abs() / 2 + DRIFT_NS)))
+            }
         }
     }
 

@@ -154,8 +154,7 @@ impl PoseDatagram {
             return Err(Refused::Flags { found: flags });
         }
         let has = |flag: u8| flags & flag != 0;
-        let expected =
-            BYTES[0] + 48 * usize::from(has(HAS_COVARIANCE)) + 16 * usize::from(has(HAS_ECHO));
+        let expected = BYTES[0] + 48 * usize::from(has(HAS_COVARIANCE)) + 16 * usize::from(has(HAS_ECHO));
         let said = at.u16().ok_or(magic)?;
         let length = Refused::Length { found: bytes.len(), expected, said };
         if bytes.len() != expected || usize::from(said) != expected {
@@ -199,7 +198,9 @@ impl PoseDatagram {
         bytes.extend(self.sent_ns.to_le_bytes());
         let numbers = self.pose.iter().chain(self.covariance.iter().flatten());
         bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
-        bytes.extend(self.echo.iter().flat_map(|echo| [echo.told_ns, echo.held_ns]).flat_map(u64::to_le_bytes));
+        bytes.extend(
+            self.echo.iter().flat_map(|echo| [echo.told_ns, echo.held_ns]).flat_map(u64::to_le_bytes),
+        );
         let length = (bytes.len() as u16).to_le_bytes();
         bytes[6..8].copy_from_slice(&length);
         bytes
@@ -271,7 +272,8 @@ impl DatagramHearing {
         self.number(sent.sequence)?;
         // What somebody says of our clock counts where it can be: it is of before now.
         if let Some(echo) = sent.echo
-            && let Some(after_ns) = echo.told_ns.checked_add(echo.held_ns).filter(|after_ns| *after_ns <= now_ns)
+            && let Some(after_ns) =
+                echo.told_ns.checked_add(echo.held_ns).filter(|after_ns| *after_ns <= now_ns)
         {
             self.map.after(sent.sent_ns, after_ns);
         }

@@ -90,7 +90,9 @@ pub enum Refused {
     #[error("NatNet {}.{}: expected 3.x or 4.x", .0.major, .0.minor)]
     Version(Version),
     /// Nobody knows yet how to read it.
-    #[error("a frame before the server said which version it speaks: does it hear commands at its `command_port`?")]
+    #[error(
+        "a frame before the server said which version it speaks: does it hear commands at its `command_port`?"
+    )]
     Unknown,
     /// The body isn't among those in the frame.
     #[error("the frame has no rigid body {wanted}; it has {found}")]
@@ -238,7 +240,8 @@ impl NatNet {
     }
 
     fn server_info(&mut self, body: &[u8]) -> Result<Said, Refused> {
-        let short = Refused::Short { what: "what the server says of itself", found: body.len(), version: None };
+        let short =
+            Refused::Short { what: "what the server says of itself", found: body.len(), version: None };
         let mut at = Cursor::new(body);
         let name = at.take(256).ok_or(short.clone())?;
         let _application = at.take(4).ok_or(short.clone())?;
@@ -310,8 +313,11 @@ impl NatNet {
         };
         let found = id.and_then(|id| frame.bodies.iter().find(|body| body.id == id));
         found.ok_or_else(|| {
-            let name = |id: u32| self.names.iter().find(|(_, of)| **of == id).map(|(name, _)| format!(" \"{name}\""));
-            let all = frame.bodies.iter().map(|body| format!("{}{}", body.id, name(body.id).unwrap_or_default()));
+            let name = |id: u32| {
+                self.names.iter().find(|(_, of)| **of == id).map(|(name, _)| format!(" \"{name}\""))
+            };
+            let all =
+                frame.bodies.iter().map(|body| format!("{}{}", body.id, name(body.id).unwrap_or_default()));
             let all: Vec<String> = all.collect();
             Refused::NoBody { wanted, found: if all.is_empty() { "none".into() } else { all.join(", ") } }
         })

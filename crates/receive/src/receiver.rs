@@ -48,7 +48,9 @@ pub fn open(plan: &ReceiverPlan) -> io::Result<Option<Box<dyn Receiver>>> {
         ReceiverPlan::Program => None,
         ReceiverPlan::Datagram(plan) => Some(Box::new(DatagramReceiver::open(plan)?)),
         ReceiverPlan::NatNet(plan) => Some(Box::new(NatNetReceiver::open(plan)?)),
-        ReceiverPlan::Mouse { device } => Some(Box::new(MouseReceiver(Mouse::new(MouseAt(PathBuf::from(device)))))),
+        ReceiverPlan::Mouse { device } => {
+            Some(Box::new(MouseReceiver(Mouse::new(MouseAt(PathBuf::from(device))))))
+        }
     })
 }
 

@@ -77,7 +77,12 @@ impl Drop for Receivers {
     }
 }
 
-fn run(mut receiver: Box<dyn Receiver>, (place, plan): (usize, &SourcePlan), seat: &dyn Seat, ends: &AtomicBool) {
+fn run(
+    mut receiver: Box<dyn Receiver>,
+    (place, plan): (usize, &SourcePlan),
+    seat: &dyn Seat,
+    ends: &AtomicBool,
+) {
     let mut turn = Turn::new(place, &plan.name, seat);
     while !ends.load(Ordering::Relaxed) {
         turn.look_at_clock();

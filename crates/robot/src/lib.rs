@@ -12,6 +12,7 @@
 //! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
 #![forbid(unsafe_code)]
 
+mod ability;
 mod blind_ramp;
 mod built_in;
 pub mod check;
@@ -43,6 +44,7 @@ mod swing;
 mod traction;
 mod unread;
 
+pub use ability::Ability;
 pub use config::{Problem, RobotFile, RobotPlan};
 pub use cycle::Robot;
 pub use image::{ImageBuffer, ProcessImage};

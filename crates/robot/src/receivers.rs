@@ -29,16 +29,8 @@ pub(crate) fn register(registry: &mut Registry) {
     let keys = vec![needed("address"), optional("peer")];
     add("datagram", "A pose in each UDP datagram of a plain form: motion capture", keys, datagram);
     let needs = ["server"].map(needed);
-    let may = [
-        "local_address",
-        "multicast",
-        "command_port",
-        "data_port",
-        "body",
-        "body_id",
-        "up_axis",
-        "unit_m",
-    ];
+    let may =
+        ["local_address", "multicast", "command_port", "data_port", "body", "body_id", "up_axis", "unit_m"];
     let keys = needs.into_iter().chain(may.map(optional)).collect();
     add("natnet", "A rigid body of OptiTrack's Motive, by its NatNet stream", keys, natnet);
     let keys = vec![needed("device")];
@@ -55,7 +47,11 @@ pub(crate) fn register(registry: &mut Registry) {
 }
 
 fn datagram(table: &SourceTable) -> Made<Received> {
-    let address: SocketAddr = parsed(&given(table.address.clone(), "address")?, "address", "an address with a port, as 192.168.1.10:8500")?;
+    let address: SocketAddr = parsed(
+        &given(table.address.clone(), "address")?,
+        "address",
+        "an address with a port, as 192.168.1.10:8500",
+    )?;
     let peer = match &table.peer {
         Some(peer) => parsed(peer, "peer", "an address without a port")?,
         None if address.ip().is_loopback() => address.ip(),
@@ -70,7 +66,10 @@ fn datagram(table: &SourceTable) -> Made<Received> {
 
 fn natnet(table: &SourceTable) -> Made<Received> {
     let address = |value: &Option<String>, key| {
-        value.as_deref().map(|text| parsed::<Ipv4Addr>(text, key, "an IPv4 address without a port")).transpose()
+        value
+            .as_deref()
+            .map(|text| parsed::<Ipv4Addr>(text, key, "an IPv4 address without a port"))
+            .transpose()
     };
     let server = given(address(&table.server, "server")?, "server")?;
     let multicast = address(&table.multicast, "multicast")?;
@@ -82,7 +81,11 @@ fn natnet(table: &SourceTable) -> Made<Received> {
     let body = match (&table.body, table.body_id) {
         (Some(name), None) => BodyChoice::Name(name.clone()),
         (None, Some(id)) => BodyChoice::Id(id),
-        (None, None) => return Err(Problem::missing("body", "which rigid body the platform is: `body` or `body_id`").into()),
+        (None, None) => {
+            return Err(
+                Problem::missing("body", "which rigid body the platform is: `body` or `body_id`").into()
+            );
+        }
         (Some(_), Some(_)) => {
             let reason = "give `body` or `body_id`, not both";
             return Err(Problem::new(ProblemKind::Contradiction, "body", reason).into());

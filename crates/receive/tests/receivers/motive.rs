@@ -74,7 +74,10 @@ pub fn frame([major, minor]: [u8; 2], (number, bodies): (u32, &[Sent]), ticks: [
     if is_sized {
         all = all.raw(&section(&[asset]));
     }
-    all = all.raw(&section(&[labelled.clone(), labelled])).raw(&section(&[plate.clone()])).raw(&section(&[plate]));
+    all = all
+        .raw(&section(&[labelled.clone(), labelled]))
+        .raw(&section(&[plate.clone()]))
+        .raw(&section(&[plate]));
     let [exposed, sent] = ticks;
     all = all.u32(0).u32(0).raw(&12.5_f64.to_le_bytes());
     for stamp in [exposed, exposed + 5, sent] {

@@ -94,7 +94,12 @@ fn axes_and_units_are_as_the_file_says() {
     let mut mm = plan(BodyChoice::Id(7));
     (mm.up_axis, mm.unit_m) = (UpAxis::Z, 0.001);
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    let body = Sent { position: [1000.0, -2000.0, 5.0], rotation: [0.0, 0.0, -half, half], error: 0.5, ..standing() };
+    let body = Sent {
+        position: [1000.0, -2000.0, 5.0],
+        rotation: [0.0, 0.0, -half, half],
+        error: 0.5,
+        ..standing()
+    };
     let now_ns = 5000 * MS;
     let Ok(Said::Pose(heard, _)) = met([3, 1], &mm).take(&frame([3, 1], 1, &[body], now_ns), SERVER, now_ns)
     else {
@@ -103,7 +108,10 @@ fn axes_and_units_are_as_the_file_says() {
     near(&heard.values, [1.0, -2.0, -std::f64::consts::FRAC_PI_2]);
     // The other axis up: the body lies on its side.
     let told = met([3, 1], &mm).take(&frame([3, 1], 1, &[standing()], now_ns), SERVER, now_ns).unwrap_err();
-    assert!(told.to_string().contains("tilt in degrees is 90") && told.to_string().contains("up_axis"), "{told}");
+    assert!(
+        told.to_string().contains("tilt in degrees is 90") && told.to_string().contains("up_axis"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -167,7 +175,10 @@ fn strangers_other_versions_and_cut_frames_are_refused() {
     assert!(matches!(talk.take(&lies, SERVER, now_ns), Err(Refused::Length { .. })));
     // Read by another version it is no frame.
     let told = met([3, 1], &plan(BodyChoice::Id(7))).take(&whole, SERVER, now_ns).unwrap_err();
-    assert!(matches!(told, Refused::Short { .. } | Refused::NoBody { .. } | Refused::Value { .. }), "{told:?}");
+    assert!(
+        matches!(told, Refused::Short { .. } | Refused::NoBody { .. } | Refused::Value { .. }),
+        "{told:?}"
+    );
 }
 
 proptest! {

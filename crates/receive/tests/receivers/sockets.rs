@@ -36,7 +36,8 @@ impl Seat for Listening {
 fn started(receiver: ReceiverPlan) -> (Receivers, Inbox<(usize, Heard)>, Arc<Mutex<Vec<String>>>) {
     let (to, inbox) = channel();
     let said = Arc::default();
-    let seat: Arc<dyn Seat> = Arc::new(Listening { began: Instant::now(), to: Mutex::new(to), said: Arc::clone(&said) });
+    let seat: Arc<dyn Seat> =
+        Arc::new(Listening { began: Instant::now(), to: Mutex::new(to), said: Arc::clone(&said) });
     let (carries, input) = (Carries::Pose, Vec::new());
     let source =
         SourcePlan { name: "mocap".into(), carries, input, max_age_ns: 0, any_order: true, receiver };
@@ -97,7 +98,8 @@ fn a_server_is_asked_and_its_frames_come_in() {
     };
     let data = SocketAddr::from((Ipv4Addr::LOCALHOST, plan.data_port));
     let (receivers, inbox, said) = started(ReceiverPlan::NatNet(plan));
-    let body = Sent { id: 4, position: [0.5, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], error: 0.0, flags: 1 };
+    let body =
+        Sent { id: 4, position: [0.5, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], error: 0.0, flags: 1 };
     let version = [4, 1];
     let mut heard = Vec::new();
     let mut number = 0;
@@ -109,7 +111,10 @@ fn a_server_is_asked_and_its_frames_come_in() {
         let (answer, to) = match request[0] {
             0 => (motive::server_info(version, 1_000_000_000), from),
             4 => (motive::descriptions(version, &[("robot", 4)]), from),
-            12 => (motive::frame(version, (number, &[body]), [1000 + u64::from(number); 2]), if number % 2 == 0 { from } else { data }),
+            12 => (
+                motive::frame(version, (number, &[body]), [1000 + u64::from(number); 2]),
+                if number % 2 == 0 { from } else { data },
+            ),
             _ => continue,
         };
         server.send_to(&answer, to).unwrap();

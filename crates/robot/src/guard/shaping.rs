@@ -232,10 +232,8 @@ impl Guard {
 
     /// How much further than must be kept an obstacle that comes at a speed is where it holds nothing back, m.
     pub(super) fn far_m(&self, here: &Setpoint, comes_m_s: f64) -> f64 {
-        let stop_s =
-            if comes_m_s > 0.0 { self.braking.stop(here.twist_in_odom.speed_m_s()).1 } else { 0.0 };
-        let approach_m =
-            self.braking.approach_way_m(self.fastest_m_s() + comes_m_s, self.outline.reach_m());
+        let stop_s = if comes_m_s > 0.0 { self.braking.stop(here.twist_in_odom.speed_m_s()).1 } else { 0.0 };
+        let approach_m = self.braking.approach_way_m(self.fastest_m_s() + comes_m_s, self.outline.reach_m());
         FAR * (self.buffer_m() + comes_m_s * stop_s + approach_m)
     }
 
@@ -247,12 +245,7 @@ impl Guard {
         self.braking.approach_m_s(gap_m, self.outline.reach_m())
     }
 
-    fn keep_inside(
-        &self,
-        constraints: &mut Constraints,
-        drive: Drive<'_>,
-        (now, towards): (&Now, &Towards),
-    ) {
+    fn keep_inside(&self, constraints: &mut Constraints, drive: Drive<'_>, (now, towards): (&Now, &Towards)) {
         let Some((_, fence)) = &self.fence else { return };
         let (body, origin) = (self.outline.at(now.place), now.place.origin);
         let need_m = now.fence_need_m.standing_m + self.buffer_m();

@@ -2,7 +2,8 @@
 
 use crate::limits::{Limits, Quantity};
 use crate::reach::{AccelerationBounds, Bend, Interval, Plane};
-use crate::trajectory::Setpoint;
+use crate::trajectory::{Setpoint, Trajectory};
+use omnibase_platform::Twist2;
 
 /// A limit that a motion can meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +16,18 @@ pub enum Limit {
     WheelTorque,
     /// What the floor gives a wheel.
     Grip,
+    /// The heat of a wheel's motor.
+    Heat,
+}
+
+/// What motors bear: the root of the mean square of their torques over a window of time, or over the whole motion where that is
+/// shorter, so that it can be repeated at once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heat {
+    /// The window, s.
+    pub window_s: f64,
+    /// Rows over the acceleration in base, one a motor: its torque over what it bears for ever.
+    pub torques: Vec<[f64; 3]>,
 }
 
 /// The platform's limits, and those of its wheels.
@@ -26,12 +39,14 @@ pub struct PlatformBounds {
     pub wheel_speeds: Vec<[f64; 3]>,
     /// Limits on the acceleration in base.
     pub planes: Vec<(Limit, Plane)>,
+    /// What motors bear; `None`: anything.
+    pub heat: Option<Heat>,
 }
 
 impl PlatformBounds {
     /// Without wheels.
     pub fn new(limits: Limits) -> PlatformBounds {
-        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new() }
+        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new(), heat: None }
     }
 
     /// All limits on the acceleration.
@@ -64,12 +79,8 @@ impl PlatformBounds {
     /// Each limit with how much of it a motion takes at a moment, over itself.
     pub fn loads<'a>(&'a self, setpoint: &Setpoint) -> impl Iterator<Item = (Limit, f64)> + use<'a> {
         let setpoint = *setpoint;
-        let turn_rad = -setpoint.odom_from_base.heading_rad;
-        let axes = |twist: omnibase_platform::Twist2| {
-            let turned = twist.rotated(turn_rad);
-            [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
-        };
-        let (twist, acceleration) = (axes(setpoint.twist_in_odom), axes(setpoint.acceleration_in_odom));
+        let [twist, acceleration] =
+            [setpoint.twist_in_odom, setpoint.acceleration_in_odom].map(|twist| in_base(&setpoint, twist));
         let own = Quantity::ALL.into_iter().map(move |quantity| {
             (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
         });
@@ -104,15 +115,74 @@ impl PlatformBounds {
     }
 }
 
+/// How warm a motion makes motors: the mean squares of their torques, window by window.
+pub(super) struct Warming {
+    window_s: f64,
+    /// Times, and the integral of the square of each motor's torque until then.
+    times_s: Vec<f64>,
+    sums: Vec<Vec<f64>>,
+}
+
+impl Heat {
+    /// That of a motion whose acceleration is smooth between times.
+    pub(super) fn warming(&self, motion: &impl Trajectory, times_s: &[f64]) -> Warming {
+        let mut sums = vec![Vec::with_capacity(times_s.len()); self.torques.len()];
+        let mut totals = vec![0.0; self.torques.len()];
+        for (at, time_s) in times_s.iter().enumerate() {
+            if at > 0 {
+                let width_s = time_s - times_s[at - 1];
+                // Simpson's rule.
+                for (part, weight) in [(0.001, 1.0), (0.5, 4.0), (0.999, 1.0)] {
+                    let setpoint = motion.sample(times_s[at - 1] + part * width_s);
+                    let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
+                    for (total, row) in totals.iter_mut().zip(&self.torques) {
+                        *total += weight / 6.0 * width_s * dot(row, &acceleration).powi(2);
+                    }
+                }
+            }
+            sums.iter_mut().zip(&totals).for_each(|(sum, total)| sum.push(*total));
+        }
+        let duration_s = times_s.last().copied().unwrap_or_default();
+        Warming { window_s: self.window_s.min(duration_s), times_s: times_s.to_vec(), sums }
+    }
+}
+
+impl Warming {
+    /// The windows that end at its times, s, and the root of the mean square of the warmest motor's torque in each.
+    pub(super) fn windows(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
+        let mut from = 0;
+        self.times_s.iter().enumerate().filter_map(move |(to, to_s)| {
+            let from_s = to_s - self.window_s;
+            if from_s < -ROUNDING * self.window_s {
+                return None;
+            }
+            while from + 1 < to && self.times_s[from + 1] <= from_s {
+                from += 1;
+            }
+            let warmest = self.sums.iter().map(|sum| sum[to] - sum[from]).fold(0.0, f64::max);
+            Some(([from_s, *to_s], (warmest / self.window_s).sqrt()))
+        })
+    }
+}
+
+/// Of a window, over itself.
+const ROUNDING: f64 = 1e-9;
+
 impl Limit {
     /// How many times as long a motion must take for a load to become 1.
     fn stretch(self, load: f64) -> f64 {
         match self {
             Limit::Platform(quantity) => quantity.stretch(load),
             Limit::WheelSpeed => load,
-            Limit::WheelTorque | Limit::Grip => load.max(0.0).sqrt(),
+            Limit::WheelTorque | Limit::Grip | Limit::Heat => load.max(0.0).sqrt(),
         }
     }
+}
+
+/// A twist of a setpoint in the axes of its base.
+fn in_base(setpoint: &Setpoint, twist_in_odom: Twist2) -> [f64; 3] {
+    let turned = twist_in_odom.rotated(-setpoint.odom_from_base.heading_rad);
+    [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
