@@ -15,8 +15,8 @@ use crate::grip::FirstEstimates;
 use crate::signals::Dynamics;
 use crate::traction::{Footing, Traction};
 
-/// Part of a wheel's greatest speed and torque that motions are planned with; the rest is the control law's.
-const PLANNED_WHEEL: f64 = 0.95;
+/// Part of a wheel's greatest torque that motions are planned with; the rest is the control law's, and what rubs.
+const PLANNED_TORQUE: f64 = 0.9;
 /// A motor bears its rated torque for ever; a motion may ask for this much of it, as the root of the mean square over a window, s.
 const HEAT_WINDOW_S: f64 = 30.0;
 
@@ -63,9 +63,8 @@ impl Ability {
     pub(crate) fn new(limits: &Limits, facts: WheelFacts<'_>) -> Ability {
         let mut ability = Ability::from(limits);
         let WheelFacts { kinematics, drives, controller, grip } = facts;
-        let speed_rad_s = PLANNED_WHEEL * limits.wheel_speed_rad_s;
         for (wheel, row) in kinematics.wheels().iter().zip(kinematics.matrix()) {
-            ability.bounds.wheel_speeds.push(row.map(|part| part / (wheel.radius_m * speed_rad_s)));
+            ability.bounds.wheel_speeds.push(row.map(|part| part / (wheel.radius_m * limits.wheel_speed_rad_s)));
         }
         let first = FirstEstimates::of(controller);
         let dynamics =
@@ -88,7 +87,7 @@ impl Ability {
             for sign in [1.0, -1.0] {
                 let [x, y, turn] = push.force.map(|part| sign * part);
                 let normal = [x + push.lighter[0], y + push.lighter[1], turn];
-                self.bounds.planes.push((Limit::Grip, Plane { normal, most: push.left_n }));
+                self.bounds.planes.push((Limit::Grip, Plane { normal, most: push.given_n }));
             }
         }
     }
@@ -104,7 +103,7 @@ impl Ability {
         for (wheel, drive) in (0..footing.wheel_count()).zip(drives) {
             let radius_m = kinematics.wheels()[wheel].radius_m;
             let torque = footing.push(wheel, 0.0, dynamics).force.map(|force| force * radius_m);
-            let most = PLANNED_WHEEL * self.limits.wheel_torque_nm;
+            let most = PLANNED_TORQUE * self.limits.wheel_torque_nm;
             for sign in [1.0, -1.0] {
                 let normal = torque.map(|part| sign * part);
                 self.bounds.planes.push((Limit::WheelTorque, Plane { normal, most }));

@@ -124,7 +124,7 @@ impl Traction {
     fn share(&self, friction: f64, grip: &GripReport) -> f64 {
         let Limits { acceleration_m_s2, turn_acceleration_rad_s2, .. } = self.limits;
         let of_wheel = |wheel: usize| {
-            let Push { force, lighter, left_n } = self.footing.push(wheel, friction, &grip.dynamics);
+            let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
             let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
             let needed_n = acceleration_m_s2 * worst(1.0).max(worst(-1.0))
                 + turn_acceleration_rad_s2 * force[2].abs();

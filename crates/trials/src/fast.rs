@@ -66,7 +66,7 @@ impl Case {
         });
         let text = with_payload(&robot, self.law, 1.0, 0.0);
         format!(
-            "{text}static_friction = {rests:?}\nsliding_friction = {slides:?}\n[grip]\nfriction = {told:?}\n\
+            "{text}static_friction = {rests:?}\nsliding_friction = {slides:?}\n[estimator]\ncreep = 0.025\n[grip]\nfriction = {told:?}\n\
              [reference]\ntiming = \"fastest\"\n{}\n",
             self.motion
         )

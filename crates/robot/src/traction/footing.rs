@@ -36,7 +36,8 @@ pub(crate) struct Push {
     pub(crate) force: [f64; 3],
     /// By how much the floor gives it less, by the acceleration along x and y, N.
     pub(crate) lighter: [f64; 2],
-    /// What the floor gives it at rest beyond what rollers take, N.
+    /// What the floor gives it at rest; and beyond what rollers take, N.
+    pub(crate) given_n: f64,
     pub(crate) left_n: f64,
 }
 
@@ -101,6 +102,7 @@ impl Footing {
                 .loads
                 .shift(wheel)
                 .map(|shift| friction * mean_n * shift * self.height_m / GRAVITY_M_S2),
+            given_n,
             left_n: given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n),
         }
     }
