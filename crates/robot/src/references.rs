@@ -12,14 +12,11 @@ use crate::config::{
     EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
     motion_limits,
 };
-use crate::ability::Ability;
+use crate::ability::{Ability, ROOM};
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// A motion without times of its own keeps this far from the limits, so that catching up has room: without it a setpoint that lags while
-/// all brake overshoots.
-const ROOM: f64 = 1.02;
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
@@ -251,7 +248,7 @@ fn fastest(
         return Err(Problem::refused("frame", reason).into());
     }
     let motion = FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
-    Ok(Box::new(Placed::new(motion).stretched(ROOM)))
+    Ok(Box::new(motion))
 }
 
 /// A motion that takes longer where the limits ask for it.

@@ -19,8 +19,8 @@ use crate::config::{GripPlan, Limits, RobotPlan};
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
 use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
-pub(crate) use footing::Footing;
-use footing::{LEAST_LOAD, Push};
+use footing::LEAST_LOAD;
+pub(crate) use footing::{Footing, Push};
 use reliance::Reliance;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
