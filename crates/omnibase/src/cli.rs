@@ -67,6 +67,7 @@ impl Cli {
         let with_motions = |command| ReferenceChoice::options(command, registry);
         Cli::command()
             .mut_subcommand("run", |run| ReferenceChoice::with_correction(with_motions(run)))
+            .mut_subcommand("check", with_motions)
             .mut_subcommand("learn", with_motions)
     }
 
@@ -76,6 +77,7 @@ impl Cli {
         let Some((_, own)) = matches.subcommand() else { return Ok(cli) };
         match &mut cli.command {
             Command::Run(arguments) => arguments.choose_motion(own),
+            Command::Check(arguments) => arguments.choose_motion(own),
             Command::Learn(arguments) => arguments.choose_motion(own),
             _ => {}
         }

@@ -21,6 +21,7 @@ pub mod controllers;
 mod cycle;
 pub mod devices;
 mod drive_modes;
+pub mod dry;
 pub mod estimators;
 mod events;
 mod grip;

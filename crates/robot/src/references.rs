@@ -8,7 +8,7 @@ use omnibase_trajectory::{
     ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
-use crate::ability::Ability;
+use crate::ability::{Ability, ROOM};
 use crate::config::{
     EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
     motion_limits,
@@ -17,9 +17,6 @@ use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional}
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// A motion without times of its own keeps this far from the limits, so that catching up has room: without it a setpoint that lags while
-/// all brake overshoots.
-const ROOM: f64 = 1.02;
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
@@ -252,7 +249,7 @@ fn fastest(
     }
     let motion =
         FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
-    Ok(Box::new(Placed::new(motion).stretched(ROOM)))
+    Ok(Box::new(motion))
 }
 
 /// A motion that takes longer where the limits ask for it.

@@ -19,8 +19,8 @@ use crate::config::{GripPlan, Limits, RobotPlan};
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
 use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
-pub(crate) use footing::Footing;
-use footing::{LEAST_LOAD, Push};
+use footing::LEAST_LOAD;
+pub(crate) use footing::{Footing, Push};
 use reliance::Reliance;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
@@ -124,7 +124,7 @@ impl Traction {
     fn share(&self, friction: f64, grip: &GripReport) -> f64 {
         let Limits { acceleration_m_s2, turn_acceleration_rad_s2, .. } = self.limits;
         let of_wheel = |wheel: usize| {
-            let Push { force, lighter, left_n } = self.footing.push(wheel, friction, &grip.dynamics);
+            let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
             let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();

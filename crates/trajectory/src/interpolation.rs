@@ -142,28 +142,57 @@ const CORNER_COSINE: f64 = 0.866_025_403_784_438_6;
 /// of both and the smaller one keeps its direction (F. N. Fritsch and R. E. Carlson, *Monotone Piecewise Cubic Interpolation*, 1980).
 const MOST_CHANGE: f64 = 4.0;
 
-/// The inner points at which the way has a corner or changes its speed much, between the first and the last one.
-fn rough_points(axes: &[Vec<f64>; 3], durations_s: &[f64]) -> Vec<usize> {
+/// Where splines end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rough {
+    /// The first and the last point, and corners: the thesis's rule counts.
+    Corner(usize),
+    /// The speed changes much: the smaller one of both counts, so that nothing overshoots.
+    Change(usize),
+}
+
+impl Rough {
+    fn at(self) -> usize {
+        let (Rough::Corner(at) | Rough::Change(at)) = self;
+        at
+    }
+}
+
+/// The first and the last point, and between them those at which the way has a corner or changes its speed much.
+fn rough_points(axes: &[Vec<f64>; 3], durations_s: &[f64]) -> Vec<Rough> {
     let scale = [1.0, 1.0, RADIUS_M];
     let slope = |at: usize| -> [f64; 3] {
         std::array::from_fn(|axis| scale[axis] * (axes[axis][at + 1] - axes[axis][at]) / durations_s[at])
     };
     let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let last = durations_s.len();
-    let is_rough = |at: &usize| {
-        let (before, after) = (slope(at - 1), slope(*at));
+    let rough = |at: usize| {
+        let (before, after) = (slope(at - 1), slope(at));
         let [square, other] = [dot(&before, &before), dot(&after, &after)];
-        dot(&before, &after) < CORNER_COSINE * (square * other).sqrt()
-            || square.max(other) > MOST_CHANGE * MOST_CHANGE * square.min(other)
+        if dot(&before, &after) < CORNER_COSINE * (square * other).sqrt() {
+            Some(Rough::Corner(at))
+        } else {
+            let changes = square.max(other) > MOST_CHANGE * MOST_CHANGE * square.min(other);
+            changes.then_some(Rough::Change(at))
+        }
     };
-    [0].into_iter().chain((1..last).filter(is_rough)).chain([last]).collect()
+    let ends = [0, last].map(Rough::Corner);
+    [ends[0]].into_iter().chain((1..last).filter_map(rough)).chain([ends[1]]).collect()
 }
 
 /// The speeds of a spline between points at which the rule's count; at rest at the ends.
-fn smooth_speeds(values: &[f64], durations_s: &[f64], fixed: &[usize]) -> Vec<f64> {
+fn smooth_speeds(values: &[f64], durations_s: &[f64], fixed: &[Rough]) -> Vec<f64> {
     let mut speeds = speeds_by_rule(values, durations_s, SpeedRule::PreviousSlope);
+    for rough in fixed {
+        if let Rough::Change(at) = rough {
+            let slope = |at: usize| (values[at + 1] - values[at]) / durations_s[at];
+            let (before, after) = (slope(at - 1), slope(*at));
+            speeds[*at] =
+                if before * after <= 0.0 { 0.0 } else { before.abs().min(after.abs()).copysign(before) };
+        }
+    }
     for pair in fixed.windows(2) {
-        let (from, to) = (pair[0], pair[1]);
+        let [from, to] = [pair[0], pair[1]].map(Rough::at);
         let ends = [speeds[from], speeds[to]];
         let between = spline_speeds_between(&values[from..=to], &durations_s[from..to], ends);
         speeds[from..=to].copy_from_slice(&between);

@@ -391,10 +391,10 @@ fn a_motion_in_the_platforms_axes_goes_where_the_platform_points() {
     assert!(InPlatformAxes::new(endless).is_none());
 }
 
-/// A lying eight of 1.6 m in 80 points, from rest to rest.
-fn eight_points() -> PathPoints {
+/// A lying eight of 1.6 m in so many points, from rest to rest.
+fn eight_points(count: i32) -> PathPoints {
     let point = |at: i32| {
-        let part = f64::from(at) / 79.0;
+        let part = f64::from(at) / f64::from(count - 1);
         let way = part.powi(3) * (10.0 - 15.0 * part + 6.0 * part * part);
         let phi = std::f64::consts::TAU * way;
         PathPoint {
@@ -402,29 +402,30 @@ fn eight_points() -> PathPoints {
             odom_from_base: Pose2::new(0.8 * phi.sin(), 0.4 * (2.0 * phi).sin(), 0.0),
         }
     };
-    PathPoints::new((0..80).map(point).collect()).unwrap()
+    PathPoints::new((0..count).map(point).collect()).unwrap()
 }
 
 #[test]
 fn points_on_a_smooth_curve_are_driven_smoothly() {
     let limits = Limits {
         speed_m_s: 1.0,
-        acceleration_m_s2: 1.0,
+        acceleration_m_s2: 1.1,
         jerk_m_s3: 40.0,
         rate_rad_s: 1.5,
         angular_acceleration_rad_s2: 3.0,
         angular_jerk_rad_s3: 80.0,
     };
-    let peak = |interpolation| {
-        let motion = PointTrajectory::new(&eight_points(), interpolation);
+    let thesis = Interpolation::Cubic(SpeedRule::PreviousSlope);
+    let peak = |count, interpolation| {
+        let motion = PointTrajectory::new(&eight_points(count), interpolation);
         Peaks::of(&motion).peak(Quantity::Acceleration).value
     };
-    // The curve itself has 0.72 m/s².
-    let (smooth, thesis) =
-        (peak(Interpolation::Smooth), peak(Interpolation::Cubic(SpeedRule::PreviousSlope)));
-    assert!(smooth < 0.78 && thesis > 1.5, "{smooth} and {thesis}");
-    assert!(limits::plan(&eight_points(), Interpolation::Smooth, &limits).is_ok());
-    assert!(limits::plan(&eight_points(), Interpolation::Cubic(SpeedRule::PreviousSlope), &limits).is_err());
+    let curve = peak(1000, Interpolation::Smooth);
+    let [smooth, rough] =
+        [Interpolation::Smooth, thesis].map(|interpolation| peak(80, interpolation) / curve);
+    assert!((smooth - 1.0).abs() < 0.02 && rough > 2.0, "{smooth} and {rough} of {curve}");
+    assert!(limits::plan(&eight_points(80), Interpolation::Smooth, &limits).is_ok());
+    assert!(limits::plan(&eight_points(80), thesis, &limits).is_err());
 }
 
 #[test]

@@ -25,10 +25,10 @@ pub const SPEEDS: [f64; 2] = [1.5, 3.0];
 const HIGH: [(&str, f64); 6] = [
     ("speed_m_s", SPEEDS[0]),
     ("acceleration_m_s2", 6.0),
-    ("jerk_m_s3", 200.0),
+    ("jerk_m_s3", 400.0),
     ("turn_speed_rad_s", SPEEDS[1]),
     ("turn_acceleration_rad_s2", 20.0),
-    ("turn_jerk_rad_s3", 800.0),
+    ("turn_jerk_rad_s3", 1600.0),
 ];
 
 /// The square of 2 m, stopping at its corners or cutting them by 50 mm; circle, eight.
@@ -72,7 +72,7 @@ impl Case {
         });
         let text = with_payload(&robot, self.law, 1.0, 0.0);
         format!(
-            "{text}static_friction = {rests:?}\nsliding_friction = {slides:?}\n[grip]\nfriction = {told:?}\n\
+            "{text}static_friction = {rests:?}\nsliding_friction = {slides:?}\n[estimator]\ncreep = 0.025\n[grip]\ncentre_of_mass_height_m = 0.25\nfriction = {told:?}\n\
              [reference]\ntiming = \"fastest\"\n{}\n",
             self.motion
         )

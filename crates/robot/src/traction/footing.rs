@@ -21,6 +21,8 @@ pub(crate) struct Footing {
     per_wrench: [[f64; 3]; MAX_WHEELS],
     /// The most that each wheel pushes against rollers that take 1 N each.
     per_roller: [f64; MAX_WHEELS],
+    /// The wrench of 1 N against the rollers of each wheel.
+    rollers: Vec<[f64; 3]>,
     pub(super) radius_m: [f64; MAX_WHEELS],
     /// The part of a wheel's force on the floor that its rim feels.
     pub(super) rim_share: [f64; MAX_WHEELS],
@@ -30,13 +32,16 @@ pub(crate) struct Footing {
 }
 
 /// What a wheel pushes for an acceleration in base_link (m/s², m/s², rad/s²), and what it may.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Push {
     /// Its force at the rim, by the acceleration, N.
     pub(crate) force: [f64; 3],
     /// By how much the floor gives it less, by the acceleration along x and y, N.
     pub(crate) lighter: [f64; 2],
-    /// What the floor gives it at rest beyond what rollers take, N.
+    /// How much of what a unit of each axis of a wrench against the motion takes its rim pushes, N.
+    pub(crate) resisted: [f64; 3],
+    /// What the floor gives it at rest; and beyond what rollers take, N.
+    pub(crate) given_n: f64,
     pub(crate) left_n: f64,
 }
 
@@ -46,6 +51,7 @@ impl Footing {
         let mut footing = Footing {
             per_wrench: [[0.0; 3]; MAX_WHEELS],
             per_roller: [0.0; MAX_WHEELS],
+            rollers: WheelFriction::new(kinematics).rollers().to_vec(),
             radius_m: [1.0; MAX_WHEELS],
             rim_share: [1.0; MAX_WHEELS],
             wheels: kinematics.wheel_count(),
@@ -77,6 +83,18 @@ impl Footing {
         self.wheels
     }
 
+    /// The wrench of each wheel's rollers over the direction of a motion.
+    pub(crate) fn roller_wrenches(&self, dynamics: &Dynamics) -> Vec<[f64; 3]> {
+        let roller_n = self.roller_n(dynamics);
+        self.rollers.iter().map(|roller| roller.map(|part| roller_n * part)).collect()
+    }
+
+    /// What a wheel's rollers take, N.
+    fn roller_n(&self, dynamics: &Dynamics) -> f64 {
+        let [_, roller_n] = dynamics.friction_n;
+        roller_n.max(ROLLERS * self.mean_n(dynamics.mass_kg))
+    }
+
     /// Mean load of a wheel, N.
     pub(crate) fn mean_n(&self, mass_kg: f64) -> f64 {
         mass_kg * GRAVITY_M_S2 / self.wheels as f64
@@ -86,8 +104,7 @@ impl Footing {
     pub(crate) fn push(&self, wheel: usize, friction: f64, dynamics: &Dynamics) -> Push {
         let [along_x, along_y] = dynamics.mass_moment_kg_m;
         let mean_n = self.mean_n(dynamics.mass_kg);
-        let [_, roller_n] = dynamics.friction_n;
-        let roller_n = roller_n.max(ROLLERS * mean_n);
+        let roller_n = self.roller_n(dynamics);
         let [x, y, turn] = self.per_wrench[wheel];
         let friction = friction * self.rim_share[wheel];
         let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m()).max(LEAST_LOAD);
@@ -101,6 +118,8 @@ impl Footing {
                 .loads
                 .shift(wheel)
                 .map(|shift| friction * mean_n * shift * self.height_m / GRAVITY_M_S2),
+            resisted: self.per_wrench[wheel],
+            given_n,
             left_n: given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n),
         }
     }

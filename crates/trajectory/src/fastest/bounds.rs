@@ -1,7 +1,7 @@
 //! What a platform may do along a way, and how far it does.
 
 use crate::limits::{Limits, Quantity};
-use crate::reach::{AccelerationBounds, Bend, Interval, Plane};
+use crate::reach::{AccelerationBounds, Bend, Interval, Plane, resisting};
 use crate::trajectory::{Setpoint, Trajectory};
 use omnibase_platform::Twist2;
 
@@ -20,8 +20,7 @@ pub enum Limit {
     Heat,
 }
 
-/// What motors bear: the root of the mean square of their torques over a window of time, or over the whole motion where that is
-/// shorter, so that it can be repeated at once.
+/// What motors bear: the root of the mean square of their torques over a window of time; before the motion they rested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heat {
     /// The window, s.
@@ -39,6 +38,8 @@ pub struct PlatformBounds {
     pub wheel_speeds: Vec<[f64; 3]>,
     /// Limits on the acceleration in base.
     pub planes: Vec<(Limit, Plane)>,
+    /// What resists a motion, as [`AccelerationBounds`] has it.
+    pub resistance: Vec<[f64; 3]>,
     /// What motors bear; `None`: anything.
     pub heat: Option<Heat>,
 }
@@ -46,16 +47,23 @@ pub struct PlatformBounds {
 impl PlatformBounds {
     /// Without wheels.
     pub fn new(limits: Limits) -> PlatformBounds {
-        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new(), heat: None }
+        PlatformBounds {
+            limits,
+            wheel_speeds: Vec::new(),
+            planes: Vec::new(),
+            resistance: Vec::new(),
+            heat: None,
+        }
     }
 
     /// All limits on the acceleration.
     pub(super) fn acceleration(&self) -> AccelerationBounds {
         let most = self.limits.angular_acceleration_rad_s2;
-        let turning = [1.0, -1.0].map(|sign| Plane { normal: [0.0, 0.0, sign], most });
+        let turning = [1.0, -1.0].map(|sign| Plane { normal: [0.0, 0.0, sign], most, ..Plane::default() });
         AccelerationBounds {
             length: Some(self.limits.acceleration_m_s2),
             planes: turning.into_iter().chain(self.planes.iter().map(|(_, plane)| *plane)).collect(),
+            resistance: self.resistance.clone(),
         }
     }
 
@@ -85,10 +93,12 @@ impl PlatformBounds {
             (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
         });
         let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
+        let is_resisted = !self.resistance.is_empty();
+        let resistance = if is_resisted { resisting(&self.resistance, &twist) } else { [0.0; 3] };
         let planes = self
             .planes
             .iter()
-            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.most));
+            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.left(&resistance)));
         own.chain(speeds).chain(planes)
     }
 
@@ -142,8 +152,7 @@ impl Heat {
             }
             sums.iter_mut().zip(&totals).for_each(|(sum, total)| sum.push(*total));
         }
-        let duration_s = times_s.last().copied().unwrap_or_default();
-        Warming { window_s: self.window_s.min(duration_s), times_s: times_s.to_vec(), sums }
+        Warming { window_s: self.window_s, times_s: times_s.to_vec(), sums }
     }
 }
 
@@ -151,22 +160,16 @@ impl Warming {
     /// The windows that end at its times, s, and the root of the mean square of the warmest motor's torque in each.
     pub(super) fn windows(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mut from = 0;
-        self.times_s.iter().enumerate().filter_map(move |(to, to_s)| {
+        self.times_s.iter().enumerate().map(move |(to, to_s)| {
             let from_s = to_s - self.window_s;
-            if from_s < -ROUNDING * self.window_s {
-                return None;
-            }
             while from + 1 < to && self.times_s[from + 1] <= from_s {
                 from += 1;
             }
             let warmest = self.sums.iter().map(|sum| sum[to] - sum[from]).fold(0.0, f64::max);
-            Some(([from_s, *to_s], (warmest / self.window_s).sqrt()))
+            ([from_s.max(0.0), *to_s], (warmest / self.window_s).sqrt())
         })
     }
 }
-
-/// Of a window, over itself.
-const ROUNDING: f64 = 1e-9;
 
 impl Limit {
     /// How many times as long a motion must take for a load to become 1.
