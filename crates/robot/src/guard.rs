@@ -211,7 +211,8 @@ impl Guard {
     /// Whether an obstacle, where it is now, is nearer to a pose than is to be kept from it.
     pub(crate) fn is_blocked(&self, pose: &Pose2) -> bool {
         let body = self.outline.placed(pose);
-        let kept_m = self.distance_m + self.obstacle_sigmas * self.spread.at_m(self.outline.reach_m()) - INSIDE_M;
+        let kept_m =
+            self.distance_m + self.obstacle_sigmas * self.spread.at_m(self.outline.reach_m()) - INSIDE_M;
         self.avoidance != AvoidanceKind::Off
             && self.obstacles.iter().flatten().any(|obstacle| distance_m(&body, obstacle) < kept_m)
     }
@@ -281,7 +282,12 @@ impl Guard {
         let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
         let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
         let mut cause = cause;
-        for candidate in [shaped, half, straight, turning, Twist2::default()] {
+        let candidates = [shaped, half, straight, turning, Twist2::default()];
+        for (number, candidate) in candidates.into_iter().enumerate() {
+            if candidates[..number].contains(&candidate) {
+                // It was refused already.
+                continue;
+            }
             let mut tried = limiter.clone();
             tried.set_limits(&self.limits);
             let next = tried.toward(candidate);

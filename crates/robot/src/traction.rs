@@ -12,7 +12,7 @@
 
 mod reliance;
 
-use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
+use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, length};
 
 use crate::config::{Limits, RobotPlan};
 use crate::grip::friction::WheelFriction;
@@ -167,7 +167,7 @@ impl Traction {
             let force = [dynamics.mass_kg * x - along_y * turn, dynamics.mass_kg * y + along_x * turn];
             let lighter =
                 self.loads.shift(wheel).map(|shift| friction * mean_n * shift * self.height_m / GRAVITY_M_S2);
-            let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
+            let worst = |sign: f64| length([sign * force[0] + lighter[0], sign * force[1] + lighter[1]]);
             let turning = dynamics.inertia_kg_m2 * turn - along_y * x + along_x * y;
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * turning.abs();

@@ -69,8 +69,7 @@ impl Patch {
     /// At most the distance to a point, m.
     pub(super) fn distance_at_least_m(&self, point: Point) -> f64 {
         let (along, across) = (square(self.along), square(self.across));
-        let (long, short) =
-            if along > across { (self.along, across) } else { (self.across, along) };
+        let (long, short) = if along > across { (self.along, across) } else { (self.across, along) };
         let side = Side::new(self.origin, plus(self.origin, long, 1.0));
         length(side.way_from(point)) - short.sqrt()
     }
