@@ -291,7 +291,12 @@ impl Guard {
         let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
         let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
         let mut cause = cause;
-        for candidate in [shaped, half, straight, turning, Twist2::default()] {
+        let candidates = [shaped, half, straight, turning, Twist2::default()];
+        for (number, candidate) in candidates.into_iter().enumerate() {
+            if candidates[..number].contains(&candidate) {
+                // It was refused already.
+                continue;
+            }
             let mut tried = limiter.clone();
             tried.set_limits(&driven);
             let next = tried.toward(candidate);

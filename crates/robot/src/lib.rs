@@ -19,6 +19,7 @@ pub mod check;
 pub mod config;
 pub mod controllers;
 mod cycle;
+mod decay;
 pub mod devices;
 mod drive_modes;
 pub mod dry;

@@ -13,7 +13,7 @@
 mod footing;
 mod reliance;
 
-use omnibase_platform::MAX_WHEELS;
+use omnibase_platform::{MAX_WHEELS, length};
 
 use crate::config::{GripPlan, Limits, RobotPlan};
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
@@ -125,7 +125,7 @@ impl Traction {
         let Limits { acceleration_m_s2, turn_acceleration_rad_s2, .. } = self.limits;
         let of_wheel = |wheel: usize| {
             let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
-            let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
+            let worst = |sign: f64| length([sign * force[0] + lighter[0], sign * force[1] + lighter[1]]);
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();
             left_n / needed_n

@@ -153,7 +153,15 @@ impl<'a> Body<'a> {
     /// How far its corner that is furthest in a direction is so from the origin, m; the direction has length 1.
     pub(super) fn reach_along_m(&self, way: Point) -> f64 {
         let way = self.seen(way);
-        self.outline.sides.iter().map(|side| dot(way, side.from)).fold(f64::NEG_INFINITY, f64::max)
+        let mut furthest_m = f64::NEG_INFINITY;
+        for side in &self.outline.sides {
+            let along_m = dot(way, side.from);
+            // Without `max`, which takes care of what is no number, too.
+            if along_m > furthest_m {
+                furthest_m = along_m;
+            }
+        }
+        furthest_m
     }
 
     /// The point of the outline that is nearest to another one.

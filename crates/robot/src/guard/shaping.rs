@@ -8,7 +8,8 @@
 
 use omnibase_platform::Twist2;
 
-use super::shape::{Point, cross, dot, length, plus};
+use super::fence::Wall;
+use super::shape::{MAX_FENCE_CORNERS, Point, cross, dot, length, plus};
 use super::{Drive, Guard, Now};
 use crate::config::AvoidanceKind;
 use crate::signals::{LimitedBy, Setpoint};
@@ -124,27 +125,65 @@ impl Constraints {
         })
     }
 
-    /// A speed within all constraints and near to the wished one.
-    fn within(&self, wish: Point, w_rad_s: f64) -> Point {
-        // In a pocket that closes not everything can be left at once; then it is enough to come nearer to nothing.
-        let leaving = self.projected(wish, w_rad_s, f64::NEG_INFINITY);
-        leaving.or_else(|| self.projected(wish, w_rad_s, 0.0)).unwrap_or_default()
-    }
-
-    /// By projection on one constraint after the other, none of them stricter than `least_m_s`; `None` where that
-    /// doesn't end within all of them.
-    fn projected(&self, wish: Point, w_rad_s: f64, least_m_s: f64) -> Option<Point> {
-        let excess_of = |constraint: &Constraint, speed: Point| {
-            let most = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
-            dot(constraint.normal, speed) - most
+    /// What they leave of speeds while the body turns so fast.
+    fn at_turn(&self, w_rad_s: f64) -> Speeds {
+        let planes = |least_m_s: f64| {
+            let mut planes = Planes { list: [Plane::default(); MOST], count: self.count };
+            for (plane, constraint) in planes.list.iter_mut().zip(self.all()) {
+                let most_m_s = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
+                *plane = Plane { normal: constraint.normal, most_m_s };
+            }
+            planes
         };
+        Speeds { leaving: Some(planes(f64::NEG_INFINITY)), staying: planes(0.0) }
+    }
+}
+
+/// A constraint at a turn: the greatest speed along a normal.
+#[derive(Clone, Copy, Debug, Default)]
+struct Plane {
+    normal: Point,
+    most_m_s: f64,
+}
+
+struct Planes {
+    list: [Plane; MOST],
+    count: usize,
+}
+
+/// Speeds that leave what is too near; in a pocket that closes not everything can be left at once, and then it is enough to come
+/// nearer to nothing.
+struct Speeds {
+    leaving: Option<Planes>,
+    staying: Planes,
+}
+
+impl Speeds {
+    /// A speed within all constraints and near to a wished one.
+    fn within(&mut self, wish: Point) -> Point {
+        if let Some(leaving) = &self.leaving {
+            match leaving.projected(wish) {
+                Some(speed) => return speed,
+                // It isn't tried with another wish in this cycle.
+                None => self.leaving = None,
+            }
+        }
+        self.staying.projected(wish).unwrap_or_default()
+    }
+}
+
+impl Planes {
+    /// By projection on one constraint after the other; `None` where that doesn't end within all of them.
+    fn projected(&self, wish: Point) -> Option<Point> {
+        let planes = &self.list[..self.count];
+        let excess_of = |plane: &Plane, speed: Point| dot(plane.normal, speed) - plane.most_m_s;
         let mut speed = wish;
         for _ in 0..ROUNDS {
             let mut held = true;
-            for constraint in self.all() {
-                let excess = excess_of(constraint, speed);
+            for plane in planes {
+                let excess = excess_of(plane, speed);
                 if excess > 1e-12 {
-                    speed = plus(speed, constraint.normal, -excess);
+                    speed = plus(speed, plane.normal, -excess);
                     held &= excess < 1e-9;
                 }
             }
@@ -152,7 +191,7 @@ impl Constraints {
                 return Some(speed);
             }
         }
-        self.all().iter().all(|constraint| excess_of(constraint, speed) < 1e-3).then_some(speed)
+        planes.iter().all(|plane| excess_of(plane, speed) < 1e-3).then_some(speed)
     }
 }
 
@@ -178,7 +217,8 @@ impl Guard {
         }
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let w_rad_s = constraints.turn(wish.w_rad_s);
-        let mut speed = constraints.within(wished, w_rad_s);
+        let mut speeds = constraints.at_turn(w_rad_s);
+        let mut speed = speeds.within(wished);
         let is_against = |constraint: &&Constraint| {
             dot(constraint.normal, wished) + w_rad_s * constraint.moment_m > constraint.most_m_s + 1e-9
         };
@@ -188,7 +228,7 @@ impl Guard {
         if let Drive::Follow(..) = drive
             && self.avoidance == AvoidanceKind::Guarded
         {
-            speed = self.around(here, &constraints, (wished, speed, w_rad_s));
+            speed = self.around(here, (&constraints, &mut speeds), (wished, speed, w_rad_s));
         }
         if w_rad_s != wish.w_rad_s && by == LimitedBy::Nothing {
             by = constraints.all().first().map_or(by, |constraint| constraint.by);
@@ -253,10 +293,15 @@ impl Guard {
         let keeps_its_path = matches!(drive, Drive::Follow(..)) && now.is_too_near_the_fence();
         let least_m_s = if keeps_its_path { 0.0 } else { f64::NEG_INFINITY };
         let most_m_s = |distance_m: f64| self.most_m_s(distance_m - need_m, towards).max(least_m_s);
+        let approach_m = self.braking.approach_way_m(towards.fastest_m_s, self.outline.reach_m());
+        let far_m = need_m + FAR * approach_m;
+        let is_inside = now.fence_m > 0.0;
         // No part of the body is nearer.
-        if now.fence_m > 0.0 && most_m_s(now.fence_m) >= towards.fastest_m_s {
+        if is_inside && now.fence_m > far_m {
             return;
         }
+        let (centre, radius_m) = body.circle();
+        let is_near = |wall: &Wall| !is_inside || length(wall.side.way_from(centre)) <= far_m + radius_m;
         let mut add = |corner: Point, way: Point, distance_m: f64| {
             let (size, most_m_s) = (length(way), most_m_s(distance_m));
             if most_m_s < towards.fastest_m_s && size > 0.0 {
@@ -266,12 +311,17 @@ impl Guard {
                 constraints.push(Constraint { normal, moment_m, most_m_s, by, around: [0.0; 2] });
             }
         };
+        let mut near = [false; MAX_FENCE_CORNERS];
+        fence.walls().iter().zip(&mut near).for_each(|(wall, near)| *near = is_near(wall));
         for corner in body.corners() {
-            let inside = fence.has_inside(corner);
-            for wall in fence.walls() {
+            let inside = is_inside || fence.has_inside(corner);
+            for wall in fence.walls().iter().zip(near).filter_map(|(wall, is_near)| is_near.then_some(wall)) {
                 let way = wall.side.way_from(corner);
                 let distance_m = length(way);
                 if inside && distance_m > 1e-6 {
+                    if distance_m > far_m {
+                        continue;
+                    }
                     add(corner, way, distance_m);
                 } else if distance_m <= 1e-6 || distance_m <= fence.nearest_m(corner) {
                     // On the fence or outside: outwards is away from the side that is nearest.
@@ -324,7 +374,7 @@ impl Guard {
     fn around(
         &mut self,
         here: &Setpoint,
-        constraints: &Constraints,
+        (constraints, speeds): (&Constraints, &mut Speeds),
         (wished, speed, w_rad_s): (Point, Point, f64),
     ) -> Point {
         let size = length(wished);
@@ -346,7 +396,7 @@ impl Guard {
         let mut best = ([0.0; 2], 0.0);
         for constraint in obstacles() {
             let tangent = sense.tangent(constraint.around);
-            let along = constraints.within([tangent[0] * pace, tangent[1] * pace], w_rad_s);
+            let along = speeds.within([tangent[0] * pace, tangent[1] * pace]);
             let progress = dot(along, tangent);
             if progress > best.1 {
                 best = (along, progress);
