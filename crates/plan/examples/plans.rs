@@ -71,10 +71,13 @@ fn touches(plan: &Plan, outline: &[Point], blocks: &[Block]) -> Option<Pose2> {
         for step in 0..=steps {
             let part = step as f64 / steps as f64;
             let at = |a: f64, b: f64| a + part * (b - a);
-            let pose = Pose2::new(at(from.x_m, to.x_m), at(from.y_m, to.y_m), at(from.heading_rad, to.heading_rad));
+            let pose =
+                Pose2::new(at(from.x_m, to.x_m), at(from.y_m, to.y_m), at(from.heading_rad, to.heading_rad));
             let (sin, cos) = pose.heading_rad.sin_cos();
-            let placed: Vec<Point> =
-                outline.iter().map(|[x, y]| [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y]).collect();
+            let placed: Vec<Point> = outline
+                .iter()
+                .map(|[x, y]| [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y])
+                .collect();
             let is_outside =
                 placed.iter().any(|[x, y]| *x < 0.0 || *y < 0.0 || *x > ROOM_M[0] || *y > ROOM_M[1]);
             if is_outside || blocks.iter().any(|block| overlap(&placed, block)) {
@@ -95,9 +98,8 @@ fn to_segment(point: Point, from: Point, to: Point) -> f64 {
 
 /// Whether a disc of a radius gets straight from one place to another.
 fn is_clear(from: Point, to: Point, radius: f64, blocks: &[Block]) -> bool {
-    let inside = |[x, y]: Point| {
-        x >= radius && y >= radius && x <= ROOM_M[0] - radius && y <= ROOM_M[1] - radius
-    };
+    let inside =
+        |[x, y]: Point| x >= radius && y >= radius && x <= ROOM_M[0] - radius && y <= ROOM_M[1] - radius;
     if !inside(from) || !inside(to) {
         return false;
     }
@@ -156,9 +158,13 @@ impl Graph {
         if is_clear(from, to, self.radius, blocks) {
             return Some(length(from, to));
         }
-        let sees = |place: &Point, end: Point| is_clear(*place, end, self.radius, blocks).then(|| length(*place, end));
-        let mut best: Vec<f64> = self.places.iter().map(|place| sees(place, from).unwrap_or(f64::INFINITY)).collect();
-        let last: Vec<f64> = self.places.iter().map(|place| sees(place, to).unwrap_or(f64::INFINITY)).collect();
+        let sees = |place: &Point, end: Point| {
+            is_clear(*place, end, self.radius, blocks).then(|| length(*place, end))
+        };
+        let mut best: Vec<f64> =
+            self.places.iter().map(|place| sees(place, from).unwrap_or(f64::INFINITY)).collect();
+        let last: Vec<f64> =
+            self.places.iter().map(|place| sees(place, to).unwrap_or(f64::INFINITY)).collect();
         let mut done = vec![false; best.len()];
         let mut found = f64::INFINITY;
         loop {
@@ -202,20 +208,37 @@ fn main() {
         ("1.4 by 0.5 m", rectangle(1.4, 0.5), false),
     ];
     let mut dumped = String::new();
-    println!("{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>34}", "robot", "plans", "straight", "disc", "turning", "no way", "touched", "ms half / 99 % / most", "length over best: mean / 99 % / most");
+    println!(
+        "{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>34}",
+        "robot",
+        "plans",
+        "straight",
+        "disc",
+        "turning",
+        "no way",
+        "touched",
+        "ms half / 99 % / most",
+        "length over best: mean / 99 % / most"
+    );
     for (name, footprint, is_disc) in &robots {
         let mut row = Row::default();
         let mut random = Random(17);
         let rooms = count / robots.len() / EACH;
         for number in 0..rooms {
             let blocks = blocks(&mut random);
-            let mut map = Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M).expect("a room");
+            let mut map = Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M)
+                .expect("a room");
             blocks.iter().for_each(|block| map.block_polygon(block));
             let space = Space::new(map);
             let graph = (*is_disc && number % GRAPHS == 0)
                 .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
             for _ in 0..EACH {
-                ask(&mut row, &mut random, (&space, footprint, &blocks, graph.as_ref()), (number % 100 == 0).then_some(&mut dumped));
+                ask(
+                    &mut row,
+                    &mut random,
+                    (&space, footprint, &blocks, graph.as_ref()),
+                    (number % 100 == 0).then_some(&mut dumped),
+                );
             }
         }
         row.times_ms.sort_by(f64::total_cmp);
@@ -225,9 +248,23 @@ fn main() {
         let lengths = if row.ratios.is_empty() {
             "-".to_owned()
         } else {
-            format!("{mean:.4} / {:.4} / {:.4} ({} ways)", percentile(&row.ratios, 0.99), percentile(&row.ratios, 1.0), row.ratios.len())
+            format!(
+                "{mean:.4} / {:.4} / {:.4} ({} ways)",
+                percentile(&row.ratios, 0.99),
+                percentile(&row.ratios, 1.0),
+                row.ratios.len()
+            )
         };
-        println!("{name:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {lengths:>34}", row.asked, row.found[0], row.found[1], row.found[2], row.none, row.touched, format!("{:.2} / {:.1} / {:.0}", ms(0.5), ms(0.99), ms(1.0)));
+        println!(
+            "{name:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {lengths:>34}",
+            row.asked,
+            row.found[0],
+            row.found[1],
+            row.found[2],
+            row.none,
+            row.touched,
+            format!("{:.2} / {:.1} / {:.0}", ms(0.5), ms(0.99), ms(1.0))
+        );
         if row.missed > 0 {
             println!("  {} ways of the visibility graph were not found", row.missed);
         }
@@ -279,8 +316,13 @@ fn ask(
                 }
             }
             if let Some(dumped) = dumped {
-                let poses: Vec<[f64; 3]> = plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
-                let _ = writeln!(dumped, "{{\"room\": {ROOM_M:?}, \"blocks\": {blocks:?}, \"outline\": {:?}, \"poses\": {poses:?}}}", footprint.corners_m());
+                let poses: Vec<[f64; 3]> =
+                    plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
+                let _ = writeln!(
+                    dumped,
+                    "{{\"room\": {ROOM_M:?}, \"blocks\": {blocks:?}, \"outline\": {:?}, \"poses\": {poses:?}}}",
+                    footprint.corners_m()
+                );
             }
         }
         Err(PlanError::Blocked { .. } | PlanError::Outside { .. }) => row.asked -= 1,

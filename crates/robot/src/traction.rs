@@ -8,11 +8,15 @@
 //!   and obstacles count with it;
 //! - the most torque of each wheel: commands by torque are scaled as a whole, so that the direction of force is kept.
 //!
+//! With more than three wheels the same force on the body can be shared in many ways. The least torques are asked for first; where a wheel
+//! can't give its part, the wheels that bear more take it over (`sharing.rs`).
+//!
 //! Where the file says nothing of the floor nothing is counted on or held back, but for wheels that spin while the robot stops.
 
 mod reliance;
+mod sharing;
 
-use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
+use omnibase_platform::{Kinematics, MAX_WHEELS, PerWheel, Wrench2};
 
 use crate::config::{Limits, RobotPlan};
 use crate::grip::friction::WheelFriction;
@@ -47,6 +51,8 @@ const SLIPPING: f64 = 0.5;
 pub(crate) struct Traction {
     /// The force at each rim for 1 N along x and y, and 1 N·m.
     per_wrench: [[f64; 3]; MAX_WHEELS],
+    /// The wrench on the body of 1 N at each rim.
+    per_force: [[f64; 3]; MAX_WHEELS],
     /// The most that each wheel pushes against rollers that take 1 N each.
     per_roller: [f64; MAX_WHEELS],
     radius_m: [f64; MAX_WHEELS],
@@ -72,6 +78,7 @@ impl Traction {
         let kinematics = &plan.kinematics;
         let mut traction = Traction {
             per_wrench: [[0.0; 3]; MAX_WHEELS],
+            per_force: [[0.0; 3]; MAX_WHEELS],
             per_roller: [0.0; MAX_WHEELS],
             radius_m: [1.0; MAX_WHEELS],
             rim_share: [1.0; MAX_WHEELS],
@@ -99,6 +106,15 @@ impl Traction {
                 *radius_m = wheel.radius_m;
                 row[axis] = torque_nm / wheel.radius_m;
             }
+        }
+        for wheel in 0..self.wheels {
+            let unit =
+                PerWheel::from_fn(
+                    self.wheels,
+                    |other| if other == wheel { self.radius_m[wheel] } else { 0.0 },
+                );
+            let Wrench2 { fx_n, fy_n, torque_nm } = kinematics.wrench(&unit);
+            self.per_force[wheel] = [fx_n, fy_n, torque_nm];
         }
         for (rim_share, wheel) in self.rim_share.iter_mut().zip(kinematics.wheels()) {
             *rim_share = wheel.rim_share();
@@ -207,8 +223,8 @@ impl Traction {
         let told_n = if stops { self.told_kg * GRAVITY_M_S2 / self.wheels as f64 } else { 0.0 };
         let (mean_n, [spin_n, _]) = (self.mean_n(grip).max(told_n), grip.dynamics.friction_n);
         let mut values = wished.values;
-        let mut factor = 1.0_f64;
-        for (wheel, value) in values.iter_mut().enumerate().take(self.wheels) {
+        let mut most = [0.0; MAX_WHEELS];
+        for (wheel, (value, most_nm)) in values.iter().zip(&mut most).enumerate().take(self.wheels) {
             // What holds a spinning rim back ends its slip.
             let spins = self.slips_m_s[wheel] * *value > 0.0;
             let part = if spins { SLIPPING } else { 1.0 };
@@ -217,7 +233,18 @@ impl Traction {
             let [by_x, by_y] = self.loads.shift(wheel);
             let rests = self.loads.of(wheel, centre_m).max(LEAST_LOAD);
             let load = (rests + by_x * leans[0] + by_y * leans[1]).max(LEANING_LOAD);
-            let most_nm = self.radius_m[wheel] * load * (given_n + spin_n);
+            *most_nm = self.radius_m[wheel] * load * (given_n + spin_n);
+        }
+        if counted.is_some() {
+            sharing::share(
+                &mut values[..self.wheels],
+                &most[..self.wheels],
+                (&self.per_force, &self.radius_m),
+            );
+        }
+        let mut factor = 1.0_f64;
+        for (wheel, value) in values.iter_mut().enumerate().take(self.wheels) {
+            let (spins, most_nm) = (self.slips_m_s[wheel] * *value > 0.0, most[wheel]);
             match (value.abs() > most_nm, counted) {
                 (true, Some(_)) => factor = factor.min(most_nm / value.abs()),
                 // What the floor gives it doesn't depend on its torque: nothing turns the platform.

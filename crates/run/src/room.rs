@@ -5,7 +5,9 @@ use std::path::Path;
 use omnibase_plan::map::Unknown;
 use omnibase_plan::{Cost, Footprint, Map, MapError, Plan, PlanError, Point, Space, Task};
 use omnibase_platform::Pose2;
-use omnibase_robot::config::{BestWay, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells};
+use omnibase_robot::config::{
+    BestWay, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells,
+};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Registry, RobotPlan};
@@ -201,6 +203,19 @@ impl Room {
         (0..corners.len()).map(to_side).fold(f64::INFINITY, f64::min) - obstacle.radius_m
     }
 
+    /// Whether a way comes nearer to an obstacle than the robot keeps from it.
+    pub fn meets(&self, way: &[Pose2], obstacle: &Obstacle) -> bool {
+        let holds = |pose: &Pose2| {
+            let at = pose.inverse().then(Pose2::new(obstacle.centre_m[0], obstacle.centre_m[1], 0.0));
+            let corners = self.footprint.corners_m();
+            (0..corners.len()).all(|number| {
+                let (from, to) = (corners[number], corners[(number + 1) % corners.len()]);
+                (to[0] - from[0]) * (at.y_m - from[1]) - (to[1] - from[1]) * (at.x_m - from[0]) >= 0.0
+            })
+        };
+        way.iter().any(|pose| holds(pose) || self.gap_m(pose, obstacle) < self.guard.distance_m)
+    }
+
     fn open_floor(&self, way: &Way<'_>) -> Result<Map, RoomError> {
         let ends = [way.from, way.to].map(|pose| [pose.x_m, pose.y_m]);
         let blocked = self.blocked_m();
@@ -269,7 +284,8 @@ fn table_of(plan: &Plan, limits: &Limits) -> ReferenceTable {
             if moved_m < SAME && turned_rad < SAME && number + 1 < plan.poses.len() {
                 continue;
             }
-            time_s += (2.0 * moved_m / limits.speed_m_s).max(2.0 * turned_rad / limits.turn_speed_rad_s).max(1e-3);
+            time_s +=
+                (2.0 * moved_m / limits.speed_m_s).max(2.0 * turned_rad / limits.turn_speed_rad_s).max(1e-3);
         }
         points.push([time_s, pose.x_m, pose.y_m, pose.heading_rad]);
     }

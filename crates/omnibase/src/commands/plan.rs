@@ -91,7 +91,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     if let Some(path) = &arguments.picture {
         let space = room.space(&way)?;
         let text = picture::draw(&robot.name, &space, room.footprint(), (&timed.plan, &driven));
-        let text = if path.extension().is_some_and(|ending| ending == "html") { picture::page(&text) } else { text };
+        let text =
+            if path.extension().is_some_and(|ending| ending == "html") { picture::page(&text) } else { text };
         std::fs::write(path, text).with_context(|| format!("writing `{}`", path.display()))?;
         note(format_args!("drew it in `{}`", path.display()));
     }
@@ -122,7 +123,9 @@ fn pose(text: &str, option: &str, heading_rad: f64) -> anyhow::Result<Pose2> {
         [x_m, y_m] if words.len() == 2 => Ok(Pose2::new(x_m, y_m, heading_rad)),
         [x_m, y_m, heading_rad] if words.len() == 3 => Ok(Pose2::new(x_m, y_m, heading_rad)),
         _ => {
-            let what = format!("{option} \"{text}\": expected x m, y m and, if it matters, heading rad, as \"1.5 0 1.57\"");
+            let what = format!(
+                "{option} \"{text}\": expected x m, y m and, if it matters, heading rad, as \"1.5 0 1.57\""
+            );
             bail!(crate::WrongUsage(anyhow::Error::msg(what)))
         }
     }
@@ -165,7 +168,8 @@ fn tell(
     };
     let least_m = plan.room_m.iter().copied().fold(f64::INFINITY, f64::min);
     if arguments.json {
-        let poses: Vec<[f64; 3]> = plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
+        let poses: Vec<[f64; 3]> =
+            plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
         let found = json!({
             "found": true, "length_m": plan.length_m, "duration_s": timed.duration_s, "by": by,
             "clearance_m": plan.clearance_m, "least_room_m": least_m, "greatest_speed_m_s": driven.greatest_m_s,
@@ -175,8 +179,16 @@ fn tell(
         return Ok(());
     }
     writeln!(output, "way        {:>9.3} m   {by}", plan.length_m)?;
-    writeln!(output, "time       {:>9.3} s   as fast as the limits allow, at most {:.2} m/s", timed.duration_s, driven.greatest_m_s)?;
-    writeln!(output, "clearance  {:>9.3} m   kept by the footprint; base_link's least room is {least_m:.2} m", plan.clearance_m)?;
+    writeln!(
+        output,
+        "time       {:>9.3} s   as fast as the limits allow, at most {:.2} m/s",
+        timed.duration_s, driven.greatest_m_s
+    )?;
+    writeln!(
+        output,
+        "clearance  {:>9.3} m   kept by the footprint; base_link's least room is {least_m:.2} m",
+        plan.clearance_m
+    )?;
     writeln!(output, "planned in {took_ms:>9.1} ms")?;
     Ok(())
 }

@@ -35,11 +35,13 @@ impl Driven {
 
 /// From slow to fast: blue, green, yellow, red; they differ in lightness too.
 fn colour(share: f64) -> String {
-    const STOPS: [[f64; 3]; 4] = [[49.0, 54.0, 149.0], [26.0, 152.0, 120.0], [236.0, 178.0, 46.0], [215.0, 48.0, 39.0]];
+    const STOPS: [[f64; 3]; 4] =
+        [[49.0, 54.0, 149.0], [26.0, 152.0, 120.0], [236.0, 178.0, 46.0], [215.0, 48.0, 39.0]];
     let at = share.clamp(0.0, 1.0) * 3.0;
     let stop = (at as usize).min(2);
     let part = at - stop as f64;
-    let [r, g, b] = [0, 1, 2].map(|n| (STOPS[stop][n] + part * (STOPS[stop + 1][n] - STOPS[stop][n])).round());
+    let [r, g, b] =
+        [0, 1, 2].map(|n| (STOPS[stop][n] + part * (STOPS[stop + 1][n] - STOPS[stop][n])).round());
     format!("rgb({r},{g},{b})")
 }
 
@@ -160,7 +162,11 @@ fn outlines(svg: &mut String, footprint: &Footprint, plan: &Plan, sheet: &Sheet)
         let nose = 0.7 * footprint.inner_radius_m();
         let (sin, cos) = pose.heading_rad.sin_cos();
         let ends = [[pose.x_m, pose.y_m], [pose.x_m + nose * cos, pose.y_m + nose * sin]];
-        let _ = writeln!(svg, "<polyline points=\"{}\" stroke=\"#0b66c3\" stroke-width=\"{width}\"/>", sheet.points(&ends));
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{}\" stroke=\"#0b66c3\" stroke-width=\"{width}\"/>",
+            sheet.points(&ends)
+        );
     }
 }
 
@@ -183,7 +189,11 @@ fn legend(svg: &mut String, name: &str, [top, greatest_m_s]: [f64; 2], plan: &Pl
             colour(share)
         );
     }
-    let _ = writeln!(svg, "<text x=\"8\" y=\"{0:.0}\" fill=\"#14202b\">0 m/s</text><text x=\"262\" y=\"{0:.0}\" fill=\"#14202b\">{greatest_m_s:.2} m/s</text>", top + 46.0);
+    let _ = writeln!(
+        svg,
+        "<text x=\"8\" y=\"{0:.0}\" fill=\"#14202b\">0 m/s</text><text x=\"262\" y=\"{0:.0}\" fill=\"#14202b\">{greatest_m_s:.2} m/s</text>",
+        top + 46.0
+    );
 }
 
 /// A page with a picture.
