@@ -3,7 +3,7 @@
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
     bridge, calibrate, check, completions, decode, description, doctor, esi, estimate, exchange, export,
-    joystick, kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    joystick, kinematics, learn, live, margins, new, plan, replay, report, run, scan, sdo, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -34,6 +34,7 @@ pub enum Command {
     Estimate(estimate::Arguments),
     Kinematics(kinematics::Arguments),
     Margins(margins::Arguments),
+    Plan(plan::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),

@@ -18,6 +18,7 @@ pub mod learn;
 pub mod live;
 pub mod margins;
 pub mod new;
+pub mod plan;
 pub mod replay;
 pub mod report;
 pub mod run;
@@ -45,6 +46,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Estimate(arguments) => estimate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),
+        Command::Plan(arguments) => plan::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
         Command::Export(arguments) => export::run(arguments, registry, output),

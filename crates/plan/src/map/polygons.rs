@@ -21,6 +21,22 @@ impl Map {
         }
     }
 
+    /// Blocks every cell within a distance of the sides of a closed polygon, m.
+    pub fn block_sides(&mut self, corners_m: &[Point], distance_m: f64) {
+        for (number, from) in corners_m.iter().enumerate() {
+            let to = corners_m[(number + 1) % corners_m.len()];
+            let side = [to[0] - from[0], to[1] - from[1]];
+            let size = side[0].hypot(side[1]);
+            if distance_m <= 0.0 || size <= 0.0 {
+                continue;
+            }
+            let off = [-side[1] / size * distance_m, side[0] / size * distance_m];
+            let corner = |at: &Point, sign: f64| [at[0] + sign * off[0], at[1] + sign * off[1]];
+            self.block_polygon(&[corner(from, 1.0), corner(&to, 1.0), corner(&to, -1.0), corner(from, -1.0)]);
+            self.block_circle(*from, distance_m);
+        }
+    }
+
     /// Blocks every cell that a closed polygon touches, its inside too.
     pub fn block_polygon(&mut self, corners_m: &[Point]) {
         let corners: Vec<Point> = corners_m.iter().map(|corner| self.grid_cells(*corner)).collect();
