@@ -3,7 +3,7 @@
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
     bridge, calibrate, check, completions, decode, description, doctor, esi, estimate, exchange, export,
-    joystick, kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    joystick, kinematics, learn, live, margins, new, replay, report, run, scan, sdo, setup, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -52,6 +52,7 @@ pub enum Command {
     Esi(esi::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
+    Setup(setup::Arguments),
     Exchange(exchange::Arguments),
     Simulate(simulate::Arguments),
     Decode(decode::Arguments),
