@@ -3,7 +3,8 @@
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
     bridge, calibrate, check, completions, decode, description, doctor, esi, estimate, exchange, export,
-    joystick, kinematics, learn, live, margins, new, plan, replay, report, run, scan, sdo, sii, simulate,
+    joystick, kinematics, learn, live, margins, new, plan, replay, report, run, scan, sdo, setup, sii,
+    simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -53,6 +54,7 @@ pub enum Command {
     Esi(esi::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
+    Setup(setup::Arguments),
     Exchange(exchange::Arguments),
     Simulate(simulate::Arguments),
     Decode(decode::Arguments),

@@ -24,6 +24,7 @@ pub mod report;
 pub mod run;
 pub mod scan;
 pub mod sdo;
+pub mod setup;
 pub mod sii;
 pub mod simulate;
 
@@ -65,6 +66,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
+        Command::Setup(arguments) => setup::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
         Command::Simulate(arguments) => simulate::run(arguments, registry, output),
         Command::Decode(arguments) => decode::run(arguments, output),

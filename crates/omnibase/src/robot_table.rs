@@ -6,6 +6,8 @@ use std::fmt::Write;
 pub const TO_FILL: &str = "FILL IN";
 /// Column of the reasons, characters.
 const REASONS: usize = 44;
+/// Lines longer than this have their reason above.
+const LONG: usize = 64;
 
 /// A table that grows line by line.
 #[derive(Clone, Debug, Default)]
@@ -29,10 +31,15 @@ impl RobotTable {
         let _ = writeln!(self.text, "{head}");
     }
 
-    /// A line and why it stands there.
+    /// A line and why it stands there: behind it, above it where it is long.
     pub fn line(&mut self, line: &str, reason: &str) {
         if reason.is_empty() {
             let _ = writeln!(self.text, "{line}");
+            return;
+        }
+        if line.chars().count() > LONG {
+            let indent: String = line.chars().take_while(|one| *one == ' ').collect();
+            let _ = writeln!(self.text, "{indent}# {}\n{line}", one_line(reason));
             return;
         }
         let space = " ".repeat(REASONS.saturating_sub(line.chars().count()).max(1));

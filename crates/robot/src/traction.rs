@@ -25,8 +25,8 @@ use crate::motion::Carried;
 use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
 use footing::LEAST_LOAD;
 pub(crate) use footing::{Footing, Push};
-use sharing::Rims;
 use reliance::Reliance;
+use sharing::Rims;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
 /// what rubs.
@@ -62,6 +62,7 @@ pub(crate) struct Traction {
 
 impl Traction {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
+        Traction {
             footing: Footing::new(&plan.kinematics, plan.grip.height_m),
             rims: Rims::new(&plan.kinematics),
             told: plan.grip.friction,
