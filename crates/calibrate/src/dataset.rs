@@ -201,6 +201,19 @@ impl Run {
         self
     }
 
+    /// The same run without poses that say to the bit what the one before said: a tracker that lost sight of its markers repeats
+    /// the last one, and nothing was measured.
+    #[must_use]
+    pub fn without_repeats(mut self) -> Run {
+        let mut last = None;
+        self.poses.retain(|pose| {
+            let Pose2 { x_m, y_m, heading_rad } = pose.world_from_sensor;
+            let said = [x_m, y_m, heading_rad].map(f64::to_bits);
+            last.replace(said) != Some(said)
+        });
+        self
+    }
+
     fn check(&self, wheels: usize) -> Result<(), DatasetError> {
         let run = || self.name.clone();
         if self.steps.is_empty() {

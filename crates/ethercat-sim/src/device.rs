@@ -2,6 +2,7 @@
 
 pub mod axis;
 pub mod drive;
+pub mod esi;
 pub mod generic;
 mod image;
 pub mod panel;

@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [[subdevice]]
-//! kind = "sgdv"              # sgdv, servo, coupler, digital-io, sii
+//! kind = "sgdv"              # sgdv, servo, coupler, digital-io, sii, esi
 //! name = "left"              # default: the kind and the position
 //! alias = 1                  # station alias, default 0 (none)
 //! serial = 1001              # default 0 (none)
@@ -21,7 +21,8 @@
 //! connects to the Unix socket `socket` (default: `<name>.pdi` in the current folder), see `docs/pdi-socket.md`.
 //!
 //! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants `inputs`
-//! and `outputs`, numbers of bits; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
+//! and `outputs`, numbers of bits; `kind = "esi"` wants `esi = "maker.xml"` and `device`, a type or `product:revision`
+//! in it, and may have `modules`, types in the slots from 1 on, and `module_files`, where they stand; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
 //! `segments/three-sgdv.toml`.
 
 mod build;
@@ -81,10 +82,25 @@ pub enum Kind {
     Drive(Box<Drive>, Load),
     /// A device from an SII image in a file.
     Sii(PathBuf),
+    /// A device from its maker's file.
+    Esi(EsiDevice),
     /// A coupler.
     Coupler,
     /// Digital inputs and outputs.
     DigitalIo(DigitalIo),
+}
+
+/// A device of an ESI file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EsiDevice {
+    /// The file.
+    pub file: PathBuf,
+    /// Type, or `product:revision`.
+    pub device: String,
+    /// Types of the modules in its slots, from slot 1 on.
+    pub modules: Vec<String>,
+    /// Files with modules, besides the device's own.
+    pub module_files: Vec<PathBuf>,
 }
 
 /// Where a SubDevice is plugged in.
@@ -239,7 +255,7 @@ fn spread_of(number: usize, count: usize) -> f64 {
     2.0 * place as f64 / (count - 1) as f64 - 1.0
 }
 
-const KINDS: [&str; 5] = ["sgdv", "servo", "coupler", "digital-io", "sii"];
+const KINDS: [&str; 6] = ["sgdv", "servo", "coupler", "digital-io", "sii", "esi"];
 
 fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String, Kind)> {
     let Some((name, span)) = entry.text("kind", document) else {
@@ -263,15 +279,18 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
             }
             Kind::DigitalIo(DigitalIo { inputs, outputs })
         }
-        "sii" => match entry.text("sii", document) {
-            Some((path, _)) => Kind::Sii(path.into()),
-            None => {
-                if !entry.has("sii") {
-                    document.problem(span, "the key \"sii\" is missing: the file with the image".into());
-                }
-                return None;
-            }
-        },
+        "sii" => Kind::Sii(need(("sii", "the file with the image"), span, entry, document)?.into()),
+        "esi" => {
+            let file = need(("esi", "the maker's file"), span.clone(), entry, document);
+            let device = need(("device", "which device of the file"), span, entry, document);
+            let mut texts = |key| -> Vec<String> {
+                let texts = entry.texts(key, document).unwrap_or_default();
+                texts.into_iter().map(|(text, _)| text).collect()
+            };
+            let (modules, files) = (texts("modules"), texts("module_files"));
+            let module_files = files.into_iter().map(PathBuf::from).collect();
+            Kind::Esi(EsiDevice { file: file?.into(), device: device?, modules, module_files })
+        }
         _ => {
             let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));
             document.problem(span, format!("{text}; there are {}", KINDS.join(", ")));
@@ -280,6 +299,20 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
         }
     };
     Some((name, kind))
+}
+
+/// A text that must be there; what is missing is noted.
+fn need(
+    (key, what): (&'static str, &str),
+    place: core::ops::Range<usize>,
+    entry: &mut TableReader,
+    document: &mut Document,
+) -> Option<String> {
+    let text = entry.text(key, document);
+    if text.is_none() && !entry.has(key) {
+        document.problem(place, format!("the key \"{key}\" is missing: {what}"));
+    }
+    text.map(|(text, _)| text)
 }
 
 /// ": did you mean ...?" where something near is known.

@@ -110,9 +110,9 @@ impl Task {
         let planes = (0..6).map(|at| {
             let mut normal = [0.0; 3];
             normal[at / 2] = if at % 2 == 0 { 1.0 } else { -1.0 };
-            Plane { normal, most: self.accelerations[at / 2] }
+            Plane { normal, most: self.accelerations[at / 2], ..Plane::default() }
         });
-        let bounds = AccelerationBounds { length: None, planes: planes.collect() };
+        let bounds = AccelerationBounds { planes: planes.collect(), ..Default::default() };
         let most: Vec<f64> = bends.iter().map(most).collect();
         let x = reach::fastest(&intervals, &most, &bounds, [self.first.powi(2), self.last.powi(2)]).ok()?;
         Some(x.into_iter().map(f64::sqrt).collect())

@@ -3,6 +3,7 @@
 use super::{Kind, Mistake, SegmentFile, SegmentFileError, SubDeviceEntry};
 use crate::device::Piece;
 use crate::device::axis::Axis;
+use crate::device::esi;
 use crate::device::generic::Generic;
 use crate::device::simple;
 use crate::pdi_socket::{Pace, SocketApplication};
@@ -128,6 +129,7 @@ fn build_one(
             let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
             Generic::from_sii(&bytes, &entry.piece)
         }
+        Kind::Esi(wanted) => return esi::build(wanted, base_dir, &entry.piece),
         Kind::Coupler => simple::coupler(&entry.piece),
         Kind::DigitalIo(bits) => simple::digital_io(*bits, &entry.piece),
     };

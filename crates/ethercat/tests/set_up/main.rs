@@ -1,5 +1,6 @@
 //! The set-up against the simulated segment.
 
+mod esi;
 mod field;
 mod flags;
 mod matching;

@@ -4,6 +4,7 @@ mod calendar;
 mod joystick_thread;
 mod operated;
 mod page;
+mod receivers;
 mod recording;
 pub(crate) mod reference;
 mod report;
@@ -28,6 +29,7 @@ use omnibase_robot_sim::SharedMachine;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::floor_memory;
 use omnibase_run::pace::PacedClock;
+use omnibase_run::room::Room;
 use omnibase_run::simulated::Script;
 use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
@@ -144,6 +146,7 @@ pub fn run(
          --dashboard or --joystick to drive by hand",
         arguments.robot.display()
     );
+    let room = Room::of(&robot.plan, &source.text.folder)?;
     let stop = stop_on_signals()?;
     let (way, frames) = arguments.keep_frames(arguments.open(&robot)?)?;
     let stages = Robot::build(&robot.plan, registry)?;
@@ -158,7 +161,7 @@ pub fn run(
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
     let (operated, live) =
-        arguments.operated.start(&robot, Arc::clone(registry), known, describer.clone())?.unzip();
+        arguments.operated.start((&robot, room), Arc::clone(registry), known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,

@@ -1,6 +1,7 @@
 //! `omnibase scan`: what is there.
 
 mod report;
+mod table;
 
 use crate::commands::at_robot;
 use crate::dictionary;
@@ -21,6 +22,7 @@ use std::io::Write;
   omnibase scan eth1 --dictionary                      with all objects and their values
   omnibase scan @robot                                 through the robot that runs on this machine
   omnibase scan sim:segments/three-sgdv.toml --json    a simulated segment, as JSON
+  omnibase scan eth1 --toml > found.toml               tables for a robot's file, what must be measured marked
 
 The segment is reset to INIT and brought to PRE-OP, where it stays; no object is written. Refused where
 another program drives the segment. Exit code 1 where no SubDevice was found or one of them is
@@ -37,17 +39,30 @@ pub struct Arguments {
     /// Print one JSON object: {"subdevices": [...], "cycle", "trouble"}.
     #[arg(long)]
     json: bool,
+    /// Print `[[drive]]` and `[[device]]` tables for a robot's file: identity, maps as found, what drives tell of
+    /// encoder and torques; what must be measured or filled in is marked.
+    #[arg(long, conflicts_with_all = ["json", "dictionary"])]
+    toml: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     if let Target::Running(address) = &arguments.target {
+        anyhow::ensure!(!arguments.toml, "--toml: not of a robot that runs; it has its file");
         anyhow::ensure!(
             !arguments.dictionary,
             "--dictionary: not of a robot that runs; read objects by `sdo`"
         );
         at_robot::scan(*address, arguments.json, output)?;
         return Ok(Outcome::Done);
+    }
+    if arguments.toml {
+        let mut bus = arguments.manners.enter(&arguments.target, Port::Socket)?.into_bus();
+        commands::scan_bus(&mut bus, &arguments.target)?;
+        let refusal = bus.configure_sound().err();
+        commands::note_warnings(&bus);
+        write!(output, "{}", table::of(&mut bus))?;
+        return refusal.map_or(Ok(Outcome::Done), |error| Err(error.into()));
     }
     let (report, refusal) = look(&arguments.target, arguments.manners, arguments.dictionary)?;
     if arguments.json {

@@ -135,6 +135,8 @@ pub struct ParameterTable {
     pub kind: Option<ParameterType>,
     /// The value, in the drive's units.
     pub value: Option<i64>,
+    /// In place of `type` and `value`: bytes as they are sent, in hexadecimal, as `"6D6164652075702E"`.
+    pub bytes: Option<String>,
     /// Whether it is read back and compared; default: `compare`.
     pub read_back: Option<ReadBackChoice>,
 }
