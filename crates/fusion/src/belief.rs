@@ -101,6 +101,11 @@ impl Belief {
         self.errors[place - 3]
     }
 
+    /// A variance is at least so great.
+    pub(crate) fn widen_to(&mut self, place: usize, variance: f64) {
+        self.covariance[place][place] = self.covariance[place][place].max(variance);
+    }
+
     /// Adds to the variance of a place.
     pub(crate) fn widen(&mut self, place: usize, variance: f64) {
         self.covariance[place][place] += variance;

@@ -7,8 +7,8 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Epoch, Knowledge, rates};
-use crate::sensor::{MAX_SENSORS, Reading, Sensor, SensorKind};
+use crate::epoch::{Clock, Epoch, Inertia, Knowledge, rates};
+use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
 /// Epochs that are kept.
@@ -124,7 +124,7 @@ impl Filter {
         for (rate, (sensor, kind)) in rates(&sensors) {
             let Sensor { bias_sigma, scale_sigma, direction_sigma_rad, .. } = sensors[sensor];
             let own = match kind {
-                SensorKind::Turn => [bias_sigma, scale_sigma],
+                SensorKind::Turn | SensorKind::Inertial => [bias_sigma, scale_sigma],
                 _ => [scale_sigma, direction_sigma_rad],
             };
             for (n, sigma) in own.iter().enumerate() {
@@ -142,6 +142,8 @@ impl Filter {
             strained_s: 0.0,
             twist: [0.0; 3],
             driven: [0.0; 2],
+            inertia: [Inertia::default(); MAX_RATES],
+            clocks: [Clock::default(); MAX_RATES],
         };
         Filter {
             epoch_ns: EPOCH_NS.max(settings.period_ns),

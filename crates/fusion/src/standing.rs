@@ -114,6 +114,11 @@ impl Standing {
         takes
     }
 
+    /// It isn't believed from now on, whatever it says, until it agreed for long enough.
+    pub(crate) fn name(&mut self, instant_ns: u64, fault: Verdict) {
+        (self.verdict, self.agrees_s, self.heard_ns) = (fault, 0.0, Some(instant_ns));
+    }
+
     /// It is believed from now on, whatever was before.
     pub(crate) fn trust(&mut self, instant_ns: u64) {
         *self = Standing {

@@ -80,7 +80,8 @@ impl<F: MouseFinder> Mouse<F> {
         for event in &self.events {
             match (event.kind, event.code) {
                 (EV_REL, REL_X) => self.counts[0] += i64::from(event.value),
-                (EV_REL, REL_Y) => self.counts[1] += i64::from(event.value),
+                // It counts towards whoever holds it; its axes are x to the right and y forward, as axes turn.
+                (EV_REL, REL_Y) => self.counts[1] -= i64::from(event.value),
                 (EV_SYN, SYN_DROPPED) => self.due_ns = now_ns.saturating_add(PAUSE_NS),
                 _ => {}
             }

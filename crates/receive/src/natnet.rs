@@ -190,14 +190,14 @@ impl NatNet {
         }
         if self.server.is_none() {
             if is_due(&mut self.asked_ns, ASK_NS) {
-                requests.push(message(sort::CONNECT, b"Ping\0"));
+                requests.push(message(sort::CONNECT, &hello()));
             }
             return requests;
         }
         if let BodyChoice::Name(name) = &self.plan.body {
             let period_ns = if self.names.contains_key(name) { NAMES_NS } else { ASK_NS };
             if is_due(&mut self.names_asked_ns, period_ns) {
-                requests.push(message(sort::REQUEST_DESCRIPTIONS, b"\0"));
+                requests.push(message(sort::REQUEST_DESCRIPTIONS, &[]));
             }
         }
         if is_due(&mut self.alive_ns, ALIVE_NS) {
@@ -355,6 +355,15 @@ fn upright(body: &Body, plan: &NatNetPlan) -> Result<[f64; 3], Refused> {
         }
     }
     Ok([x_m, y_m, heading_rad])
+}
+
+/// What a client says first: Motive looks at the word, its own library and other servers at the whole of 264 bytes, at whose
+/// end two versions stand that it may speak.
+fn hello() -> Vec<u8> {
+    let mut hello = b"Ping".to_vec();
+    hello.resize(256, 0);
+    hello.extend([3, 0, 0, 0].repeat(2));
+    hello
 }
 
 /// A message: its sort, its length, its bytes.

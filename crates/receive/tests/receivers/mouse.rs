@@ -74,7 +74,7 @@ fn heard(shelf: Shelf, until_ms: u64) -> (Vec<(u64, [f64; 2])>, Vec<(u64, String
 
 #[test]
 fn counts_are_added_up_and_told_125_times_a_second_at_rest_too() {
-    // Two counts to the right and one up a millisecond, from 200 to 300 ms.
+    // Two counts to the right and one forward a millisecond, from 200 to 300 ms.
     let moves = (200..300).flat_map(|ms| {
         let report = RawEvent { code: 0, ..RawEvent::report(0) };
         [RawEvent::moved(0, REL_X, 2), RawEvent::moved(0, REL_Y, -1), report].map(|event| (ms * MS, event))
@@ -85,9 +85,9 @@ fn counts_are_added_up_and_told_125_times_a_second_at_rest_too() {
     let steps: Vec<u64> = readings.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     assert!(steps.iter().all(|step| *step == PERIOD_NS / MS), "{steps:?}");
     assert_eq!(readings.first().map(|(ms, _)| *ms), Some(PAUSE_NS / MS));
-    assert_eq!(readings.last().map(|(_, counts)| *counts), Some([200.0, -100.0]));
+    assert_eq!(readings.last().map(|(_, counts)| *counts), Some([200.0, 100.0]));
     let (_, half) = readings.iter().find(|(ms, _)| *ms >= 249).unwrap();
-    assert!((half[0] - 100.0).abs() <= 16.0 && half[0] == -2.0 * half[1], "{half:?}");
+    assert!((half[0] - 100.0).abs() <= 16.0 && half[0] == 2.0 * half[1], "{half:?}");
 }
 
 #[test]
