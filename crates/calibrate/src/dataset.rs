@@ -324,3 +324,22 @@ impl Run {
         DatasetError::Number { run: self.name.clone(), what, number, value, found, must_be_positive }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_that_repeats_the_one_before_is_none() {
+        let pose = |instant_s: f64, x_m: f64| PoseSample {
+            instant_s,
+            world_from_sensor: Pose2::new(x_m, 0.0, 0.0),
+            sigma_m: 1e-3,
+            sigma_rad: 3e-3,
+        };
+        let poses = vec![pose(0.0, 1.0), pose(0.1, 1.0), pose(0.2, 2.0), pose(0.3, 2.0), pose(0.4, 1.0)];
+        let run = Run { poses, ..Run::default() }.without_repeats();
+        let kept: Vec<f64> = run.poses.iter().map(|pose| pose.instant_s).collect();
+        assert_eq!(kept, [0.0, 0.2, 0.4]);
+    }
+}

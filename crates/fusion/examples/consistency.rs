@@ -1,7 +1,7 @@
 //! Whether the filter errs by as much as it says: NEES of the pose and NIS of each kind of sensor, set by set, over many worlds.
 //!
-//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds>]`: 1000 by default, each of 8 s. Both are chi² over their
-//! degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, 5.4), so
+//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first>]]`: 1000 by default, each of 8 s. Both are chi² over
+//! their degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, 5.4), so
 //! that their means over all worlds lie in the band that is printed at 19 of 20 instants.
 
 use omnibase_fusion::{Filter, Sensor, SensorKind};
@@ -30,7 +30,8 @@ struct Measure {
 type Sums = [[f64; LOOKS]; 4];
 
 fn main() {
-    let worlds: u64 = std::env::args().nth(1).map_or(1000, |text| text.parse().expect("how many worlds"));
+    let mut words = std::env::args().skip(1).map(|word| word.parse().expect("a number"));
+    let (worlds, first): (u64, u64) = (words.next().unwrap_or(1000), words.next().unwrap_or(0));
     let mice = [(mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)];
     let sets: [(&str, Vec<Heard>); 5] = [
         ("wheels", Vec::new()),
@@ -45,7 +46,7 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|");
     for (name, sensors) in &sets {
-        let (sums, squares_m2) = all(worlds, sensors);
+        let (sums, squares_m2) = all(first..first + worlds, sensors);
         let rms_mm = 1e3 * (squares_m2 / worlds as f64).sqrt();
         for (measure, sums) in measures().iter().zip(&sums) {
             let count = measure.kind.map_or(1, |kind| of_kind(sensors, kind).count());
@@ -85,13 +86,14 @@ fn print_row((set, measure): (&str, &Measure), sums: &[f64; LOOKS], summed: f64,
 }
 
 /// All worlds on all cores: sums, and the squares of the distance at the end, m².
-fn all(worlds: u64, sensors: &[Heard]) -> (Sums, f64) {
+fn all(worlds: std::ops::Range<u64>, sensors: &[Heard]) -> (Sums, f64) {
     let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     std::thread::scope(|scope| {
         let share = |thread| {
+            let worlds = worlds.clone();
             scope.spawn(move || {
                 let mut sums = ([[0.0; LOOKS]; 4], 0.0);
-                for seed in (thread..worlds).step_by(threads as usize) {
+                for seed in worlds.skip(thread as usize).step_by(threads as usize) {
                     drive(seed, sensors, &mut sums);
                 }
                 sums

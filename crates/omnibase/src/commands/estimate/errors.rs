@@ -155,6 +155,33 @@ mod tests {
     }
 
     #[test]
+    fn pairs_are_those_whose_believed_way_is_nearest_to_a_metre() {
+        // Steps of 0.31 m: 0.93 m is nearer than 1.24; and the last three have none.
+        let line = |scale: f64| -> Vec<Stamped> {
+            let pose = |n: u8| Pose2::new(scale * 0.31 * f64::from(n), 0.0, 0.0);
+            (0..8).map(|n| Stamped { time_s: 0.1 * f64::from(n), pose: pose(n) }).collect()
+        };
+        let pairs = together(&line(1.0), &line(1.0));
+        let found: Vec<(usize, usize)> = a_metre_apart(&pairs).collect();
+        assert_eq!(found, [(0, 3), (1, 4), (2, 5), (3, 6), (4, 7)]);
+        // Believed steps of 0.465 m: 0.93 m are two of them.
+        let pairs = together(&line(1.0), &line(1.5));
+        assert_eq!(a_metre_apart(&pairs).next(), Some((0, 2)));
+        // And of 0.62 m: neither 0.62 nor 1.24 m is within a tenth.
+        assert_eq!(a_metre_apart(&together(&line(1.0), &line(2.0))).count(), 0);
+    }
+
+    #[test]
+    fn poses_of_two_rates_belong_together_where_they_are_nearest() {
+        let at = |time_s: f64| Stamped { time_s, pose: Pose2::new(time_s, 0.0, 0.0) };
+        let truth = [at(0.004), at(0.011), at(0.023), at(0.5)];
+        let believed = [at(0.0), at(0.01), at(0.02), at(0.03), at(0.04)];
+        let pairs = together(&truth, &believed);
+        assert_eq!(pairs.iter().map(|pair| pair.1.x_m).collect::<Vec<_>>(), [0.0, 0.01, 0.02]);
+        assert_eq!(together(&believed, &truth).len(), 3);
+    }
+
+    #[test]
     fn another_clock_compares_nothing() {
         let truth = trajectory(|_, pose| pose);
         let later: Vec<Stamped> =
