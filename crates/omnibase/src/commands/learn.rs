@@ -253,7 +253,7 @@ fn repeat_of(path: &Path, registry: &Registry) -> anyhow::Result<Repeat> {
         let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
         anyhow::anyhow!("its robot: {}", words.join("; "))
     })?;
-    let motion = registry.make_reference(&plan.reference, &Ability::of(plan))?;
+    let motion = registry.make_reference(&plan.reference, &Ability::of(&plan))?;
     let mut repeat = Repeat::new(&plan, motion.duration_s().unwrap_or(f64::INFINITY))?;
     let layout = plan.record_layout();
     for raw in &recorded.raw {
