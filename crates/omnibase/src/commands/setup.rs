@@ -54,9 +54,13 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let speed = arguments.wheel_speed_rad_s;
-    anyhow::ensure!((0.01..=5.0).contains(&speed), "--wheel-speed-rad-s {speed}: expected 0.01 to 5, for somebody must see it");
+    anyhow::ensure!(
+        (0.01..=5.0).contains(&speed),
+        "--wheel-speed-rad-s {speed}: expected 0.01 to 5, for somebody must see it"
+    );
     anyhow::ensure!((1..=500).contains(&arguments.torque_per_mille), "--torque-per-mille: expected 1 to 500");
-    let base = std::fs::read_to_string(&arguments.robot).with_context(|| format!("reading `{}`", arguments.robot.display()))?;
+    let base = std::fs::read_to_string(&arguments.robot)
+        .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
     let record = match std::fs::read_to_string(&state) {
         Ok(text) if !arguments.anew => {
@@ -71,7 +75,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         ..Wished::new(base)
     };
     let mut open = || -> Result<(Box<dyn Link>, AnyClock), String> {
-        let cable = arguments.manners.enter(&arguments.target, Port::Socket).map_err(|error| format!("{error:#}"))?;
+        let cable =
+            arguments.manners.enter(&arguments.target, Port::Socket).map_err(|error| format!("{error:#}"))?;
         // Somebody holds a key in real time.
         let clock = match cable.clock {
             AnyClock::Virtual(clock) => AnyClock::Paced(PacedClock::new(clock)),
@@ -81,7 +86,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     };
     let mut kept = Ok(());
     let mut keep = |record: &Record| kept = std::fs::write(&state, record.to_json());
-    let mut hand: Box<dyn Hand> = if arguments.lines { Box::new(lines::Lines::new()) } else { Box::new(person::Person::new()) };
+    let mut hand: Box<dyn Hand> =
+        if arguments.lines { Box::new(lines::Lines::new()) } else { Box::new(person::Person::new()) };
     let mut guide = Guide::new(wished, record, &mut open, (hand.as_mut(), &mut keep))?;
     let ended = guide.run();
     let record = guide.record.clone();
@@ -95,12 +101,22 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             Ok(Outcome::Failed)
         }
         Ended::File(text) => {
-            std::fs::write(&arguments.output, text).with_context(|| format!("writing `{}`", arguments.output.display()))?;
+            std::fs::write(&arguments.output, text)
+                .with_context(|| format!("writing `{}`", arguments.output.display()))?;
             let file = arguments.output.display();
             if !arguments.lines {
-                writeln!(output, "{file} is written; {} findings, in {}", record.findings.len(), told.display())?;
+                writeln!(
+                    output,
+                    "{file} is written; {} findings, in {}",
+                    record.findings.len(),
+                    told.display()
+                )?;
                 writeln!(output, "next, still off the ground: omnibase check {file}")?;
-                writeln!(output, "then the first metre: omnibase run {file} --path robots/moves/forward.dat --interface {} --realtime --set limits.speed_m_s=0.1", arguments.target)?;
+                writeln!(
+                    output,
+                    "then the first metre: omnibase run {file} --path robots/moves/forward.dat --interface {} --realtime --set limits.speed_m_s=0.1",
+                    arguments.target
+                )?;
                 writeln!(output, "then what is left of every measure: omnibase calibrate {file}")?;
             }
             Ok(Outcome::Done)
@@ -117,8 +133,11 @@ fn beside(file: &Path, end: &str) -> PathBuf {
 fn in_words(record: &Record) -> String {
     let mut text = String::from("# Set-up\n\n");
     let done: Vec<&str> = record.done.iter().map(|step| step.words()).collect();
-    text += &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
-    for (head, lines) in [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)] {
+    text +=
+        &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
+    for (head, lines) in
+        [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)]
+    {
         text += &format!("{head}\n\n");
         lines.iter().for_each(|line| text += &format!("- {}\n", line.replace(char::is_control, " ")));
         text.push('\n');

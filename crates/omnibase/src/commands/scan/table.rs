@@ -39,7 +39,9 @@ pub fn of(bus: &mut AnyBus) -> String {
 /// A number that a drive tells of itself.
 fn read(bus: &mut AnyBus, one: &SubDevice, index: u16, subindex: u8) -> Option<u32> {
     let bytes = bus.sdo_read(one.position, ObjectAddress::new(index, subindex), SdoAccess::Entry).ok()?;
-    (1..=4).contains(&bytes.len()).then(|| bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte)))
+    (1..=4)
+        .contains(&bytes.len())
+        .then(|| bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte)))
 }
 
 fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
@@ -63,11 +65,15 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
     table.line(&format!("name = \"{name}\""), "choose your own; of a drive: its wheel");
     match one.alias {
         Some(alias) => table.line(&format!("alias = {alias}"), "found by it wherever it is plugged in"),
-        None => table.line(&format!("position = {}", one.position), "it has no alias: the order of the cable counts"),
+        None => table
+            .line(&format!("position = {}", one.position), "it has no alias: the order of the cable counts"),
     }
     let maps = [Direction::Outputs, Direction::Inputs].map(|direction| pdos(one, direction));
     if is_drive {
-        table.line("device = \"cia402\"", "profile 402 (0x1000); `omnibase check --kinds` lists what is known better");
+        table.line(
+            "device = \"cia402\"",
+            "profile 402 (0x1000); `omnibase check --kinds` lists what is known better",
+        );
     } else if maps.iter().all(Vec::is_empty) {
         table.line("kind = \"ignore\"", "it has no process data");
     } else {
@@ -75,7 +81,10 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
     }
     table.line(&format!("vendor_id = \"0x{:X}\"", identity.vendor_id), "another maker's is refused");
     table.line(&format!("product_code = \"0x{:X}\"", identity.product_code), "");
-    table.line(&format!("revision = \"0x{:X}\"", identity.revision), "leave it out where another one fits too");
+    table.line(
+        &format!("revision = \"0x{:X}\"", identity.revision),
+        "leave it out where another one fits too",
+    );
     for (key, pdos) in [("outputs", &maps[0]), ("inputs", &maps[1])] {
         map_lines(key, pdos, &mut table);
     }
@@ -129,21 +138,31 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
     let (max_torque, max_current, modes) = (told(0x6072, 0), told(0x6073, 0), told(0x6502, 0));
     match encoder {
         Some((counts, turns)) if counts.is_multiple_of(turns) => {
-            table.line(&format!("counts_per_revolution = {}", counts / turns), "0x608F; confirm it: `omnibase setup` does");
+            table.line(
+                &format!("counts_per_revolution = {}", counts / turns),
+                "0x608F; confirm it: `omnibase setup` does",
+            );
         }
         Some((counts, turns)) => table.to_fill(
             "counts_per_revolution = 1_048_576",
             &format!("0x608F says {counts} counts in {turns} turns, no whole number"),
         ),
-        None => table.to_fill("counts_per_revolution = 1_048_576", "counts of 0x6064 in a turn of the motor; 0x608F doesn't tell"),
+        None => table.to_fill(
+            "counts_per_revolution = 1_048_576",
+            "counts of 0x6064 in a turn of the motor; 0x608F doesn't tell",
+        ),
     }
     match gear {
         Some((motor, shaft)) => {
             let ratio = f64::from(motor) / f64::from(shaft);
-            let reason = format!("0x6091: {motor} of the motor, {shaft} of the shaft; MEASURE: turn the wheel once");
+            let reason =
+                format!("0x6091: {motor} of the motor, {shaft} of the shaft; MEASURE: turn the wheel once");
             table.line(&format!("gear_ratio = {ratio:?}"), &reason);
         }
-        None => table.line("gear_ratio = 1.0", "MEASURE: turns of the motor per turn of the wheel; 0x6091 doesn't tell"),
+        None => table.line(
+            "gear_ratio = 1.0",
+            "MEASURE: turns of the motor per turn of the wheel; 0x6091 doesn't tell",
+        ),
     }
     match rated_torque {
         Some(torque) => table.line(
@@ -155,7 +174,10 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
     match (max_torque, rated_torque) {
         (Some(limit), Some(rated)) => {
             let peak = f64::from(limit) * f64::from(rated) / 1e6;
-            table.line(&format!("peak_torque_nm = {peak:?}"), &format!("0x6072 is {limit} per mille: what it is set to now"));
+            table.line(
+                &format!("peak_torque_nm = {peak:?}"),
+                &format!("0x6072 is {limit} per mille: what it is set to now"),
+            );
         }
         _ => table.to_fill("peak_torque_nm = 21.0", "the motor's data sheet; default: the rated torque"),
     }
@@ -165,11 +187,15 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
             table.comment(&format!("Its {what} current ({object}) is {current} {unit}."));
         }
     }
-    table.comment("MEASURE which way its wheel turns: `direction`, forward or backward; jog it: `omnibase setup`.");
+    table.comment(
+        "MEASURE which way its wheel turns: `direction`, forward or backward; jog it: `omnibase setup`.",
+    );
     if let Some(modes) = modes {
         for (bit, name, law) in [(CSV, "csv", "speed"), (CST, "cst", "torque")] {
             if modes & bit == 0 {
-                table.comment(&format!("WARNING: it has no mode {name} (0x6502 is 0x{modes:X}): no law that commands {law}."));
+                table.comment(&format!(
+                    "WARNING: it has no mode {name} (0x6502 is 0x{modes:X}): no law that commands {law}."
+                ));
             }
         }
     }
@@ -177,7 +203,9 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
         let map = &maps[usize::from(direction == Direction::Inputs)];
         if !is_mapped(map, object, bits) {
             let key = if direction == Direction::Inputs { "inputs" } else { "outputs" };
-            table.comment(&format!("{TO_FILL}: put {object:04X}:{bits} ({what}) into `{key}`: its map lacks it."));
+            table.comment(&format!(
+                "{TO_FILL}: put {object:04X}:{bits} ({what}) into `{key}`: its map lacks it."
+            ));
         }
     }
     if one.dc.is_none() {
@@ -194,7 +222,10 @@ fn signals(maps: &[Vec<MappedPdo>; 2], table: &mut RobotTable) {
         if entries.is_empty() {
             continue;
         }
-        table.line(&format!("{key} = ["), "name them for what hangs there; scale and unit as the data sheet says");
+        table.line(
+            &format!("{key} = ["),
+            "name them for what hangs there; scale and unit as the data sheet says",
+        );
         for (number, entry) in entries.iter().enumerate() {
             let told = entry.name.clone().unwrap_or_default();
             let name = plain_name(&told, key, &mut taken);

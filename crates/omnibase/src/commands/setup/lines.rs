@@ -47,7 +47,8 @@ impl Hand for Lines {
                 (Value::String(text), ..) => return Answer::Said(text.clone()),
                 (Value::Number(number), ..) => return Answer::Said(number.to_string()),
                 (_, _, Value::String(line)) => {
-                    let text = format!("expected a JSON object such as {{\"answer\": \"left\"}}, found {line}");
+                    let text =
+                        format!("expected a JSON object such as {{\"answer\": \"left\"}}, found {line}");
                     self.say(&json!({ "tell": text }));
                 }
                 // Beats of a key that nobody waits for any more.

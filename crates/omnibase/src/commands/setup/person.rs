@@ -81,8 +81,11 @@ fn listen(heard: &Heard) {
 impl Hand for Person {
     fn ask(&mut self, question: &Question) -> Answer {
         self.stop_listening();
-        let choices =
-            if question.choices.is_empty() { String::new() } else { format!(" ({})", question.choices.join(", ")) };
+        let choices = if question.choices.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", question.choices.join(", "))
+        };
         let default = question.default.as_ref().map_or(String::new(), |default| format!(" [{default}]"));
         print!("{}{choices}{default}, `leave` to go on another day: ", shown(&question.text));
         let mut line = String::new();
