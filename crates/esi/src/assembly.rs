@@ -121,6 +121,17 @@ pub enum Doubt {
         /// How many.
         count: u32,
     },
+    /// A command has more bytes than the file's own dictionary gives its object.
+    LongerThanItsObject {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+        /// Bytes of the command.
+        bytes: usize,
+        /// Bytes of the object's type.
+        given: usize,
+    },
     /// A command that is sent at another change of state than ours are sent at.
     OtherTransition {
         /// Line of the command.
@@ -153,6 +164,10 @@ impl fmt::Display for Doubt {
             Doubt::ForeignCommands { count } => {
                 write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")
             }
+            Doubt::LongerThanItsObject { line, index, bytes, given } => write!(
+                f,
+                "the command of line {line} writes {bytes} bytes to 0x{index:04X}, for which the file's dictionary has {given}: a device may refuse it"
+            ),
             Doubt::OtherTransition { line, transitions } => write!(
                 f,
                 "the command of line {line} is for {transitions}: it isn't sent, for commands are sent in PRE-OP (IP, PS)"
@@ -340,7 +355,37 @@ impl<'a> Assembly<'a> {
                 objects.push(OdObject { index, ..object.clone() });
             }
         }
+        // A maker's own command is right where its dictionary's type is too short for it.
+        for Command { command, .. } in self.commands() {
+            let entries = objects.iter_mut().filter(|object| object.index.index == command.index.index);
+            let mut entries = entries.flat_map(|object| &mut object.entries);
+            if let Some(entry) = entries.find(|entry| entry.subindex == command.subindex && entry.is_text()) {
+                entry.bits = entry.bits.max(8 * command.data.len() as u32);
+            }
+        }
         objects
+    }
+
+    /// The maker's commands that are longer than the dictionary's type of their object.
+    fn too_long(&self) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        let increment = self.device.slots.as_ref().map_or(0, |slots| slots.index_increment);
+        for (slot, module) in (1..).zip(&self.modules) {
+            for command in
+                module.mailbox.iter().filter_map(|one| one.coe.as_ref()).flat_map(|coe| &coe.commands)
+            {
+                let object = module.dictionary.iter().find(|object| object.index == command.index);
+                let entry = object
+                    .and_then(|object| object.entries.iter().find(|one| one.subindex == command.subindex));
+                let Some(entry) = entry else { continue };
+                let (bytes, given) = (command.data.len(), entry.bits.div_ceil(8) as usize);
+                if bytes > given {
+                    let index = self.place(command.index, slot, increment).index;
+                    doubts.push(Doubt::LongerThanItsObject { line: command.line, index, bytes, given });
+                }
+            }
+        }
+        doubts
     }
 
     /// What somebody should look at.
@@ -353,6 +398,7 @@ impl<'a> Assembly<'a> {
         if count > 0 {
             doubts.push(Doubt::ForeignCommands { count });
         }
+        doubts.extend(self.too_long());
         for Command { command, .. } in self.commands().iter().filter(|one| !one.is_for_pre_op()) {
             let transitions = command.transitions.join(", ");
             doubts.push(Doubt::OtherTransition { line: command.line, transitions });

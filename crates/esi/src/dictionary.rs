@@ -45,6 +45,13 @@ pub struct OdEntry {
     pub default: Vec<u8>,
 }
 
+impl OdEntry {
+    /// Whether its values may have any length up to its own.
+    pub fn is_text(&self) -> bool {
+        matches!(self.type_code, 0x09 | 0x0A)
+    }
+}
+
 /// An object's shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OdShape {

@@ -30,12 +30,24 @@ pub struct JogPlan {
     pub counts_per_cycle: f64,
     /// Max torque, per mille of rated.
     pub torque_per_mille: u16,
-    /// Cycles until the speed is reached.
+    /// Cycles until the speed is reached. It begins at a 64th of it and doubles six times: where the encoder has fewer counts
+    /// than was thought the wheel turns that much faster, and whoever looks lets go in time.
     pub ramp_cycles: u32,
     /// The longest motion, cycles.
     pub most_cycles: u32,
     /// How long a beat of the key counts, and how far its first two may be apart, cycles.
     pub key_cycles: [u32; 2],
+}
+
+/// How often the speed doubles until it is reached.
+const DOUBLINGS: f64 = 6.0;
+
+impl JogPlan {
+    /// The share of the speed after so many cycles.
+    fn share(&self, cycles: u32) -> f64 {
+        let done = f64::from(cycles) / f64::from(self.ramp_cycles.max(1));
+        (-DOUBLINGS * (1.0 - done.min(1.0))).exp2()
+    }
 }
 
 /// Why a jog ended.
@@ -128,8 +140,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             let wanted = if held { Wanted::OperationEnabled } else { Wanted::SwitchOnDisabled };
             let running = held && jog.enabled_cycles > 0;
             ramp = if running { (ramp + 1).min(plan.ramp_cycles.max(1)) } else { 0 };
-            let speed = i64::from(plan.speed_units) * i64::from(ramp) / i64::from(plan.ramp_cycles.max(1));
-            let speed = speed as i32;
+            let share = if ramp == 0 { 0.0 } else { plan.share(ramp) };
+            let speed = (f64::from(plan.speed_units) * share).round() as i32;
             let progress =
                 self.advance(&mut enabling, u64::from(cycles), (wanted, speed, plan.torque_per_mille), said);
             match progress {
@@ -153,8 +165,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             last = position;
             jog.travel_counts += step;
             speeds[cycles as usize % WINDOW_CYCLES] = step as f64;
-            if let Some(seen) = runs_away(&speeds, plan) {
-                break JogEnd::Runaway { told: plan.counts_per_cycle, seen };
+            if let Some(seen) = runs_away(&speeds, plan.counts_per_cycle * share) {
+                break JogEnd::Runaway { told: plan.counts_per_cycle * share, seen };
             }
         };
         jog.end = end;
@@ -233,9 +245,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
 }
 
 /// The counts per cycle of a drive that turns three times as fast as it is told, or as fast the other way.
-fn runs_away(speeds: &[f64; WINDOW_CYCLES], plan: &JogPlan) -> Option<f64> {
+fn runs_away(speeds: &[f64; WINDOW_CYCLES], told: f64) -> Option<f64> {
     let seen = speeds.iter().sum::<f64>() / WINDOW_CYCLES as f64;
-    let told = plan.counts_per_cycle;
     let along = seen * told.signum();
     let bound = told.abs().max(0.2);
     (told != 0.0 && (along > 3.0 * bound || along < -bound)).then_some(seen)

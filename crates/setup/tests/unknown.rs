@@ -22,7 +22,7 @@ fn a_robot_wired_in_every_way_wrongly_gets_its_file_and_drives_its_square() {
     // Left in the middle, and taken up again.
     let found = set_up(&robot, Some("way 1")).unwrap();
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{}", found.text);
-    assert_eq!(found.record.done, Step::ALL);
+    assert_eq!(found.record.done, Step::ALL, "{:?}", found.asked);
     let said = found.record.findings.join("\n");
     for expected in [
         "SubDevice 0: its encoder counts against its motor",
@@ -40,4 +40,11 @@ fn a_robot_wired_in_every_way_wrongly_gets_its_file_and_drives_its_square() {
     );
     let rms_m = drive_square(&robot, &found.text).unwrap();
     assert!(rms_m < 5e-3, "{rms_m}");
+}
+
+#[test]
+fn a_robot_of_a_seed_gets_its_file() {
+    let robot = Unknown::of(2);
+    let found = set_up(&robot, None).unwrap();
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{robot:?}");
 }

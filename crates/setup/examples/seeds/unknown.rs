@@ -18,8 +18,9 @@ use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Question, Record, Wished, 
 pub const BASE: &str = include_str!("../../../../robots/bmm.toml");
 /// The square that the robot drives in the end.
 const SQUARE: &str = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]\n";
-/// On blocks: the wheels touch nothing that would hold them.
-const ON_BLOCKS: &str = "simulation.static_friction";
+/// On blocks: what the wheels would have to move is light, and they slide on it.
+const ON_BLOCKS: &str =
+    "[simulation]\nstatic_friction = 0.04\nsliding_friction = 0.035\nmass_kg = 2.0\ninertia_kg_m2 = 0.2\n";
 const COUNTS: [u32; 5] = [1 << 20, 1 << 17, 1 << 16, 10_000, 1 << 22];
 const GEARS: [f64; 4] = [1.0, 5.0, 10.0, 12.5];
 /// Cycles after which the emergency stop is pressed.
@@ -77,10 +78,7 @@ impl Unknown {
     fn plan(&self, on_blocks: bool) -> RobotPlan {
         let mut text = self.text("");
         if on_blocks {
-            text = text.replace(
-                "[simulation]\n",
-                &format!("[simulation]\n{} = 0.001\n", ON_BLOCKS.trim_start_matches("simulation.")),
-            );
+            text = text.replace("[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 7.0\n", ON_BLOCKS);
         }
         if let Some(wheel) = self.turned_encoder {
             text = text.replace(

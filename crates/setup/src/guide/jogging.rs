@@ -16,10 +16,22 @@ use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
 use crate::turns::{is_seen_as, likely_resolution};
 
-/// How long a drive is enabled without moving, s.
+/// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
 const ENABLED_S: f64 = 2.0;
+const STOPPED_WITHIN_S: f64 = 30.0;
+/// Over what time a jog comes to its speed, s: it begins at a 64th of it, for nobody knows the encoder yet.
+const RAMP_S: f64 = 5.0;
 /// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
 const CREEP_TURNS: f64 = 0.005;
+
+/// What a drive does while the key is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// It turns.
+    Turns,
+    /// It is enabled and stands, at most so long, s.
+    Stands(f64),
+}
 
 /// The segment in OP, every drive disabled.
 struct Operational<C: Clock> {
@@ -89,27 +101,31 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Turns one drive while its key is held.
-    fn jog(&mut self, number: usize, speed_share: f64, what: &str) -> Result<Jog, SetupError> {
+    fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let mut operational = self.operational()?;
         let drive = self.record.drives[number].clone();
         let cycle_s = self.wished.cycle.as_secs_f64();
-        let counts_s = self.expected_counts(&drive) * self.wished.wheel_speed_rad_s / core::f64::consts::TAU
-            * speed_share;
+        let counts_s = self.expected_counts(&drive) * self.wished.wheel_speed_rad_s / core::f64::consts::TAU;
         let cycles = |seconds: f64| (seconds / cycle_s).ceil() as u32;
         let plan = JogPlan {
-            speed_units: if speed_share > 0.0 { self.speed_units(counts_s, &drive) } else { 0 },
+            speed_units: self.speed_units(counts_s, &drive),
             counts_per_cycle: counts_s * cycle_s,
             torque_per_mille: self.wished.torque_per_mille,
-            ramp_cycles: cycles(0.3),
-            most_cycles: cycles(if speed_share > 0.0 { self.wished.longest_s } else { ENABLED_S }),
+            ramp_cycles: cycles(RAMP_S),
+            most_cycles: cycles(match motion {
+                Motion::Turns => self.wished.longest_s,
+                Motion::Stands(longest_s) => longest_s,
+            }),
             key_cycles: self.wished.key_s.map(cycles),
         };
         self.hand.take_key(what);
         let Operational { paced, image, maps } = &mut operational;
         let mut jogger =
             Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
-        let jog =
-            if speed_share > 0.0 { jogger.run(&plan, self.hand)? } else { jogger.hold(&plan, self.hand)? };
+        let jog = match motion {
+            Motion::Turns => jogger.run(&plan, self.hand)?,
+            Motion::Stands(_) => jogger.hold(&plan, self.hand)?,
+        };
         operational
             .paced
             .end(|paced| paced.exchange(&mut operational.image).map(drop))
@@ -162,7 +178,7 @@ impl<C: Clock> Guide<'_, C> {
         let position = self.record.drives[number].position;
         let what =
             format!("hold the key: SubDevice {position} turns; let go after a whole turn of the wheel");
-        let jog = self.jog(number, 1.0, &what)?;
+        let jog = self.jog(number, Motion::Turns, &what)?;
         let trouble = match &jog.end {
             JogEnd::LetGo | JogEnd::Longest => None,
             JogEnd::Runaway { told, seen } => Some(format!(
@@ -288,8 +304,11 @@ impl<C: Clock> Guide<'_, C> {
         for number in 0..self.record.drives.len() {
             let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
             loop {
-                let jog =
-                    self.jog(number, 0.0, &format!("hold the key: {wheel} gets stiff and mustn't move"))?;
+                let jog = self.jog(
+                    number,
+                    Motion::Stands(ENABLED_S),
+                    &format!("hold the key: {wheel} gets stiff and mustn't move"),
+                )?;
                 let turn = self.record.drives[number].seen_counts.unwrap_or(1.0);
                 let turns = jog.travel_counts.abs() as f64 / turn;
                 match jog.end {
@@ -321,7 +340,7 @@ impl<C: Clock> Guide<'_, C> {
             loop {
                 let what =
                     format!("hold the key and press the emergency stop: {wheel} must go free by itself");
-                let jog = self.jog(number, 0.0, &what)?;
+                let jog = self.jog(number, Motion::Stands(STOPPED_WITHIN_S), &what)?;
                 match &jog.end {
                     JogEnd::Drive(words) if jog.enabled_cycles > 0 => {
                         self.record.note(format!("{wheel}: the emergency stop took its torque: {words}"));

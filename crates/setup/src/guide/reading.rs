@@ -83,6 +83,20 @@ impl<C: Clock> Guide<'_, C> {
                 ));
             }
         }
+        let identity = self.plan.drives[0].identity;
+        let device = self.plan.drives[0].device.clone();
+        for drive in &drives {
+            let differs = |wanted: Option<u32>, found: u32| wanted.is_some_and(|wanted| wanted != found);
+            if differs(identity.vendor_id, drive.vendor_id)
+                || differs(identity.product_code, drive.product_code)
+            {
+                self.record.found(format!(
+                    "SubDevice {}: the file's device `{device}` is another product than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
+                     right before it is driven (`omnibase scan --toml` shows them)",
+                    drive.position, drive.vendor_id, drive.product_code
+                ));
+            }
+        }
         if drives.len() < wheels {
             return Err(SetupError::TooFewDrives { wheels, drives: drives.len() });
         }
