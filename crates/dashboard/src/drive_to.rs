@@ -11,7 +11,7 @@ use omnibase_robot::RequestKind;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{Course, Phase, SafetyReason};
-use omnibase_run::live::{Ask, Asker, Live, Snapshot, Stamp};
+use omnibase_run::live::{Answer, Ask, Asker, Live, Snapshot, Stamp};
 use omnibase_run::room::{Room, Way};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -105,8 +105,10 @@ impl DriveTo {
         if snapshot.phase != Phase::Holding {
             return Err(crate::status::unfit(snapshot.phase).trim_start_matches("refused: ").to_owned());
         }
+        // It is as old as it is now, however long planning takes; a stop that comes meanwhile still counts.
+        live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
         let mut drive = Drive {
-            asker,
+            asker: asker.stamped(Stamp::Here),
             goal,
             best: best.unwrap_or(about.room.way),
             replans: 0,
@@ -114,8 +116,6 @@ impl DriveTo {
             since: Instant::now(),
         };
         let begun = drive.go((live, about), &snapshot)?;
-        // What comes later is asked by the same one, and nobody's stop may have come between.
-        drive.asker = live.asker(asker.client, Stamp::Here);
         self.say(&drive, begun.text.clone());
         *lock(&self.under_way) = Some(drive);
         Ok(begun)

@@ -138,7 +138,7 @@ impl std::fmt::Display for End {
 }
 
 /// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning.
-const LONGER: f64 = 1.05;
+const LONGER: f64 = 1.15;
 /// A disc keeps this beside the clearance, so that its way can be bent, m.
 const ROOM_M: f64 = 0.03;
 /// How far from a pose a cell may be where the search begins, in cells.

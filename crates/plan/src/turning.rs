@@ -11,6 +11,8 @@ use crate::space::{Checker, Space};
 const NOBODY: u32 = u32::MAX;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
 const TURN_COST: f64 = 0.3;
+/// What is left of a way counts so many times: far fewer states are looked at, and the way is shortened afterwards.
+const EAGER: f32 = 1.25;
 /// From one heading to the next the farthest corner moves by about so many cells.
 const CORNER_STEP: f64 = 1.5;
 
@@ -169,7 +171,7 @@ impl<'a, 'c> Turning<'a, 'c> {
             queue: Queue::default(),
         };
         let is_end: Vec<usize> = ends.iter().map(|(cell, heading)| self.state(*cell, *heading)).collect();
-        let estimate = |cell: usize| (left[cell] - slack).max(0.0);
+        let estimate = |cell: usize| EAGER * (left[cell] - slack).max(0.0);
         for (cell, heading) in begins {
             let state = self.state(cell, heading);
             // What was reached costs at least 1; 0 is nowhere.
