@@ -243,21 +243,23 @@ impl Filter {
     /// What is known now: the belief, carried on through what it hasn't passed yet.
     pub fn estimate(&self) -> Estimate {
         let (known, passed) = &self.told;
-        let mut belief = known.belief;
-        let mut ahead = Pose2::default();
+        let belief = &known.belief;
+        let (mut ahead, mut told, mut time_s) = (Pose2::default(), Pose2::default(), 0.0);
         for number in *passed + 1..=self.open {
             let epoch = &self.epochs[(number % KEPT) as usize];
             if epoch.time_s > 0.0 {
                 ahead = ahead.moved_by(belief.corrected(epoch.step(), epoch.time_s));
+                told = told.then(epoch.body_from_end);
+                time_s += epoch.time_s;
             }
         }
-        belief.map_from_body = belief.map_from_body.then(ahead);
-        let mut covariance = belief.pose_covariance();
+        let map_from_body = belief.map_from_body.then(ahead);
+        let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
         let [doubt_m, doubt_rad] = known.doubt;
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
         covariance[5] += doubt_rad * doubt_rad;
-        Estimate { map_from_body: belief.map_from_body, covariance, is_placed: known.is_placed }
+        Estimate { map_from_body, covariance, is_placed: known.is_placed }
     }
 
     /// What a step as the wheels tell it truly is, as far as is known now.

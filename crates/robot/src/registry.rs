@@ -13,10 +13,11 @@ use omnibase_cia402::ErrorCode;
 use omnibase_platform::Wheel;
 use omnibase_trajectory::LONGEST_S;
 
+use crate::ability::Ability;
 use crate::config::{
-    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, Limits, OutputPlan, ParameterPlan,
-    PdoPlan, PlatformTable, Problem, ProblemKind, ReceiverPlan, ReferenceTable, RobotPlan, SentPlan,
-    SourceTable, nearest,
+    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, OutputPlan, ParameterPlan, PdoPlan,
+    PlatformTable, Problem, ProblemKind, ReceiverPlan, ReferenceTable, RobotPlan, SentPlan, SourceTable,
+    nearest,
 };
 use crate::signals::Carries;
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
@@ -190,7 +191,17 @@ const PERIPHERAL: Sort = Sort {
     table: "device",
     key: "kind",
     default: None,
-    common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
+    common: &[
+        "name",
+        "position",
+        "alias",
+        "identification",
+        "kind",
+        "vendor_id",
+        "product_code",
+        "revision",
+        "custom",
+    ],
 };
 const EVENT: Sort =
     Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };
@@ -316,7 +327,7 @@ impl Kinds<MakeReference> {
     pub fn add<R: Reference + 'static>(
         &mut self,
         kind: Kind,
-        make: impl Fn(&ReferenceTable, &Limits) -> Made<R> + Send + Sync + 'static,
+        make: impl Fn(&ReferenceTable, &Ability) -> Made<R> + Send + Sync + 'static,
     ) {
         self.put(kind, Box::new(move |table, limits| Ok(Box::new(make(table, limits)?))));
     }
@@ -385,7 +396,7 @@ impl Kinds<MakePeripheral> {
 /// Makes a stage from a robot's plan.
 pub type MakeStage<Stage> = Box<dyn Fn(&RobotPlan) -> Made<Box<Stage>> + Send + Sync>;
 /// Makes a reference that keeps within the limits from its table alone: the robot's own, or one loaded while it runs.
-pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Limits) -> Made<Box<dyn Reference>> + Send + Sync>;
+pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Ability) -> Made<Box<dyn Reference>> + Send + Sync>;
 /// Makes the wheels of a layout, in the order of the drives.
 pub type MakeWheels = Box<dyn Fn(&PlatformTable) -> Made<Vec<Wheel>> + Send + Sync>;
 
@@ -496,9 +507,9 @@ impl Registry {
     }
 
     /// Makes the reference of a table; none of them lasts longer than anybody waits for.
-    pub fn make_reference(&self, table: &ReferenceTable, limits: &Limits) -> Made<Box<dyn Reference>> {
+    pub fn make_reference(&self, table: &ReferenceTable, ability: &Ability) -> Made<Box<dyn Reference>> {
         let found = self.references.find(table.kind.as_deref());
-        let made = found.and_then(|(_, make)| make(table, limits)).and_then(|reference| {
+        let made = found.and_then(|(_, make)| make(table, ability)).and_then(|reference| {
             match reference.duration_s() {
                 Some(found_s) if !(0.0..=LONGEST_S).contains(&found_s) => {
                     let reason = format!("it takes {found_s} s, expected 0 to {LONGEST_S} s");

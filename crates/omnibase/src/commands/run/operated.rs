@@ -18,6 +18,7 @@ use omnibase_robot::signals::StopCategory;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, Live, LiveEnd, live};
+use omnibase_run::room::Room;
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -143,7 +144,7 @@ impl Options {
     /// Starts what is wanted. On virtual time a run that nobody leads is over before it could answer anybody.
     pub fn start(
         &self,
-        robot: &LoadedRobot,
+        (robot, room): (&LoadedRobot, Room),
         registry: Arc<Registry>,
         known: Known,
         describer: Option<RunDescriber>,
@@ -165,7 +166,7 @@ impl Options {
         let receivers = receivers::start(&robot.plan, known, &live)?;
         let streams = Streams { plotjuggler: self.plotjuggler, foxglove: self.foxglove };
         let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
-        let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
+        let about = RobotInfo { room, robot: robot.clone(), registry, known, paths, streams };
         let page = match self.dashboard {
             Some(address) => Some(self.serve(address, live, about)?),
             None => match serve_owner(live, about) {
