@@ -107,6 +107,7 @@ fn drive(seed: u64) -> (String, Filter, Pose2) {
                     assert!(filter.hear(sensor, world.now_ns, &reading));
                     let values = match reading {
                         Reading::Turn(turn) => [turn, 0.0, 0.0],
+                        Reading::Inertial { .. } => unreachable!("no sensor of this world is one"),
                         Reading::Flow([x, y]) => [x, y, 0.0],
                         Reading::Twist(twist) => twist,
                         Reading::Pose { map_from_sensor: Pose2 { x_m, y_m, heading_rad }, .. } => {
