@@ -20,6 +20,9 @@ const GOOD: f64 = 1.0;
 /// What of a distribution in two directions lies within its greater standard deviation's threefold is more than 98.9 %.
 const SIGMAS: f64 = 3.0;
 
+/// Innovations are drawn up to so many times the gate.
+const GATES_SEEN: f64 = 2.0;
+
 /// A sensor as it was recorded.
 struct Sensor {
     name: String,
@@ -121,9 +124,15 @@ fn table(sensors: &[Sensor]) -> String {
 /// By how many of its standard deviations each reading was off.
 fn innovations(times: &[f64], sensors: &[Sensor]) -> String {
     let chart = |sensor: &Sensor| {
-        let sigmas: Vec<f64> = sensor.nis.iter().map(|nis| nis.sqrt()).collect();
+        // One outlier of a metre would flatten all else.
+        let most = sensor.gate.map_or(f64::INFINITY, |gate| GATES_SEEN * gate.sqrt());
+        let sigmas: Vec<f64> = sensor.nis.iter().map(|nis| nis.sqrt().min(most)).collect();
         let look = LOOKS[0].to_owned();
-        let line = Line { name: "innovation over its sigma".into(), class: look, values: &sigmas };
+        let line = Line {
+            name: "innovation over its sigma, up to twice the gate".into(),
+            class: look,
+            values: &sigmas,
+        };
         let limits =
             sensor.gate.map(|gate| Limit { name: "gate".into(), class: "limit", value: gate.sqrt() });
         TimeChart {

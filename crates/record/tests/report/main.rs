@@ -302,7 +302,7 @@ fn sensors_are_shown_with_their_gates_and_how_well_the_place_is_known() {
         "good gyro good contradicts mocap",
         "mocap: good contradicts",
         // Of 2000 readings 200 are beyond the gate; the mocap said the same all the time.
-        "gyro 100.0 % 2\u{202F}000 10.00 %",
+        "gyro 100.0 % 2 000 10.00 %",
         "mocap 75.0 % 1 0.00 % 0.250",
         "gyro: innovation over its standard deviation",
         "gate ±3.29 σ",
