@@ -41,7 +41,9 @@ fn main() {
         ("all", [&[(gyro(), 1)][..], &mice, &[(tracker(), 10)]].concat()),
     ];
     println!("{worlds} worlds of {} s each, seen {LOOKS} times\n", LOOKS as u64 * BETWEEN_MS / 1000);
-    println!("| sensors | of | at the end | mean of all looks | 95 % band of a look | looks inside | RMS at the end mm |");
+    println!(
+        "| sensors | of | at the end | mean of all looks | 95 % band of a look | looks inside | RMS at the end mm |"
+    );
     println!("|---|---|---|---|---|---|---|");
     for (name, sensors) in &sets {
         let (sums, squares_m2) = all(first..first + worlds, sensors);

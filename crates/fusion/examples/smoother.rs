@@ -29,11 +29,17 @@ fn main() {
     let worlds: u64 = words.next().map_or(10, |text| text.parse().expect("how many worlds"));
     let python = words.next().unwrap_or_else(|| "target/smoother/bin/python".to_owned());
     if !Path::new(&python).exists() {
-        eprintln!("no {python}: python3 -m venv target/smoother && target/smoother/bin/pip install gtsam numpy");
+        eprintln!(
+            "no {python}: python3 -m venv target/smoother && target/smoother/bin/pip install gtsam numpy"
+        );
         std::process::exit(1);
     }
-    println!("filter less batch at the end, in standard deviations of the batch, and the filter's over those; true less batch\n");
-    println!("| world | x | y | heading | σ x, y, heading of the batch | filter's σ over them | truth x | y | heading |");
+    println!(
+        "filter less batch at the end, in standard deviations of the batch, and the filter's over those; true less batch\n"
+    );
+    println!(
+        "| world | x | y | heading | σ x, y, heading of the batch | filter's σ over them | truth x | y | heading |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
     let mut greatest = 0.0_f64;
     for seed in 0..worlds {
@@ -115,9 +121,17 @@ fn drive(seed: u64) -> (String, Filter, Pose2) {
         let _ = write!(table, "{x_m:e},{y_m:e},{angle_rad:e}");
         for readings in heard {
             let count = readings.len() as f64;
-            let mean = |of: &dyn Fn(&(f64, [f64; 3])) -> f64| readings.iter().map(of).sum::<f64>() / count.max(1.0);
+            let mean =
+                |of: &dyn Fn(&(f64, [f64; 3])) -> f64| readings.iter().map(of).sum::<f64>() / count.max(1.0);
             let values: [f64; 3] = std::array::from_fn(|n| mean(&|one| one.1[n]));
-            let _ = write!(table, ",{count},{:e},{:e},{:e},{:e}", mean(&|one| one.0), values[0], values[1], values[2]);
+            let _ = write!(
+                table,
+                ",{count},{:e},{:e},{:e},{:e}",
+                mean(&|one| one.0),
+                values[0],
+                values[1],
+                values[2]
+            );
         }
         table.push('\n');
     }
@@ -134,9 +148,14 @@ fn head(sensors: &[Sensor; 4]) -> String {
         "{:e},{:e},{:e},{:e}",
         wheels.position_per_m, wheels.position_per_rad, wheels.heading_per_m, wheels.heading_per_rad
     );
-    let row = |row: usize| (0..9).map(|column| format!("{:e}", settings.geometry[(row, column)])).collect::<Vec<_>>();
+    let row = |row: usize| {
+        (0..9).map(|column| format!("{:e}", settings.geometry[(row, column)])).collect::<Vec<_>>()
+    };
     let _ = writeln!(text, "{}", (0..9).flat_map(row).collect::<Vec<_>>().join(","));
-    for Sensor { body_from_sensor: at, sigma, bias_sigma, bias_walk, scale_sigma, direction_sigma_rad, .. } in sensors {
+    for Sensor {
+        body_from_sensor: at, sigma, bias_sigma, bias_walk, scale_sigma, direction_sigma_rad, ..
+    } in sensors
+    {
         let [sx, sy, sh] = sigma;
         let _ = writeln!(
             text,

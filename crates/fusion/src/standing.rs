@@ -150,7 +150,11 @@ mod tests {
         assert_eq!(say(&mut standing, 0.0, 0.0), Verdict::Good);
         let last = (1..=40).map(|n| say(&mut standing, 0.0, 2e-3 * f64::from(n))).last();
         assert_eq!(last, Some(Verdict::Frozen));
-        assert_eq!(say(&mut standing, 0.0, 0.0), Verdict::Frozen, "the same again, where it is right by chance");
+        assert_eq!(
+            say(&mut standing, 0.0, 0.0),
+            Verdict::Frozen,
+            "the same again, where it is right by chance"
+        );
         assert_eq!(say(&mut standing, 0.5, 0.1), Verdict::Frozen, "new, but wrong");
         assert_eq!(say(&mut standing, 0.1, 0.1), Verdict::Good);
     }

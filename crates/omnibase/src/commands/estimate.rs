@@ -156,8 +156,7 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
         let (way, _) = plan.kinematics.body_step(&step.turned_rad);
         odom_from_body = odom_from_body.moved_by(way);
         // Nobody follows the pose.
-        let motion =
-            Motion { body_from_next: way.exp(), is_heard: true, is_free: true, ..Motion::default() };
+        let motion = Motion { body_from_next: way.exp(), is_heard: true, is_free: true, ..Motion::default() };
         filter.advance(ns(step.end_s), &motion);
         while let Some(turn) = turns.next_if(|turn| turn.instant_s <= step.end_s) {
             filter.hear(0, ns(turn.instant_s), &Reading::Turn(turn.rate_rad_s));
