@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use omnibase_robot::{Ability, Registry};
 use omnibase_robot::check::ReadFile;
 use omnibase_robot::config::{AxisMode, DevicePlan, OutputPlan, ReferenceTable, Source};
 use omnibase_robot::signals::column_name;
 use omnibase_robot::stages::Reference;
+use omnibase_robot::{Ability, Registry};
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
 use schemars::JsonSchema;

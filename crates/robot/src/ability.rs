@@ -6,13 +6,13 @@
 use std::fmt;
 
 use omnibase_platform::Kinematics;
+use omnibase_trajectory::PlatformBounds;
 use omnibase_trajectory::fastest::{Heat, Limit};
 use omnibase_trajectory::reach::{Plane, resisting};
-use omnibase_trajectory::PlatformBounds;
 
 use crate::config::{ControllerTable, DrivePlan, GripPlan, Limits, RobotPlan, motion_limits};
-use crate::grip::FirstEstimates;
 use crate::controllers::axes;
+use crate::grip::FirstEstimates;
 use crate::signals::{Dynamics, Setpoint};
 use crate::traction::{Footing, Push, Traction};
 
@@ -82,7 +82,10 @@ impl Ability {
         let mut ability = Ability::from(limits);
         let WheelFacts { kinematics, drives, controller, grip } = facts;
         for (wheel, row) in kinematics.wheels().iter().zip(kinematics.matrix()) {
-            ability.bounds.wheel_speeds.push(row.map(|part| ROOM * part / (wheel.radius_m * limits.wheel_speed_rad_s)));
+            ability
+                .bounds
+                .wheel_speeds
+                .push(row.map(|part| ROOM * part / (wheel.radius_m * limits.wheel_speed_rad_s)));
         }
         let first = FirstEstimates::of(controller);
         let dynamics =
@@ -104,8 +107,8 @@ impl Ability {
     /// The friction of a floor on which every wheel grips in a moment of a motion; 0 where nothing is known of the wheels.
     pub fn friction_needed(&self, setpoint: &Setpoint) -> f64 {
         let turn_rad = -setpoint.odom_from_body.heading_rad;
-        let [twist, [x, y, turn]] =
-            [setpoint.twist_in_odom, setpoint.acceleration_in_odom].map(|twist| axes(&twist.rotated(turn_rad)));
+        let [twist, [x, y, turn]] = [setpoint.twist_in_odom, setpoint.acceleration_in_odom]
+            .map(|twist| axes(&twist.rotated(turn_rad)));
         let resistance = resisting(&self.rollers, &twist);
         let of_wheel = |push: &Push| {
             let resisted: f64 = push.resisted.iter().zip(resistance).map(|(part, of)| part * of).sum();
@@ -126,7 +129,10 @@ impl Ability {
             for sign in [1.0, -1.0] {
                 let [x, y, turn] = push.force.map(|part| sign * part);
                 let normal = [x + push.lighter[0], y + push.lighter[1], turn];
-                self.bounds.planes.push((Limit::Grip, Plane { normal, most: push.given_n, resisted: push.resisted.map(|part| sign * part) }));
+                self.bounds.planes.push((
+                    Limit::Grip,
+                    Plane { normal, most: push.given_n, resisted: push.resisted.map(|part| sign * part) },
+                ));
             }
         }
     }

@@ -105,7 +105,9 @@ impl DryRun {
         for asked in &mut run.asked {
             asked.share /= run.moments.len() as f64;
         }
-        run.asked.sort_by(|one, other| other.share.total_cmp(&one.share).then(other.most.0.total_cmp(&one.most.0)));
+        run.asked.sort_by(|one, other| {
+            other.share.total_cmp(&one.share).then(other.most.0.total_cmp(&one.most.0))
+        });
         Ok(run)
     }
 
@@ -184,7 +186,8 @@ mod tests {
 
     #[test]
     fn a_straight_way_says_what_binds_it_and_what_it_needs() {
-        let line = "\n[reference]\nkind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 3, 0, 0]]\n";
+        let line =
+            "\n[reference]\nkind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 3, 0, 0]]\n";
         let run = dry(&format!("{line}[fence]\ncorners_m = [[-2, -2], [5, -2], [5, 2], [-2, 2]]\n"));
         // v/a and the way, each a little slower than the limits, and what the jerk costs.
         assert!((3.0 + 1.0 / 1.5..3.9).contains(&run.duration_s), "{}", run.duration_s);
@@ -216,7 +219,11 @@ mod tests {
         let mut reference = registry.make_reference(&plan.reference, &Ability::of(&plan)).unwrap();
         let run = DryRun::of(&plan, &mut *reference).unwrap();
         assert!((0.36..0.405).contains(&run.friction.0), "{:?}", run.friction);
-        assert!(run.asked.iter().any(|asked| asked.limit == Limit::Grip && asked.share > 0.3), "{:?}", run.asked);
+        assert!(
+            run.asked.iter().any(|asked| asked.limit == Limit::Grip && asked.share > 0.3),
+            "{:?}",
+            run.asked
+        );
         // Told of no floor it keeps to the platform's limits alone.
         let untold = RobotPlan::from_toml(&text.replace("friction = 0.5", ""), &registry, &no_files).unwrap();
         let mut reference = registry.make_reference(&untold.reference, &Ability::of(&untold)).unwrap();

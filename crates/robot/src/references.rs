@@ -4,15 +4,15 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
     Corrected, Correction, FastestTrajectory, GeometricPath, Heading, InPlatformAxes, Interpolation, Joining,
-    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PointTrajectory, Shape,
-    ShapeError, ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
+    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PointTrajectory, Shape, ShapeError,
+    ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
+use crate::ability::{Ability, ROOM};
 use crate::config::{
     EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
     motion_limits,
 };
-use crate::ability::{Ability, ROOM};
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
@@ -247,7 +247,8 @@ fn fastest(
         let reason = "the fastest motion is planned in `start` or `odom`";
         return Err(Problem::refused("frame", reason).into());
     }
-    let motion = FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
+    let motion =
+        FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
     Ok(Box::new(motion))
 }
 

@@ -15,8 +15,8 @@ use omnibase_trajectory::LONGEST_S;
 
 use crate::ability::Ability;
 use crate::config::{
-    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, OutputPlan, ParameterPlan,
-    PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
+    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, OutputPlan, ParameterPlan, PdoPlan,
+    PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
 };
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 

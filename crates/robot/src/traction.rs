@@ -126,8 +126,8 @@ impl Traction {
         let of_wheel = |wheel: usize| {
             let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
             let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
-            let needed_n = acceleration_m_s2 * worst(1.0).max(worst(-1.0))
-                + turn_acceleration_rad_s2 * force[2].abs();
+            let needed_n =
+                acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();
             left_n / needed_n
         };
         let share = (0..self.footing.wheels).map(of_wheel).fold(1.0, f64::min);
@@ -158,7 +158,8 @@ impl Traction {
         // How far inertia shifts where the weight presses.
         let leans = [-leans_m * acceleration.vx_m_s, -leans_m * acceleration.vy_m_s];
         let told_n = if stops { footing.mean_n(self.told_kg) } else { 0.0 };
-        let (mean_n, [spin_n, _]) = (footing.mean_n(grip.dynamics.mass_kg).max(told_n), grip.dynamics.friction_n);
+        let (mean_n, [spin_n, _]) =
+            (footing.mean_n(grip.dynamics.mass_kg).max(told_n), grip.dynamics.friction_n);
         let mut values = wished.values;
         let mut factor = 1.0_f64;
         for (wheel, value) in values.iter_mut().enumerate().take(footing.wheels) {

@@ -39,7 +39,10 @@ fn wheels() -> PlatformBounds {
         for sign in [1.0, -1.0] {
             let normal = [sign * force[0] + 18.0 * cos, sign * force[1] + 18.0 * sin, sign * force[2]];
             bounds.planes.push((Limit::Grip, Plane { normal, most: 91.0, ..Plane::default() }));
-            bounds.planes.push((Limit::WheelTorque, Plane { normal: force.map(|f| sign * f), most: 190.0, ..Plane::default() }));
+            bounds.planes.push((
+                Limit::WheelTorque,
+                Plane { normal: force.map(|f| sign * f), most: 190.0, ..Plane::default() },
+            ));
         }
         heat.torques.push(force.map(|force| force / 70.0));
     }
@@ -75,7 +78,8 @@ fn main() {
     for count in [20, 1000, 64_000, 1_000_000] {
         let point = |at: usize| PathPoint { time_s: 1.0 * at as f64, odom_from_base: pose(at) };
         let points = PathPoints::new((0..count).map(point).collect()).unwrap();
-        for (name, interpolation) in [("smooth", Interpolation::Smooth), ("quintic", Interpolation::Quintic)] {
+        for (name, interpolation) in [("smooth", Interpolation::Smooth), ("quintic", Interpolation::Quintic)]
+        {
             let runs = if count > 1000 { 1 } else { 20 };
             let ms = quickest_ms(runs, || assert!(limits::plan(&points, interpolation, &LIMITS).is_ok()));
             println!("| as given, {name} | {count} | platform | {ms:.2} | {count} |");

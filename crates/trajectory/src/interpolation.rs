@@ -187,7 +187,8 @@ fn smooth_speeds(values: &[f64], durations_s: &[f64], fixed: &[Rough]) -> Vec<f6
         if let Rough::Change(at) = rough {
             let slope = |at: usize| (values[at + 1] - values[at]) / durations_s[at];
             let (before, after) = (slope(at - 1), slope(*at));
-            speeds[*at] = if before * after <= 0.0 { 0.0 } else { before.abs().min(after.abs()).copysign(before) };
+            speeds[*at] =
+                if before * after <= 0.0 { 0.0 } else { before.abs().min(after.abs()).copysign(before) };
         }
     }
     for pair in fixed.windows(2) {

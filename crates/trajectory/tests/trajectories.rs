@@ -421,7 +421,8 @@ fn points_on_a_smooth_curve_are_driven_smoothly() {
         Peaks::of(&motion).peak(Quantity::Acceleration).value
     };
     let curve = peak(1000, Interpolation::Smooth);
-    let [smooth, rough] = [Interpolation::Smooth, thesis].map(|interpolation| peak(80, interpolation) / curve);
+    let [smooth, rough] =
+        [Interpolation::Smooth, thesis].map(|interpolation| peak(80, interpolation) / curve);
     assert!((smooth - 1.0).abs() < 0.02 && rough > 2.0, "{smooth} and {rough} of {curve}");
     assert!(limits::plan(&eight_points(80), Interpolation::Smooth, &limits).is_ok());
     assert!(limits::plan(&eight_points(80), thesis, &limits).is_err());

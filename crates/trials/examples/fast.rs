@@ -18,8 +18,11 @@ const FLOORS: [(f64, [f64; 2]); 6] = [
 fn main() {
     let paths = std::env::args().nth(1).map_or(10, |count| count.parse().expect("a number of random paths"));
     let random = (1..=paths).map(|seed| (format!("random {seed}"), random_path(seed)));
-    let motions: Vec<(String, String)> =
-        MOTIONS.iter().map(|(name, motion)| ((*name).to_owned(), (*motion).to_owned())).chain(random).collect();
+    let motions: Vec<(String, String)> = MOTIONS
+        .iter()
+        .map(|(name, motion)| ((*name).to_owned(), (*motion).to_owned()))
+        .chain(random)
+        .collect();
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         println!("\n{name}\n\n{HEADING}");
         for law in ["closed_loop_speed", "adaptive_torque"] {

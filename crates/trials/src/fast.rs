@@ -33,8 +33,14 @@ const HIGH: [(&str, f64); 6] = [
 
 /// The square of 2 m, stopping at its corners or cutting them by 50 mm; circle, eight.
 pub const MOTIONS: [(&str, &str); 4] = [
-    ("square", "kind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]"),
-    ("blended", "kind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]\ncorner_m = 0.05"),
+    (
+        "square",
+        "kind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]",
+    ),
+    (
+        "blended",
+        "kind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]\ncorner_m = 0.05",
+    ),
     ("circle", "kind = \"circle\"\nradius_m = 0.5"),
     ("eight", "kind = \"eight\"\nhalf_length_m = 0.8"),
 ];

@@ -5,15 +5,15 @@ mod picture;
 
 use super::run::reference::ReferenceChoice;
 use crate::Outcome;
-use anyhow::Context;
 use crate::robot_file::{Changes, RobotSource, plural};
+use anyhow::Context;
 use omnibase_description::Body;
 use omnibase_robot::config::{
     AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, InputOwner, Limits, PdoPlan,
     RunTable, SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
 };
-use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::dry::DryRun;
+use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
 use omnibase_run::LoadedRobot;
 use serde_json::{Value, json};

@@ -43,7 +43,6 @@ impl Carried {
         Some(if carried >= planned * (1.0 - ROUNDING) { 1.0 } else { SHARE_OF_PATH * carried / planned })
     }
 
-
     /// The fastest change of a rate, 1/s, at which a plan's place speeds up no more than the floor carries, and not at all while the
     /// platform is behind; `None` where the floor carries everything, or the plan doesn't speed up. The plan's speed and
     /// acceleration are those at its full rate: at the rate r it is v·r fast and speeds up by a·r² + v·r'.

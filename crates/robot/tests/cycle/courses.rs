@@ -279,7 +279,8 @@ fn timing_says_how_fast_points_are_gone_along() {
         timing,
         ..Default::default()
     };
-    let make = |table: &ReferenceTable| Registry::with_built_in().make_reference(table, &Ability::from(&limits));
+    let make =
+        |table: &ReferenceTable| Registry::with_built_in().make_reference(table, &Ability::from(&limits));
     let duration_s = |timing| make(&table(Some(timing))).unwrap().duration_s().unwrap();
     assert!(make(&table(None)).is_err() && make(&table(Some(Timing::AsGiven))).is_err());
     assert!(duration_s(Timing::Stretched) > 8.0);

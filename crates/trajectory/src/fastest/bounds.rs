@@ -47,7 +47,13 @@ pub struct PlatformBounds {
 impl PlatformBounds {
     /// Without wheels.
     pub fn new(limits: Limits) -> PlatformBounds {
-        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new(), resistance: Vec::new(), heat: None }
+        PlatformBounds {
+            limits,
+            wheel_speeds: Vec::new(),
+            planes: Vec::new(),
+            resistance: Vec::new(),
+            heat: None,
+        }
     }
 
     /// All limits on the acceleration.
@@ -89,9 +95,10 @@ impl PlatformBounds {
         let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
         let is_resisted = !self.resistance.is_empty();
         let resistance = if is_resisted { resisting(&self.resistance, &twist) } else { [0.0; 3] };
-        let planes = self.planes.iter().map(move |(limit, plane)| {
-            (*limit, dot(&plane.normal, &acceleration) / plane.left(&resistance))
-        });
+        let planes = self
+            .planes
+            .iter()
+            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.left(&resistance)));
         own.chain(speeds).chain(planes)
     }
 
@@ -134,13 +141,10 @@ impl Heat {
         for (at, time_s) in times_s.iter().enumerate() {
             if at > 0 {
                 let width_s = time_s - times_s[at - 1];
-                // Simpson's rule.
-                for (part, weight) in [(0.001, 1.0), (0.5, 4.0), (0.999, 1.0)] {
-                    let setpoint = motion.sample(times_s[at - 1] + part * width_s);
-                    let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
-                    for (total, row) in totals.iter_mut().zip(&self.torques) {
-                        *total += weight / 6.0 * width_s * dot(row, &acceleration).powi(2);
-                    }
+                let setpoint = motion.sample(times_s[at - 1] + 0.5 * width_s);
+                let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
+                for (total, row) in totals.iter_mut().zip(&self.torques) {
+                    *total += width_s * dot(row, &acceleration).powi(2);
                 }
             }
             sums.iter_mut().zip(&totals).for_each(|(sum, total)| sum.push(*total));

@@ -88,8 +88,7 @@ fn within(axes: [[f64; 6]; 3], most: [f64; 2], halvings: u32) -> bool {
         return true;
     }
     let ends = [0, 5];
-    let exceeds =
-        ends.iter().any(|at| x[*at].hypot(y[*at]) > most[0] || turn[*at].abs() > most[1]);
+    let exceeds = ends.iter().any(|at| x[*at].hypot(y[*at]) > most[0] || turn[*at].abs() > most[1]);
     if halvings == 0 || exceeds {
         return false;
     }

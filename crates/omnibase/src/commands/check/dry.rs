@@ -36,7 +36,8 @@ pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
     writeln!(output, "\nThe motion, planned dry")?;
     writeln!(output, "  time                 {duration_s:.3} s for {way_m:.3} m")?;
     writeln!(output, "  grip needed          friction {:.3}, at {:.3} s", friction.0, friction.1)?;
-    for (what, room) in [("room to the fence", run.fence_room_m), ("room to obstacles", run.obstacle_room_m)] {
+    for (what, room) in [("room to the fence", run.fence_room_m), ("room to obstacles", run.obstacle_room_m)]
+    {
         if let Some((room_m, time_s)) = room {
             writeln!(output, "  {what:<20} {room_m:.3} m at least, at {time_s:.3} s")?;
         }
@@ -51,7 +52,8 @@ pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
 }
 
 pub(super) fn json(run: &DryRun) -> Value {
-    let room = |room: Option<(f64, f64)>| room.map(|(room_m, time_s)| json!({ "room_m": room_m, "time_s": time_s }));
+    let room =
+        |room: Option<(f64, f64)>| room.map(|(room_m, time_s)| json!({ "room_m": room_m, "time_s": time_s }));
     let limits: Vec<Value> = run
         .asked
         .iter()

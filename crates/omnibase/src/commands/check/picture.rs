@@ -114,7 +114,12 @@ pub(super) fn svg(plan: &RobotPlan, run: &DryRun) -> String {
         [[x - r, y - r], [x + r, y + r]]
     });
     let floor = Floor::around(
-        run.moments.iter().map(place).chain(bodies.iter().flatten().copied()).chain(fence.iter().copied()).chain(obstacles),
+        run.moments
+            .iter()
+            .map(place)
+            .chain(bodies.iter().flatten().copied())
+            .chain(fence.iter().copied())
+            .chain(obstacles),
     );
     let top = floor.top + MARGIN + 40.0;
     let height = top + SPEED[1] + 50.0;
@@ -132,7 +137,11 @@ pub(super) fn svg(plan: &RobotPlan, run: &DryRun) -> String {
     for obstacle in &plan.guard.obstacles {
         let at = floor.at(obstacle.centre_m);
         let (x, y) = at.split_once(',').unwrap_or_default();
-        let _ = writeln!(picture, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{:.1}\" fill=\"#f3c9c9\" stroke=\"#c00\"/>", floor.scale * obstacle.radius_m);
+        let _ = writeln!(
+            picture,
+            "<circle cx=\"{x}\" cy=\"{y}\" r=\"{:.1}\" fill=\"#f3c9c9\" stroke=\"#c00\"/>",
+            floor.scale * obstacle.radius_m
+        );
     }
     for body in &bodies {
         picture += &floor.polygon(body, "fill=\"#eef2f6\" fill-opacity=\"0.6\" stroke=\"#667\"");
