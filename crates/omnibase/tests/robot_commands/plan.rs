@@ -26,7 +26,10 @@ fn a_way_through_an_office_is_found_drawn_written_and_driven() {
 fn where_there_is_no_way_or_no_map_the_reason_is_said() {
     let (code, text) = refused(&[&OFFICE[..], &["--to", "1.6 1.2 0"]].concat());
     assert_eq!(code, Some(1));
-    assert!(text.contains("goal (1.600, 1.200, 0.000): the footprint touches what is in the way there"), "{text}");
+    assert!(
+        text.contains("goal (1.600, 1.200, 0.000): the footprint touches what is in the way there"),
+        "{text}"
+    );
     let (code, text) = refused(&[&OFFICE[..], &["--to", "far"]].concat());
     assert!(code == Some(2) && text.contains("--to \"far\": expected x m, y m"), "{text}");
     let folder = Folder::new("plan-bad");
@@ -36,5 +39,8 @@ fn where_there_is_no_way_or_no_map_the_reason_is_said() {
     assert!(text.contains("line 3: origin: expected [x, y, yaw] in m and rad, found `[0, 0]`"), "{text}");
     let polygon = "map.blocked_m=[[[1.0, 0.0], [2.0, 0.0]]]";
     let (_, text) = refused(&["plan", "robots/bmm.toml", "--set", polygon, "--to", "1 0 0"]);
-    assert!(text.contains("a polygon covers some floor") && text.contains("polygon 0 with 2 corners"), "{text}");
+    assert!(
+        text.contains("a polygon covers some floor") && text.contains("polygon 0 with 2 corners"),
+        "{text}"
+    );
 }
