@@ -142,7 +142,7 @@ const LONGER: f64 = 1.15;
 /// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
 const NEARLY_DISC: f64 = 0.1;
 /// A disc keeps this beside the clearance, so that its way can be bent, m.
-const ROOM_M: f64 = 0.03;
+const ROOM_M: f64 = 0.005;
 /// How far from a pose a cell may be where the search begins, in cells.
 const NEAR: isize = 2;
 
