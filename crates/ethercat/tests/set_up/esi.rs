@@ -10,7 +10,7 @@ use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
-use omnibase_ethercat::{SubDeviceConfig, SubDevice};
+use omnibase_ethercat::{SubDevice, SubDeviceConfig};
 use omnibase_ethercat_sim::device::{Piece, esi};
 use omnibase_ethercat_sim::{Segment, SimLink, in_process};
 
@@ -53,7 +53,10 @@ fn config(assembly: &Assembly, found: &SubDevice) -> SubDeviceConfig {
     let mut pdos = Vec::new();
     for (direction, outputs) in [(Direction::Outputs, true), (Direction::Inputs, false)] {
         let (chosen, _) = assembly.default_pdos(outputs);
-        let Some(sync_manager) = chosen.first().and_then(|pdo| pdo.sync_manager).filter(|_| speaks_coe) else { continue };
+        let Some(sync_manager) = chosen.first().and_then(|pdo| pdo.sync_manager).filter(|_| speaks_coe)
+        else {
+            continue;
+        };
         let entries = |pdo: &Pdo| {
             let entry = |entry: &omnibase_esi::model::PdoEntry| {
                 (if entry.is_gap() { ObjectAddress::new(0, 0) } else { entry.object() }, entry.bits)
@@ -97,7 +100,8 @@ fn reach_op(assembly: &Assembly, vendor_id: u32) -> Result<usize, String> {
     for command in assembly.commands().iter().filter(|one| one.is_for_pre_op()) {
         let bytes = on_the_wire(command);
         // One behind the other, as the file has them.
-        let here = sent[frames..].iter().position(|frame| frame.windows(bytes.len()).any(|part| part == bytes));
+        let here =
+            sent[frames..].iter().position(|frame| frame.windows(bytes.len()).any(|part| part == bytes));
         frames += here.ok_or(format!("{bytes:02x?} never passed"))?;
         seen += 1;
     }
