@@ -195,7 +195,9 @@ impl<W: Write + Seek> McapRun<W> {
         if values.len() != self.width {
             return Err(RunError::RowWidth { expected: self.width, found: values.len() });
         }
-        let mut at = 0;
+        let (mut at, last) = (0, self.topics.len().wrapping_sub(1));
+        // Without the words that end a row, some topic must tell that there is one.
+        let mut is_told = self.raw.is_some();
         for number in 0..self.topics.len() {
             let topic = &mut self.topics[number];
             self.message.clear();
@@ -204,7 +206,9 @@ impl<W: Write + Seek> McapRun<W> {
             }
             at += topic.signals;
             // What didn't change since the chunk's last message isn't told again.
-            if self.begins_chunk || topic.told != self.message {
+            let must_tell = self.begins_chunk || (number == last && !is_told);
+            if must_tell || topic.told != self.message {
+                is_told = true;
                 topic.told.clone_from(&self.message);
                 let id = topic.id;
                 self.send(id, time_ns)?;
