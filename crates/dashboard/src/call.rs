@@ -36,6 +36,12 @@ pub enum Call {
         /// Which way is the best one; default: that of the robot's file.
         best: Option<BestWay>,
     },
+    /// Draw walls that planned ways go around, in place of those drawn before; the guard, which keeps fence and obstacles, doesn't
+    /// see them.
+    SetWalls {
+        /// Closed polygons, each a list of corners x and y in odom, m.
+        polygons_m: Vec<Vec<[f64; 2]>>,
+    },
     /// Say where the platform stands, in odom: x m, y m, heading rad; only while it stands.
     SetPose {
         /// The pose.
@@ -308,6 +314,7 @@ impl Call {
             | Call::SdoWrite { .. }
             | Call::Teach { .. }
             | Call::TeachPoint
+            | Call::SetWalls { .. }
             | Call::SetPose { .. }
             | Call::Alive => false,
         }

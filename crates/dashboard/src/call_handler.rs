@@ -112,6 +112,10 @@ impl CallHandler {
                 robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
             }
             Call::DriveTo { pose, best } => return self.drive_to(asker, pose, best),
+            Call::SetWalls { polygons_m } => {
+                let text = self.drive_to.draw_walls(polygons_m)?;
+                return Ok(Reply::CallResult(CallResult::done(text)));
+            }
             Call::SetPose { pose: [x_m, y_m, heading_rad], sigma_m, sigma_rad } => {
                 robot(RequestKind::SetPose {
                     odom_from_body: Pose2 { x_m, y_m, heading_rad },

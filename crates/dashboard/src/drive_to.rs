@@ -3,7 +3,7 @@
 //! What is planned is loaded and started as any other reference is; what looks after it only pauses it, and only by itself. Whoever stops the
 //! robot, or loads something else, ends it.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use omnibase_platform::Pose2;
@@ -18,6 +18,10 @@ use serde::Serialize;
 
 use crate::robot_info::RobotInfo;
 
+/// Most walls that are drawn, and most corners of one.
+const MOST: usize = 100;
+/// Farther than this from the origin nobody draws, m.
+const GREATEST: f64 = 1e4;
 /// How often what is under way is looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(100);
 /// So long after a way was begun the robot may not be seen on it yet.
@@ -29,6 +33,7 @@ const SAME_M: f64 = 0.01;
 /// Nearer than this to the goal it is there, m and rad.
 const THERE: f64 = 0.02;
 
+type Point = [f64; 2];
 type Obstacles = [Option<Obstacle>; MAX_OBSTACLES];
 
 /// A way that is under way.
@@ -46,7 +51,14 @@ struct Drive {
 #[derive(Clone, Debug)]
 enum Stage {
     /// On its way.
-    Driving { number: u32, poses: Vec<Pose2>, obstacles: Box<Obstacles>, is_seen: bool },
+    Driving {
+        number: u32,
+        poses: Vec<Pose2>,
+        obstacles: Box<Obstacles>,
+        /// The walls' number.
+        walls: u32,
+        is_seen: bool,
+    },
     /// It comes to rest, or stands, and is planned again.
     Blocked { tried: Option<Instant> },
 }
@@ -69,6 +81,14 @@ pub struct WaySeen {
 pub(crate) struct DriveTo {
     under_way: Mutex<Option<Drive>>,
     seen: Mutex<Option<WaySeen>>,
+    walls: Mutex<Walls>,
+}
+
+/// Walls that were drawn, and how often.
+#[derive(Clone, Debug, Default)]
+struct Walls {
+    number: u32,
+    polygons_m: Arc<Vec<Vec<Point>>>,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -87,6 +107,41 @@ impl DriveTo {
     /// What pages are told.
     pub(crate) fn seen(&self) -> Option<WaySeen> {
         lock(&self.seen).clone()
+    }
+
+    /// How often walls were drawn.
+    pub(crate) fn walls_number(&self) -> u32 {
+        lock(&self.walls).number
+    }
+
+    /// The walls that are drawn, in odom, m.
+    pub(crate) fn walls_m(&self) -> Arc<Vec<Vec<Point>>> {
+        lock(&self.walls).polygons_m.clone()
+    }
+
+    /// Draws walls in place of those before.
+    pub(crate) fn draw_walls(&self, polygons_m: Vec<Vec<Point>>) -> Result<String, String> {
+        if polygons_m.len() > MOST {
+            return Err(format!("polygons_m: expected at most {MOST} walls, found {}", polygons_m.len()));
+        }
+        for (number, corners) in polygons_m.iter().enumerate() {
+            if !(3..=MOST).contains(&corners.len()) {
+                return Err(format!(
+                    "polygons_m[{number}]: expected 3 to {MOST} corners, found {}",
+                    corners.len()
+                ));
+            }
+            if let Some(wrong) = corners.iter().flatten().find(|part| part.is_nan() || part.abs() > GREATEST)
+            {
+                return Err(format!(
+                    "polygons_m[{number}]: expected numbers from -{GREATEST} to {GREATEST}, found {wrong}"
+                ));
+            }
+        }
+        let mut walls = lock(&self.walls);
+        let text = format!("{} walls are drawn", polygons_m.len());
+        *walls = Walls { number: walls.number + 1, polygons_m: polygons_m.into() };
+        Ok(text)
     }
 
     /// Whether there is anything to look after.
@@ -115,10 +170,14 @@ impl DriveTo {
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
         };
-        let begun = drive.go((live, about), &snapshot)?;
+        let begun = drive.go((live, about), &snapshot, self.walls())?;
         self.say(&drive, begun.text.clone());
         *lock(&self.under_way) = Some(drive);
         Ok(begun)
+    }
+
+    fn walls(&self) -> Walls {
+        lock(&self.walls).clone()
     }
 
     fn say(&self, drive: &Drive, text: String) {
@@ -177,11 +236,13 @@ impl DriveTo {
 
     /// Pauses a way onto which something came.
     fn watch(&self, live: &Live, about: &RobotInfo, (mut drive, snapshot): (Drive, &Snapshot)) {
-        let Stage::Driving { poses, obstacles, is_seen, .. } = &mut drive.stage else { return };
+        let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return };
         *is_seen = true;
         let here = snapshot.record.setpoint.odom_from_body;
         let now = new_obstacles(&snapshot.obstacles, obstacles);
-        let is_blocked = now.iter().any(|obstacle| about.room.meets(left(poses, &here), obstacle));
+        // Walls that were drawn meanwhile: it is planned anew whatever they are.
+        let is_blocked = *walls != self.walls_number()
+            || now.iter().any(|obstacle| about.room.meets(left(poses, &here), obstacle));
         if is_blocked {
             live.send(drive.asker, Ask::Robot(RequestKind::Pause));
             self.block(drive);
@@ -199,7 +260,7 @@ impl DriveTo {
     /// Plans again from where the robot stands; gives up where there was no way for too long.
     fn again(&self, robot: (&Live, &RobotInfo), mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let give_up_s = robot.1.robot.plan.guard.give_up_s;
-        match drive.go(robot, snapshot) {
+        match drive.go(robot, snapshot, self.walls()) {
             Ok(begun) => {
                 drive.replans += 1;
                 let text = format!("{}; planned again {} times", begun.text, drive.replans);
@@ -224,10 +285,16 @@ impl DriveTo {
 
 impl Drive {
     /// Plans from where the robot stands, and asks it to go.
-    fn go(&mut self, (live, about): (&Live, &RobotInfo), snapshot: &Snapshot) -> Result<Begun, String> {
+    fn go(
+        &mut self,
+        (live, about): (&Live, &RobotInfo),
+        snapshot: &Snapshot,
+        walls: Walls,
+    ) -> Result<Begun, String> {
         let obstacles: Vec<Obstacle> = snapshot.obstacles.iter().flatten().copied().collect();
         let from = snapshot.record.setpoint.odom_from_body;
-        let way = Way { from, to: self.goal, obstacles: &obstacles, best: self.best };
+        let way =
+            Way { from, to: self.goal, obstacles: &obstacles, walls_m: &walls.polygons_m, best: self.best };
         let limits = &about.robot.plan.limits;
         let timed = about.room.timed(&way, limits, &about.registry).map_err(|error| error.to_string())?;
         // What was looked at has been sampled; the robot gets one that begins anew.
@@ -242,6 +309,7 @@ impl Drive {
             number,
             poses: timed.plan.poses,
             obstacles: Box::new(snapshot.obstacles),
+            walls: walls.number,
             is_seen: false,
         };
         self.since = Instant::now();
@@ -290,15 +358,18 @@ pub(crate) struct MapSeen {
     rows: Vec<Vec<usize>>,
     /// Polygons that are in the way, in odom, m.
     blocked_m: Vec<Vec<[f64; 2]>>,
+    /// Walls that were drawn while it runs, likewise.
+    walls_m: Vec<Vec<[f64; 2]>>,
 }
 
 impl MapSeen {
     /// The room's.
-    pub(crate) fn of(room: &Room) -> Self {
+    pub(crate) fn of(room: &Room, walls_m: &[Vec<Point>]) -> Self {
+        let walls_m = walls_m.to_vec();
         let blocked_m = room.blocked_m();
         let Some(map) = room.map() else {
             let (size, odom_from_grid) = ([0; 2], [0.0; 3]);
-            return MapSeen { size, cell_m: 0.0, odom_from_grid, rows: Vec::new(), blocked_m };
+            return MapSeen { size, cell_m: 0.0, odom_from_grid, rows: Vec::new(), blocked_m, walls_m };
         };
         let runs = |row: &[bool]| {
             let mut runs = vec![0];
@@ -321,6 +392,7 @@ impl MapSeen {
             odom_from_grid: [x_m, y_m, heading_rad],
             rows: map.blocked.chunks_exact(map.width).map(runs).collect(),
             blocked_m,
+            walls_m,
         }
     }
 }

@@ -149,7 +149,7 @@ reading!(robot, shared, right, {
     serde_json::to_value(Robot { facts, saved_paths: shared.desk.saved_names() }).unwrap_or_default()
 });
 reading!(planned, shared, _right, shared.desk.planned());
-reading!(map, shared, _right, MapSeen::of(&shared.desk.about.room));
+reading!(map, shared, _right, MapSeen::of(&shared.desk.about.room, &shared.desk.drive_to.walls_m()));
 reading!(events, shared, _right, {
     shared.live.events_after(0).into_iter().map(EventSeen::from).collect::<Vec<_>>()
 });

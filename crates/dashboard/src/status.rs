@@ -56,6 +56,8 @@ pub struct StatusMessage {
     pub goal: Option<[f64; 3]>,
     /// The way to a pose that was asked for last (`drive_to`); nothing where none was.
     pub drive_to: Option<WaySeen>,
+    /// How often walls were drawn: `/api/map` has them.
+    pub walls: u32,
     /// Its own time, s.
     pub reference_time_s: f64,
     /// It was begun and isn't at its end.
@@ -228,6 +230,7 @@ impl StatusMessage {
             reference: snapshot.reference,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
             drive_to: None,
+            walls: 0,
             goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,

@@ -362,7 +362,7 @@ fn ask(
             }
             if let Some(best) = best.filter(|best| *best > 0.2) {
                 row.ratios.push(plan.length_m / best);
-                if plan.length_m > 1.02 * best {
+                if plan.length_m > 1.01 * best {
                     eprintln!("{:.3} of {best:.3} m: {from:?} to {to:?}, {:?}", plan.length_m, plan.by);
                 }
             }

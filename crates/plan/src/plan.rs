@@ -139,8 +139,10 @@ impl std::fmt::Display for End {
 
 /// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning.
 const LONGER: f64 = 1.15;
+/// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
+const NEARLY_DISC: f64 = 0.1;
 /// A disc keeps this beside the clearance, so that its way can be bent, m.
-const ROOM_M: f64 = 0.03;
+const ROOM_M: f64 = 0.005;
 /// How far from a pose a cell may be where the search begins, in cells.
 const NEAR: isize = 2;
 
@@ -202,19 +204,24 @@ impl<'a> Planner<'a> {
         let disc = self
             .disc_way(&Search::new(space, outer_m + ROOM_M))
             .or_else(|| self.disc_way(&Search::new(space, outer_m)));
+        if let Some(way) =
+            disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, [outer_m, inner_m]))
+        {
+            return Ok(self.finished(way.clone(), By::Disc));
+        }
         // No way is shorter than that of the disc which every heading covers.
         let least = self.least_way(&Search::new(space, inner_m), inner_m);
-        let is_good = |way: &Vec<Pose2>| {
-            !is_shortest || least.as_ref().is_ok_and(|least| length(way) <= LONGER * least + 1.0)
-        };
         match disc {
-            Some(way) if is_good(&way) => Ok(self.finished(way, By::Disc)),
+            Some(way) if least.as_ref().is_ok_and(|least| length(&way) <= LONGER * least + 1.0) => {
+                Ok(self.finished(way, By::Disc))
+            }
             disc => {
                 if disc.is_none() {
                     least?;
                 }
-                let turning = Turning::new(space, &mut self.checker, [outer_m, inner_m])
-                    .shortest(&self.ends[0], &self.ends[1]);
+                let mut coarse = self.checker.coarse(self.clearance_m);
+                let mut turning = Turning::new(space, &mut coarse, [outer_m, inner_m]);
+                let turning = turning.shortest(&self.ends[0], &self.ends[1]);
                 let turning = turning.map(|places| self.turned(&places));
                 match (disc, turning) {
                     (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {
@@ -226,6 +233,12 @@ impl<'a> Planner<'a> {
                 }
             }
         }
+    }
+
+    /// Whether turning could hardly make a disc's way shorter: it is nearly straight, or the footprint is nearly a disc.
+    fn is_near_straight(&self, way: &[Pose2], [outer_m, inner_m]: [f64; 2]) -> bool {
+        let straight = self.ends[0].distance_m(self.ends[1]);
+        outer_m - inner_m <= NEARLY_DISC * inner_m || length(way) <= LONGER * straight + 1.0
     }
 
     /// The cell from which a disc's way begins or ends.

@@ -8,6 +8,8 @@ use crate::space::Checker;
 pub const SPACING_M: f64 = 0.1;
 /// Rounds of bending back.
 const ROUNDS: usize = 60;
+/// A band becomes longer by bending back at most by this.
+const LONGER: f64 = 1.004;
 /// Rounds of tightening.
 const TIGHTENINGS: usize = 12;
 /// Points that would move by less than this stay, in cells.
@@ -94,6 +96,8 @@ pub(crate) fn smooth(points: &mut [Pose2], checker: &mut Checker<'_>) {
         return;
     }
     let mut is_moving = vec![true; count];
+    let most = LONGER * length(points);
+    let mut before = points.to_vec();
     for _ in 0..ROUNDS {
         let mut has_moved = vec![false; count];
         for at in 1..count - 1 {
@@ -116,11 +120,20 @@ pub(crate) fn smooth(points: &mut [Pose2], checker: &mut Checker<'_>) {
                 has_moved[at] = true;
             }
         }
+        if length(points) > most {
+            points.copy_from_slice(&before);
+            break;
+        }
         if !has_moved.iter().any(|moved| *moved) {
             break;
         }
+        before.copy_from_slice(points);
         is_moving = has_moved;
     }
+}
+
+fn length(points: &[Pose2]) -> f64 {
+    points.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
 }
 
 /// Where a point bends its band least, half the way there: from the fourth difference, at the ends from the second.

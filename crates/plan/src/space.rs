@@ -9,6 +9,8 @@ use crate::map::Map;
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
 const TOUCH: f64 = 1e-9;
+/// A coarse look's step in parts of the room: half a step away from a look less than the room is used.
+const COARSE: f64 = 1.6;
 /// No step of a motion is looked at more finely than this, m.
 const FINEST_M: f64 = 0.005;
 
@@ -104,7 +106,12 @@ impl Space {
     }
 }
 
-impl Checker<'_> {
+impl<'a> Checker<'a> {
+    /// The same that looks only so often that between two looks nothing touches the bare outline; it keeps this room, m.
+    pub(crate) fn coarse(&self, room_m: f64) -> Checker<'a> {
+        Checker { step: (COARSE * room_m).max(FINEST_M) / self.space.map.cell_m, ..self.clone() }
+    }
+
     /// Whether nothing is in the way of a pose in the map's frame.
     pub fn is_free(&mut self, pose: &Pose2) -> bool {
         let pose = self.in_cells(pose);

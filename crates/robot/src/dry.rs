@@ -188,7 +188,7 @@ mod tests {
     fn a_straight_way_says_what_binds_it_and_what_it_needs() {
         let line =
             "\n[reference]\nkind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 3, 0, 0]]\n";
-        let run = dry(&format!("{line}[fence]\ncorners_m = [[-2, -2], [5, -2], [5, 2], [-2, 2]]\n"));
+        let run = dry(&format!("{line}[fence]\npolygon_m = [[-2, -2], [5, -2], [5, 2], [-2, 2]]\n"));
         // v/a and the way, each a little slower than the limits, and what the jerk costs.
         assert!((3.0 + 1.0 / 1.5..3.9).contains(&run.duration_s), "{}", run.duration_s);
         assert!((run.way_m - 3.0).abs() < 0.01, "{}", run.way_m);

@@ -51,6 +51,8 @@ pub struct Way<'a> {
     pub to: Pose2,
     /// Obstacles as they are now.
     pub obstacles: &'a [Obstacle],
+    /// Walls that were drawn, in odom, m.
+    pub walls_m: &'a [Vec<Point>],
     /// Which way is the best one.
     pub best: BestWay,
 }
@@ -172,8 +174,8 @@ impl Room {
             (None, Some(fence)) => Map::of_room(&fence.corners_m, self.cell_m)?,
             (None, None) => self.open_floor(way)?,
         };
-        for polygon in self.blocked_m() {
-            map.block_polygon(&polygon);
+        for polygon in self.blocked_m().iter().chain(way.walls_m) {
+            map.block_polygon(polygon);
         }
         let beside_m = BESIDE_GUARD_M - self.clearance_m;
         if let Some(fence) = &self.guard.fence {
@@ -221,7 +223,7 @@ impl Room {
         let blocked = self.blocked_m();
         let places = || {
             let obstacles = way.obstacles.iter().map(|obstacle| obstacle.centre_m);
-            ends.into_iter().chain(obstacles).chain(blocked.iter().flatten().copied())
+            ends.into_iter().chain(obstacles).chain(blocked.iter().chain(way.walls_m).flatten().copied())
         };
         let far_m = OPEN_M + self.footprint.outer_radius_m();
         let range = |axis: usize| {

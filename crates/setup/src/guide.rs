@@ -105,6 +105,9 @@ pub struct Guide<'a, C: Clock> {
     pub(crate) keep: &'a mut dyn FnMut(&Record),
 }
 
+/// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
+const ATTEMPTS: u32 = 20;
+
 /// A step that was left half-way.
 pub(crate) struct Leave;
 
@@ -170,7 +173,7 @@ impl<'a, C: Clock> Guide<'a, C> {
     ) -> Result<String, Leave> {
         let default = choices.first().cloned();
         let question = Question { id, text, choices: choices.to_vec(), default };
-        loop {
+        for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
                 Answer::Said(said) if said.trim().is_empty() => {
@@ -190,12 +193,13 @@ impl<'a, C: Clock> Guide<'a, C> {
                 }
             }
         }
+        Err(Leave)
     }
 
     /// A number above zero, asked again until it is one.
     pub(crate) fn number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
         let question = Question { id, text, choices: Vec::new(), default: Some(default.to_string()) };
-        loop {
+        for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
                 Answer::Said(said) if said.trim().is_empty() => return Ok(default),
@@ -205,6 +209,7 @@ impl<'a, C: Clock> Guide<'a, C> {
                 },
             }
         }
+        Err(Leave)
     }
 
     /// Counts per turn of a wheel as far as they are known: by the drive, else by the file.

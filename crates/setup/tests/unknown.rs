@@ -48,3 +48,33 @@ fn a_robot_of_a_seed_gets_its_file() {
     let found = set_up(&robot, None).unwrap();
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{robot:?}");
 }
+
+/// A program that never answers with an answer.
+struct Deaf(u32);
+
+impl omnibase_setup::Hand for Deaf {
+    fn ask(&mut self, _: &omnibase_setup::Question) -> omnibase_setup::Answer {
+        self.0 += 1;
+        omnibase_setup::Answer::Said("what?".to_owned())
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> omnibase_setup::Key {
+        omnibase_setup::Key::LetGo
+    }
+}
+
+#[test]
+fn whoever_never_answers_is_left_and_nothing_moves() {
+    let (ended, record, asked) = unknown::set_up_with(&robot(), &mut Deaf(0), |deaf| deaf.0);
+    assert_eq!(ended, Ok(omnibase_setup::Ended::Left));
+    assert!((1..=20).contains(&asked), "{asked}");
+    assert!(
+        record.log.iter().all(|line| !line.contains("enabled for ") || line.contains("enabled for 0 cycles")),
+        "{:?}",
+        record.log
+    );
+}

@@ -88,35 +88,90 @@ pub fn fastest(
     bounds: &AccelerationBounds,
     ends: [f64; 2],
 ) -> Result<Vec<f64>, Unreachable> {
-    let count = intervals.len();
-    let mut scene = Scene::default();
-    // From where the end can be reached: x from the first to the second.
-    let mut reach = vec![[0.0, 0.0]; count + 1];
-    reach[count] = [ends[1], ends[1]];
-    if ends[1] > most[count] * (1.0 + ROUNDING) {
-        return Err(Unreachable(count));
+    let mut found = Reached::new(intervals.len());
+    found.solve((intervals, most), bounds, ends)?;
+    Ok(found.x)
+}
+
+/// The fastest progress, found again where its limits changed.
+#[derive(Clone, Debug)]
+pub struct Reached {
+    /// The greatest x at every point of the grid.
+    pub x: Vec<f64>,
+    /// Which of them are new since the solution before.
+    pub is_new: Vec<bool>,
+    /// From where the end can be reached: x from the first to the second.
+    reach: Vec<[f64; 2]>,
+    reach_is_new: Vec<bool>,
+    /// Intervals whose limits changed, or those on the speed at one of their ends.
+    changed: Vec<bool>,
+}
+
+impl Reached {
+    /// Nothing is known yet of so many intervals.
+    pub fn new(count: usize) -> Reached {
+        Reached {
+            x: vec![f64::NAN; count + 1],
+            is_new: vec![true; count + 1],
+            reach: vec![[f64::NAN; 2]; count + 1],
+            reach_is_new: vec![true; count + 1],
+            changed: vec![true; count],
+        }
     }
-    for at in (0..count).rev() {
-        scene.look(&intervals[at], bounds);
-        scene.target = Some((reach[at + 1], intervals[at].length));
-        let highest = scene.highest(most[at]).ok_or(Unreachable(at))?;
-        reach[at] = [scene.lowest(highest), highest];
+
+    /// The limits of an interval changed.
+    pub fn change(&mut self, interval: usize) {
+        let last = self.changed.len().saturating_sub(1);
+        self.changed[interval.saturating_sub(1)..=(interval + 1).min(last)].fill(true);
     }
-    let [low, high] = reach[0];
-    if !(low * (1.0 - ROUNDING)..=high * (1.0 + ROUNDING)).contains(&ends[0]) {
-        return Err(Unreachable(0));
+
+    /// Solves where something changed; the arguments are those of [`fastest`], the same ones but for what was changed.
+    pub fn solve(
+        &mut self,
+        (intervals, most): (&[Interval], &[f64]),
+        bounds: &AccelerationBounds,
+        ends: [f64; 2],
+    ) -> Result<(), Unreachable> {
+        let count = intervals.len();
+        let mut scene = Scene::default();
+        let end = [ends[1], ends[1]];
+        (self.reach_is_new[count], self.reach[count]) = (self.reach[count] != end, end);
+        if ends[1] > most[count] * (1.0 + ROUNDING) {
+            return Err(Unreachable(count));
+        }
+        for at in (0..count).rev() {
+            self.reach_is_new[at] = false;
+            if !self.changed[at] && !self.reach_is_new[at + 1] {
+                continue;
+            }
+            scene.look(&intervals[at], bounds);
+            scene.target = Some((self.reach[at + 1], intervals[at].length));
+            let highest = scene.highest(most[at]).ok_or(Unreachable(at))?;
+            let reach = [scene.lowest(highest), highest];
+            (self.reach_is_new[at], self.reach[at]) = (self.reach[at] != reach, reach);
+        }
+        let [low, high] = self.reach[0];
+        if !(low * (1.0 - ROUNDING)..=high * (1.0 + ROUNDING)).contains(&ends[0]) {
+            return Err(Unreachable(0));
+        }
+        (self.is_new[0], self.x[0]) = (self.x[0] != ends[0], ends[0]);
+        let mut x = ends[0].clamp(low, high);
+        for (at, interval) in intervals.iter().enumerate() {
+            let is_same = !self.changed[at] && !self.is_new[at] && !self.reach_is_new[at + 1];
+            if is_same {
+                (self.is_new[at + 1], x) = (false, self.x[at + 1]);
+                continue;
+            }
+            scene.look(interval, bounds);
+            scene.target = None;
+            let u = scene.upper(x).at.max(scene.lower(x).at);
+            let [low, high] = self.reach[at + 1];
+            x = (x + 2.0 * interval.length * u).clamp(low, high);
+            (self.is_new[at + 1], self.x[at + 1]) = (self.x[at + 1] != x, x);
+        }
+        self.changed.fill(false);
+        Ok(())
     }
-    let mut found = Vec::with_capacity(count + 1);
-    found.push(ends[0]);
-    let mut x = ends[0].clamp(low, high);
-    for (interval, [low, high]) in intervals.iter().zip(&reach[1..]) {
-        scene.look(interval, bounds);
-        scene.target = None;
-        let u = scene.upper(x).at.max(scene.lower(x).at);
-        x = (x + 2.0 * interval.length * u).clamp(*low, *high);
-        found.push(x);
-    }
-    Ok(found)
 }
 
 /// Relative, for what is equal but for rounding.

@@ -1,6 +1,7 @@
 //! The fastest motion along a way: against optima that are known in closed form, and within every limit.
 
 use omnibase_platform::Pose2;
+use omnibase_trajectory::fastest::Heat;
 use omnibase_trajectory::fastest::Limit;
 use omnibase_trajectory::reach::{self, AccelerationBounds, Bend, Interval, Plane};
 use omnibase_trajectory::{
@@ -211,4 +212,55 @@ fn points_that_repeat_count_once() {
     let path = PiecewisePath::through(&[pose(0.0), pose(0.0), pose(1.0), pose(1.0)], JOINING).unwrap();
     assert_eq!(path.length(), 1.0);
     assert!(PiecewisePath::through(&[pose(1.0), pose(1.0)], JOINING).is_none());
+}
+
+#[test]
+fn what_changed_is_solved_as_if_all_were() {
+    let circle =
+        ShapePath { shape: Shape::Eight { half_length_m: 0.8 }, heading: Heading::Fixed, turns: 1.0 };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
+    let (mut intervals, most) = grid(&circle, 500, 9.0);
+    let mut reached = reach::Reached::new(intervals.len());
+    reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+    for (at, share) in [(100, 0.5), (101, 0.5), (400, 0.7), (100, 0.3), (0, 0.9), (499, 0.2)] {
+        intervals[at].share = share;
+        reached.change(at);
+        reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+        assert_eq!(reached.x, reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap(), "{at}");
+        let new = reached.is_new.iter().filter(|is_new| **is_new).count();
+        assert!((1..300).contains(&new), "{new} of 501 points are new");
+    }
+}
+
+#[test]
+fn motors_stay_as_cool_as_they_must() {
+    let limits = Limits { acceleration_m_s2: 4.0, ..LIMITS };
+    let heat = |window_s| Heat { window_s, torques: vec![[0.5, 0.0, 0.0]] };
+    let to_and_fro: Vec<Pose2> =
+        (0..9).map(|at| Pose2::new(if at % 2 == 0 { 0.0 } else { 1.0 }, 0.0, 0.0)).collect();
+    let stops = Joining { tolerance_m: 0.0, ..JOINING };
+    let motion = |heat: Option<Heat>| {
+        let bounds = PlatformBounds { heat, ..PlatformBounds::new(limits) };
+        FastestTrajectory::new(PiecewisePath::through(&to_and_fro, stops).unwrap(), &bounds).unwrap()
+    };
+    // The root of the mean square in the warmest window, by a sum of its own.
+    let warmest = |motion: &FastestTrajectory<PiecewisePath>, window_s: f64| {
+        let step_s = 1e-3;
+        let squares: Vec<f64> = (0..(motion.duration_s() / step_s) as usize)
+            .map(|at| (0.5 * motion.sample(step_s * at as f64).acceleration_in_odom.vx_m_s).powi(2))
+            .collect();
+        let width = (window_s / step_s) as usize;
+        let sum =
+            |end: usize| squares[end.saturating_sub(width)..end].iter().sum::<f64>() * step_s / window_s;
+        (1..=squares.len()).map(sum).fold(0.0, f64::max).sqrt()
+    };
+    let free = motion(None);
+    for window_s in [2.0, 5.0] {
+        let cool = motion(Some(heat(window_s)));
+        let (hot, kept) = (warmest(&free, window_s), warmest(&cool, window_s));
+        assert!(hot > 1.1 && (0.9..1.005).contains(&kept), "{hot} and {kept} in {window_s} s");
+        assert!(cool.duration_s() > free.duration_s());
+    }
+    // A window that is longer than all of it: before, the motors rested.
+    assert_eq!(motion(Some(heat(100.0))).duration_s(), free.duration_s());
 }

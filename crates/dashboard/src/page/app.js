@@ -25,7 +25,7 @@ const stop = new StopButton(by("stop"), link);
 const warning = new Warning();
 const beside = new Beside(by("beside"), { ask, halt, value });
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
-let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "";
+let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "", walls = null;
 
 // What is pressed.
 
@@ -97,6 +97,7 @@ by("file").onchange = async () => {
 function picking(button, then) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
+    if (by("wall").getAttribute("aria-pressed") === "true") by("wall").click();
     for (const other of [by("go"), by("drive-to"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
     view.onPick = on ? (place, pressed_ms) => (button.click(), then(place, pressed_ms)) : null;
     view.canvas.style.cursor = on ? "crosshair" : "";
@@ -109,6 +110,18 @@ picking(by("go"), ([x, y], pressed_ms) => {
 picking(by("drive-to"), ([x, y], pressed_ms) => {
   ask({ do: "drive_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }, pressed_ms);
 });
+by("wall").onclick = () => {
+  const on = by("wall").getAttribute("aria-pressed") !== "true", corners = view.draft;
+  for (const other of [by("go"), by("drive-to"), by("obstacle")]) other.setAttribute("aria-pressed", "false");
+  by("wall").setAttribute("aria-pressed", on);
+  by("wall").textContent = on ? "Close wall" : "Draw wall…";
+  view.onPick = on ? (place) => (view.draft.push(place), view.draw()) : null;
+  view.canvas.style.cursor = on ? "crosshair" : "";
+  if (!on && corners.length > 2) ask({ do: "set_walls", polygons_m: [...view.drawn, corners] });
+  else if (!on && corners.length) refuse("a wall has at least three corners");
+  view.draft = [];
+};
+view.onRemoveWall = (wall) => ask({ do: "set_walls", polygons_m: view.drawn.filter((_, n) => n !== wall) });
 picking(by("obstacle"), (place) => obstacles.put(place, facts.obstacle_places));
 const obstacles = new Obstacles(view, by("obstacle-bar"), { ask, send: (call) => link.send(call), refuse });
 
@@ -163,7 +176,7 @@ async function begin() {
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   beside.build(facts.devices);
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
-    if (!element.closest(".tools, .plots") || ["go", "drive-to", "obstacle"].includes(element.id)) element.disabled = !me;
+    if (!element.closest(".tools, .plots") || ["go", "drive-to", "obstacle", "wall"].includes(element.id)) element.disabled = !me;
   }
   // Whoever sees the robot may stop it.
   const stops = document.querySelectorAll("[data-stop], [data-stops-axis]");
@@ -171,6 +184,7 @@ async function begin() {
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
   view.room(await read("map"));
+  walls = null;
   savedPaths(facts.saved_paths);
   if (!plots) {
     plots = new Plots(by("plots"), facts.columns, (name) =>
@@ -219,6 +233,8 @@ function see(seen) {
   isBlocked = bit !== null && Boolean((BigInt(seen.blocked_sticks) >> BigInt(bit)) & 1n);
   const believed = pose("state");
   if (believed) view.add(believed, facts.simulated ? pose("truth") : null);
+  if (walls !== null && walls !== seen.walls) read("map").then((map) => view.room(map)).catch(() => {});
+  walls = seen.walls;
   if (seen.values.length) plots.take(seen.time_s, seen.values);
   warning.see(seen.moves_again_in_s);
   seen.events.forEach(happened);

@@ -16,6 +16,9 @@ export class View {
     /** The room: a picture of its cells, and where that lies. */
     this.map = null;
     this.walls = [];
+    /** Walls that were drawn here, and the one that is being drawn. */
+    this.drawn = [];
+    this.draft = [];
     /** Where it goes by the straight way. */
     this.goal = null;
     this.trail = [];
@@ -62,8 +65,9 @@ export class View {
   }
 
   /** The map's cells as a picture, made once; rows come from below. */
-  room({ size: [width, height], cell_m, odom_from_grid, rows, blocked_m }) {
+  room({ size: [width, height], cell_m, odom_from_grid, rows, blocked_m, walls_m }) {
     this.walls = blocked_m;
+    this.drawn = walls_m;
     this.map = null;
     if (width) {
       const picture = new OffscreenCanvas(width, height), g = picture.getContext("2d");
@@ -164,7 +168,9 @@ export class View {
     this.canvas.addEventListener("pointercancel", end);
     this.canvas.addEventListener("dblclick", (event) => {
       const obstacle = touched(event);
-      if (obstacle) this.onRemove?.(obstacle);
+      if (obstacle) return this.onRemove?.(obstacle);
+      const place = this.toWorld(...at(event)), wall = this.drawn.findIndex((corners) => holds(corners, place));
+      if (wall >= 0 && !this.draft.length) this.onRemoveWall?.(wall);
     });
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -199,6 +205,8 @@ export class View {
     g.setLineDash([]);
     this.drawSpeeds(g);
     g.setLineDash([7, 5]);
+    if (this.draft.length) this.drawLine(g, [...this.draft, this.draft[0]], c.ink, 2);
+    for (const corner of this.draft) g.fillRect(...this.toScreen(corner).map((at) => at - 3), 6, 6);
     if (this.goal && this.pose) this.drawLine(g, [this.pose, this.goal], c.planned, 2);
     g.setLineDash([]);
     if (this.goal) this.drawGoal(g, c);
@@ -232,6 +240,12 @@ export class View {
   drawMap(g, c) {
     g.fillStyle = c.line;
     for (const wall of this.walls) {
+      g.beginPath();
+      for (const corner of wall) g.lineTo(...this.toScreen(corner));
+      g.fill();
+    }
+    g.fillStyle = c.planned;
+    for (const wall of this.drawn) {
       g.beginPath();
       for (const corner of wall) g.lineTo(...this.toScreen(corner));
       g.fill();
@@ -342,6 +356,14 @@ function line(g, x0, y0, x1, y1) {
   g.moveTo(x0, y0);
   g.lineTo(x1, y1);
   g.stroke();
+}
+
+/** Whether a place lies inside a polygon: a ray from it crosses its sides an odd number of times. */
+function holds(corners, [x, y]) {
+  return corners.filter(([a, b], n) => {
+    const [c, d] = corners[(n + 1) % corners.length];
+    return (b > y) !== (d > y) && x < a + ((y - b) / (d - b)) * (c - a);
+  }).length % 2 === 1;
 }
 
 const lerp = (a, b, share) => a + (b - a) * share;

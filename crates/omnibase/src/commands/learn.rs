@@ -255,9 +255,9 @@ fn repeat_of(path: &Path, registry: &Registry) -> anyhow::Result<Repeat> {
     })?;
     let motion = registry.make_reference(&plan.reference, &Ability::of(&plan))?;
     let mut repeat = Repeat::new(&plan, motion.duration_s().unwrap_or(f64::INFINITY))?;
-    let layout = plan.record_layout();
+    let mut words = channels::RecordWords::new(plan.record_layout());
     for raw in &recorded.raw {
-        let cycle = channels::record(&layout, raw);
+        let cycle = words.record(raw);
         let cycle = cycle.ok().context("expected a recording of this version, found other signals")?;
         repeat.take(&cycle);
     }

@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         Some(_) => BestWay::Shortest,
         None => room.way,
     };
-    let way = Way { from, to, obstacles: &robot.guard.obstacles, best };
+    let way = Way { from, to, obstacles: &robot.guard.obstacles, walls_m: &[], best };
     let begun = Instant::now();
     let mut timed = match room.timed(&way, &robot.limits, registry) {
         Ok(timed) => timed,

@@ -221,7 +221,10 @@ pub fn run(
         lost = recorded.failure;
     }
     if let Some(frames) = frames {
-        tell_frames(frames, ran.ended.is_err() || !ran.finished && !is_operated)?;
+        if ran.ended.is_err() || (!ran.finished && !is_operated) {
+            frames.wrong();
+        }
+        tell_frames(frames)?;
     }
     let told = arguments.tell(&summary, output);
     drop(operated);
@@ -405,10 +408,7 @@ impl Arguments {
 }
 
 /// Says which files hold the frames of what went wrong.
-fn tell_frames(frames: LastFrames, ended_early: bool) -> anyhow::Result<()> {
-    if ended_early {
-        frames.wrong();
-    }
+fn tell_frames(frames: LastFrames) -> anyhow::Result<()> {
     let kept = frames.finish().context("--frames")?;
     if kept.files.is_empty() {
         note("--frames: nothing went wrong, nothing was written");

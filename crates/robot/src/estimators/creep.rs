@@ -25,8 +25,8 @@ const ROLLERS_TURN_M_S: f64 = 1e-3;
 /// forces, K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. The wheels' forces
 /// accelerate the platform by what the wheels gained of speed (about its centre as a disc that reaches out to the wheels),
 /// and they push against the rollers, which resist with a share of their loads wherever they turn. All of that is in
-/// proportion to the mass as the loads are, so that no mass is needed; its centre is taken to stand over the platform's, at `grip.centre_of_mass_height_m`, by which
-/// an acceleration shifts the loads.
+/// proportion to the mass as the loads are, so that no mass is needed; its centre is taken to stand over the platform's, and where
+/// the file tells its height (`grip.centre_of_mass_height_m`) an acceleration shifts the loads.
 #[derive(Clone, Debug)]
 pub(super) struct Creep {
     kinematics: Kinematics,
@@ -158,7 +158,7 @@ mod tests {
 
     /// The platform's step that is taken away while its wheels turn as for `told`, 1000 times 1 ms; before that `before`.
     fn taken(plan: &crate::RobotPlan, before: Twist2, told: Twist2) -> Twist2 {
-        let mut creep = Creep::new(&plan.estimator, &plan.kinematics, plan.grip.height_m).expect("asked for");
+        let mut creep = Creep::new(&plan.estimator, &plan.kinematics, 0.0).expect("asked for");
         let state = |twist_in_body: Twist2| PlatformState {
             odom_from_body: Pose2::new(1.0, 2.0, 0.7),
             twist_in_body,

@@ -126,16 +126,19 @@ impl Constraints {
     }
 
     /// What they leave of speeds while the body turns so fast.
-    fn at_turn(&self, w_rad_s: f64) -> Speeds {
-        let planes = |least_m_s: f64| {
-            let mut planes = Planes { list: [Plane::default(); MOST], count: self.count };
-            for (plane, constraint) in planes.list.iter_mut().zip(self.all()) {
-                let most_m_s = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
-                *plane = Plane { normal: constraint.normal, most_m_s };
-            }
-            planes
-        };
-        Speeds { leaving: Some(planes(f64::NEG_INFINITY)), staying: planes(0.0) }
+    fn at_turn(&self, w_rad_s: f64) -> Speeds<'_> {
+        let leaving = Some(self.planes(w_rad_s, f64::NEG_INFINITY));
+        Speeds { constraints: self, w_rad_s, leaving, staying: None }
+    }
+
+    /// At a turn, none of them stricter than `least_m_s`.
+    fn planes(&self, w_rad_s: f64, least_m_s: f64) -> Planes {
+        let mut planes = Planes { list: [Plane::default(); MOST], count: self.count };
+        for (plane, constraint) in planes.list.iter_mut().zip(self.all()) {
+            let most_m_s = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
+            *plane = Plane { normal: constraint.normal, most_m_s };
+        }
+        planes
     }
 }
 
@@ -153,12 +156,14 @@ struct Planes {
 
 /// Speeds that leave what is too near; in a pocket that closes not everything can be left at once, and then it is enough to come
 /// nearer to nothing.
-struct Speeds {
+struct Speeds<'a> {
+    constraints: &'a Constraints,
+    w_rad_s: f64,
     leaving: Option<Planes>,
-    staying: Planes,
+    staying: Option<Planes>,
 }
 
-impl Speeds {
+impl Speeds<'_> {
     /// A speed within all constraints and near to a wished one.
     fn within(&mut self, wish: Point) -> Point {
         if let Some(leaving) = &self.leaving {
@@ -168,7 +173,8 @@ impl Speeds {
                 None => self.leaving = None,
             }
         }
-        self.staying.projected(wish).unwrap_or_default()
+        let staying = self.staying.get_or_insert_with(|| self.constraints.planes(self.w_rad_s, 0.0));
+        staying.projected(wish).unwrap_or_default()
     }
 }
 
@@ -374,7 +380,7 @@ impl Guard {
     fn around(
         &mut self,
         here: &Setpoint,
-        (constraints, speeds): (&Constraints, &mut Speeds),
+        (constraints, speeds): (&Constraints, &mut Speeds<'_>),
         (wished, speed, w_rad_s): (Point, Point, f64),
     ) -> Point {
         let size = length(wished);

@@ -1,6 +1,7 @@
 //! The guard alone, with a platform that is where it shall be.
 
 mod margins;
+mod shapes;
 
 use super::shape::Point;
 use super::*;

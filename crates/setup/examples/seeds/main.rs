@@ -8,8 +8,8 @@ use unknown::{Unknown, differences, drive_square, set_up};
 
 fn main() {
     let count: u64 = std::env::args().nth(1).and_then(|word| word.parse().ok()).unwrap_or(100);
-    let (mut right, mut driven, mut wired, mut found_wires, mut unheld, mut worst_m) =
-        (0, 0, 0, 0, 0, 0.0f64);
+    let (mut right, mut driven, mut worst_m) = (0, 0, 0.0f64);
+    let (mut wired, mut found_wires, mut unheld, mut asked) = (0, 0, 0, 0);
     for seed in 1..=count {
         let robot = Unknown::of(seed);
         let found = match set_up(&robot, None) {
@@ -25,6 +25,7 @@ fn main() {
         wired += u64::from(robot.turned_encoder.is_some());
         found_wires += u64::from(robot.turned_encoder.is_some() && told);
         right += u64::from(wrong.is_empty());
+        asked += found.asked.len();
         unheld += found
             .record
             .log
@@ -44,7 +45,7 @@ fn main() {
     }
     println!(
         "{right} of {count} files right, {driven} drove their square (true RMS at most {:.2} mm); wrong wires found: {found_wires} of {wired}; \
-         motions without a held key: {unheld}",
+         motions without a held key: {unheld}; {asked} questions answered",
         1e3 * worst_m
     );
 }

@@ -218,6 +218,29 @@ pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String>
     Err(format!("it didn't end: {:?}", person.asked.last()))
 }
 
+/// The same with another hand: how it ended, what was noted, and what `of` tells of the hand.
+#[allow(dead_code, reason = "the example has no other hands")]
+pub fn set_up_with<H: Hand, T>(
+    robot: &Unknown,
+    hand: &mut H,
+    of: impl FnOnce(&H) -> T,
+) -> (Result<Ended, String>, Record, T) {
+    let plan = robot.plan(true);
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    let mut keep = |_: &Record| {};
+    let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
+    let mut guide =
+        Guide::new(wished, Record::default(), &mut open, (hand, &mut keep)).expect("the base is right");
+    let ended = guide.run().map_err(|error| error.to_string());
+    let record = guide.record.clone();
+    drop(guide);
+    (ended, record, of(hand))
+}
+
 /// What of a file isn't as the robot is; none where it is right.
 pub fn differences(robot: &Unknown, text: &str) -> Vec<String> {
     let registry = Registry::with_built_in();

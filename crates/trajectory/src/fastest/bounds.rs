@@ -141,12 +141,12 @@ impl Heat {
         for (at, time_s) in times_s.iter().enumerate() {
             if at > 0 {
                 let width_s = time_s - times_s[at - 1];
-                // Simpson's rule.
-                for (part, weight) in [(0.001, 1.0), (0.5, 4.0), (0.999, 1.0)] {
+                // Gauss and Legendre's rule of two points: exact where an acceleration is linear in time.
+                for part in [0.211_324_865_405_187_1, 0.788_675_134_594_812_9] {
                     let setpoint = motion.sample(times_s[at - 1] + part * width_s);
                     let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
                     for (total, row) in totals.iter_mut().zip(&self.torques) {
-                        *total += weight / 6.0 * width_s * dot(row, &acceleration).powi(2);
+                        *total += 0.5 * width_s * dot(row, &acceleration).powi(2);
                     }
                 }
             }

@@ -297,3 +297,33 @@ impl VectorLimiter {
         plus(self.acceleration, clipped(change, jerk_step), 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Commands that stay for a while, at rest, at the limit and beyond it: what passes at once is what would be computed.
+    #[test]
+    fn a_command_that_lasts_passes_with_the_bits_that_would_be_computed() {
+        let bounds = Bounds { speed: 0.6, acceleration: 0.5, jerk: 5.0, period_s: 0.001 };
+        let (mut quick, mut slow) = (VectorLimiter::new(bounds), VectorLimiter::new(bounds));
+        let commands = [[0.0, 0.0], [0.3, 0.1], [0.6, 0.0], [0.5, -0.7], [-0.0, 0.0], [0.1, 0.0], [0.0, 0.0]];
+        let (mut lasting, mut bound) = (0, 0);
+        for (number, command) in commands.into_iter().enumerate() {
+            for cycle in 0..3000 {
+                if number == 2 && cycle == 2500 {
+                    // What lasted lies beyond lower limits.
+                    (quick.bounds.speed, slow.bounds.speed) = (0.4, 0.4);
+                    bound += usize::from(!quick.lasts(command));
+                }
+                lasting += usize::from(quick.lasts(command));
+                slow.brakes_straight = false;
+                let (one, other) = (quick.step(command), slow.next(command));
+                let bits =
+                    |limited: &Limited| [limited.speed, limited.acceleration].map(|v| v.map(f64::to_bits));
+                assert_eq!(bits(&one), bits(&other), "{command:?} {cycle}");
+            }
+        }
+        assert!(lasting > 4000 && bound == 1, "{lasting} {bound}");
+    }
+}

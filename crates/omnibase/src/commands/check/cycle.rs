@@ -5,12 +5,28 @@ use omnibase_ethercat::image::{Area, ClockUse, CycleFit, ImagePlan, Member, Pack
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::sii::PROTOCOL_COE;
 use omnibase_robot::RobotPlan;
+use std::io::{self, Write};
 
 /// Mailboxes of drives are about that long, bytes.
 const MAILBOX_BYTES: u16 = 256;
 
+/// The shortest cycle of its frames, and whether the file's is one.
+pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    let Some(fit) = fit(plan) else { return Ok(()) };
+    writeln!(output, "\nshortest cycle, estimated: {fit}")?;
+    let timeout_us = plan.bus.receive_timeout_ns / 1000;
+    if fit.needed().as_micros() as u64 > timeout_us {
+        writeln!(
+            output,
+            "\nWARNING: bus.cycle_us = {}, frames awaited for {timeout_us} us: they are probably not back by then",
+            plan.bus.cycle_ns / 1000
+        )?;
+    }
+    Ok(())
+}
+
 /// What its frames need; `None` where they fit into no cycle. The way through the segment is estimated.
-pub fn fit(plan: &RobotPlan) -> Option<CycleFit> {
+fn fit(plan: &RobotPlan) -> Option<CycleFit> {
     let drives = plan.drives.iter().map(|drive| (drive.output_bytes(), drive.input_bytes()));
     let devices = plan.devices.iter().map(|device| (device.output_bytes(), device.input_bytes()));
     let members: Vec<Member> = (0u16..)

@@ -78,15 +78,17 @@ fn a_metre_apart(pairs: &[(Pose2, Pose2)]) -> impl Iterator<Item = (usize, usize
     for two in pairs.windows(2) {
         ways_m.push(ways_m[ways_m.len() - 1] + two[0].1.distance_m(two[1].1));
     }
-    let off_m = move |begin: usize, end: usize| (ways_m[end] - ways_m[begin] - OVER_M).abs();
     let count = pairs.len();
-    let mut end = 1;
     (0..count - 1).filter_map(move |begin| {
-        end = end.max(begin + 1);
-        while end + 1 < count && off_m(begin, end + 1) < off_m(begin, end) {
-            end += 1;
-        }
-        (off_m(begin, end) <= OVER_WITHIN_M).then_some((begin, end))
+        let wanted_m = ways_m[begin] + OVER_M;
+        let first_from = |way_m: f64| ways_m.partition_point(|way| *way < way_m).max(begin + 1);
+        let after = first_from(wanted_m);
+        // The first of those that stand at the same place.
+        let before = first_from(ways_m[after - 1]);
+        let off_m = |end: &usize| (ways_m[*end] - wanted_m).abs();
+        let ends = [before, after].into_iter().filter(|end| *end < count);
+        let end = ends.min_by(|a, b| off_m(a).total_cmp(&off_m(b)))?;
+        (off_m(&end) <= OVER_WITHIN_M).then_some((begin, end))
     })
 }
 
@@ -169,6 +171,15 @@ mod tests {
         assert_eq!(a_metre_apart(&pairs).next(), Some((0, 2)));
         // And of 0.62 m: neither 0.62 nor 1.24 m is within a tenth.
         assert_eq!(a_metre_apart(&together(&line(1.0), &line(2.0))).count(), 0);
+    }
+
+    #[test]
+    fn pairs_are_found_past_a_rest() {
+        let way = [0.0, 0.5, 0.5, 0.5, 0.97, 0.97, 1.5, 2.0];
+        let line: Vec<Stamped> =
+            (0..8).map(|n| Stamped { time_s: 0.1 * n as f64, pose: Pose2::new(way[n], 0.0, 0.0) }).collect();
+        let found: Vec<(usize, usize)> = a_metre_apart(&together(&line, &line)).collect();
+        assert_eq!(found, [(0, 4), (1, 6), (2, 6), (3, 6), (4, 7), (5, 7)]);
     }
 
     #[test]
