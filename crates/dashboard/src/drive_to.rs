@@ -298,7 +298,10 @@ impl Drive {
         let limits = &about.robot.plan.limits;
         let timed = about.room.timed(&way, limits, &about.registry).map_err(|error| error.to_string())?;
         // What was looked at has been sampled; the robot gets one that begins anew.
-        let fresh = about.registry.make_reference(&timed.table, limits).map_err(|error| error.to_string())?;
+        let fresh = about
+            .registry
+            .make_reference(&timed.table, &omnibase_robot::Ability::from(limits))
+            .map_err(|error| error.to_string())?;
         let full = "too much was asked at once";
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(full)?;
         let ticket = live.send(self.asker, Ask::Robot(RequestKind::Track)).ok_or(full)?;

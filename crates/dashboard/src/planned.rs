@@ -99,7 +99,7 @@ mod tests {
         let path = "kind = \"path\"\nframe = \"odom\"\npoints = [[0.0, 1.0, 2.0, 0.3], [5.0, 1.5, 2.0, 0.3], [9.0, 2.0, 2.5, 0.1]]";
         for text in [circle, path] {
             let table: ReferenceTable = toml::from_str(text).unwrap();
-            let made = || registry.make_reference(&table, &robot.plan.limits).unwrap();
+            let made = || registry.make_reference(&table, &omnibase_robot::Ability::of(&robot.plan)).unwrap();
             let laid = Drawn::of(&table, made()).laid(1, begin);
             let mut made = made();
             made.start(&Setpoint::at_rest(begin));

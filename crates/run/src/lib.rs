@@ -38,6 +38,6 @@ pub mod stepped;
 pub mod teach;
 pub mod view;
 
-pub use replay::{Replayed, replay};
+pub use replay::{ReplayFileError, Replayed, ReplayedFile, replay, replay_from};
 pub use robot_text::{LoadedRobot, RobotText};
 pub use run::{Progress, Ran, RunError, Setup, run};

@@ -10,7 +10,7 @@ use omnibase_robot::config::{
 };
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::stages::Reference;
-use omnibase_robot::{Registry, RobotPlan};
+use omnibase_robot::{Ability, Registry, RobotPlan};
 
 /// The side of a cell where no map says it, m.
 const CELL_M: f64 = 0.05;
@@ -259,8 +259,9 @@ impl Room {
         let space = self.space(way)?;
         let plan = self.plan(way, &space)?;
         let table = table_of(&plan, limits);
-        let mut reference =
-            registry.make_reference(&table, limits).map_err(|error| RoomError::Timing(error.to_string()))?;
+        let mut reference = registry
+            .make_reference(&table, &Ability::from(limits))
+            .map_err(|error| RoomError::Timing(error.to_string()))?;
         reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
         let duration_s = reference.duration_s().unwrap_or_default();
         let mut checker = space.checker(&self.footprint, 0.0);

@@ -254,6 +254,8 @@ pub enum BusPlace {
     Position(u16),
     /// By station alias.
     Alias(u16),
+    /// By explicit device identification, the switch on the device.
+    Identification(u16),
 }
 
 /// Who must be there; what is `None` isn't compared.
