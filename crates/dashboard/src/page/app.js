@@ -168,6 +168,8 @@ link.addEventListener("seen", ({ detail }) => {
 });
 
 async function begin() {
+  // What is seen meanwhile waits for the robot's facts, and for all that is made of them without another wait.
+  const map = await read("map");
   facts = await read("robot");
   document.title = `${facts.name} · omnibase`;
   by("name").textContent = facts.name + (facts.simulated ? " (simulated)" : "");
@@ -183,7 +185,7 @@ async function begin() {
   for (const button of [by("stop"), by("give-up"), ...stops]) button.disabled = false;
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
-  view.room(await read("map"));
+  view.room(map);
   walls = null;
   savedPaths(facts.saved_paths);
   if (!plots) {
