@@ -4,7 +4,7 @@ mod words;
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::{AxisMode, DriveMode, StopName};
+use omnibase_robot::config::{AxisMode, BestWay, DriveMode, StopName};
 use omnibase_robot::signals::{Frame, StopCategory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,20 @@ pub enum Call {
     GoTo {
         /// The pose.
         pose: [f64; 3],
+    },
+    /// Plan a way through the room to a pose in odom, x m, y m, heading rad, and drive it: around walls of the `[map]`, fence and
+    /// obstacles. Where the way is blocked meanwhile it is planned again, then given up with the reason.
+    DriveTo {
+        /// The pose.
+        pose: [f64; 3],
+        /// Which way is the best one; default: that of the robot's file.
+        best: Option<BestWay>,
+    },
+    /// Draw walls that planned ways go around, in place of those drawn before; the guard, which keeps fence and obstacles, doesn't
+    /// see them.
+    SetWalls {
+        /// Closed polygons, each a list of corners x and y in odom, m.
+        polygons_m: Vec<Vec<[f64; 2]>>,
     },
     /// Say where the platform stands, in odom: x m, y m, heading rad; only while it stands.
     SetPose {
@@ -261,6 +275,7 @@ impl Call {
     pub(crate) fn computes(&self) -> bool {
         match self {
             Call::GoToStart
+            | Call::DriveTo { .. }
             | Call::Load { .. }
             | Call::LoadPoints { .. }
             | Call::LoadSaved { .. }
@@ -299,6 +314,7 @@ impl Call {
             | Call::SdoWrite { .. }
             | Call::Teach { .. }
             | Call::TeachPoint
+            | Call::SetWalls { .. }
             | Call::SetPose { .. }
             | Call::Alive => false,
         }

@@ -8,16 +8,19 @@ pub mod completions;
 pub mod decode;
 pub mod description;
 pub mod doctor;
+pub mod eeprom;
 pub mod esi;
 pub mod estimate;
 pub mod exchange;
 pub mod export;
+pub mod foe;
 pub mod joystick;
 pub mod kinematics;
 pub mod learn;
 pub mod live;
 pub mod margins;
 pub mod new;
+pub mod plan;
 pub mod replay;
 pub mod report;
 pub mod run;
@@ -46,6 +49,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Estimate(arguments) => estimate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),
+        Command::Plan(arguments) => plan::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
         Command::Export(arguments) => export::run(arguments, registry, output),
@@ -64,6 +68,8 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
+        Command::Eeprom(arguments) => eeprom::run(arguments, output),
+        Command::Foe(arguments) => foe::run(arguments, output),
         Command::Setup(arguments) => setup::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
         Command::Simulate(arguments) => simulate::run(arguments, registry, output),

@@ -10,15 +10,17 @@ mod recorded;
 mod recorder;
 mod selection;
 mod series;
+mod words;
 mod writers;
 
 pub use columns::{ColumnError, ColumnWriter};
 pub(crate) use mcap_file::message_name;
 pub use mcap_file::{BEGUN, McapRun, RunError};
-pub use recorded::{Keep, RecordedRun};
+pub use recorded::{Keep, RecordedRow, RecordedRun};
 pub use recorder::{OnFull, RecorderError, RunDescriber, RunFiles, RunRecorded, RunRecorder, RunSink};
 pub use selection::{Due, SELECTION, Selection, fits};
 pub use series::{FILE_NUMBER, Rotation};
+pub use words::Word;
 
 /// One column: a number per cycle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,6 +43,8 @@ pub struct Topic {
 pub struct RunSchema {
     /// Topics; a row holds the values of the first topic's signals, then the second's, and so on.
     pub topics: Vec<Topic>,
+    /// What the words are, of 8 bytes, that replay a row; nothing where they aren't told of.
+    pub words: Vec<Word>,
 }
 
 impl RunSchema {

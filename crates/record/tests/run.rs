@@ -2,11 +2,12 @@
 
 use omnibase_record::report;
 use omnibase_record::run::{
-    BEGUN, Keep, McapRun, OnFull, RecordedRun, RunError, RunEvent, RunFiles, RunRecorder, RunSchema,
+    BEGUN, Keep, McapRun, OnFull, RecordedRun, RunError, RunEvent, RunFiles, RunRecorder, RunSchema, Word,
 };
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::ops::ControlFlow;
 
 fn schema() -> RunSchema {
     let mut schema = RunSchema::default();
@@ -90,6 +91,51 @@ fn a_file_that_was_cut_off_is_read_to_its_last_whole_chunk() {
     assert!(read > rows.len() / 3 && read < rows.len(), "{read} of {}", rows.len());
     assert_eq!(bits(&run.values), bits(&rows[..read].concat()));
     assert!(run.truncated.is_some());
+}
+
+/// A count above 2⁵³ and a value, of which the words are the bits, beside a topic that changes in one row of a hundred.
+#[test]
+fn what_does_not_change_is_told_once_and_the_words_come_back() {
+    let mut schema = schema();
+    schema.words = vec![Word::Count(3), Word::Bits(0), Word::Count(1)];
+    let mut file = Cursor::new(Vec::new());
+    let mut run = McapRun::create(&mut file, &schema, &BTreeMap::new()).unwrap();
+    let rows: Vec<([f64; 5], [u64; 3])> = (0..2500_u64)
+        .map(|n| {
+            let count = (1 << 60) + n / 1000;
+            let values = [n as f64 * 0.1, 7.0, 0.0, count as f64, (n / 100) as f64];
+            (values, [count, values[0].to_bits(), 7])
+        })
+        .collect();
+    let raw = |words: &[u64; 3]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
+    for (number, (values, words)) in rows.iter().enumerate() {
+        run.write_row(number as u64 * 1_000_000, values, &raw(words)).unwrap();
+    }
+    run.finish().unwrap();
+    let bytes = file.into_inner();
+    let mut told = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        *told.entry(message.unwrap().channel.topic.clone()).or_insert(0) += 1;
+    }
+    // At each change, and once more in each of three chunks, one a second, where that isn't a change.
+    assert_eq!((told["/platform/believed"], told["/raw"]), (2500, 2500));
+    assert!((25..=28).contains(&told["/wheels"]), "{told:?}");
+    let run = RecordedRun::read(&bytes).unwrap();
+    assert_eq!(bits(&run.values), bits(&rows.iter().flat_map(|(values, _)| *values).collect::<Vec<_>>()));
+    assert!(run.raw.iter().zip(&rows).all(|(read, (_, words))| *read == raw(words)));
+    // Row by row, and until it is enough.
+    for enough in [2500, 300] {
+        let mut taken = 0;
+        let about = RecordedRun::read_each(&bytes[..], Keep::All, &mut |about, row| {
+            assert_eq!(about.schema, schema);
+            assert_eq!((row.time_ns, bits(row.values)), (taken as u64 * 1_000_000, bits(&rows[taken].0)));
+            assert_eq!(row.raw, raw(&rows[taken].1));
+            taken += 1;
+            if taken == enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let about = about.unwrap();
+        assert_eq!((taken, about.times_ns.len(), about.truncated), (enough, 0, None));
+    }
 }
 
 #[test]

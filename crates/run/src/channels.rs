@@ -1,6 +1,6 @@
 //! A cycle as a row of a recording: its channels grouped in topics, and its exact words for replay.
 
-use omnibase_record::run::{RunSchema, Selection};
+use omnibase_record::run::{RunSchema, Selection, Word};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::signals::{
     Channel, CycleRecord, NotARecord, RecordLayout, TOPICS_BESIDE, Value, ValueKind, column_name,
@@ -97,6 +97,7 @@ impl Rows {
             schema.push(&truth, TRUTH);
         }
         let order: Vec<usize> = topics.into_iter().flat_map(|(_, members)| members).collect();
+        schema.words = words(&order, &channels);
         let (row, raw) = (Vec::with_capacity(schema.width()), Vec::with_capacity(8 * order.len()));
         Rows { values: Vec::with_capacity(order.len()), schema, order, known, row, raw }
     }
@@ -142,6 +143,17 @@ impl Rows {
     }
 }
 
+/// What the words of a record are, by the places of their values in a row.
+fn words(order: &[usize], channels: &[Channel]) -> Vec<Word> {
+    let mut places = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
+    let words = places.into_iter().zip(channels).map(|(place, channel)| match channel.kind {
+        ValueKind::F64 => Word::Bits(place),
+        ValueKind::U64 => Word::Count(place),
+    });
+    words.collect()
+}
+
 /// The topic and the name by which recordings know a channel.
 pub(crate) fn place(channel: &Channel) -> (String, String) {
     let (topic, rest) = channel.name.split_once('.').unwrap_or(("cycle", &channel.name));
@@ -174,20 +186,45 @@ pub fn word(value: Value) -> u64 {
     }
 }
 
-/// The record of a row's exact words.
+/// The record of a row's exact words; of many rows [`RecordWords`] makes them faster.
 pub fn record(layout: &RecordLayout, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
-    let channels = CycleRecord::channels(layout);
-    if raw.len() != 8 * channels.len() {
-        return Err(NotARecord::Channels);
+    RecordWords::new(layout.clone()).record(raw)
+}
+
+/// What the exact words of a robot's rows are.
+#[derive(Clone, Debug)]
+pub struct RecordWords {
+    layout: RecordLayout,
+    channels: Vec<Channel>,
+    values: Vec<Value>,
+}
+
+impl RecordWords {
+    /// Of records of this layout.
+    pub fn new(layout: RecordLayout) -> Self {
+        RecordWords { channels: CycleRecord::channels(&layout), layout, values: Vec::new() }
     }
-    let values = raw.chunks_exact(8).zip(&channels).map(|(bytes, channel)| {
-        let word = bytes.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
-        match channel.kind {
-            ValueKind::F64 => Value::F64(f64::from_bits(word)),
-            ValueKind::U64 => Value::U64(word),
+
+    /// A channel for each word.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// The record of a row.
+    pub fn record(&mut self, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
+        if raw.len() != 8 * self.channels.len() {
+            return Err(NotARecord::Channels);
         }
-    });
-    CycleRecord::from_values(layout, &values.collect::<Vec<_>>())
+        self.values.clear();
+        self.values.extend(raw.as_chunks().0.iter().zip(&self.channels).map(|(bytes, channel)| {
+            let word = u64::from_le_bytes(*bytes);
+            match channel.kind {
+                ValueKind::F64 => Value::F64(f64::from_bits(word)),
+                ValueKind::U64 => Value::U64(word),
+            }
+        }));
+        CycleRecord::from_values(&self.layout, &self.values)
+    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 //! A recording computed again, cycle by cycle, and compared bit by bit.
 
-use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
+use std::io::Read;
+use std::ops::ControlFlow;
+
+use omnibase_record::run::{FILE_NUMBER, Keep, RecordedRun, RunError, SELECTION};
 use omnibase_robot::config::Source;
-use omnibase_robot::signals::{CycleRecord, NotARecord, Value};
+use omnibase_robot::signals::{NotARecord, Value};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{ImageBuffer, Problem, Registry, RequestKind, Robot, RobotPlan, StageError};
 
-use crate::channels::{record, word};
+use crate::channels::{RecordWords, word};
 use crate::describe::reference_key;
 use crate::robot_text::from_description;
 
@@ -113,45 +116,125 @@ pub struct Difference {
     pub computed: Value,
 }
 
-/// Computes a recording again until the first difference.
-pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, ReplayError> {
-    if let Some(words) = run.description.get(SELECTION) {
-        return Err(ReplayError::Chosen { words: words.clone() });
+/// A robot that computes rows again, and what it found so far.
+struct Replay<'a> {
+    registry: &'a Registry,
+    plan: RobotPlan,
+    words: RecordWords,
+    robot: Robot,
+    image: ImageBuffer,
+    recorded: Vec<Value>,
+    computed: Vec<Value>,
+    found: Replayed,
+}
+
+impl<'a> Replay<'a> {
+    /// The robot of a recording, by what it says of itself.
+    fn of(run: &RecordedRun, registry: &'a Registry) -> Result<Self, ReplayError> {
+        if let Some(words) = run.description.get(SELECTION) {
+            return Err(ReplayError::Chosen { words: words.clone() });
+        }
+        if let Some(number) = run.description.get(FILE_NUMBER).filter(|number| *number != "1") {
+            return Err(ReplayError::LaterFile { number: number.clone() });
+        }
+        let plan = from_description(&run.description, registry).map_err(ReplayError::Robot)?;
+        Ok(Replay {
+            registry,
+            words: RecordWords::new(plan.record_layout()),
+            robot: Robot::build(&plan, registry)?,
+            image: ImageBuffer::new(&plan),
+            recorded: Vec::new(),
+            computed: Vec::new(),
+            found: Replayed { cycles: 0, difference: None },
+            plan,
+        })
     }
-    if let Some(number) = run.description.get(FILE_NUMBER).filter(|number| *number != "1") {
-        return Err(ReplayError::LaterFile { number: number.clone() });
-    }
-    let plan = from_description(&run.description, registry).map_err(ReplayError::Robot)?;
-    let layout = plan.record_layout();
-    let mut robot = Robot::build(&plan, registry)?;
-    let mut image = ImageBuffer::new(&plan);
-    let (mut recorded, mut computed) = (Vec::new(), Vec::new());
-    let mut cycles = 0;
-    for (row, raw) in run.raw.iter().enumerate() {
-        let cycle = record(&layout, raw).map_err(|error| match error {
+
+    /// Computes a row again; `Break` where it comes out differently.
+    fn row(&mut self, run: &RecordedRun, raw: &[u8]) -> Result<ControlFlow<()>, ReplayError> {
+        let row = self.found.cycles as usize;
+        let channel = |number: usize, words: &RecordWords| words.channels()[number].name.clone();
+        let cycle = self.words.record(raw).map_err(|error| match error {
             NotARecord::Channels => ReplayError::Words { row, bytes: raw.len() },
-            NotARecord::Code { channel, value } => ReplayError::Code {
-                row,
-                channel: CycleRecord::channels(&layout).swap_remove(channel).name,
-                value: value.as_f64(),
-            },
+            NotARecord::Code { channel: number, value } => {
+                ReplayError::Code { row, channel: channel(number, &self.words), value: value.as_f64() }
+            }
         })?;
         if row == 0 && cycle.time.index != 0 {
             return Err(ReplayError::Missing { index: cycle.time.index });
         }
         if let Some(RequestKind::UseReference { number }) = cycle.request.map(|request| request.kind) {
-            robot.offer_reference(number, loaded(run, &plan, registry, number)?);
+            self.robot.offer_reference(number, loaded(run, &self.plan, self.registry, number)?);
         }
-        cycle.values(&mut recorded);
-        robot.replay(&cycle, &mut image).values(&mut computed);
-        cycles += 1;
-        let differs = recorded.iter().zip(&computed).position(|(a, b)| word(*a) != word(*b));
-        if let Some(number) = differs {
-            let channel = CycleRecord::channels(&layout).swap_remove(number).name;
-            let (recorded, computed) = (recorded[number], computed[number]);
-            let difference = Difference { index: cycle.time.index, channel, recorded, computed };
-            return Ok(Replayed { cycles, difference: Some(difference) });
+        cycle.values(&mut self.recorded);
+        self.robot.replay(&cycle, &mut self.image).values(&mut self.computed);
+        self.found.cycles += 1;
+        let mut pairs = self.recorded.iter().zip(&self.computed);
+        let Some(number) = pairs.position(|(a, b)| word(*a) != word(*b)) else {
+            return Ok(ControlFlow::Continue(()));
+        };
+        self.found.difference = Some(Difference {
+            index: cycle.time.index,
+            channel: channel(number, &self.words),
+            recorded: self.recorded[number],
+            computed: self.computed[number],
+        });
+        Ok(ControlFlow::Break(()))
+    }
+}
+
+/// Computes a recording again until the first difference.
+pub fn replay(run: &RecordedRun, registry: &Registry) -> Result<Replayed, ReplayError> {
+    let mut replay = Replay::of(run, registry)?;
+    for raw in &run.raw {
+        if replay.row(run, raw)?.is_break() {
+            break;
         }
     }
-    Ok(Replayed { cycles, difference: None })
+    Ok(replay.found)
+}
+
+/// A recording that was computed again while it was read.
+#[derive(Clone, Debug)]
+pub struct ReplayedFile {
+    /// What came out.
+    pub replayed: Replayed,
+    /// The file ends early, in words.
+    pub truncated: Option<String>,
+    /// Time of the last row that was read, ns.
+    pub until_ns: u64,
+}
+
+/// Why a file can't be computed again.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayFileError {
+    /// It can't be read.
+    #[error(transparent)]
+    Read(#[from] RunError),
+    /// It can't be computed.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+}
+
+/// As [`replay`], row by row out of a file: a run of any length needs no more room than a short one. `input` needs no buffer.
+pub fn replay_from(input: impl Read, registry: &Registry) -> Result<ReplayedFile, ReplayFileError> {
+    let (mut replay, mut failure, mut until_ns) = (None, None, 0);
+    let read = RecordedRun::read_each(input, Keep::All, &mut |run, row| {
+        until_ns = row.time_ns;
+        let computed = match &mut replay {
+            Some(replay) => Replay::row(replay, run, row.raw),
+            none => Replay::of(run, registry).and_then(|made| none.insert(made).row(run, row.raw)),
+        };
+        computed.unwrap_or_else(|error| {
+            failure = Some(error);
+            ControlFlow::Break(())
+        })
+    })?;
+    let replayed = match (failure, replay) {
+        (Some(error), _) => return Err(error.into()),
+        (None, Some(replay)) => replay.found,
+        // Without a row its robot must be one, too.
+        (None, None) => Replay::of(&read, registry)?.found,
+    };
+    Ok(ReplayedFile { replayed, truncated: read.truncated, until_ns })
 }

@@ -7,11 +7,11 @@
 mod bounds;
 mod smooth;
 
-pub use bounds::{Limit, PlatformBounds};
+pub use bounds::{Heat, Limit, PlatformBounds};
 
 use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
-use crate::reach::{self, Bend, Interval, Unreachable};
+use crate::reach::{Bend, Interval, Reached, Unreachable};
 use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 use smooth::Progress;
 
@@ -53,6 +53,8 @@ const GRID_OF_PIECE: (f64, f64) = (4.0, 400.0);
 const ROUNDS: usize = 8;
 /// What a limit may be exceeded by before a round, over itself; the last stretch takes it away.
 const NEAR: f64 = 1e-3;
+/// Where pieces of the progress are looked at: beside their joints, and between them.
+const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 /// Directions that differ by less are one, over their length.
 const SAME_DIRECTION: f64 = 1e-6;
 
@@ -64,8 +66,9 @@ struct Grid {
     /// The greatest σ̇² at the points by limits on speed, and before any was lowered.
     most: Vec<f64>,
     free: Vec<f64>,
-    /// The pace to which the intervals are lowered, 1 for none.
+    /// The pace to which the intervals are lowered, 1 for none; and which of them were in the last round.
     pace: Vec<f64>,
+    is_lowered: Vec<bool>,
 }
 
 impl Grid {
@@ -77,6 +80,7 @@ impl Grid {
             most: Vec::new(),
             free: Vec::new(),
             pace: Vec::new(),
+            is_lowered: Vec::new(),
         };
         let mut before: Option<Bend> = None;
         for pair in path.breaks().windows(2) {
@@ -108,6 +112,7 @@ impl Grid {
         }
         grid.most.clone_from(&grid.free);
         grid.pace = vec![1.0; grid.intervals.len()];
+        grid.is_lowered = vec![false; grid.intervals.len()];
         Ok(grid)
     }
 
@@ -130,10 +135,42 @@ impl Grid {
         }
     }
 
+    /// Lowers the paces between two places by a factor each, as they were before.
+    fn slow(&mut self, [from, to]: [f64; 2], before: &[f64], factor: f64) {
+        let first = self.sigma.partition_point(|at| *at <= from).saturating_sub(1);
+        for at in first..self.intervals.len() {
+            if self.sigma[at] > to {
+                break;
+            }
+            self.pace[at] = self.pace[at].min(before[at] / factor);
+        }
+    }
+
+    /// Which intervals lie within a window of time of what is new.
+    fn near(&self, reached: &Reached, window_s: f64) -> Vec<bool> {
+        let mut is_near = vec![false; self.intervals.len()];
+        let x = &reached.x;
+        let lasts_s = |at: usize| 2.0 * self.intervals[at].length / (x[at].sqrt() + x[at + 1].sqrt());
+        // How long ago something was new, to both sides; an interval more, for pieces are told by where they begin.
+        let mut ago_s = f64::INFINITY;
+        let mut look = |at: usize| {
+            let is_new = reached.is_new[at] || reached.is_new[at + 1] || self.is_lowered[at];
+            ago_s = if is_new { 0.0 } else { ago_s + lasts_s(at) };
+            is_near[at] |= ago_s <= 2.0 * window_s + 2.0 * lasts_s(at);
+        };
+        (0..self.intervals.len()).for_each(&mut look);
+        (0..self.intervals.len()).rev().for_each(&mut look);
+        is_near
+    }
+
     /// Lets the limits follow the paces.
-    fn apply(&mut self) {
-        for (interval, pace) in self.intervals.iter_mut().zip(&self.pace) {
-            interval.share = pace * pace;
+    fn apply(&mut self, reached: &mut Reached) {
+        for (at, (interval, pace)) in self.intervals.iter_mut().zip(&self.pace).enumerate() {
+            self.is_lowered[at] = interval.share != pace * pace;
+            if self.is_lowered[at] {
+                interval.share = pace * pace;
+                reached.change(at);
+            }
         }
         for (at, (most, free)) in self.most.iter_mut().zip(&self.free).enumerate() {
             let beside =
@@ -154,42 +191,73 @@ impl<P: GeometricPath> FastestTrajectory<P> {
     pub fn new(path: P, bounds: &PlatformBounds) -> Result<FastestTrajectory<P>, FastestError> {
         let mut grid = Grid::new(&path, bounds)?;
         let acceleration = bounds.acceleration();
+        let mut reached = Reached::new(grid.intervals.len());
         let mut window_s = 0.0;
         let mut excess = 1.0;
+        let mut calm: f64 = 0.0;
         let mut found = FastestTrajectory { path, progress: Progress::default(), breaks_s: Vec::new() };
         for round in 0..ROUNDS {
-            let x = reach::fastest(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
+            reached.solve((&grid.intervals, &grid.most), &acceleration, [0.0, 0.0])?;
             if round == 0 {
-                window_s = bounds.first_window_s(&grid.intervals, &x);
+                window_s = bounds.first_window_s(&grid.intervals, &reached.x);
             }
-            found.progress = Progress::new(&grid.sigma, &x, window_s);
+            found.progress = Progress::new(&grid.sigma, &reached.x, window_s);
             if found.progress.duration_s().is_nan() || found.progress.duration_s() > LONGEST_S {
                 return Err(FastestError::TooLong { found_s: found.progress.duration_s() });
             }
-            excess = found.lower(&mut grid, bounds, window_s);
+            let is_near = grid.near(&reached, window_s);
+            excess = found.lower(&mut grid, bounds, (window_s, &is_near), &mut calm);
             if excess <= 1.0 + NEAR {
                 break;
             }
-            grid.apply();
+            grid.apply(&mut reached);
         }
         found.progress.stretch(excess.max(1.0));
         found.breaks_s = found.progress.times_s();
         Ok(found)
     }
 
-    /// Lowers the pace where the motion exceeds limits; by how much longer the whole would have to take to keep them.
-    fn lower(&self, grid: &mut Grid, bounds: &PlatformBounds, window_s: f64) -> f64 {
+    /// Lowers the pace where the motion exceeds limits; by how much longer the whole would have to take to keep them. Only near what
+    /// is new there is anything to see; `calm` is the most that was seen elsewhere.
+    fn lower(
+        &self,
+        grid: &mut Grid,
+        bounds: &PlatformBounds,
+        (window_s, is_near): (f64, &[bool]),
+        calm: &mut f64,
+    ) -> f64 {
         let mut most: f64 = 1.0;
         let before = grid.pace.clone();
-        for time_s in self.progress.looks_s() {
-            let pace = bounds.pace(&self.sample(time_s));
-            if pace > 1.0 + 0.5 * NEAR {
-                let around = [-0.5, 0.5].map(|part| self.progress.at(time_s + part * window_s)[0]);
-                let first = grid.sigma.partition_point(|at| *at <= around[0]).saturating_sub(1);
-                let held = before.get(first).copied().unwrap_or(1.0);
-                grid.lower(around, held / pace);
+        let mut at = 0;
+        for (times_s, sigma) in self.progress.pieces() {
+            while at + 1 < is_near.len() && grid.sigma[at + 1] <= sigma {
+                at += 1;
             }
-            most = most.max(pace);
+            if !is_near[at] {
+                continue;
+            }
+            for part in LOOKS {
+                let time_s = times_s[0] + part * (times_s[1] - times_s[0]);
+                let pace = bounds.pace(&self.sample(time_s));
+                if pace > 1.0 + 0.5 * NEAR {
+                    let around = [-0.5, 0.5].map(|part| self.progress.at(time_s + part * window_s)[0]);
+                    let first = grid.sigma.partition_point(|at| *at <= around[0]).saturating_sub(1);
+                    let held = before.get(first).copied().unwrap_or(1.0);
+                    grid.lower(around, held / pace);
+                    most = most.max(pace);
+                } else {
+                    *calm = calm.max(pace);
+                }
+            }
+        }
+        most = most.max(*calm);
+        let Some(heat) = &bounds.heat else { return most };
+        for ([from_s, to_s], load) in heat.warming(self, &self.progress.times_s()).windows() {
+            if load > 1.0 + 0.5 * NEAR {
+                let pace = load.sqrt();
+                grid.slow([from_s, to_s].map(|time_s| self.progress.at(time_s)[0]), &before, pace);
+                most = most.max(pace);
+            }
         }
         most
     }

@@ -13,15 +13,44 @@ pub struct AccelerationBounds {
     pub length: Option<f64>,
     /// Planes: their normal times the acceleration is at most this.
     pub planes: Vec<Plane>,
+    /// What resists the motion: each row, over the path's direction, with the wrench of itself where the way goes along it.
+    pub resistance: Vec<[f64; 3]>,
 }
 
 /// One linear limit on the acceleration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plane {
     /// Its normal.
     pub normal: [f64; 3],
     /// The greatest product of the normal with the acceleration, positive: standing still is allowed everywhere.
     pub most: f64,
+    /// How much of that a unit of each axis of what resists takes; what helps gives nothing.
+    pub resisted: [f64; 3],
+}
+
+impl Plane {
+    /// What resistance leaves of the most, over which it is in size at least a part.
+    pub fn left(&self, resistance: &[f64; 3]) -> f64 {
+        let taken: f64 = self.resisted.iter().zip(resistance).map(|(part, of)| part * of).sum();
+        self.most - taken.clamp(0.0, MOST_TAKEN * self.most)
+    }
+}
+
+/// No resistance takes more of what a plane leaves than this: standing still stays allowed.
+const MOST_TAKEN: f64 = 0.9;
+/// Where a row's product with the direction is this part of its terms' sizes and more it counts wholly, and below in proportion.
+const WHOLE_FROM: f64 = 0.1;
+
+/// What resists on a way of a direction, by rows as [`AccelerationBounds`] has them.
+pub fn resisting(rows: &[[f64; 3]], rate: &[f64; 3]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for row in rows {
+        let terms: [f64; 3] = std::array::from_fn(|axis| row[axis] * rate[axis]);
+        let size: f64 = terms.iter().map(|term| term.abs()).sum();
+        let along = terms.iter().sum::<f64>() / (WHOLE_FROM * size).max(f64::MIN_POSITIVE);
+        sum = std::array::from_fn(|axis| sum[axis] + along.clamp(-1.0, 1.0) * row[axis]);
+    }
+    sum
 }
 
 /// What the path does to the axes at a place: its first and second derivative by σ.
@@ -59,35 +88,90 @@ pub fn fastest(
     bounds: &AccelerationBounds,
     ends: [f64; 2],
 ) -> Result<Vec<f64>, Unreachable> {
-    let count = intervals.len();
-    let mut scene = Scene::default();
-    // From where the end can be reached: x from the first to the second.
-    let mut reach = vec![[0.0, 0.0]; count + 1];
-    reach[count] = [ends[1], ends[1]];
-    if ends[1] > most[count] * (1.0 + ROUNDING) {
-        return Err(Unreachable(count));
+    let mut found = Reached::new(intervals.len());
+    found.solve((intervals, most), bounds, ends)?;
+    Ok(found.x)
+}
+
+/// The fastest progress, found again where its limits changed.
+#[derive(Clone, Debug)]
+pub struct Reached {
+    /// The greatest x at every point of the grid.
+    pub x: Vec<f64>,
+    /// Which of them are new since the solution before.
+    pub is_new: Vec<bool>,
+    /// From where the end can be reached: x from the first to the second.
+    reach: Vec<[f64; 2]>,
+    reach_is_new: Vec<bool>,
+    /// Intervals whose limits changed, or those on the speed at one of their ends.
+    changed: Vec<bool>,
+}
+
+impl Reached {
+    /// Nothing is known yet of so many intervals.
+    pub fn new(count: usize) -> Reached {
+        Reached {
+            x: vec![f64::NAN; count + 1],
+            is_new: vec![true; count + 1],
+            reach: vec![[f64::NAN; 2]; count + 1],
+            reach_is_new: vec![true; count + 1],
+            changed: vec![true; count],
+        }
     }
-    for at in (0..count).rev() {
-        scene.look(&intervals[at], bounds);
-        scene.target = Some((reach[at + 1], intervals[at].length));
-        let highest = scene.highest(most[at]).ok_or(Unreachable(at))?;
-        reach[at] = [scene.lowest(highest), highest];
+
+    /// The limits of an interval changed.
+    pub fn change(&mut self, interval: usize) {
+        let last = self.changed.len().saturating_sub(1);
+        self.changed[interval.saturating_sub(1)..=(interval + 1).min(last)].fill(true);
     }
-    let [low, high] = reach[0];
-    if !(low * (1.0 - ROUNDING)..=high * (1.0 + ROUNDING)).contains(&ends[0]) {
-        return Err(Unreachable(0));
+
+    /// Solves where something changed; the arguments are those of [`fastest`], the same ones but for what was changed.
+    pub fn solve(
+        &mut self,
+        (intervals, most): (&[Interval], &[f64]),
+        bounds: &AccelerationBounds,
+        ends: [f64; 2],
+    ) -> Result<(), Unreachable> {
+        let count = intervals.len();
+        let mut scene = Scene::default();
+        let end = [ends[1], ends[1]];
+        (self.reach_is_new[count], self.reach[count]) = (self.reach[count] != end, end);
+        if ends[1] > most[count] * (1.0 + ROUNDING) {
+            return Err(Unreachable(count));
+        }
+        for at in (0..count).rev() {
+            self.reach_is_new[at] = false;
+            if !self.changed[at] && !self.reach_is_new[at + 1] {
+                continue;
+            }
+            scene.look(&intervals[at], bounds);
+            scene.target = Some((self.reach[at + 1], intervals[at].length));
+            let highest = scene.highest(most[at]).ok_or(Unreachable(at))?;
+            let reach = [scene.lowest(highest), highest];
+            (self.reach_is_new[at], self.reach[at]) = (self.reach[at] != reach, reach);
+        }
+        let [low, high] = self.reach[0];
+        if !(low * (1.0 - ROUNDING)..=high * (1.0 + ROUNDING)).contains(&ends[0]) {
+            return Err(Unreachable(0));
+        }
+        (self.is_new[0], self.x[0]) = (self.x[0] != ends[0], ends[0]);
+        let mut x = ends[0].clamp(low, high);
+        for (at, interval) in intervals.iter().enumerate() {
+            let is_same = !self.changed[at] && !self.is_new[at] && !self.reach_is_new[at + 1];
+            if is_same {
+                (self.is_new[at + 1], x) = (false, self.x[at + 1]);
+                continue;
+            }
+            scene.look(interval, bounds);
+            scene.target = None;
+            let u = scene.upper(x).at.max(scene.lower(x).at);
+            let [low, high] = self.reach[at + 1];
+            x = (x + 2.0 * interval.length * u).clamp(low, high);
+            (self.is_new[at + 1], self.x[at + 1]) = (self.x[at + 1] != x, x);
+        }
+        self.changed.fill(false);
+        Ok(())
     }
-    let mut found = Vec::with_capacity(count + 1);
-    found.push(ends[0]);
-    let mut x = ends[0].clamp(low, high);
-    for (interval, [low, high]) in intervals.iter().zip(&reach[1..]) {
-        scene.look(interval, bounds);
-        scene.target = None;
-        let u = scene.upper(x).at.max(scene.lower(x).at);
-        x = (x + 2.0 * interval.length * u).clamp(*low, *high);
-        found.push(x);
-    }
-    Ok(found)
 }
 
 /// Relative, for what is equal but for rounding.
@@ -175,11 +259,12 @@ impl Scene {
         self.ceiling = f64::INFINITY;
         // At the end x is greater by 2·length·u.
         let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
-        for (p, r) in [(first.rate, first.curve), (at_end, second.curve)] {
+        for (p, r, rate) in [(first.rate, first.curve, first.rate), (at_end, second.curve, second.rate)] {
+            let resistance = resisting(&bounds.resistance, &rate);
             for plane in &bounds.planes {
                 let n = plane.normal;
                 let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
-                let most = plane.most * share;
+                let most = plane.left(&resistance) * share;
                 if a.abs() > FLAT * b.abs() {
                     self.rows.push([a, b, most]);
                 } else if b > 0.0 {

@@ -1,6 +1,7 @@
 //! The fastest motion along a way: against optima that are known in closed form, and within every limit.
 
 use omnibase_platform::Pose2;
+use omnibase_trajectory::fastest::Heat;
 use omnibase_trajectory::fastest::Limit;
 use omnibase_trajectory::reach::{self, AccelerationBounds, Bend, Interval, Plane};
 use omnibase_trajectory::{
@@ -50,7 +51,7 @@ fn line(length_m: f64) -> PiecewisePath {
 
 #[test]
 fn a_straight_line_takes_the_time_of_a_trapezoid() {
-    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (intervals, most) = grid(&line(3.0), 450, 1.0);
     // v/a to reach the speed, and again to stop; both take half of the way that they would else.
     let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
@@ -71,7 +72,7 @@ fn a_straight_line_takes_the_time_of_a_trapezoid() {
 #[test]
 fn a_circle_is_driven_at_the_edge_of_the_disk() {
     let circle = ShapePath { shape: Shape::Circle { radius_m: 0.5 }, heading: Heading::Fixed, turns: 1.0 };
-    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (intervals, most) = grid(&circle, 2000, 9.0);
     let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
     // |a|² = (r·φ̈)² + (r·φ̇²)²: from rest φ̇² = (A/r)·sin 2φ until it is A/r at π/4.
@@ -98,14 +99,14 @@ fn zero_inertia_points_are_passed_without_a_swing() {
             share: 1.0,
         })
         .collect();
-    let plane = |normal: [f64; 3], most: f64| Plane { normal, most };
+    let plane = |normal: [f64; 3], most: f64| Plane { normal, most, ..Plane::default() };
     let planes = vec![
         plane([1.0, 0.0, 0.0], 5.0),
         plane([-1.0, 0.0, 0.0], 5.0),
         plane([0.0, 1.0, 0.0], 1.0),
         plane([0.0, -1.0, 0.0], 1.0),
     ];
-    let bounds = AccelerationBounds { length: None, planes };
+    let bounds = AccelerationBounds { planes, ..Default::default() };
     let x = reach::fastest(&intervals, &vec![1e6; count + 1], &bounds, [0.0, 0.0]).unwrap();
     assert!((x[count / 2] - 0.5).abs() < 1e-3, "2·x is at most 1 at the vertex: {}", x[count / 2]);
     // The profile is smooth there: no chatter of u.
@@ -164,7 +165,10 @@ fn wheels_bind_where_the_platform_does_not() {
     // One wheel that rolls along x: no faster than 0.4 m/s, and 50 kg that it pushes by 20 N.
     bounds.wheel_speeds.push([1.0 / 0.4, 0.0, 0.0]);
     for sign in [1.0, -1.0] {
-        bounds.planes.push((Limit::WheelTorque, Plane { normal: [sign * 50.0, 0.0, 0.0], most: 20.0 }));
+        bounds.planes.push((
+            Limit::WheelTorque,
+            Plane { normal: [sign * 50.0, 0.0, 0.0], most: 20.0, ..Plane::default() },
+        ));
     }
     let motion = FastestTrajectory::new(line(2.0), &bounds).unwrap();
     assert!(loads(&motion, &bounds) < 1.003);
@@ -208,4 +212,55 @@ fn points_that_repeat_count_once() {
     let path = PiecewisePath::through(&[pose(0.0), pose(0.0), pose(1.0), pose(1.0)], JOINING).unwrap();
     assert_eq!(path.length(), 1.0);
     assert!(PiecewisePath::through(&[pose(1.0), pose(1.0)], JOINING).is_none());
+}
+
+#[test]
+fn what_changed_is_solved_as_if_all_were() {
+    let circle =
+        ShapePath { shape: Shape::Eight { half_length_m: 0.8 }, heading: Heading::Fixed, turns: 1.0 };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
+    let (mut intervals, most) = grid(&circle, 500, 9.0);
+    let mut reached = reach::Reached::new(intervals.len());
+    reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+    for (at, share) in [(100, 0.5), (101, 0.5), (400, 0.7), (100, 0.3), (0, 0.9), (499, 0.2)] {
+        intervals[at].share = share;
+        reached.change(at);
+        reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+        assert_eq!(reached.x, reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap(), "{at}");
+        let new = reached.is_new.iter().filter(|is_new| **is_new).count();
+        assert!((1..300).contains(&new), "{new} of 501 points are new");
+    }
+}
+
+#[test]
+fn motors_stay_as_cool_as_they_must() {
+    let limits = Limits { acceleration_m_s2: 4.0, ..LIMITS };
+    let heat = |window_s| Heat { window_s, torques: vec![[0.5, 0.0, 0.0]] };
+    let to_and_fro: Vec<Pose2> =
+        (0..9).map(|at| Pose2::new(if at % 2 == 0 { 0.0 } else { 1.0 }, 0.0, 0.0)).collect();
+    let stops = Joining { tolerance_m: 0.0, ..JOINING };
+    let motion = |heat: Option<Heat>| {
+        let bounds = PlatformBounds { heat, ..PlatformBounds::new(limits) };
+        FastestTrajectory::new(PiecewisePath::through(&to_and_fro, stops).unwrap(), &bounds).unwrap()
+    };
+    // The root of the mean square in the warmest window, by a sum of its own.
+    let warmest = |motion: &FastestTrajectory<PiecewisePath>, window_s: f64| {
+        let step_s = 1e-3;
+        let squares: Vec<f64> = (0..(motion.duration_s() / step_s) as usize)
+            .map(|at| (0.5 * motion.sample(step_s * at as f64).acceleration_in_odom.vx_m_s).powi(2))
+            .collect();
+        let width = (window_s / step_s) as usize;
+        let sum =
+            |end: usize| squares[end.saturating_sub(width)..end].iter().sum::<f64>() * step_s / window_s;
+        (1..=squares.len()).map(sum).fold(0.0, f64::max).sqrt()
+    };
+    let free = motion(None);
+    for window_s in [2.0, 5.0] {
+        let cool = motion(Some(heat(window_s)));
+        let (hot, kept) = (warmest(&free, window_s), warmest(&cool, window_s));
+        assert!(hot > 1.1 && (0.9..1.005).contains(&kept), "{hot} and {kept} in {window_s} s");
+        assert!(cool.duration_s() > free.duration_s());
+    }
+    // A window that is longer than all of it: before, the motors rested.
+    assert_eq!(motion(Some(heat(100.0))).duration_s(), free.duration_s());
 }

@@ -1,6 +1,7 @@
 //! A wheel that slips is told, and stops the robot; what doesn't slip isn't said to.
 
 use omnibase_robot::signals::SafetyReason;
+use omnibase_trials::fast;
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, Slid};
 
@@ -107,4 +108,28 @@ fn on_a_floor_that_is_told_nothing_slips_and_the_path_is_late_and_true() {
         println!("{}", case.row(&slid));
         assert!(slid.run.finished && slid.run.true_final_m <= 0.015, "{}", case.row(&slid));
     }
+}
+
+/// The square with corners cut by 50 mm, as fast as physics allows where the floor has a friction of 0.5.
+fn fast(law: &'static str, floor: [f64; 2]) -> Slid {
+    let [_, (_, blended), ..] = fast::MOTIONS;
+    fast::Case { robot: BMM, law, motion: blended.to_owned(), told: 0.5, floor }.ride()
+}
+
+#[test]
+fn a_floor_that_was_told_is_driven_at_its_limit_and_no_wheel_slips() {
+    for (law, most_mm) in [("closed_loop_speed", 1.0), ("adaptive_torque", 2.0)] {
+        let slid = fast(law, [0.5, 0.45]);
+        assert_eq!((slid.end(), slid.told), ("finished", None), "{law}");
+        assert!((7.0..7.8).contains(&(slid.run.cycles as f64 * 1e-3)), "{law}: {} ms", slid.run.cycles);
+        assert!(1e3 * slid.run.true_final_m < most_mm, "{law}: {} m", slid.run.true_final_m);
+        assert!(slid.way_m < 1e-3, "{law}: {} m", slid.way_m);
+    }
+}
+
+#[test]
+fn a_floor_that_has_half_of_what_was_told_stops_the_robot_by_name() {
+    let slid = fast("closed_loop_speed", [0.25, 0.2]);
+    assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{}", slid.end());
+    assert!(slid.run.cycles < 3000, "{} ms", slid.run.cycles);
 }

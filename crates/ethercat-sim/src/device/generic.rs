@@ -6,8 +6,8 @@ use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Object, little_endian};
 use crate::firmware::{
-    Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, StateControl, SyncMonitoring,
-    Synchronization, TransitionTimes,
+    FileStore, Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, SmActivation, StateControl,
+    SyncMonitoring, Synchronization, TransitionTimes,
 };
 use crate::{EscConfig, SubDevice};
 use omnibase_ethercat_wire::HostTime;
@@ -17,6 +17,8 @@ use omnibase_ethercat_wire::sii::{self, Image, ImageTooShort, MailboxArea, Pdo, 
 
 /// Bit of the PDI control word: the chip answers AL control by itself (0x0141 bit 0).
 const EMULATION: u16 = 1 << 8;
+/// The name of the file that a device with FoE has from the beginning.
+pub const FIRMWARE: &str = "firmware.bin";
 /// End of the process-data memory of the simulated chip (8 KiB).
 const MEMORY_END: u16 = 0x3000;
 
@@ -27,6 +29,8 @@ pub struct Generic {
     pub sub_device: SubDevice,
     /// Its inputs and outputs.
     pub panel: IoPanel,
+    /// Its files; `None` where its image knows no FoE.
+    pub files: Option<FileStore>,
 }
 
 impl Generic {
@@ -68,6 +72,7 @@ impl Generic {
             } else {
                 StateControl::Firmware
             },
+            identification: piece.identification,
             mailbox,
             bootstrap: has_bootstrap.then_some(image.header.bootstrap_mailbox),
             process_data,
@@ -82,14 +87,19 @@ impl Generic {
         let esc = EscConfig {
             port_descriptor: port_descriptor(image),
             features: chip.features | refused,
-            sii: bytes,
+            sii: bytes.clone(),
             dc_offset_ns: piece.dc_offset_ns,
             dc_drift_ppm: piece.dc_drift_ppm,
             ..chip
         };
         let terminals = Terminals { modules: more.modules, ..Terminals::new(&dictionary, panel.clone()) };
-        let firmware = Firmware::new(config, dictionary, Box::new(terminals));
-        Generic { sub_device: SubDevice::new(esc, Box::new(firmware)), panel }
+        let mut firmware = Firmware::new(config, dictionary, Box::new(terminals));
+        let has_files = image.header.mailbox_protocols & sii::PROTOCOL_FOE != 0;
+        let files = has_files.then(|| FileStore::with_firmware(FIRMWARE, &bytes));
+        if let Some(files) = &files {
+            firmware = firmware.with_files(files.clone());
+        }
+        Generic { sub_device: SubDevice::new(esc, Box::new(firmware)), panel, files }
     }
 }
 
@@ -143,6 +153,12 @@ fn process_sync_managers(image: &Image) -> Vec<ProcessSyncManager> {
                 start: sm.start,
                 control: sm.control,
                 max_bytes: (room / buffers).max(sm.length),
+                listed_bytes: if sm.enable & sii::SM_ENABLE != 0 { sm.length } else { 0 },
+                activation: match (sm.enable & sii::SM_VIRTUAL, sm.enable & sii::SM_OP_ONLY) {
+                    (0, 0) => SmActivation::SafeOp,
+                    (0, _) => SmActivation::OpOnly,
+                    _ => SmActivation::Virtual,
+                },
             })
         })
         .collect()

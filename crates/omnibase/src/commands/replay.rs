@@ -2,8 +2,9 @@
 
 use crate::Outcome;
 use anyhow::Context;
-use omnibase_record::run::RecordedRun;
 use omnibase_robot::Registry;
+use omnibase_run::{ReplayFileError, ReplayedFile};
+use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -28,15 +29,18 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.recording.display();
-    let bytes = std::fs::read(&arguments.recording).with_context(|| format!("reading `{path}`"))?;
-    let run = RecordedRun::read(&bytes).with_context(|| format!("`{path}`"))?;
-    let replayed = omnibase_run::replay(&run, registry)?;
-    let until_s = run.times_ns.last().map_or(0.0, |&time_ns| time_ns as f64 * 1e-9);
-    if let Some(why) = &run.truncated {
+    let file = File::open(&arguments.recording).with_context(|| format!("reading `{path}`"))?;
+    let computed = omnibase_run::replay_from(file, registry).map_err(|error| match error {
+        ReplayFileError::Read(error) => anyhow::Error::new(error).context(format!("`{path}`")),
+        ReplayFileError::Replay(error) => error.into(),
+    });
+    let ReplayedFile { replayed, truncated, until_ns } = computed?;
+    let until_s = until_ns as f64 * 1e-9;
+    if let Some(why) = &truncated {
         let way_out = if arguments.partial { "" } else { "; give --partial to be content with that" };
         crate::progress::warn(format_args!(
             "`{path}` ends early ({why}): there are {} cycles, up to {until_s:.3} s{way_out}",
-            run.raw.len()
+            replayed.cycles
         ));
     }
     let difference = replayed.difference.as_ref();
@@ -45,8 +49,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             serde_json::json!({ "cycle": found.index, "channel": found.channel,
                 "recorded": format!("{:?}", found.recorded), "computed": format!("{:?}", found.computed) })
         });
-        let ends_early =
-            run.truncated.as_ref().map(|why| serde_json::json!({ "why": why, "until_s": until_s }));
+        let ends_early = truncated.as_ref().map(|why| serde_json::json!({ "why": why, "until_s": until_s }));
         let all = serde_json::json!({ "cycles": replayed.cycles, "same": found.is_none(), "difference": found,
             "ends_early": ends_early });
         writeln!(output, "{}", serde_json::to_string_pretty(&all)?)?;
@@ -60,6 +63,6 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             )?,
         }
     }
-    let is_enough = run.truncated.is_none() || arguments.partial;
+    let is_enough = truncated.is_none() || arguments.partial;
     Ok(if difference.is_none() && is_enough { Outcome::Done } else { Outcome::Failed })
 }

@@ -12,7 +12,7 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
-use report::{Report, SubDeviceReport};
+use report::{CycleReport, ModulesReport, Report, SubDeviceReport};
 use std::io::Write;
 
 /// Shows what is in a segment: identity, position, alias, ports, states, SyncManagers, FMMUs, PDOs.
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Read the whole object dictionary with its values (SDO Information).
     #[arg(long)]
     dictionary: bool,
-    /// Print one JSON object: {"subdevices": [...]}.
+    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble"}.
     #[arg(long)]
     json: bool,
     /// Print `[[drive]]` and `[[device]]` tables for a robot's file: identity, maps as found, what drives tell of
@@ -90,9 +90,16 @@ pub fn look(
     let refusal = bus.configure_sound().err();
     commands::note_warnings(&bus);
     let states = states(&mut bus);
-    let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
+    let mut report = Report {
+        subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect(),
+        cycle: bus.cycle_fit().ok().map(CycleReport::from),
+        trouble: bus.look_for_trouble()?.iter().map(ToString::to_string).collect(),
+    };
     for (one, state) in report.subdevices.iter_mut().zip(states) {
         one.state = state;
+    }
+    if refusal.is_none() {
+        look_at_modules(&mut bus, &mut report)?;
     }
     if with_dictionary && refusal.is_none() {
         for one in &mut report.subdevices {
@@ -100,6 +107,40 @@ pub fn look(
         }
     }
     Ok((report, refusal))
+}
+
+/// What is plugged into modular devices, and where that isn't what they are configured for.
+fn look_at_modules(bus: &mut AnyBus, report: &mut Report) -> Result<(), SetUpError> {
+    for one in &mut report.subdevices {
+        if one.broken.is_some() {
+            continue;
+        }
+        let Some(modules) = bus.read_modules(one.position)? else { continue };
+        for (slot, configured, detected) in modules.differences() {
+            report.trouble.push(format!(
+                "SubDevice {}: slot {slot} holds module 0x{detected:08x}, the device is configured for 0x{configured:08x} (f030:{slot:02x}): \
+                 plug that module in, or write the detected ident to f030 in PRE-OP",
+                one.position
+            ));
+        }
+        one.modules = Some(ModulesReport { configured: modules.configured, detected: modules.detected });
+    }
+    Ok(())
+}
+
+/// What is wrong with a segment, as words, and which cycle fits.
+pub(super) fn trouble(target: &Target, manners: Manners) -> anyhow::Result<(Vec<String>, String)> {
+    let mut bus = manners.enter(target, Port::Socket)?.into_bus();
+    commands::scan_bus(&mut bus, target)?;
+    let refusal = bus.configure_sound().err();
+    let mut words: Vec<String> = bus.warnings().iter().map(ToString::to_string).collect();
+    words.extend(refusal.iter().map(ToString::to_string));
+    words.extend(bus.look_for_trouble()?.iter().map(ToString::to_string));
+    let cycle = match bus.cycle_fit() {
+        Ok(fit) => fit.to_string(),
+        Err(error) => error.to_string(),
+    };
+    Ok((words, cycle))
 }
 
 /// The dictionary; `None` where the SubDevice has none to show.

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 mcap_file, column_file = sys.argv[1:]
-messages, decoded, events, times_s = {}, {}, [], {}
+messages, decoded, held, events, times_s = {}, {}, {}, [], []
 with open(mcap_file, "rb") as file:
     reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
     statistics = reader.get_summary().statistics
@@ -22,11 +22,15 @@ with open(mcap_file, "rb") as file:
         if topic == "/events":
             events.append(content.text)
         elif topic != "/raw":
+            # A topic is told where something of it changed; else it is as it was.
             for field in content.DESCRIPTOR.fields:
-                name = topic.strip("/").replace("/", ".") + "." + field.name
-                decoded.setdefault(name, []).append(getattr(content, field.name))
-            times_s[message.publish_time] = message.publish_time / 1e9
-decoded["time_s"] = list(times_s.values())
+                held[topic.strip("/").replace("/", ".") + "." + field.name] = getattr(content, field.name)
+        else:
+            # It ends each cycle.
+            times_s.append(message.publish_time / 1e9)
+            for name, value in held.items():
+                decoded.setdefault(name, []).append(value)
+decoded["time_s"] = times_s
 
 columns = numpy.genfromtxt(column_file, names=True, deletechars="")
 with open(column_file) as file:

@@ -5,6 +5,7 @@ mod check;
 mod command_line;
 mod estimate;
 mod found;
+mod plan;
 
 use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;

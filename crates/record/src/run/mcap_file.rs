@@ -1,7 +1,7 @@
 //! A run as an MCAP file: a protobuf topic for each group of signals, raw cycles for replay, events as text.
 
 use super::protobuf::{self, Kind};
-use super::{RunEvent, RunSchema, SELECTION};
+use super::{RunEvent, RunSchema, SELECTION, Word, words};
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(super) const RAW_TOPIC: &str = "/raw";
 /// Topic of the events.
 pub(super) const EVENT_TOPIC: &str = "/events";
+/// Key of the words in the metadata of its channel.
+pub(super) const WORDS: &str = "words";
 /// Name of the metadata record that describes the run.
 pub(super) const METADATA: &str = "omnibase";
 
@@ -68,16 +70,29 @@ fn starts_with(bytes: &[u8]) -> String {
 /// Writes a run to an MCAP file.
 pub struct McapRun<W: Write + Seek> {
     writer: mcap::Writer<Measured<W>>,
-    topics: Vec<(u16, usize)>,
+    topics: Vec<Channel>,
+    /// A chunk begins: all topics are told, whether they changed or not.
+    begins_chunk: bool,
+    words: Vec<Word>,
     /// `None` where only some signals are recorded: they replay nothing.
     raw: Option<u16>,
     events: u16,
     width: usize,
     row: u32,
     message: Vec<u8>,
+    /// What values don't tell of a row's words.
+    rest: Vec<u8>,
     size: Size,
     /// The wall clock at the run's time 0, ns since 1970; 0 where nobody told it.
     begun_unix_ns: u64,
+}
+
+/// A topic.
+struct Channel {
+    id: u16,
+    signals: usize,
+    /// Its message that was written last.
+    told: Vec<u8>,
 }
 
 /// What a file takes, and will take at most when it is finished.
@@ -127,26 +142,50 @@ impl<W: Write + Seek> McapRun<W> {
         let mut writer = mcap::Writer::with_options(output, options)?;
         writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
         size.metadata += 1;
+        let words = words::line(&schema.words);
+        size.schemas += words.len() as u64;
         let mut channel = |topic: &str, fields: &[(&str, Kind)]| {
             let name = message_name(topic);
             let descriptor = protobuf::descriptor(&name, fields);
             size.channels += 1;
             size.schemas += (descriptor.len() + name.len() + topic.len() + 128) as u64;
             let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", &descriptor)?;
-            writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+            let metadata = match topic {
+                RAW_TOPIC if !words.is_empty() => BTreeMap::from([(WORDS.to_owned(), words.clone())]),
+                _ => BTreeMap::new(),
+            };
+            writer.add_channel(schema, topic, "protobuf", &metadata)
         };
         let mut topics = Vec::with_capacity(schema.topics.len());
         for topic in &schema.topics {
             let fields: Vec<_> =
                 topic.signals.iter().map(|signal| (signal.name.as_str(), Kind::Double)).collect();
-            topics.push((channel(&topic.name, &fields)?, topic.signals.len()));
+            let id = channel(&topic.name, &fields)?;
+            topics.push(Channel { id, signals: topic.signals.len(), told: Vec::new() });
         }
         let is_whole = !description.contains_key(SELECTION);
-        let raw = is_whole.then(|| channel(RAW_TOPIC, &[("data", Kind::Bytes)])).transpose()?;
+        let raw = is_whole
+            .then(|| channel(RAW_TOPIC, &[("data", Kind::Bytes), ("rest", Kind::Bytes)]))
+            .transpose()?;
         let events = channel(EVENT_TOPIC, &[("text", Kind::Text)])?;
         let (width, message) = (schema.width(), Vec::new());
         let begun_unix_ns = description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
-        let mut run = McapRun { writer, topics, raw, events, width, row: 0, message, size, begun_unix_ns };
+        let words = schema.words.clone();
+        let (begins_chunk, row) = (true, 0);
+        let mut run = McapRun {
+            writer,
+            topics,
+            begins_chunk,
+            words,
+            raw,
+            events,
+            width,
+            row,
+            message,
+            rest: Vec::new(),
+            size,
+            begun_unix_ns,
+        };
         run.end_chunk()?;
         Ok(run)
     }
@@ -156,19 +195,28 @@ impl<W: Write + Seek> McapRun<W> {
         if values.len() != self.width {
             return Err(RunError::RowWidth { expected: self.width, found: values.len() });
         }
-        let mut at = 0;
+        let (mut at, last) = (0, self.topics.len().wrapping_sub(1));
+        // Without the words that end a row, some topic must tell that there is one.
+        let mut is_told = self.raw.is_some();
         for number in 0..self.topics.len() {
-            let (channel, width) = self.topics[number];
+            let topic = &mut self.topics[number];
             self.message.clear();
-            for (field, value) in (1..).zip(&values[at..at + width]) {
+            for (field, value) in (1..).zip(&values[at..at + topic.signals]) {
                 protobuf::push_double(&mut self.message, field, *value);
             }
-            at += width;
-            self.send(channel, time_ns)?;
+            at += topic.signals;
+            // What didn't change since the chunk's last message isn't told again.
+            let must_tell = self.begins_chunk || (number == last && !is_told);
+            if must_tell || topic.told != self.message {
+                is_told = true;
+                topic.told.clone_from(&self.message);
+                let id = topic.id;
+                self.send(id, time_ns)?;
+            }
         }
+        self.begins_chunk = false;
         if let Some(channel) = self.raw {
-            self.message.clear();
-            protobuf::push_bytes(&mut self.message, 1, raw);
+            self.push_words(values, raw);
             self.send(channel, time_ns)?;
         }
         self.row = self.row.wrapping_add(1);
@@ -176,11 +224,22 @@ impl<W: Write + Seek> McapRun<W> {
         if self.size.open >= CHUNK_BYTES || is_long { self.end_chunk() } else { Ok(()) }
     }
 
+    /// The message from which a row is replayed, which ends it.
+    fn push_words(&mut self, values: &[f64], raw: &[u8]) {
+        self.message.clear();
+        self.rest.clear();
+        match words::push_rest(&mut self.rest, &self.words, (values, raw)) {
+            Some(()) => protobuf::push_bytes(&mut self.message, 2, &self.rest),
+            None => protobuf::push_bytes(&mut self.message, 1, raw),
+        }
+    }
+
     /// Bytes of the finished file, at most, where a row with so many raw bytes is written before.
     pub fn length_with_row(&self, raw: usize) -> u64 {
         // A field's number takes up to two bytes.
         let row = 10 * self.width as u64 + (self.topics.len() as u64 + 1) * MESSAGE_BYTES;
-        self.size.at_most(row + raw as u64 + 16)
+        // A word that the values don't tell takes ten bytes.
+        self.size.at_most(row + raw as u64 * 10 / 8 + 16)
     }
 
     /// As [`McapRun::length_with_row`], where so many bytes of words are written before.
@@ -222,6 +281,7 @@ impl<W: Write + Seek> McapRun<W> {
         self.writer.flush()?;
         self.size.chunks += 1;
         self.size.open = 0;
+        self.begins_chunk = true;
         Ok(())
     }
 

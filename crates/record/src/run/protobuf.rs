@@ -26,8 +26,12 @@ fn push_tag(bytes: &mut Vec<u8>, number: u32, wire_type: u32) {
     push_varint(bytes, u64::from(number << 3 | wire_type));
 }
 
-/// Appends field `number` as a double; all 64 bits survive, NaN's too.
+/// Appends field `number` as a double; all 64 bits survive, NaN's too. A zero is left out: it is what a reader takes for a field
+/// that isn't there (proto3).
 pub(crate) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
+    if value.to_bits() == 0 {
+        return;
+    }
     push_tag(bytes, number, FIXED64);
     bytes.extend_from_slice(&value.to_bits().to_le_bytes());
 }

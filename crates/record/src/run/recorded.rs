@@ -1,13 +1,14 @@
 //! A run read back from its MCAP file, record by record: a long file needs no more room than what is kept of it.
 
-use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC};
+use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC, WORDS};
 use super::protobuf::{self, Field};
-use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic};
+use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic, words};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::BTreeMap;
 use std::io::Read;
+use std::ops::ControlFlow;
 
 /// Bytes read at once.
 const PIECE: usize = 1 << 20;
@@ -35,6 +36,20 @@ pub struct RecordedRun {
     pub truncated: Option<String>,
 }
 
+/// A row of a recording while it is read.
+#[derive(Clone, Copy, Debug)]
+pub struct RecordedRow<'a> {
+    /// Its time, ns.
+    pub time_ns: u64,
+    /// Its values, as many as the schema's signals.
+    pub values: &'a [f64],
+    /// The bytes that replay it; nothing where only some signals were recorded or are kept.
+    pub raw: &'a [u8],
+}
+
+/// Who takes rows as they are read: with what is known of the run by then, without its rows. `Break` ends the reading.
+type Taker<'a> = &'a mut dyn FnMut(&RecordedRun, RecordedRow<'_>) -> ControlFlow<()>;
+
 /// What is kept of a recording.
 #[derive(Clone, Copy, Debug)]
 pub enum Keep<'a> {
@@ -55,14 +70,27 @@ impl RecordedRun {
     }
 
     /// As [`RecordedRun::read`], piece by piece; `input` needs no buffer.
-    pub fn read_from(mut input: impl Read, keep: Keep<'_>) -> Result<Self, RunError> {
+    pub fn read_from(input: impl Read, keep: Keep<'_>) -> Result<Self, RunError> {
+        Self::read_with(input, Reading::new(keep))
+    }
+
+    /// Gives each row away as it is read, with what is known of the run by then, and keeps none: a run of any length needs the
+    /// room of one chunk. What comes back has no rows.
+    pub fn read_each(
+        input: impl Read,
+        keep: Keep<'_>,
+        take: &mut dyn FnMut(&RecordedRun, RecordedRow<'_>) -> ControlFlow<()>,
+    ) -> Result<Self, RunError> {
+        Self::read_with(input, Reading { take: Some(take), ..Reading::new(keep) })
+    }
+
+    fn read_with(mut input: impl Read, mut reading: Reading<'_>) -> Result<Self, RunError> {
         let mut start = Vec::new();
         (&mut input).take(mcap::MAGIC.len() as u64).read_to_end(&mut start)?;
         if start != mcap::MAGIC {
             return Err(RunError::NotMcap { start });
         }
         let mut reader = LinearReader::new_with_options(options().with_emit_chunks(true));
-        let mut reading = Reading::new(keep);
         while let Some(event) = reader.next_event() {
             let taken = match event {
                 Ok(LinearReadEvent::ReadRequest(_)) => {
@@ -79,7 +107,11 @@ impl RecordedRun {
                 Err(error) => Err(error),
             };
             if let Err(error) = taken {
-                reading.run.truncated = Some(words(&error));
+                reading.run.truncated = Some(why(&error));
+                break;
+            }
+            if reading.is_enough {
+                reading.is_whole = true;
                 break;
             }
         }
@@ -119,7 +151,7 @@ fn fill_their_chunk(mut records: &[u8]) -> bool {
 }
 
 /// What broke off, as a person reads it.
-fn words(error: &McapError) -> String {
+fn why(error: &McapError) -> String {
     match error {
         // The length of a chunk is written last; until then it is the greatest number.
         McapError::UnexpectedEof
@@ -143,10 +175,18 @@ struct Reading<'a> {
     has_raw: bool,
     /// There are signals, whether they are kept or not.
     has_signals: bool,
-    /// When the row is that isn't complete yet, its values, and the bytes that replay it.
+    /// When the row is that isn't complete yet. Its values: a topic that isn't told again has those of the row before.
     row_ns: Option<u64>,
-    partial: Vec<f64>,
-    raw: Option<Vec<u8>>,
+    values: Vec<f64>,
+    /// Topics that weren't told yet, and whether this row told any.
+    untold: usize,
+    is_told: bool,
+    /// The bytes that replay it, where they came.
+    raw: Vec<u8>,
+    has_raw_of_row: bool,
+    take: Option<Taker<'a>>,
+    /// Who takes rows has enough.
+    is_enough: bool,
     /// The file was closed in order.
     is_whole: bool,
 }
@@ -154,7 +194,7 @@ struct Reading<'a> {
 /// What a channel holds.
 enum Content {
     /// Signals: where their first value stands in a row, and for each field of the message, which of them it is.
-    Signals { at: usize, width: usize, fields: Vec<Option<usize>> },
+    Signals { at: usize, width: usize, fields: Vec<Option<usize>>, is_told: bool },
     /// The bytes that replay a cycle.
     Raw,
     /// Words.
@@ -177,8 +217,13 @@ impl<'a> Reading<'a> {
             has_raw: false,
             has_signals: false,
             row_ns: None,
-            partial: Vec::new(),
-            raw: None,
+            values: Vec::new(),
+            untold: 0,
+            is_told: false,
+            raw: Vec::new(),
+            has_raw_of_row: false,
+            take: None,
+            is_enough: false,
             is_whole: false,
         }
     }
@@ -218,7 +263,12 @@ impl<'a> Reading<'a> {
             }
             Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
                 let content = match channel.topic.as_str() {
-                    RAW_TOPIC => Content::Raw,
+                    RAW_TOPIC => {
+                        let line = channel.metadata.get(WORDS).map_or("", String::as_str);
+                        // Words that aren't understood replay nothing, and who replays says so.
+                        self.run.schema.words = words::of_line(line).unwrap_or_default();
+                        Content::Raw
+                    }
                     EVENT_TOPIC => Content::Events,
                     _ => self.signals(channel.topic, channel.schema_id),
                 };
@@ -237,27 +287,40 @@ impl<'a> Reading<'a> {
                     self.end_row();
                     self.row_ns = Some(header.publish_time);
                 }
-                match &self.channels[&header.channel_id] {
-                    Content::Signals { at, width, fields } => {
-                        self.partial.resize((at + width).max(self.partial.len()), f64::NAN);
-                        // proto3 leaves zeros out where others write it.
-                        self.partial[*at..at + width].fill(0.0);
+                match self.channels.get_mut(&header.channel_id) {
+                    None => {}
+                    Some(Content::Signals { at, width, fields, is_told }) => {
+                        if !std::mem::replace(is_told, true) {
+                            self.untold -= 1;
+                        }
+                        self.is_told = true;
+                        // proto3 leaves zeros out.
+                        let values = &mut self.values[*at..*at + *width];
+                        values.fill(0.0);
                         for field in protobuf::fields(&data) {
                             if let Field::Double(number, value) = field
                                 && let Some(Some(place)) = fields.get((number as usize).wrapping_sub(1))
                             {
-                                self.partial[at + place] = value;
+                                values[*place] = value;
                             }
                         }
                     }
-                    Content::Raw => {
-                        let is_kept = matches!(self.keep, Keep::All);
-                        let bytes = first_bytes(&data).filter(|_| is_kept).unwrap_or_default();
-                        self.raw = Some(bytes.to_vec());
+                    Some(Content::Raw) => {
+                        self.has_raw_of_row = true;
+                        if matches!(self.keep, Keep::All) {
+                            let (values, words) = (&self.values, &self.run.schema.words);
+                            match bytes_of(&data, 1) {
+                                Some(all) => self.raw.splice(.., all.iter().copied()).for_each(drop),
+                                None => {
+                                    let rest = bytes_of(&data, 2).unwrap_or_default();
+                                    words::whole(&mut self.raw, words, (values, rest));
+                                }
+                            }
+                        }
                     }
-                    Content::Events => {
+                    Some(Content::Events) => {
                         let text =
-                            String::from_utf8_lossy(first_bytes(&data).unwrap_or_default()).into_owned();
+                            String::from_utf8_lossy(bytes_of(&data, 1).unwrap_or_default()).into_owned();
                         self.run.events.push(RunEvent { time_ns: header.publish_time, text });
                     }
                 }
@@ -288,26 +351,33 @@ impl<'a> Reading<'a> {
         if width > 0 || matches!(self.keep, Keep::All | Keep::Times) {
             self.run.schema.topics.push(Topic { name: topic, signals });
         }
-        Content::Signals { at, width, fields }
+        self.values.resize(at + width, f64::NAN);
+        self.untold += 1;
+        Content::Signals { at, width, fields, is_told: false }
     }
 
     /// Ends a row: it is complete, or it doesn't count.
     fn end_row(&mut self) {
-        let raw = self.raw.take();
-        let is_complete = self.partial.len() == self.run.schema.width() && (raw.is_some() || !self.has_raw);
+        let is_told = std::mem::take(&mut self.is_told) && self.untold == 0;
+        let is_complete = is_told && (std::mem::take(&mut self.has_raw_of_row) || !self.has_raw);
         if let Some(time_ns) = self.row_ns.take()
             && is_complete
+            && !self.is_enough
             && self.due.take(time_ns)
         {
+            if let Some(take) = &mut self.take {
+                let row = RecordedRow { time_ns, values: &self.values, raw: &self.raw };
+                self.is_enough = take(&self.run, row).is_break();
+                return;
+            }
             self.run.times_ns.push(time_ns);
             if !matches!(self.keep, Keep::Times) {
-                self.run.values.append(&mut self.partial);
+                self.run.values.extend_from_slice(&self.values);
             }
-            if matches!(self.keep, Keep::All) {
-                self.run.raw.extend(raw);
+            if matches!(self.keep, Keep::All) && self.has_raw {
+                self.run.raw.push(self.raw.clone());
             }
         }
-        self.partial.clear();
     }
 
     fn finish(mut self) -> Result<RecordedRun, RunError> {
@@ -323,9 +393,10 @@ impl<'a> Reading<'a> {
     }
 }
 
-fn first_bytes(message: &[u8]) -> Option<&[u8]> {
+/// A field of bytes.
+fn bytes_of(message: &[u8], wanted: u32) -> Option<&[u8]> {
     protobuf::fields(message).find_map(|field| match field {
-        Field::Bytes(1, data) => Some(data),
+        Field::Bytes(number, data) if number == wanted => Some(data),
         _ => None,
     })
 }

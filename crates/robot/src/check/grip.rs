@@ -23,6 +23,7 @@ pub(super) fn resolve(check: &mut Check, table: &GripTable, read_file: ReadFile<
     GripPlan {
         friction: table.friction,
         height_m: table.centre_of_mass_height_m.unwrap_or(HEIGHT_M),
+        told_height_m: table.centre_of_mass_height_m,
         memory: table.memory.clone(),
         remembered: remembered.map(|floor| RememberedFloor {
             friction_sigma: floor.friction_sigma.hypot(SINCE_SHARE * floor.friction),

@@ -12,16 +12,18 @@ pub(super) struct Claims<'a> {
     pub(super) table: String,
     pub(super) position: Option<u16>,
     pub(super) alias: Option<u16>,
+    pub(super) identification: Option<u16>,
     pub(super) name: Option<&'a String>,
 }
 
 /// One SubDevice has one table, and no name stands for two.
 pub(super) fn duplicates<'a>(check: &mut Check, tables: impl Iterator<Item = Claims<'a>>) {
     let mut first = HashMap::new();
-    for Claims { table, position, alias, name } in tables {
+    for Claims { table, position, alias, identification, name } in tables {
         let claims = [
             position.map(|position| ("position", position.to_string())),
             alias.map(|alias| ("alias", alias.to_string())),
+            identification.map(|number| ("identification", number.to_string())),
             name.map(|name| ("name", format!("\"{name}\""))),
         ];
         for (key, value) in claims.into_iter().flatten() {
@@ -34,24 +36,30 @@ pub(super) fn duplicates<'a>(check: &mut Check, tables: impl Iterator<Item = Cla
     }
 }
 
-/// Where a SubDevice is: by position or alias. `what` says who is looked for.
+/// Where a SubDevice is: by one of position, alias and identification. `what` says who is looked for.
 pub(super) fn place(
     check: &mut Check,
     table: &str,
-    position: Option<u16>,
-    alias: Option<u16>,
+    [position, alias, identification]: [Option<u16>; 3],
     what: &str,
 ) -> Option<BusPlace> {
     let setting = format!("{table}.position");
-    match (position, alias) {
-        (Some(position), None) => Some(BusPlace::Position(position)),
-        (None, Some(alias)) => Some(BusPlace::Alias(alias)),
+    let places = [
+        position.map(BusPlace::Position),
+        alias.map(BusPlace::Alias),
+        identification.map(BusPlace::Identification),
+    ];
+    let mut given = places.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(place), None) => Some(place),
         (Some(_), Some(_)) => {
-            check.report(ProblemKind::Contradiction, &setting, "give `position` or `alias`, not both");
+            let reason = "give one of `position`, `alias` and `identification`";
+            check.report(ProblemKind::Contradiction, &setting, reason);
             None
         }
-        (None, None) => {
-            check.need(None, &setting, &format!("{what} is found by its `position` or its `alias`"))
+        (None, _) => {
+            let why = format!("{what} is found by its `position`, its `alias` or its `identification`");
+            check.need(None, &setting, &why)
         }
     }
 }

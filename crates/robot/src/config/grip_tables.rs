@@ -24,8 +24,10 @@ pub struct GripTable {
 pub struct GripPlan {
     /// Never more than this is counted on.
     pub friction: Option<f64>,
-    /// Height of the centre of mass over the floor, m.
+    /// Height of the centre of mass over the floor, m; and where the file tells it.
     pub height_m: f64,
+    /// What it tells.
+    pub told_height_m: Option<f64>,
     /// The file that keeps what was found.
     pub memory: Option<String>,
     /// What an earlier run found.

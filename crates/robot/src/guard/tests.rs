@@ -1,7 +1,9 @@
 //! The guard alone, with a platform that is where it shall be.
 
 mod margins;
+mod shapes;
 
+use super::shape::Point;
 use super::*;
 use crate::config::FootprintSource;
 
@@ -87,13 +89,13 @@ impl Bench {
 
     /// To every obstacle from a pose, m; infinite where there is none.
     fn distances_m(&self, pose: &Pose2) -> [f64; MAX_OBSTACLES] {
-        let body = Corners::placed(&self.guard.footprint, pose);
+        let body = self.guard.outline.placed(pose);
         self.guard.obstacles.map(|slot| slot.map_or(f64::INFINITY, |obstacle| distance_m(&body, &obstacle)))
     }
 
     fn room_m(&self, pose: &Pose2) -> f64 {
-        let fence = self.guard.fence.as_ref().expect("a fence");
-        room_m(&fence.corners_m, &Corners::placed(&self.guard.footprint, pose))
+        let (_, fence) = self.guard.fence.as_ref().expect("a fence");
+        fence.room_m(&self.guard.outline.placed(pose))
     }
 }
 
@@ -188,7 +190,7 @@ fn from_what_is_too_near_every_straight_way_out_stays_open() {
     for centre_m in places {
         for radius_m in [0.0, 0.04, 3.0] {
             let obstacle = Obstacle { centre_m, radius_m, velocity_m_s: [0.0; 2] };
-            let normal = Corners::placed(&OBLONG, &Pose2::default()).sight(centre_m).normal;
+            let normal = Outline::new(&OBLONG).placed(&Pose2::default()).sight(centre_m).normal;
             for number in 0..16 {
                 let angle = 0.4 * f64::from(number);
                 let twist = Twist2::new(0.3 * angle.cos(), 0.3 * angle.sin(), 0.0);
@@ -432,7 +434,7 @@ fn on_a_floor_that_carries_less_the_stop_is_longer_and_the_margin_holds() {
         let (mut least_m, mut hardest, mut fastest) = (f64::INFINITY, 0.0_f64, 0.0_f64);
         for cycle in 0..3000 {
             if f64::from(cycle) * PERIOD_S >= found_after_s {
-                bench.guard.keep_to(&softer);
+                bench.guard.keep_to(&softer, &softer);
             }
             let setpoint = bench.stick(Twist2::new(0.8, 0.0, 0.3));
             least_m = least_m.min(bench.room_m(&setpoint.odom_from_body));

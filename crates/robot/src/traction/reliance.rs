@@ -80,7 +80,13 @@ mod tests {
 
     /// A file that keeps what is found, before the first run.
     fn nothing() -> GripPlan {
-        GripPlan { friction: None, height_m: 0.4, memory: Some("floor.toml".into()), remembered: None }
+        GripPlan {
+            friction: None,
+            height_m: 0.4,
+            told_height_m: None,
+            memory: Some("floor.toml".into()),
+            remembered: None,
+        }
     }
 
     fn slips(friction: f64, friction_sigma: f64) -> GripReport {

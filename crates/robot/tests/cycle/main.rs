@@ -2,6 +2,7 @@
 
 mod axes;
 mod blocked;
+mod counts;
 mod courses;
 mod heedless;
 mod inputs;

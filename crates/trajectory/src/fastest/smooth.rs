@@ -67,11 +67,9 @@ impl Progress {
         self.times_s.clone()
     }
 
-    /// Times at which limits are looked at: beside the joints, and between them.
-    pub(super) fn looks_s(&self) -> impl Iterator<Item = f64> {
-        self.times_s
-            .windows(2)
-            .flat_map(|pair| [0.001, 0.5, 0.999].map(|part| pair[0] + part * (pair[1] - pair[0])))
+    /// The times between which it is one cubic, and σ at the first of them.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
+        self.times_s.windows(2).zip(&self.values).map(|(pair, values)| ([pair[0], pair[1]], values[0]))
     }
 
     /// Takes `factor` times as long.

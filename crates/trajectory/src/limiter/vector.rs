@@ -11,7 +11,7 @@ pub(super) fn plus(a: Vector, b: Vector, factor: f64) -> Vector {
 
 pub(super) fn length(a: Vector) -> f64 {
     // A straight command along an axis shall not suffer from the rounding of a root.
-    if a[1] == 0.0 { a[0].abs() } else { a[0].hypot(a[1]) }
+    if a[1] == 0.0 { a[0].abs() } else { omnibase_platform::length(a) }
 }
 
 fn dot(a: Vector, b: Vector) -> f64 {
@@ -162,8 +162,27 @@ impl VectorLimiter {
         limited
     }
 
+    /// Whether a command asks for just what is done since the cycle before last: a cycle more of it changes nothing, to the bit.
+    fn lasts(&self, command: Vector) -> bool {
+        let bits = |vector: Vector| vector.map(f64::to_bits);
+        let same = |vector: Vector| bits(vector) == bits(command);
+        same(self.speed)
+            && same(self.last_speed)
+            && same(self.last_command)
+            && bits(self.acceleration) == [0; 2]
+            && bits(self.last_change) == [0; 2]
+            && length(command) <= self.bounds.speed
+    }
+
     pub(crate) fn step(&mut self, command: Vector) -> Limited {
         self.brakes_straight = false;
+        if self.lasts(command) {
+            return Limited { speed: self.speed, acceleration: self.acceleration };
+        }
+        self.next(command)
+    }
+
+    fn next(&mut self, command: Vector) -> Limited {
         let bounds = self.bounds;
         let (period_s, jerk_step) = (bounds.period_s, bounds.jerk_step());
         let turning = Turning::of(self.last_speed, self.speed);
@@ -276,5 +295,35 @@ impl VectorLimiter {
         };
         let change = plus(clipped(wish, self.bounds.acceleration), self.acceleration, -1.0);
         plus(self.acceleration, clipped(change, jerk_step), 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Commands that stay for a while, at rest, at the limit and beyond it: what passes at once is what would be computed.
+    #[test]
+    fn a_command_that_lasts_passes_with_the_bits_that_would_be_computed() {
+        let bounds = Bounds { speed: 0.6, acceleration: 0.5, jerk: 5.0, period_s: 0.001 };
+        let (mut quick, mut slow) = (VectorLimiter::new(bounds), VectorLimiter::new(bounds));
+        let commands = [[0.0, 0.0], [0.3, 0.1], [0.6, 0.0], [0.5, -0.7], [-0.0, 0.0], [0.1, 0.0], [0.0, 0.0]];
+        let (mut lasting, mut bound) = (0, 0);
+        for (number, command) in commands.into_iter().enumerate() {
+            for cycle in 0..3000 {
+                if number == 2 && cycle == 2500 {
+                    // What lasted lies beyond lower limits.
+                    (quick.bounds.speed, slow.bounds.speed) = (0.4, 0.4);
+                    bound += usize::from(!quick.lasts(command));
+                }
+                lasting += usize::from(quick.lasts(command));
+                slow.brakes_straight = false;
+                let (one, other) = (quick.step(command), slow.next(command));
+                let bits =
+                    |limited: &Limited| [limited.speed, limited.acceleration].map(|v| v.map(f64::to_bits));
+                assert_eq!(bits(&one), bits(&other), "{command:?} {cycle}");
+            }
+        }
+        assert!(lasting > 4000 && bound == 1, "{lasting} {bound}");
     }
 }
