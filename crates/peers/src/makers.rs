@@ -2,7 +2,7 @@
 
 use omnibase_esi::{Assembly, EsiFile};
 use omnibase_ethercat_sim::device::{Piece, esi};
-use omnibase_ethercat_sim::{Segment, SubDevice};
+use omnibase_ethercat_sim::{Attachment, Parent, Segment, SubDevice};
 use std::path::{Path, PathBuf};
 
 /// Modules of one coupler.
@@ -33,10 +33,27 @@ pub struct MadeOfFiles {
     pub commands: Vec<MakersCommand>,
 }
 
-/// Every device of the files in a line, and couplers with every module; `None` (said aloud) where the files aren't there.
-pub fn segments() -> Option<[MadeOfFiles; 2]> {
+/// Every device of each maker in a line, and couplers with every module; `None` (said aloud) where the files aren't there.
+pub fn segments() -> Option<[MadeOfFiles; 3]> {
+    patched(|_| {})
+}
+
+/// The same with every SyncManager of process data enabled in the EEPROM. EtherCrab 0.7.1 switches on only those, and in one
+/// maker's (as the EEPROM that IgH's tool read shows) SM2 and SM3 aren't.
+pub fn segments_for_ethercrab() -> Option<[MadeOfFiles; 3]> {
+    patched(|file| {
+        let managers = file.devices.iter_mut().flat_map(|device| &mut device.sync_managers);
+        managers.for_each(|manager| manager.enabled = true);
+    })
+}
+
+fn patched(patch: impl Fn(&mut EsiFile)) -> Option<[MadeOfFiles; 3]> {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/esi"));
-    let read = |name: &str| EsiFile::read(&Path::join(&folder, name)).ok();
+    let read = |name: &str| {
+        let mut file = EsiFile::read(&Path::join(&folder, name)).ok()?;
+        patch(&mut file);
+        Some(file)
+    };
     let files = (
         read("Beckhoff_EK11xx.xml"),
         read("Weidmueller_UR20_FBC.xml"),
@@ -47,17 +64,19 @@ pub fn segments() -> Option<[MadeOfFiles; 2]> {
         eprintln!("SKIPPED: real makers' ESI files: {} lacks them", folder.display());
         return None;
     };
-    let mut devices = Vec::new();
-    for file in [&couplers, &modular, &scanned] {
-        devices.extend(file.devices.iter().map(|device| (file, Assembly { device, modules: Vec::new() })));
-    }
+    let alone = |files: &[&'_ EsiFile]| {
+        let devices = files.iter().flat_map(|file| {
+            file.devices.iter().map(move |device| (*file, Assembly { device, modules: Vec::new() }))
+        });
+        line(&devices.collect::<Vec<_>>())
+    };
     let coupler = modular.devices.last()?;
     let full = modules.modules.chunks(MODULES).map(|modules| {
         let assembly =
             Assembly::new(coupler, modules.iter().collect()).expect("the coupler has slots for them");
         (&modular, assembly)
     });
-    Some([line(&devices), line(&full.collect::<Vec<_>>())])
+    Some([alone(&[&couplers]), alone(&[&modular, &scanned]), line(&full.collect::<Vec<_>>())])
 }
 
 fn line(assemblies: &[(&EsiFile, Assembly)]) -> MadeOfFiles {
@@ -73,6 +92,29 @@ fn line(assemblies: &[(&EsiFile, Assembly)]) -> MadeOfFiles {
         }
     }
     let count = sub_devices.len();
-    let segment = Segment::line(sub_devices).expect("they are plugged into one another");
+    let attachments = attachments(&sub_devices);
+    let segment = Segment::new(sub_devices, attachments).expect("they are plugged into one another");
     MadeOfFiles { segment, count, modules, commands }
+}
+
+/// Each at the first free port of the nearest one before it that has one: not every coupler has port 1.
+fn attachments(sub_devices: &[SubDevice]) -> Vec<Attachment> {
+    let mut taken: Vec<[bool; 4]> = Vec::new();
+    let mut attachments = Vec::new();
+    for _ in sub_devices {
+        let ports = |position: usize| (1..4u8).map(move |port| (position, port));
+        let free = (0..taken.len()).rev().flat_map(ports).find(|&(position, port)| {
+            sub_devices[position].esc().config().has_port(port) && !taken[position][usize::from(port)]
+        });
+        let parent = match free {
+            Some((position, port)) => {
+                taken[position][usize::from(port)] = true;
+                Parent::SubDevice { position, port }
+            }
+            None => Parent::MainDevice,
+        };
+        attachments.push(Attachment { parent, entry_port: 0, cable_delay_ns: 100 });
+        taken.push([false; 4]);
+    }
+    attachments
 }
