@@ -9,6 +9,8 @@ use std::time::Duration;
 const GOOD: Duration = Duration::from_micros(500);
 /// Longer ones stop a robot that tolerates two lost exchanges.
 const BEARABLE: Duration = Duration::from_millis(2);
+/// Nobody sets a cycle or a tolerance by a pause like this.
+const HOPELESS: Duration = Duration::from_millis(20);
 /// Between two looks at the clock nothing happens: what passes beyond that was taken from this program.
 const CHECK: &str = "pauses";
 const WHY: &str = "whoever keeps the cycle, or simulates drives, loses every cycle that falls into a pause";
@@ -62,6 +64,12 @@ fn verdict(gaps: &Gaps, duration: Duration) -> Finding {
         needed_us / 1000 + 1
     );
     let by_hand = How::ByHand("it is a decision what the robot bears");
+    // No robot waits so long: that is a machine with too much to do.
+    let remedy = if gaps.longest > HOPELESS {
+        "end what else runs on this machine, then measure again".into()
+    } else {
+        remedy
+    };
     match gaps.longest {
         longest if longest < GOOD => Finding::good(CHECK, WHY, found),
         longest if longest < BEARABLE => Finding::degraded(CHECK, WHY, found).mended(remedy, by_hand),

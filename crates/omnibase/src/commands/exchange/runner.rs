@@ -89,6 +89,10 @@ impl Runner {
             }
             Ok(())
         });
+        // Nobody is there to be led back; the broadcast that asks all for INIT goes out all the same.
+        if is_silent(&self.paced, self.plan.pace.cycle) {
+            return ran;
+        }
         // Whatever happened, drives shall not be left in OP.
         let Runner { paced, image, .. } = self;
         let ended = paced.end(|paced| paced.exchange(image).map(drop));
