@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use omnibase_robot::Registry;
 use omnibase_robot::check::ReadFile;
 use omnibase_robot::config::{AxisMode, DevicePlan, OutputPlan, ReferenceTable, Source};
 use omnibase_robot::signals::column_name;
 use omnibase_robot::stages::Reference;
+use omnibase_robot::{Ability, Registry};
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
+use omnibase_run::room::Room;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -24,6 +25,8 @@ pub struct RobotInfo {
     pub registry: Arc<Registry>,
     /// Whether the truth is known.
     pub known: Known,
+    /// The room through which ways are planned.
+    pub room: Room,
     /// Where paths are saved.
     pub paths: PathBuf,
     /// Where values go beside the page.
@@ -216,7 +219,7 @@ impl RobotInfo {
 
     /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.
     pub(crate) fn drawn(&self, table: &ReferenceTable) -> Result<Drawn, String> {
-        let made = self.registry.make_reference(table, &self.robot.plan.limits);
+        let made = self.registry.make_reference(table, &Ability::of(&self.robot.plan));
         made.map(|made| Drawn::of(table, made)).map_err(|error| error.to_string())
     }
 }

@@ -124,13 +124,14 @@ pub fn trajectory<'py>(
     interpolation: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
     let interpolation = match interpolation {
+        "smooth" => Interpolation::Smooth,
         "cubic" => Interpolation::Cubic(SpeedRule::MeanSlope),
         "quintic" => Interpolation::Quintic,
         "spline" => Interpolation::Spline,
         "b_spline" => Interpolation::BSpline,
         _ => {
             let words = format!(
-                "interpolation: expected cubic, quintic, spline or b_spline, found `{interpolation}`"
+                "interpolation: expected smooth, cubic, quintic, spline or b_spline, found `{interpolation}`"
             );
             return Err(Failure::Broken(words).into());
         }

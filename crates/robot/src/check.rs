@@ -9,6 +9,7 @@ mod grip;
 mod guard;
 mod joystick;
 mod kind_keys;
+mod map;
 mod platform;
 mod run_tables;
 mod sdo_writes;
@@ -24,6 +25,7 @@ mod wires;
 
 use std::fmt::Display;
 
+use crate::ability::{Ability, WheelFacts};
 use crate::config::*;
 use crate::registry::{Kind, Made, Registry, StageError};
 use crate::signals::{Quantity, SafetyAction, SignalLayout, StopCategory};
@@ -67,7 +69,7 @@ impl RobotPlan {
         let Source { file, locations, problems } = source;
         let mut check = Check { locations, problems };
         let table = check.reference(file, registry, read_file);
-        let made = table.as_ref().and_then(|table| check.reachable(table, &self.limits, registry));
+        let made = table.as_ref().and_then(|table| check.reachable(table, &Ability::of(self), registry));
         check.end(table.zip(made))
     }
 }
@@ -156,7 +158,7 @@ impl Check {
         let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let sources = sources::resolve(self, &file.source, &file.device);
+        let sources = sources::resolve(self, (&file.source, &file.device), registry);
         let beside = devices.zip(sources);
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
@@ -166,6 +168,9 @@ impl Check {
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
+        if let Some(table) = &file.map {
+            map::check(self, table);
+        }
         let grip = grip::resolve(self, &file.grip, read_file);
         let controller = self.controller(file.controller, registry);
         let estimator = self.estimator(file.estimator, registry);
@@ -176,7 +181,13 @@ impl Check {
         self.bridges(&file.bridge);
         let recording = self.recording(&file.recording, file.bus.cycle_us);
         if let (Some(reference), Some(limits)) = (&reference, &limits) {
-            self.reachable(reference, limits, registry);
+            let ability = match (&kinematics, &drives, &controller) {
+                (Some(kinematics), Some(drives), Some(controller)) => {
+                    Ability::new(limits, WheelFacts { kinematics, drives, controller, grip: &grip })
+                }
+                _ => Ability::from(limits),
+            };
+            self.reachable(reference, &ability, registry);
         }
         let (limits, mut drives) = (limits?, drives?);
         if let Some(comeback) = &mut safety.comeback {
@@ -205,6 +216,7 @@ impl Check {
             grip,
             joystick: file.joystick,
             guard: guard?,
+            map: file.map,
             simulation: file.simulation,
             events: events?,
             run: file.run,
@@ -396,13 +408,13 @@ impl Check {
     fn reachable(
         &mut self,
         table: &ReferenceTable,
-        limits: &Limits,
+        ability: &Ability,
         registry: &Registry,
     ) -> Option<Box<dyn Reference>> {
         if !self.is_sound("reference") {
             return None;
         }
-        let mut made = registry.make_reference(table, limits);
+        let mut made = registry.make_reference(table, ability);
         for (file, key) in [(&table.points_file, "points"), (&table.correction_file, "correction")] {
             let (Err(error), Some(file)) = (&mut made, file) else { continue };
             let of_it = format!("reference.{key}");

@@ -8,6 +8,7 @@ use std::fmt::Write;
 
 use omnibase_trajectory::LimitsError;
 
+use crate::ability::Ability;
 use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
@@ -74,7 +75,7 @@ impl Robot {
         let period_s = plan.bus.cycle_ns as f64 * 1e-9;
         let refused = |error: LimitsError| Problem::refused("limits", error);
         let limiter = Limiter::new(&plan.limits, period_s).map_err(refused)?;
-        let reference = registry.make_reference(&plan.reference, &plan.limits)?;
+        let reference = registry.make_reference(&plan.reference, &Ability::of(plan))?;
         let motion =
             Motion::new(reference, &plan.limits, (&plan.safety, &plan.guard), period_s).map_err(refused)?;
         let controllers = registry.make_controllers(plan)?;
@@ -269,8 +270,11 @@ impl Robot {
     fn carry(&mut self) {
         let record = &mut self.record;
         record.traction = self.traction.look(&record.time, &record.grip, &record.state);
-        self.guard.keep_to(&self.traction.limits());
         self.motion.keep_to(self.traction.carried());
+        // A motion whose every wheel was planned to grip may do more than is carried in whatever direction.
+        let carried = self.traction.limits();
+        let followed = if self.motion.is_planned() { self.traction.told_limits() } else { carried };
+        self.guard.keep_to(&carried, &followed);
     }
 
     /// Estimator: from measurements to the platform's state.

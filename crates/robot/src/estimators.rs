@@ -96,7 +96,7 @@ impl WheelOdometry {
             // The devices give angles already; raw counts aren't read here.
             ..OdometrySettings::direct_drive(kinematics.wheel_count(), 1)
         };
-        let creep = Creep::new(&plan.estimator, &kinematics);
+        let creep = Creep::new(&plan.estimator, &kinematics, plan.grip.height_m);
         let odometry = Odometry::new(kinematics, settings).map_err(|error| Problem::refused("", error))?;
         let state = platform_state(odometry.state(), 0.0);
         Ok(WheelOdometry { odometry, creep, periods: 0, filter: Decay::new(speed_filter_rad_s), state })

@@ -12,7 +12,7 @@ pub(crate) mod loads;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
-use crate::config::{RobotPlan, find_object};
+use crate::config::{ControllerTable, RobotPlan, find_object};
 use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
@@ -103,8 +103,7 @@ pub(crate) struct FirstEstimates {
 }
 
 impl FirstEstimates {
-    pub(crate) fn of(plan: &RobotPlan) -> Self {
-        let table = &plan.controller;
+    pub(crate) fn of(table: &ControllerTable) -> Self {
         let (unknown_kg, unknown_kg_m2) = UNKNOWN;
         let is_known = table.mass_kg.is_some() && table.inertia_kg_m2.is_some();
         let (share, factors) =
@@ -152,7 +151,7 @@ struct Floor {
 impl Grip {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         let friction = WheelFriction::new(&plan.kinematics);
-        let FirstEstimates { mass, inertia, share, friction_max_n } = FirstEstimates::of(plan);
+        let FirstEstimates { mass, inertia, share, friction_max_n } = FirstEstimates::of(&plan.controller);
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         Grip {
             identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),

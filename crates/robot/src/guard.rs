@@ -108,6 +108,8 @@ pub(crate) struct Guard {
     fence: Option<(FencePlan, Fence)>,
     braking: Braking,
     limits: Limits,
+    /// Those of a plan that is followed.
+    followed: Limits,
     period_s: f64,
     obstacles: [Option<Obstacle>; MAX_OBSTACLES],
     /// How uncertain the believed pose is, and how it becomes more so.
@@ -135,6 +137,7 @@ impl Guard {
             fence: plan.fence.as_ref().map(|plan| (plan.clone(), Fence::new(&plan.corners_m))),
             braking: Braking::new(limits, period_s),
             limits: *limits,
+            followed: *limits,
             period_s,
             obstacles,
             spread: Spread::default(),
@@ -186,7 +189,9 @@ impl Guard {
 
     /// The limits to which motions keep from now on; no motion is let through whose stop needs more. What was let through before
     /// keeps the stop that was promised with it.
-    pub(crate) fn keep_to(&mut self, limits: &Limits) {
+    /// A plan that is followed keeps to `followed`: then only what stops it is bound to the others.
+    pub(crate) fn keep_to(&mut self, limits: &Limits, followed: &Limits) {
+        self.followed = *followed;
         if self.limits != *limits {
             (self.limits, self.braking) = (*limits, Braking::new(limits, self.period_s));
         }
@@ -265,8 +270,12 @@ impl Guard {
             Drive::Stop => Twist2::default(),
         };
         let here = limiter.setpoint();
+        let driven = match drive {
+            Drive::Follow(..) => self.followed,
+            Drive::Toward(_) | Drive::Stop => self.limits,
+        };
         if self.is_idle() {
-            limiter.set_limits(&self.limits);
+            limiter.set_limits(&driven);
             return limiter.toward(wish);
         }
         if !wish.is_finite() || !here.is_finite() || !state.is_finite() {
@@ -289,8 +298,10 @@ impl Guard {
                 continue;
             }
             let mut tried = limiter.clone();
-            tried.set_limits(&self.limits);
+            tried.set_limits(&driven);
             let next = tried.toward(candidate);
+            // The stop after it.
+            tried.set_limits(&self.limits);
             match self.check([&here, &next], &now) {
                 Ok(()) => {
                     *limiter = tried;

@@ -12,6 +12,7 @@
 //! record can be replayed. A lost frame, a NaN and a drive's fault are values that end in a defined stop.
 #![forbid(unsafe_code)]
 
+mod ability;
 mod blind_ramp;
 mod built_in;
 pub mod check;
@@ -21,6 +22,7 @@ mod cycle;
 mod decay;
 pub mod devices;
 mod drive_modes;
+pub mod dry;
 pub mod estimators;
 mod events;
 mod grip;
@@ -33,6 +35,7 @@ pub mod limiter;
 mod motion;
 mod obstacle;
 pub mod peripherals;
+mod receivers;
 pub mod references;
 pub mod registry;
 pub mod safety;
@@ -43,6 +46,7 @@ mod swing;
 mod traction;
 mod unread;
 
+pub use ability::Ability;
 pub use config::{Problem, RobotFile, RobotPlan};
 pub use cycle::Robot;
 pub use image::{ImageBuffer, ProcessImage};

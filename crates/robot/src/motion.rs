@@ -179,8 +179,17 @@ impl Motion {
         self.carried = carried;
     }
 
+    /// Whether what is followed was planned for the floor as it is, so that nothing more holds it back.
+    pub(crate) fn is_planned(&self) -> bool {
+        self.course == Course::Reference
+            && self.carried.of_planned(self.reference.planned_friction()) == Some(1.0)
+    }
+
     /// The greatest rate of the reference from here on.
     fn foothold(&mut self) -> f64 {
+        if let Some(part) = self.carried.of_planned(self.reference.planned_friction()) {
+            return part.sqrt().max(LEAST_RATE);
+        }
         let time_s = self.time_s();
         self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share))
     }
@@ -438,7 +447,9 @@ impl Motion {
 
     /// Where the wish speeds up more than the floor carries its rate falls at once, so that it doesn't: that asks for less of the floor.
     fn wait_for_traction(&mut self, before: f64, elapsed_s: f64) {
-        let most_1_s = self.carried.rate_change(before, self.own, &self.limits);
+        let share = if self.is_planned() { 1.0 } else { self.carried.share };
+        let carried = Carried { share, ..self.carried };
+        let most_1_s = carried.rate_change(before, self.own, &self.limits);
         let Some(most_1_s) = most_1_s.filter(|most| self.rate_change_1_s > *most) else { return };
         self.rate_now = (before + elapsed_s * most_1_s).max(LEAST_RATE).min(self.rate_now);
         self.rate_change_1_s = (self.rate_now - before) / elapsed_s;

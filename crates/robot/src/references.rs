@@ -4,10 +4,11 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
     Corrected, Correction, FastestTrajectory, GeometricPath, Heading, InPlatformAxes, Interpolation, Joining,
-    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PlatformBounds, PointTrajectory, Shape,
-    ShapeError, ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
+    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PointTrajectory, Shape, ShapeError,
+    ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
+use crate::ability::{Ability, ROOM};
 use crate::config::{
     EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
     motion_limits,
@@ -16,9 +17,6 @@ use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional}
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::Reference;
 
-/// A motion without times of its own keeps this far from the limits, so that catching up has room: without it a setpoint that lags while
-/// all brake overshoots.
-const ROOM: f64 = 1.02;
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
@@ -90,8 +88,8 @@ pub fn register(registry: &mut Registry) {
         let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame"];
         let further = further.into_iter().chain(CORRECTION);
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
-        references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, limits| {
-            Tracked::new(shape.trajectory(table, limits)?, table)
+        references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, ability| {
+            Tracked::new(shape.trajectory(table, ability)?, table, ability)
         });
     }
     references.add(
@@ -110,13 +108,14 @@ pub fn register(registry: &mut Registry) {
             .chain(CORRECTION.map(optional))
             .collect(),
         },
-        |table, limits| Tracked::new(path(table, limits)?, table),
+        |table, ability| Tracked::new(path(table, ability)?, table, ability),
     );
 }
 
 impl ShapeKind {
     /// As a table asks for it; without a duration as fast as the limits allow.
-    fn trajectory(&self, table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
+    fn trajectory(&self, table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
+        let limits = &ability.limits;
         let heading = table.heading.map_or(self.heading, |heading| match heading {
             HeadingName::FollowsTangent => Heading::FollowsTangent,
             HeadingName::Fixed => Heading::Fixed,
@@ -146,7 +145,7 @@ impl ShapeKind {
                 (None, Turns::Named(EndlessName::Endless)) => {
                     refused("turns", "the fastest motion goes from rest to rest, so it has an end")
                 }
-                (None, Turns::Count(turns)) => fastest(ShapePath { shape, heading, turns }, table, limits),
+                (None, Turns::Count(turns)) => fastest(ShapePath { shape, heading, turns }, table, ability),
             };
         }
         let make = |time_s: f64| {
@@ -175,10 +174,12 @@ impl ShapeKind {
     }
 }
 
-fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
+fn path(table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
+    let limits = &ability.limits;
     let points = points_of(given(table.points.as_ref(), "points")?)
         .map_err(|error| Problem::refused("points", error))?;
-    let interpolation = match table.interpolation.unwrap_or(InterpolationName::CubicPreviousSlope) {
+    let interpolation = match table.interpolation.unwrap_or(InterpolationName::Smooth) {
+        InterpolationName::Smooth => Interpolation::Smooth,
         InterpolationName::CubicPreviousSlope => Interpolation::Cubic(SpeedRule::PreviousSlope),
         InterpolationName::CubicMeanSlope => Interpolation::Cubic(SpeedRule::MeanSlope),
         InterpolationName::Quintic => Interpolation::Quintic,
@@ -196,7 +197,7 @@ fn path(table: &ReferenceTable, limits: &Limits) -> Made<AnyTrajectory> {
             let reason = "all of them are the same pose: there is no way to go fast along";
             let way =
                 PiecewisePath::through(&poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
-            return fastest(way, table, limits);
+            return fastest(way, table, ability);
         }
         Some(Timing::Stretched) => {
             let path = in_frame(PointTrajectory::new(&points, interpolation), table)?;
@@ -240,15 +241,15 @@ fn correction(duration_s: f64, table: &ReferenceTable) -> Made<Option<Correction
 fn fastest(
     way: impl GeometricPath + Send + 'static,
     table: &ReferenceTable,
-    limits: &Limits,
+    ability: &Ability,
 ) -> Made<AnyTrajectory> {
     if table.frame == Some(PathFrame::Platform) {
         let reason = "the fastest motion is planned in `start` or `odom`";
         return Err(Problem::refused("frame", reason).into());
     }
-    let bounds = PlatformBounds::new(motion_limits(limits));
-    let motion = FastestTrajectory::new(way, &bounds).map_err(|error| Problem::refused("timing", error))?;
-    Ok(Box::new(Placed::new(motion).stretched(ROOM)))
+    let motion =
+        FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
+    Ok(Box::new(motion))
 }
 
 /// A motion that takes longer where the limits ask for it.
@@ -286,6 +287,7 @@ struct Tracked {
     /// What is in it of repeats.
     correction: Option<Correction>,
     duration_s: f64,
+    planned_friction: Option<f64>,
     frame: PathFrame,
     /// The trajectory's own first and last pose; without an end it has no last.
     first: Pose2,
@@ -294,7 +296,7 @@ struct Tracked {
 
 impl Tracked {
     /// A reference that follows a trajectory in the frame that a table asks for.
-    fn new(trajectory: AnyTrajectory, table: &ReferenceTable) -> Made<Self> {
+    fn new(trajectory: AnyTrajectory, table: &ReferenceTable, ability: &Ability) -> Made<Self> {
         let duration_s = trajectory.duration_s();
         let correction = correction(duration_s, table)?;
         let trajectory: AnyTrajectory = match &correction {
@@ -304,7 +306,8 @@ impl Tracked {
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Tracked { placed, correction, duration_s, frame, first, last })
+        let planned_friction = ability.friction.filter(|_| table.timing == Some(Timing::Fastest));
+        Ok(Tracked { placed, correction, duration_s, planned_friction, frame, first, last })
     }
 
     /// Where it begins from a pose.
@@ -350,6 +353,10 @@ impl Reference for Tracked {
 
     fn duration_s(&self) -> Option<f64> {
         self.duration_s.is_finite().then_some(self.duration_s)
+    }
+
+    fn planned_friction(&self) -> Option<f64> {
+        self.planned_friction
     }
 
     fn start_pose(&self) -> Option<Pose2> {

@@ -13,10 +13,13 @@ use omnibase_cia402::ErrorCode;
 use omnibase_platform::Wheel;
 use omnibase_trajectory::LONGEST_S;
 
+use crate::ability::Ability;
 use crate::config::{
-    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, Limits, OutputPlan, ParameterPlan,
-    PdoPlan, PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
+    DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, OutputPlan, ParameterPlan, PdoPlan,
+    PlatformTable, Problem, ProblemKind, ReceiverPlan, ReferenceTable, RobotPlan, SentPlan, SourceTable,
+    nearest,
 };
+use crate::signals::Carries;
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 
 /// Why something can't be made: every reason, with its setting.
@@ -188,10 +191,27 @@ const PERIPHERAL: Sort = Sort {
     table: "device",
     key: "kind",
     default: None,
-    common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
+    common: &[
+        "name",
+        "position",
+        "alias",
+        "identification",
+        "kind",
+        "vendor_id",
+        "product_code",
+        "revision",
+        "custom",
+    ],
 };
 const EVENT: Sort =
     Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };
+const RECEIVER: Sort = Sort {
+    name: "receiver",
+    table: "source",
+    key: "receiver",
+    default: Some("program"),
+    common: &["name", "receiver", "max_age_ms"],
+};
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
@@ -307,7 +327,7 @@ impl Kinds<MakeReference> {
     pub fn add<R: Reference + 'static>(
         &mut self,
         kind: Kind,
-        make: impl Fn(&ReferenceTable, &Limits) -> Made<R> + Send + Sync + 'static,
+        make: impl Fn(&ReferenceTable, &Ability) -> Made<R> + Send + Sync + 'static,
     ) {
         self.put(kind, Box::new(move |table, limits| Ok(Box::new(make(table, limits)?))));
     }
@@ -331,6 +351,13 @@ impl Kinds<MakeEvent> {
         kind: Kind,
         make: impl Fn(&EventTable, &[&str]) -> Made<Course> + Send + Sync + 'static,
     ) {
+        self.put(kind, Box::new(make));
+    }
+}
+
+impl Kinds<MakeReceiver> {
+    /// Adds a way by which values come in; one of the same name is replaced.
+    pub fn add(&mut self, kind: Kind, make: impl Fn(&SourceTable) -> Made<Received> + Send + Sync + 'static) {
         self.put(kind, Box::new(make));
     }
 }
@@ -369,7 +396,7 @@ impl Kinds<MakePeripheral> {
 /// Makes a stage from a robot's plan.
 pub type MakeStage<Stage> = Box<dyn Fn(&RobotPlan) -> Made<Box<Stage>> + Send + Sync>;
 /// Makes a reference that keeps within the limits from its table alone: the robot's own, or one loaded while it runs.
-pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Limits) -> Made<Box<dyn Reference>> + Send + Sync>;
+pub type MakeReference = Box<dyn Fn(&ReferenceTable, &Ability) -> Made<Box<dyn Reference>> + Send + Sync>;
 /// Makes the wheels of a layout, in the order of the drives.
 pub type MakeWheels = Box<dyn Fn(&PlatformTable) -> Made<Vec<Wheel>> + Send + Sync>;
 
@@ -407,6 +434,20 @@ pub struct Course {
     pub end: Option<Happening>,
 }
 
+/// Makes a way by which a source's values come in, from its table.
+pub type MakeReceiver = Box<dyn Fn(&SourceTable) -> Made<Received> + Send + Sync>;
+
+/// What comes in, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// How.
+    pub receiver: ReceiverPlan,
+    /// What.
+    pub carries: Carries,
+    /// Its values; empty: those of the table, or of what it carries.
+    pub input: Vec<SentPlan>,
+}
+
 /// All kinds.
 pub struct Registry {
     /// Control laws.
@@ -423,6 +464,8 @@ pub struct Registry {
     pub layouts: Kinds<MakeWheels>,
     /// What happens to the simulated robot.
     pub events: Kinds<MakeEvent>,
+    /// How values of sources come in.
+    pub receivers: Kinds<MakeReceiver>,
 }
 
 impl Registry {
@@ -436,6 +479,7 @@ impl Registry {
             peripherals: Kinds::new(PERIPHERAL),
             layouts: Kinds::new(LAYOUT),
             events: Kinds::new(EVENT),
+            receivers: Kinds::new(RECEIVER),
         }
     }
 
@@ -463,9 +507,9 @@ impl Registry {
     }
 
     /// Makes the reference of a table; none of them lasts longer than anybody waits for.
-    pub fn make_reference(&self, table: &ReferenceTable, limits: &Limits) -> Made<Box<dyn Reference>> {
+    pub fn make_reference(&self, table: &ReferenceTable, ability: &Ability) -> Made<Box<dyn Reference>> {
         let found = self.references.find(table.kind.as_deref());
-        let made = found.and_then(|(_, make)| make(table, limits)).and_then(|reference| {
+        let made = found.and_then(|(_, make)| make(table, ability)).and_then(|reference| {
             match reference.duration_s() {
                 Some(found_s) if !(0.0..=LONGEST_S).contains(&found_s) => {
                     let reason = format!("it takes {found_s} s, expected 0 to {LONGEST_S} s");

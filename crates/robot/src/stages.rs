@@ -228,6 +228,11 @@ pub trait Reference: Send {
         None
     }
 
+    /// The friction of a floor on which every wheel grips all along the motion, as it was planned; `None` where it wasn't planned so.
+    fn planned_friction(&self) -> Option<f64> {
+        None
+    }
+
     /// Where the platform must stand at the start, in odom; `None` where it begins wherever it stands.
     fn start_pose(&self) -> Option<Pose2> {
         None

@@ -7,7 +7,7 @@
 mod bounds;
 mod smooth;
 
-pub use bounds::{Limit, PlatformBounds};
+pub use bounds::{Heat, Limit, PlatformBounds};
 
 use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
@@ -130,6 +130,17 @@ impl Grid {
         }
     }
 
+    /// Lowers the paces between two places by a factor each, as they were before.
+    fn slow(&mut self, [from, to]: [f64; 2], before: &[f64], factor: f64) {
+        let first = self.sigma.partition_point(|at| *at <= from).saturating_sub(1);
+        for at in first..self.intervals.len() {
+            if self.sigma[at] > to {
+                break;
+            }
+            self.pace[at] = self.pace[at].min(before[at] / factor);
+        }
+    }
+
     /// Lets the limits follow the paces.
     fn apply(&mut self) {
         for (interval, pace) in self.intervals.iter_mut().zip(&self.pace) {
@@ -190,6 +201,14 @@ impl<P: GeometricPath> FastestTrajectory<P> {
                 grid.lower(around, held / pace);
             }
             most = most.max(pace);
+        }
+        let Some(heat) = &bounds.heat else { return most };
+        for ([from_s, to_s], load) in heat.warming(self, &self.progress.times_s()).windows() {
+            if load > 1.0 + 0.5 * NEAR {
+                let pace = load.sqrt();
+                grid.slow([from_s, to_s].map(|time_s| self.progress.at(time_s)[0]), &before, pace);
+                most = most.max(pace);
+            }
         }
         most
     }

@@ -21,6 +21,9 @@ pub enum SpeedRule {
 /// How points become a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
+    /// Cubics whose acceleration is continuous where the points lie smoothly, at rest at both ends; at corners, and where the speed
+    /// changes much from one segment to the next, the speed of [`SpeedRule::PreviousSlope`], so that right angles are stops.
+    Smooth,
     /// A cubic per segment; speed is continuous, acceleration jumps at the points.
     Cubic(SpeedRule),
     /// A quintic per segment with rest at every point; acceleration is continuous.
@@ -54,7 +57,12 @@ impl PointTrajectory {
             return b_spline(&times_s, &axes);
         }
         let durations_s: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let fixed = match interpolation {
+            Interpolation::Smooth => rough_points(&axes, &durations_s),
+            _ => Vec::new(),
+        };
         let speeds = axes.each_ref().map(|values| match interpolation {
+            Interpolation::Smooth => smooth_speeds(values, &durations_s, &fixed),
             Interpolation::Cubic(rule) => speeds_by_rule(values, &durations_s, rule),
             Interpolation::Spline => clamped_spline_speeds(values, &durations_s),
             Interpolation::Quintic | Interpolation::BSpline => vec![0.0; values.len()],
@@ -75,6 +83,13 @@ impl PointTrajectory {
             })
             .collect();
         PointTrajectory { breaks_s: times_s, pieces }
+    }
+}
+
+impl PointTrajectory {
+    /// Its pieces, and the times at which they begin, with the end of the last one.
+    pub(crate) fn pieces(&self) -> (&[[Polynomial; 3]], &[f64]) {
+        (&self.pieces, &self.breaks_s)
     }
 }
 
@@ -119,14 +134,86 @@ fn speeds_by_rule(values: &[f64], durations_s: &[f64], rule: SpeedRule) -> Vec<f
     speeds
 }
 
+/// What a turn by one radian counts, in m, where points are compared.
+const RADIUS_M: f64 = 0.5;
+/// Where the way turns by more than this at a point it is a corner, cos 30°.
+const CORNER_COSINE: f64 = 0.866_025_403_784_438_6;
+/// Where the speed becomes more than so many times as great, or as small, a spline might overshoot: up to 5 a cubic between the mean
+/// of both and the smaller one keeps its direction (F. N. Fritsch and R. E. Carlson, *Monotone Piecewise Cubic Interpolation*, 1980).
+const MOST_CHANGE: f64 = 4.0;
+
+/// Where splines end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rough {
+    /// The first and the last point, and corners: the thesis's rule counts.
+    Corner(usize),
+    /// The speed changes much: the smaller one of both counts, so that nothing overshoots.
+    Change(usize),
+}
+
+impl Rough {
+    fn at(self) -> usize {
+        let (Rough::Corner(at) | Rough::Change(at)) = self;
+        at
+    }
+}
+
+/// The first and the last point, and between them those at which the way has a corner or changes its speed much.
+fn rough_points(axes: &[Vec<f64>; 3], durations_s: &[f64]) -> Vec<Rough> {
+    let scale = [1.0, 1.0, RADIUS_M];
+    let slope = |at: usize| -> [f64; 3] {
+        std::array::from_fn(|axis| scale[axis] * (axes[axis][at + 1] - axes[axis][at]) / durations_s[at])
+    };
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let last = durations_s.len();
+    let rough = |at: usize| {
+        let (before, after) = (slope(at - 1), slope(at));
+        let [square, other] = [dot(&before, &before), dot(&after, &after)];
+        if dot(&before, &after) < CORNER_COSINE * (square * other).sqrt() {
+            Some(Rough::Corner(at))
+        } else {
+            let changes = square.max(other) > MOST_CHANGE * MOST_CHANGE * square.min(other);
+            changes.then_some(Rough::Change(at))
+        }
+    };
+    let ends = [0, last].map(Rough::Corner);
+    [ends[0]].into_iter().chain((1..last).filter_map(rough)).chain([ends[1]]).collect()
+}
+
+/// The speeds of a spline between points at which the rule's count; at rest at the ends.
+fn smooth_speeds(values: &[f64], durations_s: &[f64], fixed: &[Rough]) -> Vec<f64> {
+    let mut speeds = speeds_by_rule(values, durations_s, SpeedRule::PreviousSlope);
+    for rough in fixed {
+        if let Rough::Change(at) = rough {
+            let slope = |at: usize| (values[at + 1] - values[at]) / durations_s[at];
+            let (before, after) = (slope(at - 1), slope(*at));
+            speeds[*at] =
+                if before * after <= 0.0 { 0.0 } else { before.abs().min(after.abs()).copysign(before) };
+        }
+    }
+    for pair in fixed.windows(2) {
+        let [from, to] = [pair[0], pair[1]].map(Rough::at);
+        let ends = [speeds[from], speeds[to]];
+        let between = spline_speeds_between(&values[from..=to], &durations_s[from..to], ends);
+        speeds[from..=to].copy_from_slice(&between);
+    }
+    speeds
+}
+
 /// The speeds that make accelerations continuous at inner points, with zero speed at both ends.
 ///
 /// For segments h, g before and after a point: v₋/h + 2v(1/h + 1/g) + v₊/g = 3(Δ₋/h² + Δ₊/g²), a tridiagonal
 /// system with a dominant diagonal, solved by elimination without pivots.
 pub fn clamped_spline_speeds(values: &[f64], durations_s: &[f64]) -> Vec<f64> {
+    spline_speeds_between(values, durations_s, [0.0, 0.0])
+}
+
+/// The same with any speeds at both ends.
+fn spline_speeds_between(values: &[f64], durations_s: &[f64], [first, last]: [f64; 2]) -> Vec<f64> {
     let count = values.len();
     let mut speeds = vec![0.0; count];
     let mut upper = vec![0.0; count];
+    (speeds[0], speeds[count - 1]) = (first, last);
     for at in 1..count.saturating_sub(1) {
         let (h, g) = (durations_s[at - 1], durations_s[at]);
         let right = 3.0 * ((values[at] - values[at - 1]) / (h * h) + (values[at + 1] - values[at]) / (g * g));

@@ -1,8 +1,11 @@
 //! Limits of the platform, what a trajectory needs of them, and retiming.
 
+mod inside;
+
 use crate::interpolation::{Interpolation, PointTrajectory};
 use crate::path_points::PathPoints;
 use crate::trajectory::{Setpoint, Trajectory};
+use inside::Inside;
 
 /// The most that a platform may do. Translation counts as a vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -322,12 +325,22 @@ pub fn plan(
     limits: &Limits,
 ) -> Result<PointTrajectory, Vec<Refusal>> {
     let trajectory = PointTrajectory::new(points, interpolation);
-    let refusals: Vec<Refusal> = segments(points, &trajectory)
-        .into_iter()
-        .zip(points.durations_s())
+    let start_s = points.as_slice()[0].time_s;
+    let breaks_s = trajectory.breaks_s();
+    let mut inside = Inside::new(&trajectory, limits);
+    let refusals: Vec<Refusal> = points
+        .as_slice()
+        .windows(2)
         .enumerate()
-        .filter_map(|(at, (peaks, given_s))| {
-            peaks.refusal(limits, Part { point: Some(at + 1), line: points.line(at + 1), given_s })
+        .filter_map(|(at, pair)| {
+            let ends_s = [pair[0].time_s - start_s, pair[1].time_s - start_s];
+            // Most segments of most paths are far inside, which costs little to see.
+            if inside.is_sure(ends_s) {
+                return None;
+            }
+            let part =
+                Part { point: Some(at + 1), line: points.line(at + 1), given_s: ends_s[1] - ends_s[0] };
+            segment(&trajectory, &breaks_s, ends_s).refusal(limits, part)
         })
         .collect();
     if refusals.is_empty() { Ok(trajectory) } else { Err(refusals) }
@@ -340,25 +353,28 @@ fn segments(points: &PathPoints, trajectory: &PointTrajectory) -> Vec<Peaks> {
     points
         .as_slice()
         .windows(2)
-        .map(|pair| {
-            let (from_s, to_s) = (pair[0].time_s - start_s, pair[1].time_s - start_s);
-            // A B-spline has breaks inside.
-            let inner = breaks_s.iter().copied().filter(|time_s| *time_s > from_s && *time_s < to_s);
-            let times: Vec<f64> = std::iter::once(from_s).chain(inner).chain([to_s]).collect();
-            times
-                .windows(2)
-                .map(|pair| Peaks::between(trajectory, pair[0], pair[1]))
-                .reduce(|mut all, piece| {
-                    for (mine, other) in all.peaks.iter_mut().zip(piece.peaks) {
-                        if other.value > mine.value {
-                            *mine = other;
-                        }
-                    }
-                    all
-                })
-                .unwrap_or_else(|| Peaks::between(trajectory, from_s, to_s))
-        })
+        .map(|pair| segment(trajectory, &breaks_s, [pair[0].time_s - start_s, pair[1].time_s - start_s]))
         .collect()
+}
+
+/// The peaks between two times.
+fn segment(trajectory: &PointTrajectory, breaks_s: &[f64], [from_s, to_s]: [f64; 2]) -> Peaks {
+    // A B-spline has breaks inside.
+    let [first, end] = [from_s, to_s].map(|bound_s| breaks_s.partition_point(|time_s| *time_s <= bound_s));
+    let inner = breaks_s[first..end].iter().copied().filter(|time_s| *time_s < to_s);
+    let times: Vec<f64> = std::iter::once(from_s).chain(inner).chain([to_s]).collect();
+    times
+        .windows(2)
+        .map(|pair| Peaks::between(trajectory, pair[0], pair[1]))
+        .reduce(|mut all, piece| {
+            for (mine, other) in all.peaks.iter_mut().zip(piece.peaks) {
+                if other.value > mine.value {
+                    *mine = other;
+                }
+            }
+            all
+        })
+        .unwrap_or_else(|| Peaks::between(trajectory, from_s, to_s))
 }
 
 /// What retiming may do.

@@ -13,15 +13,44 @@ pub struct AccelerationBounds {
     pub length: Option<f64>,
     /// Planes: their normal times the acceleration is at most this.
     pub planes: Vec<Plane>,
+    /// What resists the motion: each row, over the path's direction, with the wrench of itself where the way goes along it.
+    pub resistance: Vec<[f64; 3]>,
 }
 
 /// One linear limit on the acceleration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plane {
     /// Its normal.
     pub normal: [f64; 3],
     /// The greatest product of the normal with the acceleration, positive: standing still is allowed everywhere.
     pub most: f64,
+    /// How much of that a unit of each axis of what resists takes; what helps gives nothing.
+    pub resisted: [f64; 3],
+}
+
+impl Plane {
+    /// What resistance leaves of the most, over which it is in size at least a part.
+    pub fn left(&self, resistance: &[f64; 3]) -> f64 {
+        let taken: f64 = self.resisted.iter().zip(resistance).map(|(part, of)| part * of).sum();
+        self.most - taken.clamp(0.0, MOST_TAKEN * self.most)
+    }
+}
+
+/// No resistance takes more of what a plane leaves than this: standing still stays allowed.
+const MOST_TAKEN: f64 = 0.9;
+/// Where a row's product with the direction is this part of its terms' sizes and more it counts wholly, and below in proportion.
+const WHOLE_FROM: f64 = 0.1;
+
+/// What resists on a way of a direction, by rows as [`AccelerationBounds`] has them.
+pub fn resisting(rows: &[[f64; 3]], rate: &[f64; 3]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for row in rows {
+        let terms: [f64; 3] = std::array::from_fn(|axis| row[axis] * rate[axis]);
+        let size: f64 = terms.iter().map(|term| term.abs()).sum();
+        let along = terms.iter().sum::<f64>() / (WHOLE_FROM * size).max(f64::MIN_POSITIVE);
+        sum = std::array::from_fn(|axis| sum[axis] + along.clamp(-1.0, 1.0) * row[axis]);
+    }
+    sum
 }
 
 /// What the path does to the axes at a place: its first and second derivative by σ.
@@ -175,11 +204,12 @@ impl Scene {
         self.ceiling = f64::INFINITY;
         // At the end x is greater by 2·length·u.
         let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
-        for (p, r) in [(first.rate, first.curve), (at_end, second.curve)] {
+        for (p, r, rate) in [(first.rate, first.curve, first.rate), (at_end, second.curve, second.rate)] {
+            let resistance = resisting(&bounds.resistance, &rate);
             for plane in &bounds.planes {
                 let n = plane.normal;
                 let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
-                let most = plane.most * share;
+                let most = plane.left(&resistance) * share;
                 if a.abs() > FLAT * b.abs() {
                     self.rows.push([a, b, most]);
                 } else if b > 0.0 {

@@ -38,6 +38,9 @@ struct Task {
     accelerations: [f64; 3],
     first: f64,
     last: f64,
+    /// Rows over the twist in base, and planes on the acceleration there; none for a task of axes.
+    wheel_speeds: Vec<[f64; 3]>,
+    planes: Vec<Plane>,
 }
 
 impl Task {
@@ -67,16 +70,54 @@ impl Task {
             // Now and then a start or an end that moves.
             first: if random.next() < 0.3 { random.between(0.0, 0.1) } else { 0.0 },
             last: if random.next() < 0.3 { random.between(0.0, 0.1) } else { 0.0 },
+            wheel_speeds: Vec::new(),
+            planes: Vec::new(),
         }
+    }
+
+    /// On three or four omni wheels, their speeds, torques and grip with shifted loads.
+    fn on_wheels(random: &mut Random) -> Task {
+        let mut task = Task::new(random);
+        let count = if random.next() < 0.5 { 3 } else { 4 };
+        let [mass_kg, inertia_kg_m2] = [random.between(40.0, 200.0), random.between(3.0, 20.0)];
+        let [height_m, radius_m] = [random.between(0.1, 0.5), random.between(0.2, 0.5)];
+        let [friction, torque_n] = [random.between(0.1, 0.8), random.between(30.0, 250.0)];
+        let wheels = f64::from(count);
+        let load_n = mass_kg * 9.80665 / wheels;
+        let speed_m_s = random.between(0.5, 2.0);
+        for wheel in 0..count {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(wheel) / wheels).sin_cos();
+            task.wheel_speeds.push([-sin, cos, radius_m].map(|part| part / speed_m_s));
+            let share = 2.0 * mass_kg / wheels;
+            let force = [-sin * share, cos * share, inertia_kg_m2 / (wheels * radius_m)];
+            let lighter = friction * load_n * 2.0 * height_m / (radius_m * 9.80665);
+            for sign in [1.0, -1.0] {
+                let torque = force.map(|part| sign * part);
+                let grip = [torque[0] + lighter * cos, torque[1] + lighter * sin, torque[2]];
+                task.planes.push(Plane { normal: torque, most: torque_n, ..Plane::default() });
+                task.planes.push(Plane { normal: grip, most: friction * load_n, ..Plane::default() });
+            }
+        }
+        task
+    }
+
+    /// A vector at a place of the way in base.
+    fn in_base(&self, sigma: f64, [x, y, turn]: [f64; 3]) -> [f64; 3] {
+        let (sin, cos) = self.place(sigma)[2][0].sin_cos();
+        [cos * x + sin * y, cos * y - sin * x, turn]
     }
 
     fn sigma(&self) -> Vec<f64> {
         (0..=GRID).map(|at| self.pieces.len() as f64 * at as f64 / GRID as f64).collect()
     }
 
-    fn bend(&self, sigma: f64) -> Bend {
+    fn place(&self, sigma: f64) -> [[f64; 4]; 3] {
         let piece = (sigma as usize).min(self.pieces.len() - 1);
-        let axes = self.pieces[piece].each_ref().map(|axis| axis.derivatives(sigma - piece as f64));
+        self.pieces[piece].each_ref().map(|axis| axis.derivatives(sigma - piece as f64))
+    }
+
+    fn bend(&self, sigma: f64) -> Bend {
+        let axes = self.place(sigma);
         Bend { rate: axes.map(|axis| axis[1]), curve: axes.map(|axis| axis[2]) }
     }
 
@@ -94,29 +135,56 @@ impl Task {
             "accelerations": self.accelerations,
             "first": self.first,
             "last": self.last,
+            "wheel_speeds": self.wheel_speeds,
+            "normals": self.planes.iter().map(|plane| plane.normal).collect::<Vec<_>>(),
+            "most": self.planes.iter().map(|plane| plane.most).collect::<Vec<_>>(),
         })
     }
 
     /// σ̇ on the grid.
     fn solve(&self) -> Option<Vec<f64>> {
-        let bends: Vec<Bend> = self.sigma().into_iter().map(|sigma| self.bend(sigma)).collect();
         let length = self.pieces.len() as f64 / GRID as f64;
+        let sigma = self.sigma();
+        let bends: Vec<Bend> = sigma.iter().map(|sigma| self.bend(*sigma)).collect();
         let intervals: Vec<Interval> =
             bends.windows(2).map(|pair| Interval { length, ends: [pair[0], pair[1]], share: 1.0 }).collect();
-        let most = |bend: &Bend| {
+        let most = |(sigma, bend): (&f64, &Bend)| {
             let rates = bend.rate.iter().zip(self.speeds).map(|(rate, most)| rate.abs() / most);
-            rates.fold(0.0, f64::max).powi(-2)
+            let rate_in_base = self.in_base(*sigma, bend.rate);
+            let wheels = self.wheel_speeds.iter().map(|row| dot(row, &rate_in_base).abs());
+            rates.chain(wheels).fold(0.0, f64::max).powi(-2)
         };
+        let most: Vec<f64> = sigma.iter().zip(&bends).map(most).collect();
         let planes = (0..6).map(|at| {
             let mut normal = [0.0; 3];
             normal[at / 2] = if at % 2 == 0 { 1.0 } else { -1.0 };
-            Plane { normal, most: self.accelerations[at / 2] }
+            Plane { normal, most: self.accelerations[at / 2], ..Plane::default() }
         });
-        let bounds = AccelerationBounds { length: None, planes: planes.collect() };
-        let most: Vec<f64> = bends.iter().map(most).collect();
-        let x = reach::fastest(&intervals, &most, &bounds, [self.first.powi(2), self.last.powi(2)]).ok()?;
+        let ends = [self.first.powi(2), self.last.powi(2)];
+        let x = if self.planes.is_empty() {
+            let bounds = AccelerationBounds { planes: planes.collect(), ..Default::default() };
+            reach::fastest(&intervals, &most, &bounds, ends).ok()?
+        } else {
+            let intervals: Vec<Interval> = intervals
+                .iter()
+                .zip(sigma.windows(2))
+                .map(|(interval, pair)| Interval {
+                    ends: std::array::from_fn(|end| Bend {
+                        rate: self.in_base(pair[end], interval.ends[end].rate),
+                        curve: self.in_base(pair[end], interval.ends[end].curve),
+                    }),
+                    ..*interval
+                })
+                .collect();
+            let bounds = AccelerationBounds { planes: self.planes.clone(), ..Default::default() };
+            reach::fastest(&intervals, &most, &bounds, ends).ok()?
+        };
         Some(x.into_iter().map(f64::sqrt).collect())
     }
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn time_s(task: &Task, speeds: &[f64]) -> f64 {
@@ -126,12 +194,22 @@ fn time_s(task: &Task, speeds: &[f64]) -> f64 {
 
 #[test]
 fn a_hundred_random_paths_take_the_same_time() {
+    same_times(0x9e37_79b9_7f4a_7c15, Task::new);
+}
+
+#[test]
+fn and_so_do_a_hundred_on_wheels_that_turn_and_grip_only_so_much() {
+    same_times(0x2545_f491_4f6c_dd1d, Task::on_wheels);
+}
+
+/// The times of a hundred tasks, by both.
+fn same_times(seed: u64, make: fn(&mut Random) -> Task) {
     let python = match python("python-toppra", &["toppra==0.6.10"], "import toppra") {
         Ok(python) => python,
         Err(why) => return eprintln!("SKIPPED: no Python with toppra: {why}"),
     };
-    let mut random = Random(0x9e37_79b9_7f4a_7c15);
-    let tasks: Vec<Task> = (0..PATHS).map(|_| Task::new(&mut random)).collect();
+    let mut random = Random(seed);
+    let tasks: Vec<Task> = (0..PATHS).map(|_| make(&mut random)).collect();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/time_optimal.py");
     let mut child =
         Command::new(python).arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();

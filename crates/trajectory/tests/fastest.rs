@@ -50,7 +50,7 @@ fn line(length_m: f64) -> PiecewisePath {
 
 #[test]
 fn a_straight_line_takes_the_time_of_a_trapezoid() {
-    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (intervals, most) = grid(&line(3.0), 450, 1.0);
     // v/a to reach the speed, and again to stop; both take half of the way that they would else.
     let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
@@ -71,7 +71,7 @@ fn a_straight_line_takes_the_time_of_a_trapezoid() {
 #[test]
 fn a_circle_is_driven_at_the_edge_of_the_disk() {
     let circle = ShapePath { shape: Shape::Circle { radius_m: 0.5 }, heading: Heading::Fixed, turns: 1.0 };
-    let disk = AccelerationBounds { length: Some(1.5), planes: Vec::new() };
+    let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (intervals, most) = grid(&circle, 2000, 9.0);
     let x = reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
     // |a|² = (r·φ̈)² + (r·φ̇²)²: from rest φ̇² = (A/r)·sin 2φ until it is A/r at π/4.
@@ -98,14 +98,14 @@ fn zero_inertia_points_are_passed_without_a_swing() {
             share: 1.0,
         })
         .collect();
-    let plane = |normal: [f64; 3], most: f64| Plane { normal, most };
+    let plane = |normal: [f64; 3], most: f64| Plane { normal, most, ..Plane::default() };
     let planes = vec![
         plane([1.0, 0.0, 0.0], 5.0),
         plane([-1.0, 0.0, 0.0], 5.0),
         plane([0.0, 1.0, 0.0], 1.0),
         plane([0.0, -1.0, 0.0], 1.0),
     ];
-    let bounds = AccelerationBounds { length: None, planes };
+    let bounds = AccelerationBounds { planes, ..Default::default() };
     let x = reach::fastest(&intervals, &vec![1e6; count + 1], &bounds, [0.0, 0.0]).unwrap();
     assert!((x[count / 2] - 0.5).abs() < 1e-3, "2·x is at most 1 at the vertex: {}", x[count / 2]);
     // The profile is smooth there: no chatter of u.
@@ -164,7 +164,10 @@ fn wheels_bind_where_the_platform_does_not() {
     // One wheel that rolls along x: no faster than 0.4 m/s, and 50 kg that it pushes by 20 N.
     bounds.wheel_speeds.push([1.0 / 0.4, 0.0, 0.0]);
     for sign in [1.0, -1.0] {
-        bounds.planes.push((Limit::WheelTorque, Plane { normal: [sign * 50.0, 0.0, 0.0], most: 20.0 }));
+        bounds.planes.push((
+            Limit::WheelTorque,
+            Plane { normal: [sign * 50.0, 0.0, 0.0], most: 20.0, ..Plane::default() },
+        ));
     }
     let motion = FastestTrajectory::new(line(2.0), &bounds).unwrap();
     assert!(loads(&motion, &bounds) < 1.003);

@@ -390,3 +390,108 @@ fn a_motion_in_the_platforms_axes_goes_where_the_platform_points() {
     let endless = ShapeTrajectory::endless(Shape::Circle { radius_m: 0.5 }, Heading::Fixed, 10.0).unwrap();
     assert!(InPlatformAxes::new(endless).is_none());
 }
+
+/// A lying eight of 1.6 m in so many points, from rest to rest.
+fn eight_points(count: i32) -> PathPoints {
+    let point = |at: i32| {
+        let part = f64::from(at) / f64::from(count - 1);
+        let way = part.powi(3) * (10.0 - 15.0 * part + 6.0 * part * part);
+        let phi = std::f64::consts::TAU * way;
+        PathPoint {
+            time_s: 15.0 * part,
+            odom_from_base: Pose2::new(0.8 * phi.sin(), 0.4 * (2.0 * phi).sin(), 0.0),
+        }
+    };
+    PathPoints::new((0..count).map(point).collect()).unwrap()
+}
+
+#[test]
+fn points_on_a_smooth_curve_are_driven_smoothly() {
+    let limits = Limits {
+        speed_m_s: 1.0,
+        acceleration_m_s2: 1.1,
+        jerk_m_s3: 40.0,
+        rate_rad_s: 1.5,
+        angular_acceleration_rad_s2: 3.0,
+        angular_jerk_rad_s3: 80.0,
+    };
+    let thesis = Interpolation::Cubic(SpeedRule::PreviousSlope);
+    let peak = |count, interpolation| {
+        let motion = PointTrajectory::new(&eight_points(count), interpolation);
+        Peaks::of(&motion).peak(Quantity::Acceleration).value
+    };
+    let curve = peak(1000, Interpolation::Smooth);
+    let [smooth, rough] =
+        [Interpolation::Smooth, thesis].map(|interpolation| peak(80, interpolation) / curve);
+    assert!((smooth - 1.0).abs() < 0.02 && rough > 2.0, "{smooth} and {rough} of {curve}");
+    assert!(limits::plan(&eight_points(80), Interpolation::Smooth, &limits).is_ok());
+    assert!(limits::plan(&eight_points(80), thesis, &limits).is_err());
+}
+
+#[test]
+fn corners_are_stops_by_the_same_rule_as_ever() {
+    let square: Vec<PathPoint> = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]
+        .iter()
+        .enumerate()
+        .map(|(at, [x, y])| PathPoint { time_s: 5.0 * at as f64, odom_from_base: Pose2::new(*x, *y, 0.0) })
+        .collect();
+    let points = PathPoints::new(square).unwrap();
+    let thesis = PointTrajectory::new(&points, Interpolation::Cubic(SpeedRule::PreviousSlope));
+    assert_eq!(PointTrajectory::new(&points, Interpolation::Smooth), thesis, "the same bits");
+}
+
+#[test]
+fn a_platform_waits_and_changes_its_speed_without_overshooting() {
+    // A wait of two points, then a tenfold speed.
+    let places = [0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.4, 0.5, 1.5, 2.5, 2.6];
+    let points = places
+        .iter()
+        .enumerate()
+        .map(|(at, x)| PathPoint { time_s: at as f64, odom_from_base: Pose2::new(*x, 0.0, 0.0) });
+    let motion = PointTrajectory::new(&PathPoints::new(points.collect()).unwrap(), Interpolation::Smooth);
+    let mut before = 0.0;
+    for at in 0..=10_000 {
+        let x = motion.sample(f64::from(at) * 1e-3).odom_from_base.x_m;
+        assert!(x >= before - 1e-9, "back by {} at {at} ms", before - x);
+        before = x;
+    }
+    assert_eq!(motion.sample(4.5).odom_from_base.x_m, 0.3);
+}
+
+#[test]
+fn limits_are_seen_alike_by_hulls_and_by_peaks() {
+    // Points at random times and places, and limits near what they need.
+    let mut random = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut unit = || {
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        (random >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut refused, mut allowed) = (0, 0);
+    for round in 0..60 {
+        let mut time_s = 0.0;
+        let points = (0..8).map(|_| {
+            time_s += 0.5 + unit();
+            PathPoint { time_s, odom_from_base: Pose2::new(unit(), unit(), unit()) }
+        });
+        let points = PathPoints::new(points.collect()).unwrap();
+        let interpolation =
+            [Interpolation::Smooth, Interpolation::Quintic, Interpolation::BSpline][round % 3];
+        let peaks = Peaks::of(&PointTrajectory::new(&points, interpolation));
+        let part = 0.95 + 0.1 * unit();
+        let of = |quantity| part * peaks.peak(quantity).value.max(1e-3);
+        let limits = Limits {
+            speed_m_s: of(Quantity::Speed),
+            acceleration_m_s2: of(Quantity::Acceleration),
+            jerk_m_s3: of(Quantity::Jerk),
+            rate_rad_s: of(Quantity::Rate),
+            angular_acceleration_rad_s2: of(Quantity::AngularAcceleration),
+            angular_jerk_rad_s3: of(Quantity::AngularJerk),
+        };
+        let is_allowed = limits::plan(&points, interpolation, &limits).is_ok();
+        assert_eq!(is_allowed, part >= 1.0, "{interpolation:?}, {part}");
+        if is_allowed { allowed += 1 } else { refused += 1 }
+    }
+    assert!(refused > 10 && allowed > 10, "{refused} and {allowed}");
+}

@@ -3,7 +3,7 @@
 use omnibase_calibrate::rehearsal::{Random, drawn_wheel};
 use omnibase_platform::Kinematics;
 use omnibase_robot::estimators::covariance_settings;
-use omnibase_robot::{Registry, RobotPlan};
+use omnibase_robot::{Ability, Registry, RobotPlan};
 use omnibase_run::learn::{Learner, rehearsal};
 
 /// What is driven: its name, and its table.
@@ -57,7 +57,7 @@ pub fn learn((path, law, frame): (&str, &str, &str), seed: u64, registry: &Regis
     let drive = |correction, noise: u64| {
         rehearsal::drive((&built, &plan), correction, registry, 100 * seed + noise).expect("a drive")
     };
-    let motion = registry.make_reference(&plan.reference, &plan.limits).expect("the motion");
+    let motion = registry.make_reference(&plan.reference, &Ability::of(&plan)).expect("the motion");
     let mut learner = Learner::new(motion.duration_s().expect("a motion with an end"));
     for repeat in 0..REPEATS {
         learner.learn(&drive(Some(learner.next()), repeat).repeat).expect("a repeat to learn from");

@@ -22,6 +22,7 @@ pub mod approaches;
 pub mod braking;
 pub mod builds;
 pub mod calibration;
+pub mod fast;
 pub mod framed;
 pub mod grip;
 pub mod learning;

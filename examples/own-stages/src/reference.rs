@@ -27,7 +27,8 @@ pub struct Sway {
 
 impl Sway {
     /// The motion of a table; refused where the platform's limits don't allow it.
-    pub fn new(table: &ReferenceTable, limits: &Limits) -> Made<Self> {
+    pub fn new(table: &ReferenceTable, ability: &Ability) -> Made<Self> {
+        let limits = &ability.limits;
         let [left_m, period_s, times] = table.custom.numbers(["left_m", "period_s", "times"])?;
         // Peaks of the derivatives of sin⁴: 3√3/4 of the first, 4 of the second, 10.95 of the third.
         let w = PI / period_s;

@@ -1,14 +1,22 @@
-//! `omnibase check`: all problems of a robot's file at once, else what it resolves to.
+//! `omnibase check`: all problems of a robot's file at once, else what it resolves to; and its motion, planned dry.
 
+mod cycle;
+mod dry;
+mod picture;
+
+use super::run::reference::ReferenceChoice;
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource, plural};
+use anyhow::Context;
 use omnibase_description::Body;
 use omnibase_robot::config::{
     AvoidanceKind, BusPlace, Coding, ComebackEnd, DrivePlan, FootprintSource, InputOwner, Limits, PdoPlan,
     RunTable, SafetyPlan, Switch, TorqueLimit, TorqueLimitTold,
 };
+use omnibase_robot::dry::DryRun;
 use omnibase_robot::signals::{SafetyAction, StopCategory};
 use omnibase_robot::{Problem, Registry, RobotPlan};
+use omnibase_run::LoadedRobot;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -19,6 +27,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   omnibase check robots/bmm.toml
   omnibase check robots/bmm.toml --json
+  omnibase check robots/bmm.toml --path robots/square.dat --timing fastest --picture square.svg     a motion, planned dry
   omnibase check --kinds                                 what may be chosen by name, and which keys it reads
   omnibase check --schema > robots/robot.schema.json     for editors
 
@@ -29,6 +38,11 @@ pub struct Arguments {
     robot: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
+    #[arg(skip)]
+    reference: ReferenceChoice,
+    /// Draw the motion as an SVG: its way and its speed, in the colours of the limits that bind.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Print JSON: {"problems": [...]} or the plan; or the kinds.
     #[arg(long)]
     json: bool,
@@ -53,14 +67,24 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         }
         return Ok(Outcome::Done);
     };
-    let source = RobotSource::read(path, &arguments.changes)?;
+    let mut source = RobotSource::read(path, &arguments.changes)?;
+    source.text.reference = arguments.reference.chosen(registry)?;
     match source.load(registry) {
         Ok(robot) => {
+            let motion = arguments.motion(&robot, registry)?;
             if arguments.json {
-                serde_json::to_writer_pretty(&mut *output, &plan_json(&robot.plan))?;
+                let mut plan = plan_json(&robot.plan);
+                if let Some(motion) = &motion {
+                    plan["motion"] = dry::json(motion);
+                }
+                serde_json::to_writer_pretty(&mut *output, &plan)?;
                 writeln!(output)?;
             } else {
                 print(&robot.plan, output)?;
+                print_cycle(&robot.plan, output)?;
+                if let Some(motion) = &motion {
+                    dry::print(motion, output)?;
+                }
                 for doubt in robot.plan.doubts() {
                     writeln!(output, "\nWARNING: {doubt}")?;
                 }
@@ -80,6 +104,41 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             }
             Ok(Outcome::Failed)
         }
+    }
+}
+
+/// The shortest cycle of its frames, and whether the file's is one.
+fn print_cycle(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    let Some(fit) = cycle::fit(plan) else { return Ok(()) };
+    writeln!(output, "\nshortest cycle, estimated: {fit}")?;
+    let timeout_us = plan.bus.receive_timeout_ns / 1000;
+    if fit.needed().as_micros() as u64 > timeout_us {
+        writeln!(
+            output,
+            "\nWARNING: bus.cycle_us = {}, frames awaited for {timeout_us} us: they are probably not back by then",
+            plan.bus.cycle_ns / 1000
+        )?;
+    }
+    Ok(())
+}
+
+impl Arguments {
+    /// The motion that the command line chose.
+    pub fn choose_motion(&mut self, matches: &clap::ArgMatches) {
+        self.reference = ReferenceChoice::of(matches);
+    }
+
+    /// The motion that is asked for, planned dry and drawn; `None` where only the file is checked.
+    fn motion(&self, robot: &LoadedRobot, registry: &Registry) -> anyhow::Result<Option<DryRun>> {
+        if !self.reference.is_chosen() && self.picture.is_none() {
+            return Ok(None);
+        }
+        let motion = dry::plan(robot, registry)?;
+        if let Some(file) = &self.picture {
+            std::fs::write(file, picture::svg(&robot.plan, &motion))
+                .with_context(|| format!("writing `{}`", file.display()))?;
+        }
+        Ok(Some(motion))
     }
 }
 
@@ -118,6 +177,7 @@ fn bus_place(place: BusPlace) -> String {
     match place {
         BusPlace::Position(position) => format!("position {position}"),
         BusPlace::Alias(alias) => format!("alias {alias}"),
+        BusPlace::Identification(number) => format!("identification {number}"),
     }
 }
 

@@ -11,7 +11,7 @@ use omnibase_platform::Kinematics;
 use omnibase_record::run::{Keep, RecordedRun};
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::estimators::covariance_settings;
-use omnibase_robot::{Registry, RobotPlan};
+use omnibase_robot::{Ability, Registry, RobotPlan};
 use omnibase_run::channels;
 use omnibase_run::learn::rehearsal;
 use omnibase_run::learn::{Learner, Learnt, Repeat};
@@ -165,7 +165,7 @@ fn repeated(
     rows: &mut Vec<Row>,
     output: &mut dyn Write,
 ) -> anyhow::Result<Learner> {
-    let motion = registry.make_reference(&plan.reference, &plan.limits)?;
+    let motion = registry.make_reference(&plan.reference, &Ability::of(plan))?;
     let duration_s = motion.duration_s().with_context(|| {
         let robot = arguments.robot.display();
         format!("nothing to repeat: give --path, --reference or a shape such as --circle, with an end; or a [reference] in {robot}")
@@ -253,7 +253,7 @@ fn repeat_of(path: &Path, registry: &Registry) -> anyhow::Result<Repeat> {
         let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
         anyhow::anyhow!("its robot: {}", words.join("; "))
     })?;
-    let motion = registry.make_reference(&plan.reference, &plan.limits)?;
+    let motion = registry.make_reference(&plan.reference, &Ability::of(&plan))?;
     let mut repeat = Repeat::new(&plan, motion.duration_s().unwrap_or(f64::INFINITY))?;
     let mut words = channels::RecordWords::new(plan.record_layout());
     for raw in &recorded.raw {

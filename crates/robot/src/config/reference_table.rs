@@ -43,7 +43,7 @@ pub struct ReferenceTable {
     pub points: Option<Vec<[f64; 4]>>,
     /// A file of lines `(t, x, y, θ)` in place of `points`.
     pub points_file: Option<String>,
-    /// What joins the points; default: `cubic_previous_slope`, the thesis's rule.
+    /// What joins the points; default: `smooth`, which at corners is the thesis's rule.
     pub interpolation: Option<InterpolationName>,
     /// What repeats taught: lines `[t, x, y, θ]` in the platform's axes, SI, added to the motion as a B-spline; 0 in the first
     /// one. `omnibase learn` finds it.
@@ -105,6 +105,9 @@ pub enum PathFrame {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InterpolationName {
+    /// Cubic with continuous acceleration where the points lie smoothly; at corners (turns by more than 30°), and where the speed
+    /// changes more than fourfold, as `cubic_previous_slope`.
+    Smooth,
     /// Cubic; speed at a point: the slope before it, 0 where the slope changes sign.
     CubicPreviousSlope,
     /// Cubic; speed at a point: the mean of both slopes, 0 where the slope changes sign.

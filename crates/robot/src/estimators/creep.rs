@@ -25,13 +25,16 @@ const ROLLERS_TURN_M_S: f64 = 1e-3;
 /// forces, K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. The wheels' forces
 /// accelerate the platform by what the wheels gained of speed (about its centre as a disc that reaches out to the wheels),
 /// and they push against the rollers, which resist with a share of their loads wherever they turn. All of that is in
-/// proportion to the mass as the loads are, so that no mass is needed; its centre is taken to be the platform's.
+/// proportion to the mass as the loads are, so that no mass is needed; its centre is taken to stand over the platform's, at `grip.centre_of_mass_height_m`, by which
+/// an acceleration shifts the loads.
 #[derive(Clone, Debug)]
 pub(super) struct Creep {
     kinematics: Kinematics,
     creep: f64,
     /// Each wheel's load over the mass, m/s².
     loads_m_s2: PerWheel,
+    /// By how much that falls with the acceleration along x and y.
+    lighter: Vec<[f64; 2]>,
     /// Moment of inertia over mass, m².
     gyration_m2: f64,
     roller_resistance: f64,
@@ -41,12 +44,13 @@ pub(super) struct Creep {
 
 impl Creep {
     /// What a robot's file says; `None` where it doesn't ask for it.
-    pub(super) fn new(table: &EstimatorTable, kinematics: &Kinematics) -> Option<Creep> {
+    pub(super) fn new(table: &EstimatorTable, kinematics: &Kinematics, height_m: f64) -> Option<Creep> {
         let places = kinematics.wheels().iter().map(|wheel| wheel.position_m);
         let squares = places.map(|[x_m, y_m]| x_m * x_m + y_m * y_m);
         Some(Creep {
             creep: table.creep?,
             loads_m_s2: loads_m_s2(kinematics),
+            lighter: lighter(kinematics, height_m),
             gyration_m2: 0.5 * squares.sum::<f64>() / kinematics.wheel_count() as f64,
             roller_resistance: table.roller_resistance.unwrap_or(ROLLER_RESISTANCE),
             kinematics: kinematics.clone(),
@@ -101,6 +105,7 @@ impl Creep {
             wrench.torque_nm += resisted_m_s * (x_m * across[1] - y_m * across[0]);
         }
         let torques = self.kinematics.wheel_torques_nm(wrench);
+        let (ax_m_s2, ay_m_s2) = (gained.vx_m_s / period_s, gained.vy_m_s / period_s);
         let wheels = self.kinematics.wheels();
         PerWheel::from_fn(increments_rad.len().min(wheels.len()), |at| {
             let wheel = &wheels[at];
@@ -109,10 +114,24 @@ impl Creep {
             let lever_m = wheel.radius_m * (ux * ax + uy * ay) / (length([ux, uy]) * length([ax, ay]));
             let [x_m, y_m] = wheel.position_m;
             let travel_m_s = length([vx_m_s - w_rad_s * y_m, vy_m_s + w_rad_s * x_m]);
-            let slip_m = self.creep * travel_m_s * torques[at] / (lever_m * self.loads_m_s2[at]);
+            let [by_x, by_y] = self.lighter[at];
+            let load_m_s2 = self.loads_m_s2[at];
+            let load_m_s2 = (load_m_s2 - by_x * ax_m_s2 - by_y * ay_m_s2).max(LEAST_LOAD * load_m_s2);
+            let slip_m = self.creep * travel_m_s * torques[at] / (lever_m * load_m_s2);
             increments_rad[at] - slip_m / lever_m
         })
     }
+}
+
+/// A wheel bears this part of its load at rest at least, however hard the platform leans away from it.
+const LEAST_LOAD: f64 = 0.2;
+
+/// By how much a wheel under a mass of 1 kg, whose centre stands at a height, becomes lighter with the acceleration along x and y, N
+/// for 1 m/s².
+fn lighter(kinematics: &Kinematics, height_m: f64) -> Vec<[f64; 2]> {
+    let loads = Loads::new(kinematics);
+    let count = kinematics.wheel_count();
+    (0..count).map(|at| loads.shift(at).map(|shift| shift * height_m / count as f64)).collect()
 }
 
 /// The loads of wheels under a mass of 1 kg over the platform's centre, N.
@@ -139,7 +158,7 @@ mod tests {
 
     /// The platform's step that is taken away while its wheels turn as for `told`, 1000 times 1 ms; before that `before`.
     fn taken(plan: &crate::RobotPlan, before: Twist2, told: Twist2) -> Twist2 {
-        let mut creep = Creep::new(&plan.estimator, &plan.kinematics).expect("asked for");
+        let mut creep = Creep::new(&plan.estimator, &plan.kinematics, plan.grip.height_m).expect("asked for");
         let state = |twist_in_body: Twist2| PlatformState {
             odom_from_body: Pose2::new(1.0, 2.0, 0.7),
             twist_in_body,
@@ -163,7 +182,7 @@ mod tests {
     #[test]
     fn a_platform_that_gains_speed_moves_less_than_its_wheels_turn() {
         let off = plan(MECANUM, "");
-        assert!(Creep::new(&off.estimator, &off.kinematics).is_none());
+        assert!(Creep::new(&off.estimator, &off.kinematics, 0.4).is_none());
         // On the BMM with p1 = 0.38 m and p = 0.40 m the front wheels, which alone push ahead, bear p1/(p + 2·p1) of the mass
         // each and not a third.
         for (robot, factor) in [(MECANUM, 1.0), (BMM, (0.40 + 2.0 * 0.38) / (3.0 * 0.38))] {

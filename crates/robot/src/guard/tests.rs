@@ -434,7 +434,7 @@ fn on_a_floor_that_carries_less_the_stop_is_longer_and_the_margin_holds() {
         let (mut least_m, mut hardest, mut fastest) = (f64::INFINITY, 0.0_f64, 0.0_f64);
         for cycle in 0..3000 {
             if f64::from(cycle) * PERIOD_S >= found_after_s {
-                bench.guard.keep_to(&softer);
+                bench.guard.keep_to(&softer, &softer);
             }
             let setpoint = bench.stick(Twist2::new(0.8, 0.0, 0.3));
             least_m = least_m.min(bench.room_m(&setpoint.odom_from_body));

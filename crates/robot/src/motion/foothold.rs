@@ -15,6 +15,8 @@ const LOOKS: u64 = 40;
 const SHARE_OF_LIMITS: f64 = 0.5;
 /// Part of what the floor carries that the path's own acceleration may take; the rest slows it down and catches up.
 const SHARE_OF_PATH: f64 = 0.9;
+/// Frictions that differ by less are one, over themselves.
+const ROUNDING: f64 = 1e-9;
 /// A plan that is slower stands, m/s and rad/s.
 const LEAST_SPEED: f64 = 1e-6;
 /// No reference goes slower than that.
@@ -25,12 +27,21 @@ pub(super) const LEAST_RATE: f64 = 0.05;
 pub(crate) struct Carried {
     /// The part of the limits' accelerations at which every wheel grips; 1 where nothing is held back.
     pub(crate) share: f64,
+    /// The friction that plans may count on; `None` where nothing is known of the floor.
+    pub(crate) friction: Option<f64>,
     /// A wheel slips, or torques are held back so that none does: the platform doesn't keep up with its wish yet.
     pub(crate) is_behind: bool,
 }
 
 impl Carried {
-    pub(super) const ALL: Carried = Carried { share: 1.0, is_behind: false };
+    pub(super) const ALL: Carried = Carried { share: 1.0, friction: None, is_behind: false };
+
+    /// What is carried of a plan whose every wheel grips on a floor of a friction, over what it asks for; `None` where it wasn't
+    /// planned so, or nothing is known of the floor.
+    pub(super) fn of_planned(&self, planned: Option<f64>) -> Option<f64> {
+        let (planned, carried) = (planned?, self.friction?);
+        Some(if carried >= planned * (1.0 - ROUNDING) { 1.0 } else { SHARE_OF_PATH * carried / planned })
+    }
 
     /// The fastest change of a rate, 1/s, at which a plan's place speeds up no more than the floor carries, and not at all while the
     /// platform is behind; `None` where the floor carries everything, or the plan doesn't speed up. The plan's speed and
@@ -155,7 +166,7 @@ mod tests {
     fn a_plan_speeds_up_no_more_than_the_floor_carries_and_not_at_all_for_a_platform_that_is_behind() {
         let plan = |vx, ax, w, gain| [Twist2::new(vx, 0.0, w), Twist2::new(ax, 0.0, gain)];
         let change = |share, is_behind, plan: [Twist2; 2]| {
-            Carried { share, is_behind }.rate_change(0.8, plan, &LIMITS)
+            Carried { share, friction: None, is_behind }.rate_change(0.8, plan, &LIMITS)
         };
         // At the rate 0.8 the place gains 0.64·1.5 + 0.5·r' m/s²; carried are 0.9·0.2·2.
         let speeds_up = plan(0.5, 1.5, 0.0, 0.0);

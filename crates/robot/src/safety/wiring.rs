@@ -69,7 +69,7 @@ pub(super) struct WiringWatch {
 
 impl WiringWatch {
     pub(super) fn new(plan: &RobotPlan) -> Self {
-        let platform = Platform::new(&plan.kinematics, FirstEstimates::of(plan));
+        let platform = Platform::new(&plan.kinematics, FirstEstimates::of(&plan.controller));
         let wheels = plan.kinematics.wheel_count();
         let pairs = (0..wheels).flat_map(|one| (one + 1..wheels).map(move |other| (one, other)));
         let ways = std::iter::once(Wiring::AsTold)

@@ -4,7 +4,7 @@ use super::support::{BMM, Bench, plan};
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{PathFrame, ReferenceTable, Timing};
 use omnibase_robot::signals::{Batch, Course, CycleRecord, Frame, RequestAnswer, StopCategory};
-use omnibase_robot::{Phase, Registry, RequestKind};
+use omnibase_robot::{Ability, Phase, Registry, RequestKind};
 
 const CIRCLE: &str = "[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 10.0\n\n[safety]\n";
 const PERIOD_S: f64 = 0.001;
@@ -212,7 +212,7 @@ fn another_reference_is_taken_at_rest_and_begins_only_near_its_start() {
         frame: Some(PathFrame::Odom),
         ..Default::default()
     };
-    let reference = Registry::with_built_in().make_reference(&table, &bench.plan.limits).unwrap();
+    let reference = Registry::with_built_in().make_reference(&table, &Ability::of(&bench.plan)).unwrap();
     assert!(bench.robot.offer_reference(7, reference).is_none());
     bench.enable();
     let mut smooth = Smooth::new();
@@ -234,7 +234,7 @@ fn another_reference_is_taken_at_rest_and_begins_only_near_its_start() {
     let pose = bench.robot.record().setpoint.odom_from_body;
     assert!((pose.x_m - 1.5).abs() < 1e-6 && (pose.heading_rad - 0.2168).abs() < 1e-4, "{pose:?}");
     let table = ReferenceTable::default();
-    let reference = Registry::with_built_in().make_reference(&table, &bench.plan.limits).unwrap();
+    let reference = Registry::with_built_in().make_reference(&table, &Ability::of(&bench.plan)).unwrap();
     assert_eq!(bench.robot.offer_reference(9, reference).map(|(number, _)| number), Some(u32::MAX));
 }
 
@@ -279,7 +279,8 @@ fn timing_says_how_fast_points_are_gone_along() {
         timing,
         ..Default::default()
     };
-    let make = |table: &ReferenceTable| Registry::with_built_in().make_reference(table, &limits);
+    let make =
+        |table: &ReferenceTable| Registry::with_built_in().make_reference(table, &Ability::from(&limits));
     let duration_s = |timing| make(&table(Some(timing))).unwrap().duration_s().unwrap();
     assert!(make(&table(None)).is_err() && make(&table(Some(Timing::AsGiven))).is_err());
     assert!(duration_s(Timing::Stretched) > 8.0);

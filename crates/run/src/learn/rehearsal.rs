@@ -2,7 +2,7 @@
 
 use omnibase_ethercat::wire::LinkError;
 use omnibase_robot::signals::{Phase, Setpoint};
-use omnibase_robot::{Registry, RobotPlan};
+use omnibase_robot::{Ability, Registry, RobotPlan};
 
 use super::{NotLearnt, Repeat};
 use crate::stepped::{Leader, NotBegun, Stepped};
@@ -44,7 +44,7 @@ pub fn drive(
         sensor.seed = Some(sensor.seed.unwrap_or(1).wrapping_add(seed.wrapping_mul(1000)));
     }
     plan.reference.correction = None;
-    let mut asked = registry.make_reference(&plan.reference, &plan.limits).map_err(NotBegun::from)?;
+    let mut asked = registry.make_reference(&plan.reference, &Ability::of(&plan)).map_err(NotBegun::from)?;
     plan.reference.correction = correction;
     let mut repeat = Repeat::new(&plan, asked.duration_s().unwrap_or(f64::INFINITY))?;
     let mut robot = Stepped::begin_on(built, plan, registry, Leader::Plan, &mut |_| {})?;

@@ -12,7 +12,7 @@ use omnibase_record::run::{OnFull, RecordedRun, Rotation, RunFiles, RunRecorder}
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::StopCategory;
 use omnibase_robot::stages::Reference;
-use omnibase_robot::{Registry, Robot, RobotPlan};
+use omnibase_robot::{Ability, Registry, Robot, RobotPlan};
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::live::{Ages, Answer, Ask, Client, Live, Snapshot, StickWish, live};
 use omnibase_run::simulated::Simulated;
@@ -29,7 +29,7 @@ pub fn plan() -> RobotPlan {
 
 /// What a table asks for, within that robot's limits.
 pub fn reference(table: &ReferenceTable) -> Box<dyn Reference> {
-    Registry::with_built_in().make_reference(table, &plan().limits).unwrap()
+    Registry::with_built_in().make_reference(table, &Ability::of(&plan())).unwrap()
 }
 
 type Act = Box<dyn FnMut(&Live, &Snapshot)>;

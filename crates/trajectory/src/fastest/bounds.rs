@@ -1,8 +1,9 @@
 //! What a platform may do along a way, and how far it does.
 
 use crate::limits::{Limits, Quantity};
-use crate::reach::{AccelerationBounds, Bend, Interval, Plane};
-use crate::trajectory::Setpoint;
+use crate::reach::{AccelerationBounds, Bend, Interval, Plane, resisting};
+use crate::trajectory::{Setpoint, Trajectory};
+use omnibase_platform::Twist2;
 
 /// A limit that a motion can meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +16,17 @@ pub enum Limit {
     WheelTorque,
     /// What the floor gives a wheel.
     Grip,
+    /// The heat of a wheel's motor.
+    Heat,
+}
+
+/// What motors bear: the root of the mean square of their torques over a window of time; before the motion they rested.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heat {
+    /// The window, s.
+    pub window_s: f64,
+    /// Rows over the acceleration in base, one a motor: its torque over what it bears for ever.
+    pub torques: Vec<[f64; 3]>,
 }
 
 /// The platform's limits, and those of its wheels.
@@ -26,21 +38,32 @@ pub struct PlatformBounds {
     pub wheel_speeds: Vec<[f64; 3]>,
     /// Limits on the acceleration in base.
     pub planes: Vec<(Limit, Plane)>,
+    /// What resists a motion, as [`AccelerationBounds`] has it.
+    pub resistance: Vec<[f64; 3]>,
+    /// What motors bear; `None`: anything.
+    pub heat: Option<Heat>,
 }
 
 impl PlatformBounds {
     /// Without wheels.
     pub fn new(limits: Limits) -> PlatformBounds {
-        PlatformBounds { limits, wheel_speeds: Vec::new(), planes: Vec::new() }
+        PlatformBounds {
+            limits,
+            wheel_speeds: Vec::new(),
+            planes: Vec::new(),
+            resistance: Vec::new(),
+            heat: None,
+        }
     }
 
     /// All limits on the acceleration.
     pub(super) fn acceleration(&self) -> AccelerationBounds {
         let most = self.limits.angular_acceleration_rad_s2;
-        let turning = [1.0, -1.0].map(|sign| Plane { normal: [0.0, 0.0, sign], most });
+        let turning = [1.0, -1.0].map(|sign| Plane { normal: [0.0, 0.0, sign], most, ..Plane::default() });
         AccelerationBounds {
             length: Some(self.limits.acceleration_m_s2),
             planes: turning.into_iter().chain(self.planes.iter().map(|(_, plane)| *plane)).collect(),
+            resistance: self.resistance.clone(),
         }
     }
 
@@ -64,20 +87,18 @@ impl PlatformBounds {
     /// Each limit with how much of it a motion takes at a moment, over itself.
     pub fn loads<'a>(&'a self, setpoint: &Setpoint) -> impl Iterator<Item = (Limit, f64)> + use<'a> {
         let setpoint = *setpoint;
-        let turn_rad = -setpoint.odom_from_base.heading_rad;
-        let axes = |twist: omnibase_platform::Twist2| {
-            let turned = twist.rotated(turn_rad);
-            [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
-        };
-        let (twist, acceleration) = (axes(setpoint.twist_in_odom), axes(setpoint.acceleration_in_odom));
+        let [twist, acceleration] =
+            [setpoint.twist_in_odom, setpoint.acceleration_in_odom].map(|twist| in_base(&setpoint, twist));
         let own = Quantity::ALL.into_iter().map(move |quantity| {
             (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
         });
         let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
+        let is_resisted = !self.resistance.is_empty();
+        let resistance = if is_resisted { resisting(&self.resistance, &twist) } else { [0.0; 3] };
         let planes = self
             .planes
             .iter()
-            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.most));
+            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.left(&resistance)));
         own.chain(speeds).chain(planes)
     }
 
@@ -104,15 +125,67 @@ impl PlatformBounds {
     }
 }
 
+/// How warm a motion makes motors: the mean squares of their torques, window by window.
+pub(super) struct Warming {
+    window_s: f64,
+    /// Times, and the integral of the square of each motor's torque until then.
+    times_s: Vec<f64>,
+    sums: Vec<Vec<f64>>,
+}
+
+impl Heat {
+    /// That of a motion whose acceleration is smooth between times.
+    pub(super) fn warming(&self, motion: &impl Trajectory, times_s: &[f64]) -> Warming {
+        let mut sums = vec![Vec::with_capacity(times_s.len()); self.torques.len()];
+        let mut totals = vec![0.0; self.torques.len()];
+        for (at, time_s) in times_s.iter().enumerate() {
+            if at > 0 {
+                let width_s = time_s - times_s[at - 1];
+                // Simpson's rule.
+                for (part, weight) in [(0.001, 1.0), (0.5, 4.0), (0.999, 1.0)] {
+                    let setpoint = motion.sample(times_s[at - 1] + part * width_s);
+                    let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
+                    for (total, row) in totals.iter_mut().zip(&self.torques) {
+                        *total += weight / 6.0 * width_s * dot(row, &acceleration).powi(2);
+                    }
+                }
+            }
+            sums.iter_mut().zip(&totals).for_each(|(sum, total)| sum.push(*total));
+        }
+        Warming { window_s: self.window_s, times_s: times_s.to_vec(), sums }
+    }
+}
+
+impl Warming {
+    /// The windows that end at its times, s, and the root of the mean square of the warmest motor's torque in each.
+    pub(super) fn windows(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
+        let mut from = 0;
+        self.times_s.iter().enumerate().map(move |(to, to_s)| {
+            let from_s = to_s - self.window_s;
+            while from + 1 < to && self.times_s[from + 1] <= from_s {
+                from += 1;
+            }
+            let warmest = self.sums.iter().map(|sum| sum[to] - sum[from]).fold(0.0, f64::max);
+            ([from_s.max(0.0), *to_s], (warmest / self.window_s).sqrt())
+        })
+    }
+}
+
 impl Limit {
     /// How many times as long a motion must take for a load to become 1.
     fn stretch(self, load: f64) -> f64 {
         match self {
             Limit::Platform(quantity) => quantity.stretch(load),
             Limit::WheelSpeed => load,
-            Limit::WheelTorque | Limit::Grip => load.max(0.0).sqrt(),
+            Limit::WheelTorque | Limit::Grip | Limit::Heat => load.max(0.0).sqrt(),
         }
     }
+}
+
+/// A twist of a setpoint in the axes of its base.
+fn in_base(setpoint: &Setpoint, twist_in_odom: Twist2) -> [f64; 3] {
+    let turned = twist_in_odom.rotated(-setpoint.odom_from_base.heading_rad);
+    [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {

@@ -47,6 +47,41 @@ class Cubics:
         return self(sigma, 2)
 
 
+def in_base(q, vector):
+    """A vector of x, y and turn in the axes of the platform, which the third coordinate turns."""
+    cos, sin = np.cos(q[2]), np.sin(q[2])
+    return np.array([cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0], vector[2]])
+
+
+class WheelSpeeds(constraint.LinearConstraint):
+    """Rows over the twist in base: each product is at most 1 in size."""
+
+    def __init__(self, rows):
+        super().__init__()
+        self.rows = np.array(rows)
+        self.dof = 3
+
+    def compute_constraint_params(self, path, gridpoints):
+        places, rates = path(gridpoints), path(gridpoints, 1)
+        most = [max(abs(self.rows @ in_base(q, rate))) ** -2 for q, rate in zip(places, rates)]
+        return None, None, None, None, None, None, np.array([[0.0, x] for x in most])
+
+
+def wheels(task):
+    """The speeds of wheels, and planes on the acceleration in base: torques and grip."""
+    normals, most = np.array(task["normals"]), np.array(task["most"])
+    return [
+        WheelSpeeds(task["wheel_speeds"]),
+        constraint.SecondOrderConstraint(
+            lambda q, _rate, acceleration: in_base(q, acceleration),
+            lambda _: normals,
+            lambda _: most,
+            3,
+            discretization_scheme=constraint.DiscretizationType.Interpolation,
+        ),
+    ]
+
+
 for line in sys.stdin:
     task = json.loads(line)
     path = Cubics(task["pieces"], task["breaks"])
@@ -57,6 +92,8 @@ for line in sys.stdin:
             limits[1], discretization_scheme=constraint.DiscretizationType.Interpolation
         ),
     ]
+    if task["wheel_speeds"]:
+        constraints = constraints[:1] + wheels(task)
     instance = algorithm.TOPPRA(
         constraints, path, gridpoints=np.array(task["sigma"]), parametrizer="ParametrizeConstAccel"
     )

@@ -88,6 +88,11 @@ impl ReferenceChoice {
         ReferenceChoice { motion: chosen.and_then(value), timing, correction }
     }
 
+    /// Whether the command line says anything of a motion.
+    pub fn is_chosen(&self) -> bool {
+        self.motion.is_some()
+    }
+
     /// What was chosen; `None` leaves the robot file's own.
     pub fn chosen(&self, registry: &Registry) -> anyhow::Result<Option<Source<ReferenceTable>>> {
         let Some((option, value)) = &self.motion else { return Ok(None) };

@@ -1,0 +1,71 @@
+//! The part of `omnibase check` that plans a motion dry.
+
+use std::io::{self, Write};
+
+use omnibase_robot::Registry;
+use omnibase_robot::dry::{Asked, DryRun};
+use omnibase_run::LoadedRobot;
+use omnibase_trajectory::fastest::Limit;
+use serde_json::{Value, json};
+
+/// The motion of a robot, planned dry.
+pub(super) fn plan(robot: &LoadedRobot, registry: &Registry) -> anyhow::Result<DryRun> {
+    let plan = &robot.plan;
+    let mut reference = registry.make_reference(&plan.reference, &omnibase_robot::Ability::of(plan))?;
+    Ok(DryRun::of(plan, &mut *reference)?)
+}
+
+/// A limit in words.
+pub(super) fn name(limit: Limit) -> &'static str {
+    match limit {
+        Limit::Platform(quantity) => quantity.name_and_unit().0,
+        Limit::WheelSpeed => "wheel speed",
+        Limit::WheelTorque => "wheel torque",
+        Limit::Grip => "grip",
+        Limit::Heat => "motor heat",
+    }
+}
+
+/// What stands in a table of limits.
+fn is_asked(asked: &&Asked) -> bool {
+    asked.most.0 > 0.005
+}
+
+pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
+    let DryRun { duration_s, way_m, friction, .. } = run;
+    writeln!(output, "\nThe motion, planned dry")?;
+    writeln!(output, "  time                 {duration_s:.3} s for {way_m:.3} m")?;
+    writeln!(output, "  grip needed          friction {:.3}, at {:.3} s", friction.0, friction.1)?;
+    for (what, room) in [("room to the fence", run.fence_room_m), ("room to obstacles", run.obstacle_room_m)]
+    {
+        if let Some((room_m, time_s)) = room {
+            writeln!(output, "  {what:<20} {room_m:.3} m at least, at {time_s:.3} s")?;
+        }
+    }
+    writeln!(output, "  limit                binds    most of it")?;
+    for asked in run.asked.iter().filter(is_asked) {
+        let (load, time_s) = asked.most;
+        let (share, load) = (100.0 * asked.share, 100.0 * load);
+        writeln!(output, "  {:<20} {share:4.0} %   {load:3.0} % at {time_s:.3} s", name(asked.limit))?;
+    }
+    Ok(())
+}
+
+pub(super) fn json(run: &DryRun) -> Value {
+    let room =
+        |room: Option<(f64, f64)>| room.map(|(room_m, time_s)| json!({ "room_m": room_m, "time_s": time_s }));
+    let limits: Vec<Value> = run
+        .asked
+        .iter()
+        .filter(is_asked)
+        .map(|asked| {
+            let (load, time_s) = asked.most;
+            json!({ "limit": name(asked.limit), "binds": asked.share, "most": load, "time_s": time_s })
+        })
+        .collect();
+    json!({
+        "duration_s": run.duration_s, "way_m": run.way_m,
+        "friction": run.friction.0, "friction_time_s": run.friction.1,
+        "fence": room(run.fence_room_m), "obstacles": room(run.obstacle_room_m), "limits": limits,
+    })
+}

@@ -1,0 +1,126 @@
+//! How a platform's wheels stand on the floor: what each pushes for an acceleration, and what the floor gives it.
+
+use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
+
+use crate::grip::GRAVITY_M_S2;
+use crate::grip::friction::WheelFriction;
+use crate::grip::loads::Loads;
+use crate::signals::Dynamics;
+
+/// What rollers take of what wheels push, over a wheel's load, before more is learnt; and of what the floor gives at most.
+const ROLLERS: f64 = 0.03;
+const MOST_ROLLERS: f64 = 0.5;
+/// A wheel bears this part of the mean load at least at rest: where a slope is taken for a centre of mass near one side, the wheels
+/// beyond it would hold back all others until none brakes.
+pub(super) const LEAST_LOAD: f64 = 0.5;
+
+/// The wheels.
+#[derive(Clone, Debug)]
+pub(crate) struct Footing {
+    /// The force at each rim for 1 N along x and y, and 1 N·m.
+    per_wrench: [[f64; 3]; MAX_WHEELS],
+    /// The most that each wheel pushes against rollers that take 1 N each.
+    per_roller: [f64; MAX_WHEELS],
+    /// The wrench of 1 N against the rollers of each wheel.
+    rollers: Vec<[f64; 3]>,
+    pub(super) radius_m: [f64; MAX_WHEELS],
+    /// The part of a wheel's force on the floor that its rim feels.
+    pub(super) rim_share: [f64; MAX_WHEELS],
+    pub(super) wheels: usize,
+    pub(super) loads: Loads,
+    pub(super) height_m: f64,
+}
+
+/// What a wheel pushes for an acceleration in base_link (m/s², m/s², rad/s²), and what it may.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Push {
+    /// Its force at the rim, by the acceleration, N.
+    pub(crate) force: [f64; 3],
+    /// By how much the floor gives it less, by the acceleration along x and y, N.
+    pub(crate) lighter: [f64; 2],
+    /// How much of what a unit of each axis of a wrench against the motion takes its rim pushes, N.
+    pub(crate) resisted: [f64; 3],
+    /// What the floor gives it at rest; and beyond what rollers take, N.
+    pub(crate) given_n: f64,
+    pub(crate) left_n: f64,
+}
+
+impl Footing {
+    /// A centre of mass stands at a height over the floor, m.
+    pub(crate) fn new(kinematics: &Kinematics, height_m: f64) -> Self {
+        let mut footing = Footing {
+            per_wrench: [[0.0; 3]; MAX_WHEELS],
+            per_roller: [0.0; MAX_WHEELS],
+            rollers: WheelFriction::new(kinematics).rollers().to_vec(),
+            radius_m: [1.0; MAX_WHEELS],
+            rim_share: [1.0; MAX_WHEELS],
+            wheels: kinematics.wheel_count(),
+            loads: Loads::new(kinematics),
+            height_m,
+        };
+        let units = [Wrench2::new(1.0, 0.0, 0.0), Wrench2::new(0.0, 1.0, 0.0), Wrench2::new(0.0, 0.0, 1.0)];
+        for (axis, unit) in units.into_iter().enumerate() {
+            let torques_nm = kinematics.wheel_torques_nm(unit);
+            let rims = footing.per_wrench.iter_mut().zip(&mut footing.radius_m).zip(kinematics.wheels());
+            for (((row, radius_m), wheel), torque_nm) in rims.zip(torques_nm.iter()) {
+                *radius_m = wheel.radius_m;
+                row[axis] = torque_nm / wheel.radius_m;
+            }
+        }
+        for (rim_share, wheel) in footing.rim_share.iter_mut().zip(kinematics.wheels()) {
+            *rim_share = wheel.rim_share();
+        }
+        let friction = WheelFriction::new(kinematics);
+        for (per_roller, row) in footing.per_roller.iter_mut().zip(&footing.per_wrench) {
+            let pushed =
+                |roller: &[f64; 3]| row.iter().zip(roller).map(|(row, part)| row * part).sum::<f64>().abs();
+            *per_roller = friction.rollers().iter().map(pushed).sum();
+        }
+        footing
+    }
+
+    pub(crate) fn wheel_count(&self) -> usize {
+        self.wheels
+    }
+
+    /// The wrench of each wheel's rollers over the direction of a motion.
+    pub(crate) fn roller_wrenches(&self, dynamics: &Dynamics) -> Vec<[f64; 3]> {
+        let roller_n = self.roller_n(dynamics);
+        self.rollers.iter().map(|roller| roller.map(|part| roller_n * part)).collect()
+    }
+
+    /// What a wheel's rollers take, N.
+    fn roller_n(&self, dynamics: &Dynamics) -> f64 {
+        let [_, roller_n] = dynamics.friction_n;
+        roller_n.max(ROLLERS * self.mean_n(dynamics.mass_kg))
+    }
+
+    /// Mean load of a wheel, N.
+    pub(crate) fn mean_n(&self, mass_kg: f64) -> f64 {
+        mass_kg * GRAVITY_M_S2 / self.wheels as f64
+    }
+
+    /// What a wheel pushes on a floor of a friction.
+    pub(crate) fn push(&self, wheel: usize, friction: f64, dynamics: &Dynamics) -> Push {
+        let [along_x, along_y] = dynamics.mass_moment_kg_m;
+        let mean_n = self.mean_n(dynamics.mass_kg);
+        let roller_n = self.roller_n(dynamics);
+        let [x, y, turn] = self.per_wrench[wheel];
+        let friction = friction * self.rim_share[wheel];
+        let given_n = friction * mean_n * self.loads.of(wheel, dynamics.centre_m()).max(LEAST_LOAD);
+        Push {
+            force: [
+                dynamics.mass_kg * x - along_y * turn,
+                dynamics.mass_kg * y + along_x * turn,
+                dynamics.inertia_kg_m2 * turn - along_y * x + along_x * y,
+            ],
+            lighter: self
+                .loads
+                .shift(wheel)
+                .map(|shift| friction * mean_n * shift * self.height_m / GRAVITY_M_S2),
+            resisted: self.per_wrench[wheel],
+            given_n,
+            left_n: given_n - (self.per_roller[wheel] * roller_n).min(MOST_ROLLERS * given_n),
+        }
+    }
+}

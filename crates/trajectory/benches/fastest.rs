@@ -1,0 +1,88 @@
+//! Prints what planning costs, by points and limits.
+//!
+//! `cargo bench -p omnibase-trajectory`
+
+use std::time::Instant;
+
+use omnibase_platform::Pose2;
+use omnibase_trajectory::fastest::{Heat, Limit};
+use omnibase_trajectory::limits;
+use omnibase_trajectory::reach::Plane;
+use omnibase_trajectory::{
+    FastestTrajectory, Interpolation, Joining, Limits, PathPoint, PathPoints, PiecewisePath, PlatformBounds,
+    Trajectory,
+};
+
+const LIMITS: Limits = Limits {
+    speed_m_s: 1.5,
+    acceleration_m_s2: 6.0,
+    jerk_m_s3: 200.0,
+    rate_rad_s: 3.0,
+    angular_acceleration_rad_s2: 20.0,
+    angular_jerk_rad_s3: 800.0,
+};
+
+/// Round and round, never the same: a point every 0.2 m or so.
+fn pose(at: usize) -> Pose2 {
+    let phi = 0.1 * at as f64;
+    Pose2::new(2.0 * phi.sin(), 1.5 * (1.3 * phi).cos(), 0.4 * (0.7 * phi).sin())
+}
+
+/// Three omni wheels on a floor of friction 0.4.
+fn wheels() -> PlatformBounds {
+    let mut bounds = PlatformBounds::new(LIMITS);
+    let mut heat = Heat { window_s: 30.0, torques: Vec::new() };
+    for wheel in 0..3 {
+        let (sin, cos) = (2.1 * f64::from(wheel)).sin_cos();
+        bounds.wheel_speeds.push([-sin, cos, 0.4].map(|part| part / 1.5));
+        let force = [-sin * 47.0, cos * 47.0, 5.8];
+        for sign in [1.0, -1.0] {
+            let normal = [sign * force[0] + 18.0 * cos, sign * force[1] + 18.0 * sin, sign * force[2]];
+            bounds.planes.push((Limit::Grip, Plane { normal, most: 91.0, ..Plane::default() }));
+            bounds.planes.push((
+                Limit::WheelTorque,
+                Plane { normal: force.map(|f| sign * f), most: 190.0, ..Plane::default() },
+            ));
+        }
+        heat.torques.push(force.map(|force| force / 70.0));
+    }
+    bounds.heat = Some(heat);
+    bounds
+}
+
+/// The quickest of some runs, ms.
+fn quickest_ms(runs: usize, mut run: impl FnMut()) -> f64 {
+    let once = |run: &mut dyn FnMut()| {
+        let begun = Instant::now();
+        run();
+        begun.elapsed().as_secs_f64() * 1e3
+    };
+    (0..runs).map(|_| once(&mut run)).fold(f64::INFINITY, f64::min)
+}
+
+fn main() {
+    println!("| what | points | limits | ms | motion s |\n|---|---|---|---|---|");
+    let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
+    for (name, bounds) in [("platform", PlatformBounds::new(LIMITS)), ("wheels, grip, heat", wheels())] {
+        for count in [20, 80, 1000, 10_000, 100_000] {
+            let poses: Vec<Pose2> = (0..count).map(pose).collect();
+            let mut duration_s = 0.0;
+            let runs = if count > 1000 { 1 } else { 20 };
+            let ms = quickest_ms(runs, || {
+                let path = PiecewisePath::through(&poses, joining).unwrap();
+                duration_s = FastestTrajectory::new(path, &bounds).unwrap().duration_s();
+            });
+            println!("| fastest | {count} | {name} | {ms:.2} | {duration_s:.3} |");
+        }
+    }
+    for count in [20, 1000, 64_000, 1_000_000] {
+        let point = |at: usize| PathPoint { time_s: 1.0 * at as f64, odom_from_base: pose(at) };
+        let points = PathPoints::new((0..count).map(point).collect()).unwrap();
+        for (name, interpolation) in [("smooth", Interpolation::Smooth), ("quintic", Interpolation::Quintic)]
+        {
+            let runs = if count > 1000 { 1 } else { 20 };
+            let ms = quickest_ms(runs, || assert!(limits::plan(&points, interpolation, &LIMITS).is_ok()));
+            println!("| as given, {name} | {count} | platform | {ms:.2} | {count} |");
+        }
+    }
+}
