@@ -2,13 +2,17 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use omnibase_ethercat::mailbox::{Mailbox, MailboxRequest, ObjectList, Operation};
+use omnibase_ethercat::mailbox::{FileAccess, Mailbox, MailboxRequest, ObjectList, Operation, ShortText};
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, sii};
 use omnibase_ethercat::{Answer, Next, Procedure};
 use std::time::Duration;
+
+fn file() -> FileAccess {
+    FileAccess { name: ShortText::beginning(b"firmware.bin"), password: 7 }
+}
 
 /// More steps than any request of this target can take with honest answers.
 const MOST_STEPS: usize = 2_000_000;
@@ -27,11 +31,13 @@ fuzz_target!(|bytes: &[u8]| {
     let mut mailbox = Mailbox::new(0x1001, config).expect("64 bytes are enough");
     let object = ObjectAddress::new(0x6041, 0);
     let access = if operation & 0x80 == 0 { SdoAccess::Entry } else { SdoAccess::Complete };
-    let (operation, data) = match operation % 6 {
+    let (operation, data) = match operation % 8 {
         0 => (Operation::Upload { object, access }, Vec::with_capacity(usize::from(capacity) * 4)),
         1 => (Operation::Download { object, access }, vec![capacity; usize::from(capacity)]),
         2 => (Operation::ListLengths, Vec::with_capacity(usize::from(capacity))),
         3 => (Operation::List(ObjectList::All), Vec::with_capacity(usize::from(capacity) * 4)),
+        6 => (Operation::ReadFile(file()), Vec::with_capacity(usize::from(capacity) * 4)),
+        7 => (Operation::WriteFile(file()), vec![capacity; usize::from(capacity)]),
         4 => (Operation::DescribeObject { index: 0x6041 }, Vec::with_capacity(usize::from(capacity))),
         _ => {
             (Operation::DescribeEntry { object, value_info: 0xFF }, Vec::with_capacity(usize::from(capacity)))

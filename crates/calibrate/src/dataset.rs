@@ -201,6 +201,19 @@ impl Run {
         self
     }
 
+    /// The same run without poses that say to the bit what the one before said: a tracker that lost sight of its markers repeats
+    /// the last one, and nothing was measured.
+    #[must_use]
+    pub fn without_repeats(mut self) -> Run {
+        let mut last = None;
+        self.poses.retain(|pose| {
+            let Pose2 { x_m, y_m, heading_rad } = pose.world_from_sensor;
+            let said = [x_m, y_m, heading_rad].map(f64::to_bits);
+            last.replace(said) != Some(said)
+        });
+        self
+    }
+
     fn check(&self, wheels: usize) -> Result<(), DatasetError> {
         let run = || self.name.clone();
         if self.steps.is_empty() {
@@ -309,5 +322,24 @@ impl Run {
         must_be_positive: bool,
     ) -> DatasetError {
         DatasetError::Number { run: self.name.clone(), what, number, value, found, must_be_positive }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_that_repeats_the_one_before_is_none() {
+        let pose = |instant_s: f64, x_m: f64| PoseSample {
+            instant_s,
+            world_from_sensor: Pose2::new(x_m, 0.0, 0.0),
+            sigma_m: 1e-3,
+            sigma_rad: 3e-3,
+        };
+        let poses = vec![pose(0.0, 1.0), pose(0.1, 1.0), pose(0.2, 2.0), pose(0.3, 2.0), pose(0.4, 1.0)];
+        let run = Run { poses, ..Run::default() }.without_repeats();
+        let kept: Vec<f64> = run.poses.iter().map(|pose| pose.instant_s).collect();
+        assert_eq!(kept, [0.0, 0.2, 0.4]);
     }
 }

@@ -4,7 +4,7 @@ mod words;
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::{AxisMode, DriveMode, StopName};
+use omnibase_robot::config::{AxisMode, BestWay, DriveMode, StopName};
 use omnibase_robot::signals::{Frame, StopCategory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,14 @@ pub enum Call {
     GoTo {
         /// The pose.
         pose: [f64; 3],
+    },
+    /// Plan a way through the room to a pose in odom, x m, y m, heading rad, and drive it: around walls of the `[map]`, fence and
+    /// obstacles. Where the way is blocked meanwhile it is planned again, then given up with the reason.
+    DriveTo {
+        /// The pose.
+        pose: [f64; 3],
+        /// Which way is the best one; default: that of the robot's file.
+        best: Option<BestWay>,
     },
     /// Say where the platform stands, in odom: x m, y m, heading rad; only while it stands.
     SetPose {
@@ -261,6 +269,7 @@ impl Call {
     pub(crate) fn computes(&self) -> bool {
         match self {
             Call::GoToStart
+            | Call::DriveTo { .. }
             | Call::Load { .. }
             | Call::LoadPoints { .. }
             | Call::LoadSaved { .. }

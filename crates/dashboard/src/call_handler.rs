@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{AxisMode, AxisPlan, DriveMode, Limits, ReferenceTable, Source};
+use omnibase_robot::config::{AxisMode, AxisPlan, BestWay, DriveMode, Limits, ReferenceTable, Source};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{AxisAsk, Heard};
 use omnibase_robot::stages::Reference;
@@ -18,6 +18,7 @@ use omnibase_trajectory::path_points::nearest_turn_rad;
 
 use crate::bus::{BusCall, NewValue};
 use crate::call::{Call, CallResult, category, unknown};
+use crate::drive_to::DriveTo;
 use crate::planned::{Drawn, Planned};
 use crate::robot_info::RobotInfo;
 use crate::status::NS_OF_MS;
@@ -26,6 +27,8 @@ use crate::status::NS_OF_MS;
 const MOST_DRAWN: usize = 8;
 /// Faster than this no robot drives, m/s and rad/s: what is asked beyond it is a mistake, what is below is limited.
 const FASTEST: f64 = 100.0;
+/// Farther than this from the origin no robot drives, m.
+const GREATEST: f64 = 1e4;
 
 /// How well a person knows a pose who says nothing about it: a tape measure and marks on the floor, m and rad.
 const SET_POSE_SIGMA_M: f64 = 0.02;
@@ -53,6 +56,7 @@ pub(crate) struct CallHandler {
     pub(crate) about: RobotInfo,
     teaching: Mutex<Option<(f64, Sampling)>>,
     drawn: Mutex<BTreeMap<u32, Arc<Drawn>>>,
+    pub(crate) drive_to: DriveTo,
     /// Among those that save paths alone: of one name both files belong together.
     saving: Mutex<()>,
 }
@@ -79,6 +83,7 @@ impl CallHandler {
             about,
             teaching: Mutex::default(),
             drawn: Mutex::default(),
+            drive_to: DriveTo::default(),
             saving: Mutex::default(),
         }
     }
@@ -106,6 +111,7 @@ impl CallHandler {
             Call::GoTo { pose: [x_m, y_m, heading_rad] } => {
                 robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
             }
+            Call::DriveTo { pose, best } => return self.drive_to(asker, pose, best),
             Call::SetPose { pose: [x_m, y_m, heading_rad], sigma_m, sigma_rad } => {
                 robot(RequestKind::SetPose {
                     odom_from_body: Pose2 { x_m, y_m, heading_rad },
@@ -197,6 +203,28 @@ impl CallHandler {
             Call::TeachEnd { name, tolerance_m } => return self.teach_end(asker, &name, tolerance_m),
         };
         self.send(asker, ask, "done")
+    }
+
+    fn drive_to(&self, asker: Asker, pose: [f64; 3], best: Option<BestWay>) -> Result<Reply, String> {
+        if let Some(wrong) = pose.iter().find(|part| !part.is_finite() || part.abs() > GREATEST) {
+            return Err(format!("pose: expected numbers from -{GREATEST} to {GREATEST}, found {wrong}"));
+        }
+        let [x_m, y_m, heading_rad] = pose;
+        let goal = (Pose2 { x_m, y_m, heading_rad }, best);
+        let begun = self.drive_to.begin((&self.live, &self.about), asker, goal)?;
+        if let Ok(drawn) = self.about.drawn(&begun.table) {
+            self.keep(begun.number, drawn);
+        }
+        Ok(Reply::Ticket(begun.ticket, format!("on the way: {}", begun.text)))
+    }
+
+    /// Looks after a way to a pose that is under way.
+    pub(crate) fn look_after_drive(&self) {
+        if let Some(begun) = self.drive_to.look(&self.live, &self.about)
+            && let Ok(drawn) = self.about.drawn(&begun.table)
+        {
+            self.keep(begun.number, drawn);
+        }
     }
 
     fn send(&self, asker: Asker, ask: Ask, text: &str) -> Result<Reply, String> {

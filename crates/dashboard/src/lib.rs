@@ -16,6 +16,7 @@ mod bus;
 pub mod call;
 mod call_handler;
 mod connections;
+mod drive_to;
 mod foxglove;
 mod inputs;
 pub mod openapi;

@@ -5,6 +5,7 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 use crate::call::{Call, CallResult};
+use crate::drive_to::MapSeen;
 use crate::inputs::{InputsNews, SentInputs};
 use crate::planned::Planned;
 use crate::routes::Robot;
@@ -28,10 +29,11 @@ pub fn description() -> Value {
     let news = schema::<InputsNews>(&mut written);
     let begin = schema::<StatesBegin>(&mut written);
     let result = schema::<CallResult>(&mut written);
-    let [robot, planned, event] = [
+    let [robot, planned, event, map] = [
         schema::<Robot<'static>>(&mut written),
         schema::<Option<Planned>>(&mut written),
         schema::<EventSeen>(&mut written),
+        schema::<MapSeen>(&mut written),
     ];
     let mut schemas: Map<String, Value> = read.take_definitions(true);
     schemas.extend(written.take_definitions(true));
@@ -74,6 +76,7 @@ pub fn description() -> Value {
             "/api/robot": get("What doesn't change while it runs", robot),
             "/api/now": get("What it does now, with the stamp for calls", json!({ "$ref": "#/components/schemas/Now" })),
             "/api/planned": get("The reference as it is drawn", planned),
+            "/api/map": get("The room through which ways are planned", map),
             "/api/events": get("What has happened", json!({ "type": "array", "items": event })),
             "/api/trace": get("Where it was", trace),
             "/api/call": { "post": {

@@ -21,6 +21,8 @@ pub(crate) struct Drawn {
     pub(crate) start_pose: Option<Pose2>,
     /// In odom, or from its start where it has no pose of its own.
     poses: Vec<Pose2>,
+    /// The speed at each, m/s.
+    speeds_m_s: Vec<f64>,
 }
 
 /// The planned path, where the robot follows it.
@@ -31,6 +33,8 @@ pub(crate) struct Planned {
     duration_s: Option<f64>,
     /// x m, y m, heading rad.
     poses: Vec<[f64; 3]>,
+    /// The speed at each, m/s.
+    speeds_m_s: Vec<f64>,
 }
 
 impl Drawn {
@@ -40,12 +44,18 @@ impl Drawn {
         let duration_s = made.duration_s();
         let at = |duration_s: f64, n: u32| duration_s * f64::from(n) / f64::from(POINTS);
         let shown_s = duration_s.unwrap_or(ENDLESS_SHOWN_S);
-        let poses = (0..=POINTS).map(|n| made.sample(at(shown_s, n)).odom_from_body).collect();
+        let setpoint = |n| made.sample(at(shown_s, n));
+        let all: Vec<(Pose2, f64)> = (0..=POINTS)
+            .map(setpoint)
+            .map(|setpoint| (setpoint.odom_from_body, setpoint.twist_in_odom.speed_m_s()))
+            .collect();
+        let (poses, speeds_m_s) = all.into_iter().unzip();
         Drawn {
             name: table.kind.clone().unwrap_or_default(),
             duration_s,
             start_pose: made.start_pose(),
             poses,
+            speeds_m_s,
         }
     }
 
@@ -56,7 +66,13 @@ impl Drawn {
             let pose = start.then(*pose);
             [pose.x_m, pose.y_m, pose.heading_rad]
         });
-        Planned { number, name: self.name.clone(), duration_s: self.duration_s, poses: laid.collect() }
+        Planned {
+            number,
+            name: self.name.clone(),
+            duration_s: self.duration_s,
+            poses: laid.collect(),
+            speeds_m_s: self.speeds_m_s.clone(),
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, Registry};
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::{Known, Rows};
+use omnibase_run::room::Room;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -24,6 +25,8 @@ pub struct RobotInfo {
     pub registry: Arc<Registry>,
     /// Whether the truth is known.
     pub known: Known,
+    /// The room through which ways are planned.
+    pub room: Room,
     /// Where paths are saved.
     pub paths: PathBuf,
     /// Where values go beside the page.

@@ -19,6 +19,7 @@ use serde_json::{Map, Value, json};
 use crate::access::{COOKIE, Denied, Right};
 use crate::call::{Call, CallResult, Message};
 use crate::connections::Seat;
+use crate::drive_to::MapSeen;
 use crate::inputs;
 use crate::openapi;
 use crate::page;
@@ -56,6 +57,7 @@ pub(crate) fn all(shared: Shared) -> Router {
         .route("/api/robot", get(robot))
         .route("/api/now", get(now))
         .route("/api/planned", get(planned))
+        .route("/api/map", get(map))
         .route("/api/trace", get(trace))
         .route("/api/events", get(events))
         .route("/api/call", post(call))
@@ -147,6 +149,7 @@ reading!(robot, shared, right, {
     serde_json::to_value(Robot { facts, saved_paths: shared.desk.saved_names() }).unwrap_or_default()
 });
 reading!(planned, shared, _right, shared.desk.planned());
+reading!(map, shared, _right, MapSeen::of(&shared.desk.about.room));
 reading!(events, shared, _right, {
     shared.live.events_after(0).into_iter().map(EventSeen::from).collect::<Vec<_>>()
 });

@@ -32,8 +32,8 @@ use crate::routes::{self, Peer};
 use crate::shared::Shared;
 use crate::status::Counters;
 use crate::tick::tick;
-use crate::work::{self, Work};
-use crate::{foxglove, streams};
+use crate::work::{self, For, Work};
+use crate::{drive_to, foxglove, streams};
 
 /// The longest time from one request, or the beginning, to the end of the next one's header.
 const HEADER: Duration = Duration::from_secs(10);
@@ -212,6 +212,7 @@ async fn serve(
     };
     let Ok(listener) = listener else { return Ended::ByItself };
     let ticking = shared.work.spawn(tick(shared.clone()));
+    shared.work.spawn(look_after_drives(shared.clone()));
     if let Some(target) = shared.desk.about.streams.plotjuggler {
         shared.work.spawn(streams::plot(shared.live.clone(), shared.desk.about.rows(), target));
     }
@@ -233,6 +234,20 @@ async fn serve(
         // It never ends but by a panic; without it pages see nothing any more.
         _ = ticking => Ended::ByItself,
         () = over => Ended::AsTold,
+    }
+}
+
+/// Looks again and again after a way to a pose that is under way; elsewhere, for it plans.
+async fn look_after_drives(shared: Shared) {
+    let mut interval = tokio::time::interval(drive_to::LOOK);
+    interval.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+    loop {
+        interval.tick().await;
+        if shared.desk.drive_to.is_under_way() {
+            let desk = shared.desk.clone();
+            // Where all who compute are busy the next look will do.
+            let _ = shared.work.run(For::Commander, move || desk.look_after_drive()).await;
+        }
     }
 }
 

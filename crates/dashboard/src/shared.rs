@@ -162,6 +162,7 @@ impl Shared {
         seen.sources = self.live.source_counts().into_iter().map(SourceSeen::from).collect();
         seen.teaching_since_s = self.desk.teaching_since_s();
         seen.taught_points = self.live.points().map(|points| points.len());
+        seen.drive_to = self.desk.drive_to.seen();
         seen.server = self.counters.all();
     }
 

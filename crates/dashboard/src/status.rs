@@ -14,6 +14,8 @@ use omnibase_run::live::{Commander, JoystickState, LiveEvent, Snapshot, SourceCo
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::drive_to::WaySeen;
+
 /// A stamp's unit, ns.
 pub(crate) const NS_OF_MS: u64 = 1_000_000;
 
@@ -52,6 +54,8 @@ pub struct StatusMessage {
     pub reference_start: Option<[f64; 3]>,
     /// Where it goes by the straight way: x m, y m, heading rad; nothing where it doesn't.
     pub goal: Option<[f64; 3]>,
+    /// The way to a pose that was asked for last (`drive_to`); nothing where none was.
+    pub drive_to: Option<WaySeen>,
     /// Its own time, s.
     pub reference_time_s: f64,
     /// It was begun and isn't at its end.
@@ -223,6 +227,7 @@ impl StatusMessage {
             axis_problem: snapshot.axis_problem.to_string(),
             reference: snapshot.reference,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
+            drive_to: None,
             goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,

@@ -2,6 +2,7 @@
 
 pub mod axis;
 pub mod drive;
+pub mod esi;
 pub mod generic;
 mod image;
 pub mod panel;
@@ -19,6 +20,8 @@ pub struct Piece {
     pub alias: u16,
     /// Serial number; 0 is none.
     pub serial: u32,
+    /// What its switch for explicit device identification shows, where it has one.
+    pub identification: Option<u16>,
     /// Local clock at power-on, ns.
     pub dc_offset_ns: u64,
     /// How much faster than virtual time its quartz runs, parts per million; slower where negative.

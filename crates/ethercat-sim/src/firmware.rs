@@ -6,11 +6,13 @@
 
 mod checks;
 mod coe;
+mod foe;
 mod mailbox;
 mod process_data;
 mod state_machine;
 
-pub use checks::ProcessSyncManager;
+pub use checks::{ProcessSyncManager, SmActivation};
+pub use foe::{FileStore, Files};
 pub use mailbox::MailboxProtocols;
 pub use process_data::{SyncMonitoring, Synchronization};
 
@@ -55,6 +57,8 @@ pub enum StateControl {
 pub struct FirmwareConfig {
     /// Who answers AL control.
     pub state_control: StateControl,
+    /// What its switch for explicit device identification shows; `None` tells the alias, as devices without one do.
+    pub identification: Option<u16>,
     /// Mailboxes and what answers in them.
     pub mailbox: Option<(MailboxArea, MailboxProtocols)>,
     /// Mailboxes in BOOT; `None` where the device has no BOOT.
@@ -98,6 +102,14 @@ impl Firmware {
         }
     }
 
+    /// The same with files, taken over FoE in BOOT; nothing changes for a device without a mailbox.
+    pub fn with_files(mut self, store: FileStore) -> Self {
+        if let Some(mailbox) = &mut self.mailbox {
+            mailbox.serve_files(store);
+        }
+        self
+    }
+
     /// The dictionary with its present values.
     pub fn dictionary(&self) -> &Dictionary {
         &self.dictionary
@@ -109,7 +121,7 @@ impl Firmware {
     }
 
     fn mailbox_is_on(&self) -> bool {
-        matches!(self.states.state(), AlState::PreOp | AlState::SafeOp | AlState::Op)
+        matches!(self.states.state(), AlState::PreOp | AlState::SafeOp | AlState::Op | AlState::Bootstrap)
     }
 
     /// Sets which events wake the application.
@@ -130,7 +142,7 @@ impl Firmware {
         if !on {
             return;
         }
-        while let Some(emergency) = self.device.take_emergency() {
+        while let Some(emergency) = self.device.take_emergency().filter(|_| state != AlState::Bootstrap) {
             mailbox.push_emergency(emergency);
         }
         if event & al_event::sync_manager(0) != 0
@@ -185,8 +197,8 @@ impl Application for Firmware {
         self.states = StateMachine::default();
         self.process = ProcessData::new(&self.config, &self.dictionary);
         self.injected = None;
-        if let Some(mailbox) = &mut self.mailbox {
-            mailbox.reset();
+        if let (Some(mailbox), Some((area, _))) = (&mut self.mailbox, self.config.mailbox) {
+            mailbox.reset_at(area);
         }
         self.device.power_on(&mut self.dictionary, now);
         pdi.write(reg::AL_STATUS_CODE, &[0; 2]);

@@ -28,9 +28,11 @@ const FREE_POLL: Duration = Duration::from_micros(50);
 /// Simulated time between looks for a firmware that isn't connected, or that hangs.
 const IDLE_POLL: Duration = Duration::from_millis(1);
 /// Real time after which firmware that doesn't yield counts as hung, and one that doesn't read as gone.
-const HUNG_AFTER: Duration = Duration::from_secs(1);
-/// How often a free-running socket is looked at again for the next access of a burst.
-const BURST_LOOKS: u32 = 50;
+const HUNG_AFTER: Duration = Duration::from_secs(10);
+/// Real time for which the next access of a burst is waited for: what a program takes between two accesses.
+const BURST_GAP: Duration = Duration::from_micros(30);
+/// Real time that one turn of a free-running firmware may take: several share the segment's time.
+const TURN_LIMIT: Duration = Duration::from_micros(200);
 
 /// How the firmware's time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +68,8 @@ struct Firmware {
     wake: Option<HostTime>,
     /// The AL events that it knows of.
     known: u32,
+    /// Looks at its socket while it runs freely.
+    looks: u64,
 }
 
 /// What a look at the socket gave.
@@ -118,6 +122,7 @@ impl SocketApplication {
                 hung: false,
                 wake: None,
                 known: 0,
+                looks: 0,
             });
         }
     }
@@ -167,17 +172,29 @@ impl Firmware {
             self.tell(event, now)?;
         }
         self.known = event.0;
-        let mut looks = 0;
-        while looks < BURST_LOOKS {
-            match self.look(pdi, now)? {
-                Look::Message => looks = 0,
-                Look::Nothing => {
-                    looks += 1;
-                    std::thread::yield_now();
+        // One look where nothing comes; whoever has begun is waited for a little, for the next access follows.
+        if let Look::Message = self.counted_look(pdi, now)? {
+            let began = Instant::now();
+            let mut last = began;
+            loop {
+                let heard = self.counted_look(pdi, now)?;
+                let present = Instant::now();
+                match heard {
+                    Look::Message => last = present,
+                    Look::Nothing if present - last > BURST_GAP || self.waiting => break,
+                    Look::Nothing => std::thread::yield_now(),
+                }
+                if present - began > TURN_LIMIT {
+                    break;
                 }
             }
         }
         Ok(Some(now + FREE_POLL))
+    }
+
+    fn counted_look(&mut self, pdi: &mut dyn Pdi, now: HostTime) -> io::Result<Look> {
+        self.looks += 1;
+        self.look(pdi, now)
     }
 
     fn run_lockstep(
@@ -327,6 +344,7 @@ mod tests {
             hung: false,
             wake: None,
             known: 0,
+            looks: 0,
         };
         (firmware, theirs)
     }
@@ -367,6 +385,17 @@ mod tests {
         assert_eq!(kinds(&mut theirs), []);
         firmware.run_free(&mut Chip { event: 1 }, AlEvent(1), HostTime(100)).unwrap();
         assert_eq!(kinds(&mut theirs), [EVENT]);
+    }
+
+    /// An idle firmware costs one look each 50 us, however many there are: time goes on beside them.
+    #[test]
+    fn an_idle_firmware_costs_one_look() {
+        let (mut firmware, _theirs) = connected();
+        let mut chip = Chip { event: 0 };
+        for turn in 0..100 {
+            firmware.run_free(&mut chip, AlEvent(0), HostTime(turn * 50_000)).unwrap();
+        }
+        assert_eq!(firmware.looks, 100);
     }
 
     #[test]

@@ -2,10 +2,11 @@
 //!
 //! ```toml
 //! [[subdevice]]
-//! kind = "sgdv"              # sgdv, servo, coupler, digital-io, sii
+//! kind = "sgdv"              # sgdv, servo, coupler, digital-io, sii, esi
 //! name = "left"              # default: the kind and the position
 //! alias = 1                  # station alias, default 0 (none)
 //! serial = 1001              # default 0 (none)
+//! identification = 7         # what its switch for explicit device identification shows, default none
 //! dc_offset_ns = 5_000_000   # its clock at power-on
 //! dc_drift_ppm = 50.0        # its quartz, against virtual time
 //! cable_delay_ns = 100       # of the cable to its parent
@@ -16,8 +17,12 @@
 //! dc_drift_spread_ppm = 50.0 # with count: drifts spread evenly within ± this
 //! ```
 //!
+//! A SubDevice with `firmware = "socket"` has its chip and SII as its kind says, and its application in a program that
+//! connects to the Unix socket `socket` (default: `<name>.pdi` in the current folder), see `docs/pdi-socket.md`.
+//!
 //! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants `inputs`
-//! and `outputs`, numbers of bits; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
+//! and `outputs`, numbers of bits; `kind = "esi"` wants `esi = "maker.xml"` and `device`, a type or `product:revision`
+//! in it, and may have `modules`, types in the slots from 1 on, and `module_files`, where they stand; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
 //! `segments/three-sgdv.toml`.
 
 mod build;
@@ -77,10 +82,25 @@ pub enum Kind {
     Drive(Box<Drive>, Load),
     /// A device from an SII image in a file.
     Sii(PathBuf),
+    /// A device from its maker's file.
+    Esi(EsiDevice),
     /// A coupler.
     Coupler,
     /// Digital inputs and outputs.
     DigitalIo(DigitalIo),
+}
+
+/// A device of an ESI file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EsiDevice {
+    /// The file.
+    pub file: PathBuf,
+    /// Type, or `product:revision`.
+    pub device: String,
+    /// Types of the modules in its slots, from slot 1 on.
+    pub modules: Vec<String>,
+    /// Files with modules, besides the device's own.
+    pub module_files: Vec<PathBuf>,
 }
 
 /// Where a SubDevice is plugged in.
@@ -105,6 +125,8 @@ pub struct SubDeviceEntry {
     pub piece: Piece,
     /// Where it is plugged in.
     pub plug: Plug,
+    /// The socket to which its firmware connects; `None` for the built-in firmware.
+    pub socket: Option<PathBuf>,
     /// Line and column of its entry, from 1.
     pub place: (usize, usize),
 }
@@ -140,6 +162,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
     let name = entry.text("name", document);
     let alias = entry.integer("alias", 0..=0xFFFF, document).unwrap_or(0);
     let serial = entry.integer("serial", 0..=0xFFFF_FFFF, document).unwrap_or(0);
+    let identification = entry.integer("identification", 0..=0xFFFF, document);
     let offset = entry.integer("dc_offset_ns", 0..=i64::MAX, document).unwrap_or(0);
     let offset_step = entry.integer("dc_offset_step_ns", 0..=1_000_000_000_000, document).unwrap_or(0);
     let drift = entry.number("dc_drift_ppm", -1000.0..=1000.0, document).unwrap_or(0.0);
@@ -147,6 +170,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
     let delay = entry.integer("cable_delay_ns", 0..=1_000_000, document);
     let port = entry.integer("port", 1..=3, document).map(|port| port as u8);
     let parent = entry.text("parent", document);
+    let socket = read_socket(&mut entry, count, document);
     let place = document.place(entry.span());
     let parent = match parent {
         None => sub_devices.len().checked_sub(1),
@@ -188,11 +212,37 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
         let piece = Piece {
             alias: counted(alias) as u16,
             serial: counted(serial) as u32,
+            identification: identification.map(|identification| (identification + number as i64) as u16),
             dc_offset_ns: offset as u64 + offset_step as u64 * number as u64,
             dc_drift_ppm: drift + spread * spread_of(number, count),
         };
-        sub_devices.push(SubDeviceEntry { name, kind: kind.clone(), piece, plug, place });
+        let socket = socket.clone().map(|path| match path {
+            Some(path) => path,
+            None => PathBuf::from(format!("{name}.pdi")),
+        });
+        sub_devices.push(SubDeviceEntry { name, kind: kind.clone(), piece, plug, socket, place });
     }
+}
+
+/// Whether its firmware is elsewhere, and where its socket is told.
+fn read_socket(entry: &mut TableReader, count: usize, document: &mut Document) -> Option<Option<PathBuf>> {
+    let path = entry.text("socket", document);
+    let (firmware, span) = match (entry.text("firmware", document), &path) {
+        (None, None) => return None,
+        (None, Some((_, span))) => {
+            document.problem(span.clone(), "\"socket\" is for firmware = \"socket\"".into());
+            return None;
+        }
+        (Some(firmware), _) => firmware,
+    };
+    if firmware != "socket" {
+        document.problem(span, format!("\"firmware\" must be \"socket\" or left out, found \"{firmware}\""));
+        return None;
+    }
+    if let (Some((_, span)), 2..) = (&path, count) {
+        document.problem(span.clone(), "several SubDevices can't share one socket: leave it out".into());
+    }
+    Some(path.map(|(path, _)| path.into()))
 }
 
 /// Evenly spread values from -1 to 1 in an order in which neighbours differ much.
@@ -205,7 +255,7 @@ fn spread_of(number: usize, count: usize) -> f64 {
     2.0 * place as f64 / (count - 1) as f64 - 1.0
 }
 
-const KINDS: [&str; 5] = ["sgdv", "servo", "coupler", "digital-io", "sii"];
+const KINDS: [&str; 6] = ["sgdv", "servo", "coupler", "digital-io", "sii", "esi"];
 
 fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String, Kind)> {
     let Some((name, span)) = entry.text("kind", document) else {
@@ -229,15 +279,18 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
             }
             Kind::DigitalIo(DigitalIo { inputs, outputs })
         }
-        "sii" => match entry.text("sii", document) {
-            Some((path, _)) => Kind::Sii(path.into()),
-            None => {
-                if !entry.has("sii") {
-                    document.problem(span, "the key \"sii\" is missing: the file with the image".into());
-                }
-                return None;
-            }
-        },
+        "sii" => Kind::Sii(need(("sii", "the file with the image"), span, entry, document)?.into()),
+        "esi" => {
+            let file = need(("esi", "the maker's file"), span.clone(), entry, document);
+            let device = need(("device", "which device of the file"), span, entry, document);
+            let mut texts = |key| -> Vec<String> {
+                let texts = entry.texts(key, document).unwrap_or_default();
+                texts.into_iter().map(|(text, _)| text).collect()
+            };
+            let (modules, files) = (texts("modules"), texts("module_files"));
+            let module_files = files.into_iter().map(PathBuf::from).collect();
+            Kind::Esi(EsiDevice { file: file?.into(), device: device?, modules, module_files })
+        }
         _ => {
             let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));
             document.problem(span, format!("{text}; there are {}", KINDS.join(", ")));
@@ -246,6 +299,20 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
         }
     };
     Some((name, kind))
+}
+
+/// A text that must be there; what is missing is noted.
+fn need(
+    (key, what): (&'static str, &str),
+    place: core::ops::Range<usize>,
+    entry: &mut TableReader,
+    document: &mut Document,
+) -> Option<String> {
+    let text = entry.text(key, document);
+    if text.is_none() && !entry.has(key) {
+        document.problem(place, format!("the key \"{key}\" is missing: {what}"));
+    }
+    text.map(|(text, _)| text)
 }
 
 /// ": did you mean ...?" where something near is known.

@@ -24,6 +24,9 @@ pub struct Served {
     pub answered: u64,
     /// Foreign frames, and own ones that came back.
     pub ignored: u64,
+    /// The most by which the segment's time was behind the clock while nothing waited: what its own events, and foreign firmware,
+    /// took, ns.
+    pub longest_behind_ns: u64,
     /// The longest time that a frame waited for this program, ns; 0 where the link doesn't know its arrivals.
     pub longest_wait_ns: u64,
 }
@@ -93,7 +96,10 @@ fn run(
         }
         let arrived = ports.iter().enumerate().filter_map(|(at, port)| Some((port.arrived?.arrival, at)));
         let Some((_, at)) = arrived.min() else {
-            let wait = match service.advance(now) {
+            let advanced = service.advance(now);
+            let behind_ns = (clock.now() - now).as_nanos() as u64;
+            service.served.longest_behind_ns = service.served.longest_behind_ns.max(behind_ns);
+            let wait = match advanced {
                 ControlFlow::Continue(()) => service.wait(now),
                 ControlFlow::Break(()) => return Ok(service.served),
             };

@@ -6,7 +6,7 @@
 //!
 //! - [`frame`]: Ethernet frames and the datagrams in them; [`Command`], [`Address`].
 //! - [`register`]: the ESC register map; [`al`]: application layer states and status codes.
-//! - [`sii`]: the device's EEPROM image; [`mailbox`] and [`coe`]: acyclic data.
+//! - [`sii`]: the device's EEPROM image; [`mailbox`], [`coe`] and [`foe`]: acyclic data.
 //! - [`link`]: the two functions through which frames leave and arrive; [`time`]: instants that don't mix.
 //!
 //! No operating system and no logic of a protocol partner is in here. Layouts are checked once, when bytes
@@ -19,6 +19,7 @@ pub mod al;
 pub mod bytes;
 pub mod coe;
 pub mod command;
+pub mod foe;
 pub mod frame;
 pub mod link;
 pub mod mailbox;

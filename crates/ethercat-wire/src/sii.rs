@@ -66,8 +66,15 @@ pub const FLAG_MAILBOX_DLL: u8 = 1 << 2;
 /// [`General::flags`]: identification by AL status code.
 pub const FLAG_IDENT_AL_STATUS: u8 = 1 << 3;
 
+/// [`General::flags`]: identification at [`General::identification_address`].
+pub const FLAG_IDENT_MEMORY: u8 = 1 << 4;
+
 /// [`SyncManager::enable`]: the SyncManager is to be enabled.
 pub const SM_ENABLE: u8 = 1 << 0;
+/// [`SyncManager::enable`]: there is no such SyncManager; its area is reached by FMMUs alone.
+pub const SM_VIRTUAL: u8 = 1 << 2;
+/// [`SyncManager::enable`]: it is enabled on the way from SAFE-OP to OP.
+pub const SM_OP_ONLY: u8 = 1 << 3;
 
 /// Who made the device, which one, which revision, which piece.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -38,6 +38,12 @@ pub trait Clock {
     fn now(&self) -> HostTime;
     /// Returns at `instant` or later; at once where it has passed.
     fn sleep_until(&mut self, instant: HostTime);
+
+    /// What has to be added to this clock's times to get ns since 2000-01-01 0:00 UTC, as distributed clocks count;
+    /// `None` where the date isn't known.
+    fn since_2000_ns(&self) -> Option<u64> {
+        None
+    }
 }
 
 impl<C: Clock + ?Sized> Clock for alloc::boxed::Box<C> {
@@ -46,5 +52,8 @@ impl<C: Clock + ?Sized> Clock for alloc::boxed::Box<C> {
     }
     fn sleep_until(&mut self, instant: HostTime) {
         (**self).sleep_until(instant);
+    }
+    fn since_2000_ns(&self) -> Option<u64> {
+        (**self).since_2000_ns()
     }
 }

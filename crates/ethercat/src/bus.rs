@@ -61,6 +61,20 @@ pub enum Warning {
         /// Why.
         cause: String,
     },
+    /// Nobody names a PDO of a SyncManager, but its SII names a length.
+    NoPdos {
+        /// The SubDevice.
+        position: u16,
+        /// The SyncManager.
+        sync_manager: u8,
+        /// The length that the SII names, bytes.
+        bytes: u16,
+    },
+    /// An identification was promised by the SII, but the SubDevice doesn't tell it.
+    NoIdentification {
+        /// The SubDevice.
+        position: u16,
+    },
     /// The EEPROM could be read but not all of it makes sense.
     Eeprom {
         /// The SubDevice.
@@ -74,15 +88,32 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Warning::DuplicateAlias { alias, positions } => {
-                write!(f, "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it")
+                write!(
+                    f,
+                    "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it; give all but one another \
+                     (`omnibase eeprom alias`)"
+                )
             }
             Warning::EntersAtPort { position, port } => {
-                write!(f, "frames enter SubDevice {position} at port {port}, not 0: are its cables swapped?")
+                write!(
+                    f,
+                    "frames enter SubDevice {position} at port {port}, not 0: its cables are swapped (IN and OUT), so that the order of \
+                     positions isn't that of the cables; plug the cable from the MainDevice into IN"
+                )
             }
             Warning::NoEeprom(error) => write!(f, "{error}; it is taken as a device without identity"),
             Warning::ErasedEeprom { position } => write!(
                 f,
                 "SubDevice {position}: the EEPROM is erased; it is taken as a device without identity"
+            ),
+            Warning::NoPdos { position, sync_manager, bytes } => write!(
+                f,
+                "SubDevice {position}: no PDO is named for SyncManager {sync_manager}, neither by its SII nor by CoE, yet \
+                 the SII says {bytes} bytes there: these are cycled without a meaning; name the PDOs in its table"
+            ),
+            Warning::NoIdentification { position } => write!(
+                f,
+                "SubDevice {position}: its SII promises an identification in AL status code (0x0134), but none came"
             ),
             Warning::LeftOut { position, cause } => {
                 write!(f, "SubDevice {position} is broken and left out: {cause}")
@@ -113,6 +144,8 @@ pub struct Bus<L, C> {
     pub(crate) unusable: Unusable,
     /// Mailboxes by position; `None` where a SubDevice has none, or none yet.
     pub(crate) mailboxes: Vec<Option<Mailbox>>,
+    /// How long a frame takes there and back, as the clocks measured it.
+    pub(crate) propagation: Option<core::time::Duration>,
 }
 
 impl<L: Link, C: Clock> Bus<L, C> {
@@ -126,6 +159,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             warnings: Vec::new(),
             unusable: Unusable::IsError,
             mailboxes: Vec::new(),
+            propagation: None,
         }
     }
 
@@ -137,6 +171,12 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// What a person should know, as found so far.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
+    }
+
+    /// How long a frame takes through all cables and chips, there and back, as the distributed clocks measured it when
+    /// the segment was configured; `None` where there are none.
+    pub fn propagation(&self) -> Option<core::time::Duration> {
+        self.propagation
     }
 
     /// The exchange below: counters, link and clock.

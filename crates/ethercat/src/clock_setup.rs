@@ -4,6 +4,7 @@
 //! differences of times of one and the same clock follow the delays (ETG.1000.4, "Distributed clocks").
 
 use alloc::vec::Vec;
+use core::time::Duration;
 
 use crate::bus::Bus;
 use crate::error::{DcError, SetUpError};
@@ -117,6 +118,14 @@ fn clock_above(segment: &[Latched], mut number: usize) -> Option<(usize, u8)> {
     None
 }
 
+/// Time of a frame in all branches that hang at clocks without another one above: all of the segment but the cable to
+/// its first clock, and what is before that.
+fn propagation(segment: &[Latched]) -> Duration {
+    let topmost = (0..segment.len()).filter(|number| clock_above(segment, *number).is_none());
+    let inside = topmost.filter_map(|number| Some(segment[number].inside(segment[number].times_ns?)));
+    Duration::from_nanos(inside.map(u64::from).sum())
+}
+
 /// The steps that set one SubDevice's clock again after it lost power.
 pub fn steps(clock: &DcClock) -> Vec<StartUpStep> {
     let registers = |what, register, data: &[u8]| StartUpStep::Registers {
@@ -174,11 +183,14 @@ impl<L: Link, C: Clock> Bus<L, C> {
             segment[number].times_ns = Some(times);
         }
         let delays = delays(&segment)?;
+        self.propagation = Some(propagation(&segment));
+        // Where the host knows the date, the segment's time is that of the standard: ns since 2000.
+        let epoch_ns = self.transactor.clock.since_2000_ns().unwrap_or(0);
         let mut writes = Vec::with_capacity(3 * with_clock.len());
         for (&number, reads) in with_clock.iter().zip(reads.chunks_exact(2)) {
             let subdevice = &mut self.subdevices[number];
             let delay_ns = delays[number].unwrap_or(0);
-            let common = now.0.wrapping_add(u64::from(delay_ns));
+            let common = now.0.wrapping_add(epoch_ns).wrapping_add(u64::from(delay_ns));
             let local = u64_at(&reads[1].data, 0);
             let width = subdevice.dc.map_or(DcWidth::Bits64, |clock| clock.width);
             let offset_ns = match width {

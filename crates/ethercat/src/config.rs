@@ -15,6 +15,8 @@ pub enum Match {
     Position(u16),
     /// The one with this alias.
     Alias(u16),
+    /// The one with this explicit device identification.
+    Identification(u16),
 }
 
 /// Who must be there. What is `None` isn't compared.
@@ -98,6 +100,17 @@ pub struct WatchdogConfig {
     pub process_data: Option<u16>,
 }
 
+/// Whether a SubDevice has to be there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Presence {
+    /// It has.
+    #[default]
+    Required,
+    /// It is there with all others of this hot-connect group, or none of them is. Who may be absent is known by alias or
+    /// identification, and so is everyone behind the group's place, for positions shift.
+    Group(Arc<str>),
+}
+
 /// Everything that the user asks of one SubDevice.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SubDeviceConfig {
@@ -107,6 +120,8 @@ pub struct SubDeviceConfig {
     pub place: Option<Match>,
     /// Who must be there.
     pub identity: ExpectedIdentity,
+    /// Whether it has to be there.
+    pub presence: Presence,
     /// SDOs sent in PRE-OP before the mapping, in order.
     pub sdos: Vec<SdoWrite>,
     /// PDO map; empty keeps what the device has.

@@ -3,19 +3,19 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use crate::bus::{Bus, Unusable};
+use crate::bus::{Bus, Unusable, Warning};
 use crate::clock_setup;
-use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, SubDeviceConfig};
+use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, Presence, SubDeviceConfig};
 use crate::error::{Mismatch, SetUpError};
 use crate::fmmu;
-use crate::image::{ClockUse, ImagePlan, Member};
+use crate::image::{ClockUse, CycleFit, ImagePlan, Member, PlanError};
 use crate::mailbox::{Mailbox, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
-use crate::subdevice::SubDevice;
-use crate::sync_manager;
+use crate::subdevice::{Activation, SubDevice, SyncManager};
+use crate::sync_manager::{self, ACTIVATE};
 use crate::watchdog;
 use crate::wire::sii::{self, Identity, SyncManagerUsage};
 use crate::wire::{AlState, Clock, Link, register};
@@ -28,11 +28,66 @@ fn is_expected(expected: &ExpectedIdentity, found: &Identity) -> bool {
         && same(expected.serial, found.serial)
 }
 
+/// Whether the SubDevice that a configuration is for is there, as far as it is known by a name of its own.
+fn is_there(subdevices: &[SubDevice], config: &SubDeviceConfig) -> bool {
+    match config.place {
+        Some(Match::Alias(alias)) => subdevices.iter().any(|one| one.alias == Some(alias)),
+        Some(Match::Identification(number)) => {
+            subdevices.iter().any(|one| one.identification == Some(number))
+        }
+        Some(Match::Position(position)) => usize::from(position) < subdevices.len(),
+        None => true,
+    }
+}
+
+/// The configurations of those who have to be there, and of the hot-connect groups that are; a group is there as a whole.
+fn present<'a>(
+    subdevices: &[SubDevice],
+    configs: &'a [SubDeviceConfig],
+) -> Result<Vec<&'a SubDeviceConfig>, Mismatch> {
+    let mut present = Vec::with_capacity(configs.len());
+    for config in configs {
+        let Presence::Group(group) = &config.presence else {
+            present.push(config);
+            continue;
+        };
+        let members = || configs.iter().filter(|other| other.presence == config.presence);
+        let there = members().filter(|other| is_there(subdevices, other)).count();
+        if there == 0 {
+            continue;
+        }
+        if let Some(missing) = members().find(|other| !is_there(subdevices, other)) {
+            let words = missing
+                .name
+                .clone()
+                .map_or_else(|| alloc::format!("{:?}", missing.place), |name| alloc::format!("`{name}`"));
+            return Err(Mismatch::PartOfGroup {
+                group: String::from(&**group),
+                present: members().filter_map(|one| position_of(subdevices, one)).collect(),
+                missing: words,
+            });
+        }
+        present.push(config);
+    }
+    Ok(present)
+}
+
+/// Where the SubDevice of a configuration is, where that is known by a name of its own.
+fn position_of(subdevices: &[SubDevice], config: &SubDeviceConfig) -> Option<u16> {
+    let is_it = |one: &&SubDevice| match config.place {
+        Some(Match::Alias(alias)) => one.alias == Some(alias),
+        Some(Match::Identification(number)) => one.identification == Some(number),
+        Some(Match::Position(position)) => one.position == position,
+        None => false,
+    };
+    subdevices.iter().find(is_it).map(|one| one.position)
+}
+
 /// The position of the SubDevice that each configuration is for.
-fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<Vec<u16>, Mismatch> {
+fn find_places(subdevices: &[SubDevice], configs: &[&SubDeviceConfig]) -> Result<Vec<u16>, Mismatch> {
     let count = subdevices.len();
     let mut places = Vec::with_capacity(configs.len());
-    for (number, config) in (0u16..).zip(configs) {
+    for (number, config) in (0u16..).zip(configs.iter().copied()) {
         let position = match config.place {
             Some(Match::Alias(alias)) => {
                 let having = subdevices.iter().filter(|one| one.alias == Some(alias));
@@ -41,6 +96,17 @@ fn find_places(subdevices: &[SubDevice], configs: &[SubDeviceConfig]) -> Result<
                     [] => return Err(Mismatch::NoSuchAlias { alias, name: config.name.clone() }),
                     [position] => position,
                     _ => return Err(Mismatch::AmbiguousAlias { alias, positions }),
+                }
+            }
+            Some(Match::Identification(identification)) => {
+                let having = subdevices.iter().filter(|one| one.identification == Some(identification));
+                let positions: Vec<u16> = having.map(|one| one.position).collect();
+                match positions[..] {
+                    [position] => position,
+                    _ => {
+                        let name = config.name.clone();
+                        return Err(Mismatch::Identification { identification, positions, name });
+                    }
                 }
             }
             Some(Match::Position(position)) => position,
@@ -130,12 +196,8 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
         }
     }
     if subdevice.mailbox.is_some() {
-        let mailboxes: Vec<u8> = subdevice
-            .sync_managers
-            .iter()
-            .take(2)
-            .flat_map(crate::subdevice::SyncManager::registers)
-            .collect();
+        let mailboxes: Vec<u8> =
+            subdevice.sync_managers.iter().take(2).flat_map(SyncManager::registers).collect();
         steps.push(registers("the mailboxes", register::SM, &mailboxes));
     }
     steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
@@ -153,7 +215,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
         if !configs.is_empty() {
-            let places = find_places(&self.subdevices, configs)?;
+            let configs = present(&self.subdevices, configs)?;
+            let places = find_places(&self.subdevices, &configs)?;
             for (position, config) in places.into_iter().zip(configs) {
                 let subdevice = &mut self.subdevices[usize::from(position)];
                 subdevice.config = config.clone();
@@ -164,6 +227,16 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
         }
         self.set_up(Unusable::IsError)
+    }
+
+    /// Which cycle the segment's frames fit into, behind [`Bus::configure`].
+    pub fn cycle_fit(&self) -> Result<CycleFit, PlanError> {
+        let members: Vec<Member> = self.subdevices.iter().map(Member::from).collect();
+        let clock = match clock_setup::reference_clock(&self.subdevices) {
+            Some(one) => ClockUse::Distribute { reference: one.position },
+            None => ClockUse::None,
+        };
+        Ok(ImagePlan::new(&members, clock)?.fit(members.len(), self.propagation))
     }
 
     /// As [`Bus::configure`] without any configuration, for those who don't need everybody: a SubDevice that can't be
@@ -288,10 +361,28 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
+        self.take_listed_lengths();
         let check =
             |one: &SubDevice| mapping::check_sizes(one.position, &one.config, &one.sync_managers).err();
         let unusable: Vec<_> = self.subdevices.iter().filter_map(check).collect();
         unusable.into_iter().try_for_each(|error| self.without(error))
+    }
+
+    /// SyncManagers for which nobody names a PDO, but whose SII names a length: the device expects that length.
+    fn take_listed_lengths(&mut self) {
+        for subdevice in self.subdevices.iter_mut().filter(|one| one.broken.is_none()) {
+            for manager in subdevice.sync_managers.iter_mut().filter(|one| one.direction().is_some()) {
+                let listed = subdevice.sii.sync_managers.get(usize::from(manager.index));
+                let bytes = listed.filter(|one| one.enable & sii::SM_ENABLE != 0).map_or(0, |one| one.length);
+                let is_asked = subdevice.config.pdos.iter().any(|asked| asked.sync_manager == manager.index);
+                if bytes == 0 || !manager.pdos.is_empty() || is_asked {
+                    continue;
+                }
+                sync_manager::map(manager, Vec::from([sync_manager::gaps(bytes)]));
+                let (position, sync_manager) = (subdevice.position, manager.index);
+                self.warnings.push(Warning::NoPdos { position, sync_manager, bytes });
+            }
+        }
     }
 
     /// The process image, and the FMMUs that follow from it.
@@ -316,7 +407,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             for manager in &subdevice.sync_managers {
                 let is_mailbox =
                     matches!(manager.usage, SyncManagerUsage::MailboxOut | SyncManagerUsage::MailboxIn);
-                if !is_mailbox && manager.enabled {
+                if !is_mailbox && manager.area.length > 0 && manager.activation != Activation::Never {
                     let register = register::SM + register::SM_SIZE * u16::from(manager.index);
                     steps.push(registers("a SyncManager", register, &manager.registers()));
                 }
@@ -338,9 +429,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
             if subdevice.config.dc != DcConfig::Off {
                 steps.push(StartUpStep::ArmSync);
             }
-            for state in [AlState::SafeOp, AlState::Op] {
-                steps.push(StartUpStep::State { state, timeout: timeouts.of(state) });
+            let state = |state| StartUpStep::State { state, timeout: timeouts.of(state) };
+            steps.push(state(AlState::SafeOp));
+            for index in subdevice.sync_managers.iter().filter_map(SyncManager::op_only) {
+                let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;
+                steps.push(registers("switching a SyncManager on", register, &[1]));
             }
+            steps.push(state(AlState::Op));
         }
         Ok(())
     }

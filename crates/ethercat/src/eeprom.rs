@@ -1,4 +1,6 @@
-//! Reading SubDevices' EEPROM (the SII) through registers 0x0502 to 0x050F.
+//! SubDevices' EEPROM (the SII) through registers 0x0502 to 0x050F: reading, and writing word by word.
+
+mod write;
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -11,6 +13,8 @@ use crate::wire::HostTime;
 use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
 use crate::wire::register;
 use crate::wire::sii;
+
+pub use write::{EepromWriteError, SiiWriter, WordWrite, plan, with_checksum};
 
 /// The most that is ever read: the address space of the largest EEPROM that devices have.
 pub const MAX_BYTES: usize = 64 * 1024;
@@ -45,6 +49,8 @@ pub enum SiiExtent {
     Needed,
     /// Every byte of the announced size, 64 KiB at most.
     Whole,
+    /// The first so many bytes, whatever is announced.
+    First(usize),
 }
 
 /// Why an EEPROM could not be read.
@@ -70,18 +76,34 @@ pub enum EepromFailure {
         /// Register 0x0502.
         status: u16,
     },
+    /// What stands there isn't what was written.
+    Differs {
+        /// Written.
+        written: u16,
+        /// Read back.
+        found: u16,
+    },
 }
 
-impl fmt::Display for EepromError {
+impl fmt::Display for EepromFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "SubDevice {}: reading EEPROM word 0x{:04x}: ", self.position, self.word)?;
-        match self.cause {
+        match self {
             EepromFailure::NoAnswer(found) => write!(f, "{}", found.against(1)),
             EepromFailure::Busy(limit) => write!(f, "the interface stayed busy for {limit:?}"),
             EepromFailure::NotAcknowledged { status } => {
                 write!(f, "the EEPROM did not acknowledge (register 0x0502 is 0x{status:04x})")
             }
+            EepromFailure::Differs { written, found } => {
+                write!(f, "0x{written:04x} was written, 0x{found:04x} read back")
+            }
         }
+    }
+}
+
+impl fmt::Display for EepromError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let EepromError { position, word, cause } = self;
+        write!(f, "SubDevice {position}: reading EEPROM word 0x{word:04x}: {cause}")
     }
 }
 
@@ -175,6 +197,7 @@ impl SiiReader {
             SiiExtent::Fixed => sii::HEADER,
             SiiExtent::Needed => announced.clamp(LEAST_LIMIT, MAX_BYTES),
             SiiExtent::Whole => announced.clamp(sii::HEADER, MAX_BYTES),
+            SiiExtent::First(length) => length.clamp(sii::HEADER, MAX_BYTES),
         }
     }
 
@@ -219,7 +242,7 @@ impl SiiReader {
     fn begin_part(&mut self) {
         let limit = self.limit();
         self.part = match (self.part, self.extent) {
-            (Part::Header, SiiExtent::Whole) => Part::Rest { end: limit },
+            (Part::Header, SiiExtent::Whole | SiiExtent::First(_)) => Part::Rest { end: limit },
             (Part::Rest { .. }, _) | (Part::Header, SiiExtent::Fixed) => {
                 self.outcome = Some(Ok(()));
                 return;

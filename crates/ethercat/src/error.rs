@@ -3,7 +3,7 @@
 use alloc::string::String;
 use core::fmt;
 
-use crate::eeprom::EepromError;
+use crate::eeprom::{EepromError, EepromWriteError};
 use crate::fmmu::FmmuError;
 use crate::image::PlanError;
 use crate::mailbox::{MailboxError, Operation, UnusableMailbox};
@@ -162,6 +162,34 @@ pub enum SetUpError {
     /// An EEPROM could not be read.
     #[error(transparent)]
     Eeprom(#[from] EepromError),
+    /// An EEPROM could not be written.
+    #[error(transparent)]
+    EepromWrite(#[from] EepromWriteError),
+    /// An EEPROM that was written whole reads otherwise.
+    #[error(
+        "SubDevice {position}: EEPROM word 0x{word:04x} reads 0x{found:04x} after all was written, 0x{expected:04x} was \
+         expected: write it again, or the backup"
+    )]
+    EepromDiffers {
+        /// The SubDevice.
+        position: u16,
+        /// The first word that differs.
+        word: u32,
+        /// Written.
+        expected: u16,
+        /// Read back.
+        found: u16,
+    },
+    /// A SubDevice takes no files in this state.
+    #[error("SubDevice {position} takes no files in {state}: {lacks}")]
+    NoFiles {
+        /// The SubDevice.
+        position: u16,
+        /// BOOT or PRE-OP.
+        state: crate::wire::AlState,
+        /// What its SII doesn't have.
+        lacks: &'static str,
+    },
     /// An EEPROM's content makes no sense at all.
     #[error("SubDevice {position}: {cause}")]
     Sii {

@@ -49,6 +49,11 @@ impl fmt::Display for Unexpected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.found {
             Found::Nothing => write!(f, "{}: it was lost on its way, nobody refused it", self.found),
+            Found::WorkingCounter(found) if self.expected == 1 && found > 1 => write!(
+                f,
+                "working counter {found} where 1 was expected: {found} SubDevices answer at one address, so neither can be believed; \
+                 take one of them off, or switch all off and on"
+            ),
             found => write!(f, "{found} where working counter {} was expected", self.expected),
         }
     }

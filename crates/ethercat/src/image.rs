@@ -6,6 +6,7 @@
 //!
 //! A SyncManager's data are never torn over two datagrams unless they are longer than one can carry.
 
+mod fit;
 mod frames;
 mod member;
 #[cfg(test)]
@@ -19,6 +20,7 @@ use crate::config::LrwPermission;
 use crate::process_data::{Direction, LogicalBits};
 use crate::subdevice::SubDevice;
 
+pub use fit::CycleFit;
 pub use frames::{DatagramPlan, FramePlan, Role, Touch};
 pub(crate) use frames::{FEWEST_DATAGRAMS, FILLER_LENGTH};
 pub use member::{Area, Member, Packing};

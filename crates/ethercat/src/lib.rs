@@ -9,6 +9,9 @@
 //!   asked, [`clock_setup`] makes the clocks run together.
 //! - [`transaction`]: datagrams in frames, matched, repeated, their working counters checked.
 //! - [`eeprom`], [`topology`], [`state`], [`sync_manager`], [`mapping`], [`fmmu`], [`watchdog`]: one matter each.
+//! - [`trouble`]: what usually goes wrong with cables, power and order, and what to do.
+//! - [`modules`]: what is plugged into a modular device, against what it is configured for.
+//! - [`field`]: what is done to a SubDevice where it stands: its EEPROM written, files read and written (FoE).
 //! - [`start_up`]: everything that takes one SubDevice from INIT to OP, as data that can be replayed.
 //! - [`subdevice`]: what is known about a SubDevice; [`config`]: what the user asks of it; [`error`].
 //!
@@ -35,12 +38,15 @@ pub mod configure;
 pub mod cyclic;
 pub mod eeprom;
 pub mod error;
+pub mod field;
 pub mod fmmu;
 mod found;
+mod identification;
 pub mod image;
 pub mod mailbox;
 pub mod mapping;
 pub mod mismatch;
+pub mod modules;
 pub mod paced;
 pub mod procedure;
 mod process_data;
@@ -52,12 +58,13 @@ pub mod subdevice;
 pub mod sync_manager;
 pub mod topology;
 pub mod transaction;
+pub mod trouble;
 pub mod watchdog;
 
 pub use omnibase_ethercat_wire as wire;
 
 pub use bus::{Bus, BusOptions, Warning};
-pub use config::{DcConfig, Match, SubDeviceConfig};
+pub use config::{DcConfig, Match, Presence, SubDeviceConfig};
 pub use cyclic::{CyclicBus, CyclicParts, Exchange};
 pub use error::SetUpError;
 pub use image::{ImagePlan, Member, ProcessImage};

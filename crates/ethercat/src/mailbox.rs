@@ -8,6 +8,7 @@
 //! SubDevice's message counter serves for one thing only: to recognise an answer that was asked for twice.
 
 mod emergency;
+mod file;
 mod info;
 mod receive;
 mod request;
@@ -29,6 +30,7 @@ use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
 
 pub use emergency::{EmergencyRing, ReceivedEmergency};
+pub use file::{FileAccess, ShortText};
 pub use info::{EntryDescription, ObjectDescription, list_indices};
 pub use request::{
     Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
@@ -54,6 +56,8 @@ const REPEAT: u8 = 1 << 1;
 const SHORTEST: usize = mailbox::HEADER + coe::HEADER + coe::SDO_HEADER;
 /// Pause between two looks at a mailbox that had nothing.
 const POLL_INTERVAL: Duration = Duration::from_micros(100);
+/// Pause before a message is sent again to a SubDevice that said that it is busy.
+const BUSY_PAUSE: Duration = Duration::from_millis(10);
 /// How long a SubDevice gets to give a lost message again, and to take an abort.
 const COURTESY: Duration = Duration::from_millis(100);
 
@@ -187,7 +191,7 @@ impl Mailbox {
         if self.is_busy() {
             return Err(request);
         }
-        let download = matches!(request.operation, Operation::Download { .. });
+        let download = request.operation.is_write();
         if download && u32::try_from(request.data.len()).is_err() {
             let error = MailboxError::DataTooLong { found: request.data.len() };
             self.task = Task::Over(Completion { request, result: Err(error) });
@@ -196,7 +200,8 @@ impl Mailbox {
         if !download {
             request.data.clear();
         }
-        let transfer = Transfer::new(request.operation);
+        let longest_answer = usize::from(self.config.read.length) - mailbox::HEADER;
+        let transfer = Transfer::new(request.operation, longest_answer);
         self.task = Task::Run { request, transfer, deadline: now };
         self.send_next(now);
         Ok(())
@@ -213,6 +218,14 @@ impl Mailbox {
     pub fn reset(&mut self) {
         (self.counter, self.last_received) = (0, 0);
         self.cancel();
+    }
+
+    /// How much of a file the request in hand has carried so far, bytes; `None` where it carries none.
+    pub fn file_bytes(&self) -> Option<usize> {
+        match &self.task {
+            Task::Run { request, transfer: Transfer::File(file), .. } => Some(file.bytes(request)),
+            _ => None,
+        }
     }
 
     /// Gives up the request in hand. The message counter goes on, for a SubDevice drops what it takes for a repeat.
@@ -244,9 +257,9 @@ impl Mailbox {
     }
 
     /// Puts the header before `length` bytes of service data and has the message sent.
-    fn post(&mut self, length: usize) {
+    fn post(&mut self, protocol: Protocol, length: usize) {
         self.counter = mailbox::next_counter(self.counter);
-        Header::new(Protocol::Coe, self.counter, length as u16).write(&mut self.message);
+        Header::new(protocol, self.counter, length as u16).write(&mut self.message);
         self.to_write = true;
         self.write_uncertain = false;
         self.stage = Stage::Look;
@@ -257,8 +270,9 @@ impl Mailbox {
         self.message.fill(0);
         let length = transfer.write(&mut self.message[mailbox::HEADER..], request);
         *deadline = now + request.timeout;
+        let protocol = transfer.protocol();
         self.next_look = now;
-        self.post(length);
+        self.post(protocol, length);
     }
 
     /// Ends the request in hand, telling the SubDevice where a code is given.
@@ -266,15 +280,17 @@ impl Mailbox {
         let Task::Run { request, transfer, .. } = core::mem::replace(&mut self.task, Task::None) else {
             return;
         };
-        match (code, transfer.object()) {
-            (Some(code), Some(object)) => {
-                self.message.fill(0);
-                let length = sdo::write_abort(&mut self.message[mailbox::HEADER..], object, code);
+        let told = code.and_then(|code| {
+            self.message.fill(0);
+            transfer.write_abort(&mut self.message[mailbox::HEADER..], code)
+        });
+        match told {
+            Some(length) => {
                 self.task = Task::Abort { request, error, deadline: now + COURTESY };
                 self.next_look = now;
-                self.post(length);
+                self.post(transfer.protocol(), length);
             }
-            _ => self.finish(request, Err(error)),
+            None => self.finish(request, Err(error)),
         }
     }
 
@@ -421,6 +437,10 @@ impl Mailbox {
         (self.to_write, self.write_uncertain) = (false, false);
         if matches!(self.task, Task::Abort { .. }) {
             self.end_abort();
+        } else if matches!(&self.task, Task::Run { transfer, .. } if transfer.ends_with_message()) {
+            if let Task::Run { request, .. } = core::mem::replace(&mut self.task, Task::None) {
+                self.finish(request, Ok(()));
+            }
         } else {
             self.stage = Stage::Poll;
         }

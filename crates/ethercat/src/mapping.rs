@@ -458,6 +458,7 @@ mod tests {
             area: MemoryArea { start: 0x1C00, length: 4 },
             control: 0x20,
             enabled: true,
+            activation: Default::default(),
             usage: SyncManagerUsage::Inputs,
             pdos: vec![pdo(0x1A00, 16), pdo(0x1A01, 8)],
             logical: None,

@@ -46,6 +46,15 @@ pub enum Mismatch {
         /// Who has it.
         positions: Vec<u16>,
     },
+    /// No SubDevice, or several, have this explicit device identification.
+    Identification {
+        /// The identification.
+        identification: u16,
+        /// Who has it.
+        positions: Vec<u16>,
+        /// The configuration's name.
+        name: Option<String>,
+    },
     /// There is no SubDevice at this position.
     NoSuchPosition {
         /// The position.
@@ -59,6 +68,15 @@ pub enum Mismatch {
     ConfiguredTwice {
         /// The SubDevice.
         position: u16,
+    },
+    /// Some of a hot-connect group are there, others aren't.
+    PartOfGroup {
+        /// The group.
+        group: String,
+        /// Positions of those that are there.
+        present: Vec<u16>,
+        /// The first that is missing, in words.
+        missing: String,
     },
     /// SYNC is asked of a SubDevice without a clock.
     NoClock {
@@ -106,12 +124,26 @@ impl fmt::Display for Mismatch {
             Mismatch::AmbiguousAlias { alias, positions } => {
                 write!(f, "alias 0x{alias:04x} is asked for, but SubDevices {positions:?} all have it")
             }
+            Mismatch::Identification { identification, positions, name } if positions.is_empty() => write!(
+                f,
+                "no SubDevice has identification {identification}{}: look at its switch, and at `omnibase scan`",
+                quoted(name)
+            ),
+            Mismatch::Identification { identification, positions, name } => write!(
+                f,
+                "identification {identification}{} is asked for, but SubDevices {positions:?} all have it",
+                quoted(name)
+            ),
             Mismatch::NoSuchPosition { position, count, name } => {
                 write!(f, "SubDevice {position}{} is configured, the segment has {count}", quoted(name))
             }
             Mismatch::ConfiguredTwice { position } => {
                 write!(f, "two configurations are for SubDevice {position}")
             }
+            Mismatch::PartOfGroup { group, present, missing } => write!(
+                f,
+                "hot-connect group `{group}`: SubDevices {present:?} of it are there, {missing} is not; connect all of it, or none"
+            ),
             Mismatch::NoClock { position, name } => {
                 write!(
                     f,

@@ -211,6 +211,11 @@ impl<L: Link, C: Clock> PacedBus<L, C> {
         &mut self.bus
     }
 
+    /// The cycle, and how long its frames are awaited.
+    pub fn pace(&self) -> (Duration, Duration) {
+        (self.cycle, self.timeout)
+    }
+
     /// The clock.
     pub fn clock(&self) -> &C {
         &self.clock

@@ -84,6 +84,18 @@ pub struct LogicalBits {
     pub bit_length: u32,
 }
 
+/// When a SyncManager is switched on (SII category 41, byte 6).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Activation {
+    /// Before SAFE-OP.
+    #[default]
+    SafeOp,
+    /// Between SAFE-OP and OP.
+    OpOnly,
+    /// Never: it is virtual, its area is reached by FMMUs alone.
+    Never,
+}
+
 /// A SyncManager as it is programmed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SyncManager {
@@ -93,8 +105,10 @@ pub struct SyncManager {
     pub area: MemoryArea,
     /// Control byte (0x0804 + 8n).
     pub control: u8,
-    /// Switched on.
+    /// Switched on before SAFE-OP.
     pub enabled: bool,
+    /// When it is switched on, where it carries anything.
+    pub activation: Activation,
     /// What it is for.
     pub usage: SyncManagerUsage,
     /// PDOs assigned to it, in order; empty for mailboxes.
@@ -112,6 +126,11 @@ impl SyncManager {
             SyncManagerUsage::Inputs => Some(Direction::Inputs),
             _ => None,
         }
+    }
+
+    /// Its index, where it carries something and is switched on between SAFE-OP and OP.
+    pub fn op_only(&self) -> Option<u8> {
+        (self.activation == Activation::OpOnly && self.area.length > 0).then_some(self.index)
     }
 
     /// Bits of process data mapped to it.

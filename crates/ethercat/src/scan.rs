@@ -85,6 +85,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 position: one.target.position,
                 station_address: one.target.station,
                 alias: one.alias,
+                identification: None,
                 identity: image.header.identity,
                 name: image.name().unwrap_or_default(),
                 esc: one.esc,
@@ -104,6 +105,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 broken,
             });
         }
+        self.read_identifications()?;
         self.warn_of_duplicate_aliases();
         Ok(())
     }
@@ -181,6 +183,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
             write("switching the alias off", register::DL_CONTROL_ALIAS, &[0], all),
             write("masking events", register::ECAT_EVENT_MASK, &[0, 0], all),
             write("clearing the error counters", register::RX_ERROR_COUNTERS, &[0; 8], all),
+            // Not every chip has these.
+            write("clearing the lost-link counters", register::LOST_LINK_COUNTERS, &[0; 4], Expect::Any),
         ])?;
         // Without the acknowledge bit, so that its echo in an emulated status is gone again.
         self.transactor.perform(&mut [write("asking for INIT", register::AL_CONTROL, &init, all)])?;

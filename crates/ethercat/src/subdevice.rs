@@ -12,7 +12,7 @@ use crate::wire::register;
 use crate::wire::sii::{self, Identity};
 
 pub use crate::process_data::{
-    Direction, LogicalBits, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager,
+    Activation, Direction, LogicalBits, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager,
 };
 
 /// What registers 0x0000 to 0x0009 say about the SubDevice controller.
@@ -146,6 +146,8 @@ pub struct SubDevice {
     pub station_address: u16,
     /// Alias (0x0012); 0 in the device is `None` here.
     pub alias: Option<u16>,
+    /// Its explicit device identification (a switch on the device), where it has one.
+    pub identification: Option<u16>,
     /// Vendor, product, revision, serial from the SII.
     pub identity: Identity,
     /// Name from the SII; empty where it has none.

@@ -3,7 +3,10 @@
 use alloc::vec::Vec;
 
 use crate::config::SubDeviceConfig;
-use crate::process_data::{Direction, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager};
+use crate::process_data::{
+    Activation, Direction, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager,
+};
+use crate::wire::coe::ObjectAddress;
 use crate::wire::sii::{self, Image, SyncManagerUsage};
 
 /// Control byte of the mailbox from the MainDevice: mailbox mode, written by the MainDevice, interrupts the
@@ -17,6 +20,8 @@ const OUTPUTS_CONTROL: u8 = 0x64;
 const INPUTS_CONTROL: u8 = 0x20;
 /// Mode and direction bits of the control byte.
 const MODE_AND_DIRECTION: u8 = 0x0F;
+/// Byte of a SyncManager's registers that switches it on.
+pub const ACTIVATE: u16 = 6;
 /// Object that assigns PDOs to SyncManager 0; the others follow.
 pub const ASSIGNMENT: u16 = 0x1C10;
 
@@ -44,6 +49,7 @@ pub fn from_sii(image: &Image, mailbox: Option<MailboxConfig>, count: u8) -> Vec
             area: MemoryArea { start: listed.start, length: 0 },
             control: control(listed.usage, listed.control),
             enabled: false,
+            activation: activation(listed.enable),
             usage: listed.usage,
             pdos: Vec::new(),
             logical: None,
@@ -62,6 +68,7 @@ pub fn from_sii(image: &Image, mailbox: Option<MailboxConfig>, count: u8) -> Vec
                 area,
                 control: listed.map_or(default_control, |listed| control(usage, listed.control)),
                 enabled: true,
+                activation: Activation::SafeOp,
                 usage,
                 pdos: Vec::new(),
                 logical: None,
@@ -79,6 +86,30 @@ pub fn from_sii(image: &Image, mailbox: Option<MailboxConfig>, count: u8) -> Vec
         }
     }
     managers
+}
+
+/// When a SyncManager with these flags is switched on.
+fn activation(flags: u8) -> Activation {
+    match (flags & sii::SM_VIRTUAL, flags & sii::SM_OP_ONLY) {
+        (0, 0) => Activation::SafeOp,
+        (0, _) => Activation::OpOnly,
+        _ => Activation::Never,
+    }
+}
+
+/// Process data of so many bytes without PDOs: gaps.
+pub fn gaps(bytes: u16) -> MappedPdo {
+    const LONGEST: u32 = 248;
+    let gap = |bits: u32| MappedObject {
+        object: ObjectAddress::new(0, 0),
+        bit_length: bits as u8,
+        data_type: None,
+        name: None,
+    };
+    let bits = u32::from(bytes) * 8;
+    let whole = (0..bits / LONGEST).map(|_| LONGEST);
+    let entries = whole.chain([bits % LONGEST]).filter(|bits| *bits > 0).map(gap);
+    MappedPdo { index: 0, name: None, entries: entries.collect() }
 }
 
 /// The listed control byte where its mode and direction fit the usage, else the usual one.
@@ -100,7 +131,7 @@ fn control(usage: SyncManagerUsage, listed: u8) -> u8 {
 pub fn map(manager: &mut SyncManager, pdos: Vec<MappedPdo>) {
     manager.pdos = pdos;
     manager.area.length = u16::try_from(manager.bit_length().div_ceil(8)).unwrap_or(u16::MAX);
-    manager.enabled = manager.area.length > 0;
+    manager.enabled = manager.area.length > 0 && manager.activation == Activation::SafeOp;
 }
 
 fn pdos_from_sii(image: &Image, direction: Direction, sync_manager: u8) -> Vec<MappedPdo> {

@@ -84,6 +84,74 @@ pub struct Innovation<const M: usize> {
     pub nis: f64,
 }
 
+/// How the error of a pose after a step depends on all errors before it.
+struct Carrying {
+    /// What an error of the step makes of the pose, and what one of the heading does.
+    turned: [[f64; 3]; 3],
+    swept: [f64; 3],
+    u: [f64; 3],
+    time_s: f64,
+}
+
+impl Carrying {
+    fn new(from: Pose2, to: Pose2, (step, time_s): (BodyStep, f64)) -> Carrying {
+        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
+        Carrying {
+            turned: [[cos, -sin, -0.5 * dy], [sin, cos, 0.5 * dx], [0.0, 0.0, 1.0]],
+            swept: [-dy, dx, 0.0],
+            u: [step.x_m, step.y_m, step.angle_rad],
+            time_s,
+        }
+    }
+
+    /// What is wrong with the step's component of such a number, from what is wrong with E and slip.
+    fn wrong(&self, p: impl Fn(usize) -> f64, i: usize) -> f64 {
+        let u = &self.u;
+        u[0] * p(GEOMETRY + 3 * i) + u[1] * p(GEOMETRY + 3 * i + 1) + u[2] * p(GEOMETRY + 3 * i + 2)
+            - self.time_s * p(SLIP + i)
+    }
+
+    /// Covariance of the pose after the step with the first `N` numbers before it.
+    fn rows<const N: usize>(&self, p: &[[f64; STATES]; STATES]) -> [[f64; N]; 3] {
+        let mut steps = [[0.0; N]; 3];
+        for (i, step) in steps.iter_mut().enumerate() {
+            for (column, value) in step.iter_mut().enumerate() {
+                *value = self.wrong(|place| p[place][column], i);
+            }
+        }
+        let (turned, swept) = (&self.turned, &self.swept);
+        let mut rows = [[0.0; N]; 3];
+        for (r, row) in rows.iter_mut().enumerate() {
+            for (column, value) in row.iter_mut().enumerate() {
+                *value = p[r][column]
+                    + swept[r] * p[2][column]
+                    + turned[r][0] * steps[0][column]
+                    + turned[r][1] * steps[1][column]
+                    + turned[r][2] * steps[2][column];
+            }
+        }
+        rows
+    }
+
+    /// The covariance of the pose after the step.
+    fn block<const N: usize>(&self, rows: &[[f64; N]; 3]) -> [[f64; 3]; 3] {
+        let (turned, swept) = (&self.turned, &self.swept);
+        let mut block = [[0.0; 3]; 3];
+        for (row, values) in rows.iter().zip(&mut block) {
+            let wrong = [0, 1, 2].map(|i| self.wrong(|place| row[place], i));
+            for (q, value) in values.iter_mut().enumerate() {
+                *value = row[q]
+                    + swept[q] * row[2]
+                    + turned[q][0] * wrong[0]
+                    + turned[q][1] * wrong[1]
+                    + turned[q][2] * wrong[2];
+            }
+        }
+        std::array::from_fn(|r| std::array::from_fn(|q| 0.5 * (block[r][q] + block[q][r])))
+    }
+}
+
 impl Belief {
     /// At a pose, with variances of all errors in their order and the covariance of E.
     pub fn new(map_from_body: Pose2, geometry: &SMatrix<f64, 9, 9>) -> Belief {
@@ -99,6 +167,11 @@ impl Belief {
     /// An error, by its place.
     pub(crate) fn error(&self, place: usize) -> f64 {
         self.errors[place - 3]
+    }
+
+    /// A variance is at least so great.
+    pub(crate) fn widen_to(&mut self, place: usize, variance: f64) {
+        self.covariance[place][place] = self.covariance[place][place].max(variance);
     }
 
     /// Adds to the variance of a place.
@@ -140,58 +213,29 @@ impl Belief {
     /// Gives the step as it is believed.
     pub fn advance(&mut self, step: BodyStep, time_s: f64, slip_sigma: [f64; 3]) -> BodyStep {
         let truly = self.corrected(step, time_s);
-        let from = self.map_from_body;
-        let to = from.moved_by(truly);
-        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
-        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
-        // What an error of the step makes of the pose, and what one of the heading does.
-        let turned = [[cos, -sin, -0.5 * dy], [sin, cos, 0.5 * dx], [0.0, 0.0, 1.0]];
-        let swept = [-dy, dx, 0.0];
-        let u = [step.x_m, step.y_m, step.angle_rad];
-        let wrong = |p: &dyn Fn(usize) -> f64, i: usize| {
-            u[0] * p(GEOMETRY + 3 * i) + u[1] * p(GEOMETRY + 3 * i + 1) + u[2] * p(GEOMETRY + 3 * i + 2)
-                - time_s * p(SLIP + i)
-        };
+        let to = self.map_from_body.moved_by(truly);
+        let carrying = Carrying::new(self.map_from_body, to, (step, time_s));
+        let rows = carrying.rows::<STATES>(&self.covariance);
+        let block = carrying.block(&rows);
         let p = &mut self.covariance;
-        let mut steps = [[0.0; STATES]; 3];
-        for (i, step) in steps.iter_mut().enumerate() {
-            for (column, value) in step.iter_mut().enumerate() {
-                *value = wrong(&|place| p[place][column], i);
-            }
-        }
-        let mut rows = [[0.0; STATES]; 3];
-        for (r, row) in rows.iter_mut().enumerate() {
-            for (column, value) in row.iter_mut().enumerate() {
-                *value = p[r][column]
-                    + swept[r] * p[2][column]
-                    + turned[r][0] * steps[0][column]
-                    + turned[r][1] * steps[1][column]
-                    + turned[r][2] * steps[2][column];
-            }
-        }
-        let mut block = [[0.0; 3]; 3];
-        for (row, values) in rows.iter().zip(&mut block) {
-            let wrong = [0, 1, 2].map(|i| wrong(&|place| row[place], i));
-            for (q, value) in values.iter_mut().enumerate() {
-                *value = row[q]
-                    + swept[q] * row[2]
-                    + turned[q][0] * wrong[0]
-                    + turned[q][1] * wrong[1]
-                    + turned[q][2] * wrong[2];
-            }
-        }
         for r in 0..3 {
             for column in 3..STATES {
                 p[r][column] = rows[r][column];
                 p[column][r] = rows[r][column];
             }
-            for q in 0..3 {
-                p[r][q] = 0.5 * (block[r][q] + block[q][r]);
-            }
+            p[r][..3].copy_from_slice(&block[r]);
         }
         self.forget_slip(time_s, slip_sigma);
         self.map_from_body = to;
         truly
+    }
+
+    /// The covariance of the pose a little further on, at `to`, after a step that took a time, s: xx, xy, xψ, yy, yψ, ψψ.
+    pub fn pose_covariance_at(&self, to: Pose2, step: BodyStep, time_s: f64) -> [f64; 6] {
+        let carrying = Carrying::new(self.map_from_body, to, (step, time_s));
+        // The pose depends on nothing beyond.
+        let p = carrying.block(&carrying.rows::<OWN>(&self.covariance));
+        [p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2]]
     }
 
     fn forget_slip(&mut self, time_s: f64, sigma: [f64; 3]) {

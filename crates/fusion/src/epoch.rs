@@ -2,6 +2,8 @@
 //!
 //! Readings of speeds count as their mean over the epoch; poses at their own instants, on the arc of the epoch's step.
 
+mod clocks;
+mod inertial;
 mod poses;
 mod rates;
 
@@ -11,12 +13,21 @@ use crate::belief::{Belief, OWN};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
+pub use clocks::Clock;
+pub use inertial::Inertia;
 use rates::Rates;
 
 /// Poses of one epoch; those beyond are left out.
 pub const MAX_POSES: usize = 8;
 /// chi² that one reading in a thousand exceeds, with 1, 2 and 3 degrees of freedom.
 const GATES: [f64; 3] = [10.83, 13.82, 16.27];
+
+/// chi² of a reading over its degrees of freedom, beyond which it is left out.
+pub fn gate(kind: SensorKind) -> f64 {
+    let numbers = rates::numbers_of(kind);
+    GATES[numbers - 1] / numbers as f64
+}
+
 /// Any dry floor carries an acceleration of the wheels up to this, m/s²; beyond it, wheels are the first suspects for so
 /// long, s. Turns count at a usual distance of the wheels, m.
 const STRAINING_M_S2: f64 = 0.8;
@@ -97,6 +108,10 @@ pub struct Knowledge {
     pub twist: [f64; 3],
     /// How far the wheels drove since the beginning, m and rad: the way's length and the turns'.
     pub driven: [f64; 2],
+    /// What is known of accelerometers, by their places among those that tell speeds.
+    pub inertia: [Inertia; MAX_RATES],
+    /// What is known of the clocks of those that tell speeds.
+    pub clocks: [Clock; MAX_RATES],
 }
 
 impl Knowledge {
@@ -126,6 +141,7 @@ impl Epoch {
     ) -> bool {
         let values = match *reading {
             Reading::Turn(turn) => [turn, 0.0, 0.0],
+            Reading::Inertial { turn, acceleration: [x, y] } => [turn, x, y],
             Reading::Flow([x, y]) => [x, y, 0.0],
             Reading::Twist(twist) => twist,
             Reading::Pose { map_from_sensor, covariance } => {
@@ -179,6 +195,7 @@ impl Epoch {
             *sigma = sigma.hypot(self.slip_m_s);
         }
         let gain = known.strain(step, self.time_s, self.slip_m_s);
+        self.feel(sensors, (step, gain), known);
         let truly = known.belief.advance(step, self.time_s, sigma);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();

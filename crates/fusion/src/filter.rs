@@ -7,8 +7,8 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Epoch, Knowledge, rates};
-use crate::sensor::{MAX_SENSORS, Reading, Sensor, SensorKind};
+use crate::epoch::{Clock, Epoch, Inertia, Knowledge, rates};
+use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
 /// Epochs that are kept.
@@ -124,7 +124,7 @@ impl Filter {
         for (rate, (sensor, kind)) in rates(&sensors) {
             let Sensor { bias_sigma, scale_sigma, direction_sigma_rad, .. } = sensors[sensor];
             let own = match kind {
-                SensorKind::Turn => [bias_sigma, scale_sigma],
+                SensorKind::Turn | SensorKind::Inertial => [bias_sigma, scale_sigma],
                 _ => [scale_sigma, direction_sigma_rad],
             };
             for (n, sigma) in own.iter().enumerate() {
@@ -142,6 +142,8 @@ impl Filter {
             strained_s: 0.0,
             twist: [0.0; 3],
             driven: [0.0; 2],
+            inertia: [Inertia::default(); MAX_RATES],
+            clocks: [Clock::default(); MAX_RATES],
         };
         Filter {
             epoch_ns: EPOCH_NS.max(settings.period_ns),
@@ -241,21 +243,23 @@ impl Filter {
     /// What is known now: the belief, carried on through what it hasn't passed yet.
     pub fn estimate(&self) -> Estimate {
         let (known, passed) = &self.told;
-        let mut belief = known.belief;
-        let mut ahead = Pose2::default();
+        let belief = &known.belief;
+        let (mut ahead, mut told, mut time_s) = (Pose2::default(), Pose2::default(), 0.0);
         for number in *passed + 1..=self.open {
             let epoch = &self.epochs[(number % KEPT) as usize];
             if epoch.time_s > 0.0 {
                 ahead = ahead.moved_by(belief.corrected(epoch.step(), epoch.time_s));
+                told = told.then(epoch.body_from_end);
+                time_s += epoch.time_s;
             }
         }
-        belief.map_from_body = belief.map_from_body.then(ahead);
-        let mut covariance = belief.pose_covariance();
+        let map_from_body = belief.map_from_body.then(ahead);
+        let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
         let [doubt_m, doubt_rad] = known.doubt;
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
         covariance[5] += doubt_rad * doubt_rad;
-        Estimate { map_from_body: belief.map_from_body, covariance, is_placed: known.is_placed }
+        Estimate { map_from_body, covariance, is_placed: known.is_placed }
     }
 
     /// What a step as the wheels tell it truly is, as far as is known now.

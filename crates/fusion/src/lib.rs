@@ -18,6 +18,7 @@ pub mod filter;
 pub mod sensor;
 pub mod standing;
 
+pub use epoch::gate;
 pub use filter::{Estimate, Filter, FilterSettings, Motion};
 pub use sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 pub use standing::{Standing, Verdict};

@@ -12,6 +12,8 @@ pub const MAX_RATES: usize = 4;
 pub enum SensorKind {
     /// How fast the platform turns: a gyro. Its errors are a bias that wanders, and a scale.
     Turn,
+    /// That, and how it is accelerated along its own axes, gravity's share on a slope included: a gyro with an accelerometer.
+    Inertial,
     /// How fast the floor passes below it, along its own axes: a mouse. Its errors are a scale, and the direction in which
     /// it is mounted.
     Flow,
@@ -21,6 +23,13 @@ pub enum SensorKind {
     Pose,
 }
 
+impl SensorKind {
+    /// Whether it tells how fast the platform turns by itself, whatever the floor does.
+    pub fn is_gyro(self) -> bool {
+        matches!(self, SensorKind::Turn | SensorKind::Inertial)
+    }
+}
+
 /// A sensor as a filter knows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
@@ -28,7 +37,8 @@ pub struct Sensor {
     pub kind: SensorKind,
     /// Where it is mounted.
     pub body_from_sensor: Pose2,
-    /// Noise of a single reading, standard deviations: x, y and turn, in rad/s, m/s, or m and rad. A pose that comes with
+    /// Noise of a single reading, standard deviations: x, y and turn, in m/s, or m and rad; of a gyro the turn
+    /// in rad/s, and of an inertial sensor behind it both accelerations in m/s². A pose that comes with
     /// a covariance of its own has that added.
     pub sigma: [f64; 3],
     /// Standard deviation of a gyro's bias at the start, rad/s.
@@ -47,12 +57,13 @@ impl Sensor {
     /// One of a kind, as it is where nobody says more: a MEMS gyro of the better sort, a gaming mouse's chip, a camera, motion
     /// capture; in the middle of the platform.
     pub fn of(kind: SensorKind) -> Sensor {
-        let is_gyro = kind == SensorKind::Turn;
+        let is_gyro = kind.is_gyro();
         Sensor {
             kind,
             body_from_sensor: Pose2::default(),
             sigma: match kind {
                 SensorKind::Turn => [0.005, 0.0, 0.0],
+                SensorKind::Inertial => [0.005, 0.05, 0.05],
                 SensorKind::Flow => [0.02, 0.02, 0.0],
                 SensorKind::Twist => [0.02, 0.02, 0.005],
                 SensorKind::Pose => [0.002, 0.002, 0.004],
@@ -71,6 +82,13 @@ impl Sensor {
 pub enum Reading {
     /// Of a gyro, rad/s.
     Turn(f64),
+    /// Of an inertial sensor, rad/s and m/s² along its own axes.
+    Inertial {
+        /// How fast it turns.
+        turn: f64,
+        /// How it is accelerated.
+        acceleration: [f64; 2],
+    },
     /// Of a flow sensor, along its own axes, m/s.
     Flow([f64; 2]),
     /// Along its own axes, m/s and rad/s.
@@ -89,6 +107,9 @@ impl Reading {
     pub fn is_of(&self, kind: SensorKind) -> bool {
         match (self, kind) {
             (Reading::Turn(turn), SensorKind::Turn) => can_be(*turn),
+            (Reading::Inertial { turn, acceleration: [x, y] }, SensorKind::Inertial) => {
+                [*turn, *x, *y].into_iter().all(can_be)
+            }
             (Reading::Flow(flow), SensorKind::Flow) => flow.iter().copied().all(can_be),
             (Reading::Twist(twist), SensorKind::Twist) => twist.iter().copied().all(can_be),
             (Reading::Pose { map_from_sensor, covariance }, SensorKind::Pose) => {

@@ -42,6 +42,8 @@ pub struct Standing {
     /// What it said last, and what was expected when it first said so.
     pub(crate) said: [f64; 3],
     pub(crate) expected: [f64; 3],
+    /// It says something else than before.
+    is_new: bool,
     /// By how much its last reading was off, where that contradicted.
     pub(crate) off: Option<[f64; 3]>,
     /// By how much it was off when it began to contradict, while nobody followed the pose.
@@ -58,6 +60,7 @@ impl Default for Standing {
             heard_ns: None,
             said: [f64::NAN; 3],
             expected: [0.0; 3],
+            is_new: true,
             off: None,
             elsewhere: None,
         }
@@ -84,6 +87,7 @@ impl Standing {
     /// what it says.
     pub(crate) fn repeats(&mut self, said: [f64; 3], expected: [f64; 3], bound: [f64; 3]) -> bool {
         let is_same = said.iter().zip(&self.said).all(|(a, b)| a.to_bits() == b.to_bits());
+        self.is_new = !is_same;
         if !is_same {
             (self.said, self.expected) = (said, expected);
             return false;
@@ -104,7 +108,9 @@ impl Standing {
         }
         if self.is_believed() {
             self.verdict = if self.doubt > DOUBTED { fault } else { Verdict::Good };
-        } else if self.agrees_s >= RETURN_S {
+        } else if self.agrees_s >= RETURN_S || self.verdict == Verdict::Frozen && agrees && self.is_new {
+            // What froze and says something new that agrees is alive: trackers that lose their markers now and then would
+            // never agree for long.
             (self.verdict, self.doubt) = (Verdict::Good, 0.0);
         }
         let takes = agrees && self.is_believed();
@@ -112,6 +118,11 @@ impl Standing {
             (self.elsewhere, self.off) = (None, None);
         }
         takes
+    }
+
+    /// It isn't believed from now on, whatever it says, until it agreed for long enough.
+    pub(crate) fn name(&mut self, instant_ns: u64, fault: Verdict) {
+        (self.verdict, self.agrees_s, self.heard_ns) = (fault, 0.0, Some(instant_ns));
     }
 
     /// It is believed from now on, whatever was before.
@@ -129,6 +140,29 @@ impl Standing {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_froze_is_believed_again_when_it_says_something_new_that_agrees() {
+        let mut standing = Standing::default();
+        let mut now_ns = 0;
+        let mut say = |standing: &mut Standing, said: f64, expected: f64| {
+            now_ns += 10_000_000;
+            let repeats = standing.repeats([said, 0.0, 0.0], [expected, 0.0, 0.0], [1e-3; 3]);
+            let agrees = !repeats && (said - expected).abs() < 1e-3;
+            standing.judge(now_ns, agrees, if repeats { Verdict::Frozen } else { Verdict::Contradicts });
+            standing.verdict
+        };
+        assert_eq!(say(&mut standing, 0.0, 0.0), Verdict::Good);
+        let last = (1..=40).map(|n| say(&mut standing, 0.0, 2e-3 * f64::from(n))).last();
+        assert_eq!(last, Some(Verdict::Frozen));
+        assert_eq!(
+            say(&mut standing, 0.0, 0.0),
+            Verdict::Frozen,
+            "the same again, where it is right by chance"
+        );
+        assert_eq!(say(&mut standing, 0.5, 0.1), Verdict::Frozen, "new, but wrong");
+        assert_eq!(say(&mut standing, 0.1, 0.1), Verdict::Good);
+    }
 
     #[test]
     fn what_contradicts_is_named_within_a_third_of_a_second_and_returns_after_a_second() {

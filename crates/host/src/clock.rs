@@ -10,6 +10,11 @@ const READINGS: usize = 4;
 /// The longest undisturbed reading of two clocks, ns.
 const READING_NS: u128 = 5_000;
 
+/// 2000-01-01 0:00 UTC in ns since 1970.
+const UNIX_2000_NS: u64 = 946_684_800_000_000_000;
+/// 2024-01-01: no host that knows the date shows an earlier one.
+const KNOWN_UNIX_NS: u64 = 1_704_067_200_000_000_000;
+
 /// `CLOCK_MONOTONIC`: never set back, not stepped by time synchronisation.
 ///
 /// Reading it needs no system call (vDSO). Sleeping is to an absolute instant, so that lateness doesn't add up.
@@ -47,6 +52,12 @@ impl Clock for MonotonicClock {
         HostTime(nanoseconds(clock_gettime(ClockId::Monotonic)))
     }
 
+    fn since_2000_ns(&self) -> Option<u64> {
+        let unix_ns = self.unix_offset_ns();
+        // A host that was just started and knows no date counts from 1970, or from when its software was built.
+        (unix_ns + self.now().0 > KNOWN_UNIX_NS).then(|| unix_ns.wrapping_sub(UNIX_2000_NS))
+    }
+
     fn sleep_until(&mut self, instant: HostTime) {
         if instant <= self.now() {
             return;
@@ -72,6 +83,14 @@ pub(crate) fn timespec(nanoseconds: u64) -> Timespec {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_segments_epoch_is_2000() {
+        let clock = MonotonicClock;
+        let since_2000_ns = clock.since_2000_ns().expect("this machine knows the date") + clock.now().0;
+        let by_std = std::time::UNIX_EPOCH.elapsed().unwrap().as_secs() - 10_957 * 86_400;
+        assert!((since_2000_ns / 1_000_000_000).abs_diff(by_std) <= 2, "{since_2000_ns} {by_std}");
+    }
 
     #[test]
     fn never_goes_back_and_sleeps_at_least_to_the_instant() {

@@ -8,6 +8,7 @@ mod kernel;
 mod machine;
 mod mend;
 mod network;
+mod pauses;
 mod processors;
 mod rights;
 #[cfg(test)]
@@ -16,6 +17,7 @@ mod tests;
 pub use machine::Machine;
 pub use mend::{Change, Mend, MendError, NicSetting};
 pub use network::Nic;
+pub use pauses::pauses;
 
 /// How good a finding is for a cycle of a millisecond and less.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -97,6 +99,19 @@ impl Finding {
     fn mended(self, command: impl Into<String>, how: How) -> Self {
         Finding { remedy: Some(Remedy { command: command.into(), how }), ..self }
     }
+}
+
+/// What is wrong with the segment at the interface, in words that say what to do.
+pub fn segment_trouble(words: String) -> Finding {
+    let why = "what is wrong with a cable or a device costs frames, and frames are cycles";
+    let by_hand = How::ByHand("it is a cable, a supply or a device");
+    Finding::degraded("segment", why, words).mended("what it says", by_hand)
+}
+
+/// Which cycle the segment's frames fit into.
+pub fn segment_cycle(words: String) -> Finding {
+    let why = "a cycle within which its frames can't be back loses each of them";
+    Finding::good("shortest cycle", why, words)
 }
 
 /// Looks at everything: the kernel, the processors, the rights of this program, and `nic` where one is given.

@@ -60,6 +60,11 @@ pub struct PacketRing {
 }
 
 impl PacketRing {
+    /// Lets tcpdump and the like on this machine see the frames that leave, too; sending takes a little longer.
+    pub fn let_taps_see(&self) {
+        self.socket.let_taps_see();
+    }
+
     /// Opens `interface` for EtherCAT frames, promiscuously, with mapped rings (1.5 MiB of kernel memory).
     pub fn open(interface: &str, waiting: Waiting) -> Result<Self, OpenError> {
         let socket = RawSocket::open(interface)?;

@@ -24,6 +24,11 @@ impl PacketSocket {
         Ok(PacketSocket { socket })
     }
 
+    /// Lets tcpdump and the like on this machine see the frames that leave, too; sending takes a little longer.
+    pub fn let_taps_see(&self) {
+        self.socket.let_taps_see();
+    }
+
     /// The interface's name.
     pub fn interface(&self) -> &str {
         self.socket.interface()

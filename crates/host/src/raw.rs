@@ -102,6 +102,12 @@ impl RawSocket {
         Ok(socket)
     }
 
+    /// Sends through the kernel's queueing layer, where other programs on this machine see frames leave.
+    pub(crate) fn let_taps_see(&self) {
+        // A kernel that lacks the option doesn't bypass either.
+        let _ = self.set_option(libc::SOL_PACKET, libc::PACKET_QDISC_BYPASS, &0i32);
+    }
+
     /// Binds the socket to the interface and to EtherCAT frames, and lets frames of any address in.
     pub(crate) fn bind(&self) -> Result<(), OpenError> {
         self.bind_to(ETHERTYPE).map_err(|operation| open_error(operation, &self.interface))

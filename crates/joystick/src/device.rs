@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 
 use evdev::raw_stream::RawDevice;
-use evdev::{AbsoluteAxisCode, KeyCode};
+use evdev::{AbsoluteAxisCode, KeyCode, RelativeAxisCode};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
@@ -65,6 +65,21 @@ impl EvdevDevice {
                 .collect(),
         };
         Ok(EvdevDevice { raw, description })
+    }
+
+    /// Whether it tells how far it is moved, in both directions.
+    pub fn moves_as_a_mouse(&self) -> bool {
+        self.raw.supported_relative_axes().is_some_and(|axes| {
+            axes.contains(RelativeAxisCode::REL_X) && axes.contains(RelativeAxisCode::REL_Y)
+        })
+    }
+
+    /// From now on nobody else hears it: no pointer moves by it.
+    ///
+    /// # Errors
+    /// Somebody else has it.
+    pub fn grab(&mut self) -> io::Result<()> {
+        self.raw.grab()
     }
 
     /// Whether the kernel has something to say: events, or that the device is gone.

@@ -7,6 +7,12 @@ pub const EVENT_BYTES: usize = 24;
 pub const EV_SYN: u16 = 0;
 /// `EV_KEY`: a button.
 pub const EV_KEY: u16 = 1;
+/// `EV_REL`: how far something was moved.
+pub const EV_REL: u16 = 2;
+/// `REL_X`: to the right.
+pub const REL_X: u16 = 0;
+/// `REL_Y`: downwards.
+pub const REL_Y: u16 = 1;
 /// `EV_ABS`: an axis.
 pub const EV_ABS: u16 = 3;
 /// `SYN_REPORT`: what came since the last one belongs together.
@@ -36,6 +42,11 @@ impl RawEvent {
     /// An axis at a value.
     pub fn axis(time_us: u64, code: u16, value: i32) -> Self {
         RawEvent { time_us, kind: EV_ABS, code, value }
+    }
+
+    /// A move by so many counts.
+    pub fn moved(time_us: u64, code: u16, value: i32) -> Self {
+        RawEvent { time_us, kind: EV_REL, code, value }
     }
 
     /// A button, pressed (1) or not (0).

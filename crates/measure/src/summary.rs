@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::events::Event;
 use crate::measured::Measured;
+use crate::pauses::Pauses;
 use crate::timing::TimingFigures;
 use crate::tracking::BelievedAndTrue;
 use omnibase_session::supervision::{BusFigures, DatagramFigures, SubDeviceFigures};
@@ -42,6 +43,8 @@ pub struct Summary {
     pub datagrams: Vec<DatagramFigures>,
     /// How long cycles took, and what happened in the worst ones.
     pub timing: TimingFigures,
+    /// Whose pauses cost cycles.
+    pub pauses: Pauses,
     /// CPU time of the cycle's thread over the run's; `None` on virtual time.
     pub cpu_share: Option<f64>,
     /// What happened.

@@ -50,7 +50,7 @@ impl Segment<'_> {
     fn open(&self) -> anyhow::Result<(Target, Manners)> {
         // What a program should know is in its answer.
         progress::show(LogLevel::Warning);
-        Ok((self.target.parse().map_err(anyhow::Error::msg)?, Manners { force: self.force }))
+        Ok((self.target.parse().map_err(anyhow::Error::msg)?, Manners { force: self.force, visible: false }))
     }
 }
 

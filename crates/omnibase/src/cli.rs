@@ -2,8 +2,9 @@
 
 use crate::commands::run::reference::ReferenceChoice;
 use crate::commands::{
-    bridge, calibrate, check, completions, decode, description, doctor, estimate, exchange, export, joystick,
-    kinematics, learn, live, margins, new, replay, report, run, scan, sdo, sii, simulate,
+    bridge, calibrate, check, completions, decode, description, doctor, eeprom, esi, estimate, exchange,
+    export, foe, joystick, kinematics, learn, live, margins, new, plan, replay, report, run, scan, sdo,
+    setup, sii, simulate,
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -34,6 +35,7 @@ pub enum Command {
     Estimate(estimate::Arguments),
     Kinematics(kinematics::Arguments),
     Margins(margins::Arguments),
+    Plan(plan::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),
@@ -49,8 +51,12 @@ pub enum Command {
     Bridge(bridge::Arguments),
     Joystick(joystick::Arguments),
     Doctor(doctor::Arguments),
+    Esi(esi::Arguments),
     Scan(scan::Arguments),
     Sdo(sdo::Arguments),
+    Eeprom(eeprom::Arguments),
+    Foe(foe::Arguments),
+    Setup(setup::Arguments),
     Exchange(exchange::Arguments),
     Simulate(simulate::Arguments),
     Decode(decode::Arguments),

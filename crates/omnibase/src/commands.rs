@@ -8,20 +8,25 @@ pub mod completions;
 pub mod decode;
 pub mod description;
 pub mod doctor;
+pub mod eeprom;
+pub mod esi;
 pub mod estimate;
 pub mod exchange;
 pub mod export;
+pub mod foe;
 pub mod joystick;
 pub mod kinematics;
 pub mod learn;
 pub mod live;
 pub mod margins;
 pub mod new;
+pub mod plan;
 pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scan;
 pub mod sdo;
+pub mod setup;
 pub mod sii;
 pub mod simulate;
 
@@ -44,6 +49,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Estimate(arguments) => estimate::run(arguments, registry, output),
         Command::Kinematics(arguments) => kinematics::run(arguments, registry, output),
         Command::Margins(arguments) => margins::run(arguments, registry, output),
+        Command::Plan(arguments) => plan::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
         Command::Report(arguments) => report::run(arguments, output),
         Command::Export(arguments) => export::run(arguments, registry, output),
@@ -58,9 +64,13 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Top(arguments) => live::top(arguments, output),
         Command::Bridge(arguments) => bridge::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments, output),
+        Command::Esi(arguments) => esi::run(arguments, output),
         Command::Joystick(arguments) => joystick::run(arguments, registry, output),
         Command::Scan(arguments) => scan::run(arguments, output),
         Command::Sdo(arguments) => sdo::run(arguments, output),
+        Command::Eeprom(arguments) => eeprom::run(arguments, output),
+        Command::Foe(arguments) => foe::run(arguments, output),
+        Command::Setup(arguments) => setup::run(arguments, output),
         Command::Exchange(arguments) => exchange::run(arguments, output),
         Command::Simulate(arguments) => simulate::run(arguments, registry, output),
         Command::Decode(arguments) => decode::run(arguments, output),

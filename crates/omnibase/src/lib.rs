@@ -28,6 +28,7 @@ pub mod prelude;
 mod progress;
 mod real_time;
 mod robot_file;
+mod robot_table;
 mod running;
 mod segment;
 mod sii_json;

@@ -1,15 +1,15 @@
 //! Simulated segments from files.
 
 use anyhow::Context;
-use omnibase_ethercat_sim::Segment;
 use omnibase_ethercat_sim::segment_file::{SegmentFile, line_of_images};
+use omnibase_ethercat_sim::{Pace, Segment};
 use std::path::{Path, PathBuf};
 
-/// Reads a segment file; everything that is wrong in it comes at once, each with file, line and column.
-pub fn load(path: &Path) -> anyhow::Result<Segment> {
+/// Reads a segment file, foreign firmware at this pace; everything that is wrong in it comes at once, each with file, line and column.
+pub fn load(path: &Path, pace: Pace) -> anyhow::Result<Segment> {
     let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
     let base = path.parent().unwrap_or(Path::new("."));
-    SegmentFile::parse(&text).and_then(|file| file.build(base)).map_err(|error| {
+    SegmentFile::parse(&text).and_then(|file| file.build_paced(base, pace)).map_err(|error| {
         let places: Vec<String> =
             error.problems.iter().map(|problem| format!("{}:{problem}", path.display())).collect();
         anyhow::Error::msg(places.join("\n       "))

@@ -3,7 +3,7 @@
 use crate::progress::{note, warn};
 use anyhow::Context;
 use omnibase_ethercat::{Bus, BusOptions};
-use omnibase_ethercat_sim::{VirtualClock, in_process};
+use omnibase_ethercat_sim::{Pace, VirtualClock, in_process};
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError, RingState};
 use omnibase_host::{
     Holder, InterfaceLock, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, Waiting, listen,
@@ -69,18 +69,31 @@ pub enum Port {
     Ring(Waiting),
 }
 
+/// Whether other programs on this machine see frames leave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Taps {
+    /// They see answers alone.
+    Bypassed,
+    /// They see both.
+    See,
+}
+
 /// How a segment is taken that somebody else may drive.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Manners {
     /// Take the segment even where frames of another MainDevice pass at the interface.
     #[arg(long)]
     pub force: bool,
+    /// Let tcpdump on this machine see the frames that leave, too: without it only answers are seen there. Costs a little time.
+    #[arg(long)]
+    pub visible: bool,
 }
 
 impl Manners {
     /// Opens the way to a segment as its MainDevice: refused where a program of ours has the interface, and where
     /// another MainDevice's frames pass there.
     pub fn enter(self, target: &Target, port: Port) -> anyhow::Result<Cable> {
+        let taps = if self.visible { Taps::See } else { Taps::Bypassed };
         let Target::Interface(name) = target else { return target.open(port) };
         let lock =
             InterfaceLock::take(name).map_err(|error| in_use(&error).unwrap_or_else(|| error.into()))?;
@@ -92,7 +105,7 @@ impl Manners {
             );
             warn(format_args!("`{name}`: the segment is taken from another MainDevice: {heard}"));
         }
-        let cable = target.open(port)?;
+        let cable = target.open_for(port, taps)?;
         Ok(Cable { link: Box::new(Held { link: cable.link, _lock: lock }), ..cable })
     }
 }
@@ -158,6 +171,13 @@ impl Clock for AnyClock {
         }
     }
 
+    fn since_2000_ns(&self) -> Option<u64> {
+        match self {
+            AnyClock::Host(clock) => clock.since_2000_ns(),
+            AnyClock::Virtual(_) | AnyClock::Paced(_) => None,
+        }
+    }
+
     fn sleep_until(&mut self, instant: HostTime) {
         match self {
             AnyClock::Host(clock) => clock.sleep_until(instant),
@@ -183,11 +203,27 @@ pub type AnyBus = Bus<Box<dyn Link>, AnyClock>;
 impl Target {
     /// Opens the way to the segment, whoever is there; a MainDevice [enters](Manners::enter).
     pub fn open(&self, port: Port) -> anyhow::Result<Cable> {
+        self.open_for(port, Taps::Bypassed)
+    }
+
+    fn open_for(&self, port: Port, taps: Taps) -> anyhow::Result<Cable> {
         match self {
             Target::Interface(name) => {
                 let link: Box<dyn Link> = match port {
-                    Port::Socket => Box::new(PacketSocket::open(name)?),
-                    Port::Ring(waiting) => Box::new(PacketRing::open(name, waiting)?),
+                    Port::Socket => {
+                        let socket = PacketSocket::open(name)?;
+                        if taps == Taps::See {
+                            socket.let_taps_see();
+                        }
+                        Box::new(socket)
+                    }
+                    Port::Ring(waiting) => {
+                        let ring = PacketRing::open(name, waiting)?;
+                        if taps == Taps::See {
+                            ring.let_taps_see();
+                        }
+                        Box::new(ring)
+                    }
                 };
                 Ok(Cable { link, clock: AnyClock::Host(MonotonicClock), label: name.clone() })
             }
@@ -197,7 +233,7 @@ impl Target {
                 )
             }
             Target::Simulated(path) => {
-                let (link, clock) = in_process(crate::segment::load(path)?);
+                let (link, clock) = in_process(crate::segment::load(path, Pace::Lockstep)?);
                 Ok(Cable { link: Box::new(link), clock: AnyClock::Virtual(clock), label: self.to_string() })
             }
         }

@@ -6,7 +6,12 @@ use std::os::unix::process::CommandExt;
 use std::process::{Command, Output};
 
 fn doctor(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_omnibase")).arg("doctor").args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .arg("doctor")
+        .args(arguments)
+        .args(["--pauses-s", "0"])
+        .output()
+        .unwrap()
 }
 
 fn json(arguments: &[&str]) -> Value {

@@ -1,8 +1,12 @@
 //! What others' Python packages make of ours: recordings are read by `mcap` with its protobuf support and `numpy`; the API's
-//! description is validated, and a client of it alone drives the robot.
+//! description is validated, and a client of it alone drives the robot; NatNet's frames are read by another's client.
 
+#[path = "../../receive/tests/receivers/motive.rs"]
+#[expect(dead_code, reason = "its talk is heard in the tests of omnibase-receive")]
+mod motive;
 mod python_tools;
 
+use omnibase_receive::natnet::{Frame, Version, body_names};
 use python_tools::{python, successful};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -97,4 +101,54 @@ fn a_client_of_the_description_alone_drives_the_robot() {
     assert_eq!((&drove["unknown"], &drove["api"]), (&400.into(), &"1.2.0".into()));
     assert_eq!(drove["on_page"], drove["calls"], "the page for people has them all");
     assert!(drove["calls"].as_array().unwrap().len() > 25, "{}", drove["calls"]);
+}
+
+/// Another's client of NatNet.
+const NATNET_PACKAGES: [&str; 1] = ["natnet==0.3.0"];
+
+#[test]
+fn frames_of_natnet_are_read_as_by_another_client() {
+    let python = match python("python-natnet", &NATNET_PACKAGES, "import natnet") {
+        Ok(python) => python,
+        Err(why) => return eprintln!("SKIPPED: no Python with natnet: {why}"),
+    };
+    let body = |id, x, flags| motive::Sent {
+        id,
+        position: [x, 0.25, -1.5],
+        rotation: [0.0, 0.6, 0.0, 0.8],
+        error: 0.001,
+        flags,
+    };
+    let bodies = [body(3, 1.0, 1), body(7, 2.0, 0)];
+    let names = [("cart", 3), ("robot", 7)];
+    let (mut lines, mut ours) = (String::new(), Vec::new());
+    for version in [[3, 0], [3, 1], [4, 0], [4, 1], [4, 2]] {
+        let own = Version { major: version[0], minor: version[1] };
+        let frame = motive::frame(version, (41, &bodies), [1_000_000, 2_000_000]);
+        let descriptions = motive::descriptions(version, &names);
+        for bytes in [&frame, &descriptions] {
+            let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            lines += &format!("{}\n", serde_json::json!({ "version": version, "bytes": hex }));
+        }
+        let read = Frame::from_bytes(&frame[4..], own).expect("a frame");
+        let body = |body: &omnibase_receive::natnet::Body| {
+            serde_json::json!({ "id": body.id, "position": body.position, "rotation": body.rotation, "error": body.error,
+                "is_tracked": body.is_tracked })
+        };
+        ours.push(
+            serde_json::json!({ "number": read.number, "exposed": read.exposed_ticks, "sent": read.sent_ticks,
+            "bodies": read.bodies.iter().map(body).collect::<Vec<_>>() }),
+        );
+        ours.push(serde_json::json!(body_names(&descriptions[4..], own).expect("descriptions")));
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/natnet_frame.py");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("frames");
+    std::fs::write(&file, lines).unwrap();
+    let read =
+        successful(Command::new(python).arg(script).stdin(std::fs::File::open(&file).unwrap())).unwrap();
+    let theirs = String::from_utf8(read).unwrap();
+    let theirs: Vec<serde_json::Value> =
+        theirs.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(theirs, ours);
 }

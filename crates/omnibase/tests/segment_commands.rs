@@ -1,6 +1,8 @@
 //! `scan`, `sdo`, `exchange` and `simulate` as a user runs them: on simulated segments in virtual time, and over a
 //! virtual cable (skipped loudly without the rights for one).
 
+mod field;
+
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
 use serde_json::Value;
@@ -281,7 +283,18 @@ fn wrong_usage_is_code_2_and_help_has_examples() {
     for arguments in wrong {
         assert_eq!(omnibase(arguments).status.code(), Some(2), "{arguments:?}");
     }
-    for command in [&["scan"][..], &["sdo", "read"], &["sdo", "write"], &["exchange"], &["simulate"]] {
+    for command in [
+        &["scan"][..],
+        &["sdo", "read"],
+        &["sdo", "write"],
+        &["eeprom", "read"],
+        &["eeprom", "write"],
+        &["eeprom", "alias"],
+        &["foe", "write"],
+        &["foe", "read"],
+        &["exchange"],
+        &["simulate"],
+    ] {
         let output = omnibase(&[command, &["--help"]].concat());
         assert_eq!(output.status.code(), Some(0));
         assert!(text(&output.stdout).contains("Examples:"), "{command:?}");
@@ -432,7 +445,7 @@ fn a_cycle_shorter_than_its_frames_is_refused_beforehand() {
     let run = omnibase(&["exchange", &sim("hundred-servos"), "--cycle-us", "100"]);
     assert_eq!(run.status.code(), Some(1));
     let words = text(&run.stderr);
-    assert!(words.contains("--cycle-us 100") && words.contains("on the cable alone"), "{words}");
+    assert!(words.contains("--cycle-us 100") && words.contains("the shortest cycle that fits is"), "{words}");
 }
 
 /// A segment of two drives with a SubDevice between them whose EEPROM is this image.

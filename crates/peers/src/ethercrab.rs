@@ -1,5 +1,6 @@
 //! EtherCrab drives a segment of CiA 402 servos: to OP with SYNC0, process data, SDOs, dictionary.
 
+use crate::makers::MakersCommand;
 use ethercrab::std::{ethercat_now, tx_rx_task};
 use ethercrab::subdevice_group::{CycleInfo, DcConfiguration};
 use ethercrab::{
@@ -173,6 +174,68 @@ async fn run(maindevice: &MainDevice<'_>, cycle: Duration, cycles: u64) -> Resul
     report.round_trips_ns.sort_unstable();
     group.into_safe_op(maindevice).await.map_err(at("back to SAFE-OP"))?;
     Ok(report)
+}
+
+/// Brings the SubDevices behind `interface` to OP with their makers' commands of up to four bytes (EtherCrab 0.7.1 sends no
+/// longer ones); how many SubDevices, and how many commands.
+pub fn bring_up_with(interface: &str, commands: &[MakersCommand]) -> Result<(usize, usize), Failure> {
+    let stack = std::thread::Builder::new().stack_size(64 << 20);
+    std::thread::scope(|scope| {
+        let worker = stack.spawn_scoped(scope, || bring_up_here(interface, commands));
+        worker.map_err(at("starting its thread"))?.join().map_err(at("its thread"))?
+    })
+}
+
+fn bring_up_here(interface: &str, commands: &[MakersCommand]) -> Result<(usize, usize), Failure> {
+    let storage: &'static PduStorage<MAX_FRAMES, MAX_PDU_DATA> = Box::leak(Box::new(PduStorage::new()));
+    let (tx, rx, pdu_loop) = storage.try_split().map_err(at("splitting the storage"))?;
+    let timeouts = Timeouts {
+        wait_loop_delay: Duration::from_millis(1),
+        state_transition: Duration::from_secs(10),
+        pdu: Duration::from_millis(500),
+        eeprom: Duration::from_secs(1),
+        mailbox_response: Duration::from_secs(2),
+        ..Timeouts::default()
+    };
+    let config = MainDeviceConfig { dc_static_sync_iterations: 0, retry_behaviour: RetryBehaviour::Count(3) };
+    let maindevice = MainDevice::new(pdu_loop, timeouts, config);
+    let frames = tx_rx_task(interface, tx, rx).map_err(at("opening the interface"))?;
+    let frames = async { Err(format!("EtherCrab: the frame task ended: {:?}", frames.await.err())) };
+    let work = async {
+        let group = maindevice
+            .init_single_group::<MAX_SUBDEVICES, MAX_IMAGE>(ethercat_now)
+            .await
+            .map_err(at("start to PRE-OP"))?;
+        let mut sent = 0;
+        for (position, one) in (0..).zip(group.iter(&maindevice)) {
+            for command in commands.iter().filter(|command| command.position == position) {
+                let (index, subindex) = (command.index, command.subindex);
+                match command.data[..] {
+                    [byte] => one.sdo_write(index, subindex, byte).await,
+                    [low, high] => one.sdo_write(index, subindex, u16::from_le_bytes([low, high])).await,
+                    [a, b, c, d] => one.sdo_write(index, subindex, u32::from_le_bytes([a, b, c, d])).await,
+                    _ => continue,
+                }
+                .map_err(at("a maker's command"))?;
+                sent += 1;
+            }
+        }
+        let group = group.into_pre_op_pdi(&maindevice).await.map_err(at("mapping"))?;
+        let group = group.into_safe_op(&maindevice).await.map_err(at("SAFE-OP"))?;
+        let group = group.request_into_op(&maindevice).await.map_err(at("asking for OP"))?;
+        let deadline = Instant::now() + Duration::from_secs(20);
+        loop {
+            let response = group.tx_rx(&maindevice).await.map_err(at("cycle before OP"))?;
+            if response.all_op() {
+                return Ok((group.len(), sent));
+            }
+            if Instant::now() > deadline {
+                return Err(format!("EtherCrab: not in OP after 20 s: {:?}", response.subdevice_states));
+            }
+            async_io::Timer::after(Duration::from_millis(5)).await;
+        }
+    };
+    async_io::block_on(futures_lite::future::or(work, frames))
 }
 
 /// SDOs of all lengths that EtherCrab can send and read, an abort, and the dictionary; the number of objects.

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod ethercrab;
+pub mod makers;
 pub mod soem;
 
 use omnibase_ethercat_sim::{Segment, SegmentFile, serve, until_set};

@@ -1,5 +1,6 @@
 //! SOEM, driven by a Python script through `pysoem`, in a virtual environment below the target folder.
 
+use crate::makers::MakersCommand;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -52,6 +53,17 @@ pub fn bring_up_terminals(
     let arguments: Vec<&str> =
         std::iter::once(interface).chain(positions.iter().map(String::as_str)).collect();
     report(python, "soem_terminals.py", &arguments)
+}
+
+/// Lets SOEM bring the SubDevices behind `interface` to OP with their makers' commands, each read back; the script's JSON
+/// report, or what failed.
+pub fn bring_up_with(python: &Path, interface: &str, commands: &[MakersCommand]) -> Result<String, String> {
+    let hex = |data: &[u8]| data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let one = |one: &MakersCommand| {
+        format!("[{}, {}, {}, \"{}\"]", one.position, one.index, one.subindex, hex(&one.data))
+    };
+    let commands: Vec<String> = commands.iter().map(one).collect();
+    report(python, "soem_esi.py", &[interface, &format!("[{}]", commands.join(", "))])
 }
 
 fn report(python: &Path, script: &str, arguments: &[&str]) -> Result<String, String> {

@@ -1,7 +1,7 @@
 //! EtherCrab drives the simulated segment over a virtual cable: OP, process data, SDOs, dictionary, SYNC0.
 
 use omnibase_host::Namespace;
-use omnibase_peers::{behind_a_cable, drives, ethercrab};
+use omnibase_peers::{behind_a_cable, drives, ethercrab, makers};
 use std::time::Duration;
 
 fn reaches_op_with(count: usize) {
@@ -31,4 +31,18 @@ fn three_servos() {
 #[test]
 fn twenty_servos() {
     reaches_op_with(20);
+}
+
+#[test]
+fn all_devices_and_modules_of_real_makers_files() {
+    let Some(namespace) = Namespace::for_test("EtherCrab over a virtual cable") else { return };
+    let Some(segments) = makers::segments() else { return };
+    for made in segments {
+        let makers::MadeOfFiles { segment, count, modules, commands } = made;
+        let short = commands.iter().filter(|command| command.data.len() <= 4).count();
+        let reached =
+            behind_a_cable(&namespace, segment, || ethercrab::bring_up_with(Namespace::NEAR, &commands));
+        println!("EtherCrab: {count} SubDevices with {modules} modules: {reached:?}");
+        assert_eq!(reached, Ok((count, short)));
+    }
 }

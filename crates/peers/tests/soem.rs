@@ -1,7 +1,7 @@
 //! SOEM drives the simulated segment over a virtual cable: OP, process data, SDOs of all lengths, dictionary, SYNC0.
 
 use omnibase_host::Namespace;
-use omnibase_peers::{behind_a_cable, drives, soem};
+use omnibase_peers::{behind_a_cable, drives, makers, soem};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::simulated;
 use std::path::{Path, PathBuf};
@@ -79,4 +79,21 @@ fn the_shipped_robot_with_terminals() {
     // All eight in OP, the contact that is closed read, and every working counter as SOEM expects it.
     assert!(report.contains("\"states\": [8, 8, 8, 8, 8, 8, 8, 8]"), "{report}");
     assert!(report.contains("\"input\": \"01\"") && report.contains("\"full_cycles\": 100"), "{report}");
+}
+
+#[test]
+fn all_devices_and_modules_of_real_makers_files() {
+    let Some(namespace) = Namespace::for_test("SOEM over a virtual cable") else { return };
+    let Some(python) = python() else { return };
+    let Some(segments) = makers::segments() else { return };
+    for made in segments {
+        let makers::MadeOfFiles { segment, count, modules, commands } = made;
+        let report =
+            behind_a_cable(&namespace, segment, || soem::bring_up_with(python, Namespace::NEAR, &commands))
+                .unwrap();
+        println!("SOEM: {count} SubDevices with {modules} modules: {report}");
+        assert!(report.contains(&format!("\"subdevices\": {count}, \"operational\": {count}")), "{report}");
+        assert!(report.contains(&format!("\"commands\": {}", commands.len())), "{report}");
+        assert!(report.contains("\"full_cycles\": 50"), "{report}");
+    }
 }

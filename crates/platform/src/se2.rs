@@ -11,6 +11,13 @@ pub fn wrap_angle_rad(angle_rad: f64) -> f64 {
     if wrapped > PI { wrapped - TAU } else { wrapped }
 }
 
+/// The length of a vector, in its unit: √(x² + y²), to within a rounding or two, without `hypot`'s cost; far beyond and below what
+/// anything measures, where squares over- or underflow, by it.
+pub fn length([x, y]: [f64; 2]) -> f64 {
+    let square = x * x + y * y;
+    if square > 1e-280 && square < 1e280 { square.sqrt() } else { x.hypot(y) }
+}
+
 /// Where a frame stands in another one: `odom_from_base` takes points of base to odom.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose2 {
@@ -77,7 +84,7 @@ impl Pose2 {
 
     /// The distance between the two origins, in m.
     pub fn distance_m(self, other: Pose2) -> f64 {
-        (self.x_m - other.x_m).hypot(self.y_m - other.y_m)
+        length([self.x_m - other.x_m, self.y_m - other.y_m])
     }
 
     /// This pose with its heading brought into (−π, π].
@@ -133,7 +140,7 @@ impl Twist2 {
 
     /// The speed along the ground, in m/s.
     pub fn speed_m_s(self) -> f64 {
-        self.vx_m_s.hypot(self.vy_m_s)
+        length([self.vx_m_s, self.vy_m_s])
     }
 
     /// This twist times a factor.
@@ -224,7 +231,7 @@ impl BodyStep {
 
     /// The length of the way, in m.
     pub fn distance_m(self) -> f64 {
-        self.x_m.hypot(self.y_m)
+        length([self.x_m, self.y_m])
     }
 }
 

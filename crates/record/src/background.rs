@@ -95,29 +95,58 @@ impl FrameSink for RingSink {
     }
 }
 
-/// Writes entries until the sink is gone and the ring is empty; the number of frames written.
-fn drain<W: Write>(mut ring: Consumer<u8>, mut writer: PcapngWriter<W>) -> io::Result<u64> {
-    let mut frames = 0;
-    let mut entry = Vec::with_capacity(2048);
+/// A frame as it was recorded.
+pub(crate) struct Entry {
+    /// Nanoseconds since 1970-01-01 UTC.
+    pub(crate) unix_ns: u64,
+    pub(crate) direction: Direction,
+    pub(crate) frame: Vec<u8>,
+}
+
+/// A sink, and the ring behind it.
+pub(crate) fn ring_sink(
+    dropped: Arc<AtomicU64>,
+    when_full: WhenFull,
+) -> (Box<dyn FrameSink + Send>, Consumer<u8>) {
+    let (producer, consumer) = RingBuffer::new(RING);
+    (Box::new(RingSink { ring: producer, dropped, when_full }), consumer)
+}
+
+/// Gives entries to `take` until the sink is gone and the ring is empty.
+pub(crate) fn drained(
+    mut ring: Consumer<u8>,
+    each: &mut dyn FnMut(Entry) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut header = Vec::with_capacity(ENTRY_HEADER);
     loop {
         // Asked first: what was pushed before the sink went is seen below.
         let ended = ring.is_abandoned();
-        while take(&mut ring, ENTRY_HEADER, &mut entry) {
+        while take(&mut ring, ENTRY_HEADER, &mut header) {
             let mut time = [0; 8];
-            time.copy_from_slice(&entry[..8]);
-            let direction = if entry[8] == 1 { Direction::Outbound } else { Direction::Inbound };
-            let length = usize::from(u16::from_le_bytes([entry[9], entry[10]]));
+            time.copy_from_slice(&header[..8]);
+            let direction = if header[8] == 1 { Direction::Outbound } else { Direction::Inbound };
+            let length = usize::from(u16::from_le_bytes([header[9], header[10]]));
+            let mut frame = Vec::with_capacity(length);
             // Header and frame were committed together.
-            take(&mut ring, length, &mut entry);
-            writer.write(u64::from_le_bytes(time), direction, &entry)?;
-            frames += 1;
+            take(&mut ring, length, &mut frame);
+            each(Entry { unix_ns: u64::from_le_bytes(time), direction, frame })?;
         }
         if ended {
-            writer.finish()?;
-            return Ok(frames);
+            return Ok(());
         }
         std::thread::sleep(REST);
     }
+}
+
+/// Writes entries until the sink is gone and the ring is empty; the number of frames written.
+fn drain<W: Write>(ring: Consumer<u8>, mut writer: PcapngWriter<W>) -> io::Result<u64> {
+    let mut frames = 0;
+    drained(ring, &mut |Entry { unix_ns, direction, frame }| {
+        frames += 1;
+        writer.write(unix_ns, direction, &frame)
+    })?;
+    writer.finish()?;
+    Ok(frames)
 }
 
 #[cfg(test)]

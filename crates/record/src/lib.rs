@@ -3,6 +3,7 @@
 //! - [`PcapngWriter`]: frames with nanosecond times and directions, as Wireshark reads them.
 //! - [`RecordingLink`]: a link that records what passes through it, into any [`FrameSink`].
 //! - [`BackgroundRecorder`]: a sink for the cyclic thread: a lock-free ring, and a thread that writes the file.
+//! - [`LastFrames`]: the last seconds of frames, written when something goes wrong.
 //! - [`Capture`]: the frames of a pcapng or pcap file, of any bytes, as far as they can be read.
 //! - [`create`]: the file of a recording; nothing but a regular one.
 //! - [`export`]: a run as a table for other programs.
@@ -14,6 +15,7 @@
 mod background;
 mod capture;
 pub mod export;
+mod last_frames;
 mod output;
 mod pcapng;
 mod recording_link;
@@ -24,6 +26,7 @@ pub mod viewer;
 
 pub use background::{BackgroundRecorder, Recorded, WhenFull};
 pub use capture::{Capture, CaptureError, CapturedFrame, Warning};
+pub use last_frames::{KeepFrames, Kept, LastFrames};
 pub use output::create;
 pub use pcapng::PcapngWriter;
 pub use recording_link::{FrameSink, RecordingLink};

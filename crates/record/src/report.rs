@@ -16,13 +16,14 @@
 //! | phases | `cycle.phase`, `allowed.action`, `command.saturation`, `allowed.saturation`, `exchange.result` |
 //! | timing | `timing.round_trip`, `timing.wake_up`, `timing.compute`, `cycle.period`, `bus.dc_phase`, with their unit (`_ns`) |
 //! | estimates | `state.slip_residual`, `estimate.mass`, `estimate.inertia` |
+//! | sensors | `sensor.….verdict`, `sensor.….nis`, `map.pose.…`, `map.covariance_{xx,yy,hh}` |
 //! | inputs, outputs and axes | all of each topic that has an `age`: it stands beside the drives |
 //!
 //! # Description
 //! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the body's
 //! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform.
 //! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm`,
-//! `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
+//! `sensor_gates` (`name chi²-per-number; …`) says beyond what readings were left out. `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
 //! `records_dropped` and `realtime_factor` stand in the summary, and [`MEASURED`] beside it. All of them may be missing.
 
 mod bands;
@@ -35,6 +36,7 @@ mod histogram;
 mod overhead;
 mod scale;
 mod sections;
+mod sensors;
 mod signals;
 mod summary;
 mod text;
@@ -81,7 +83,7 @@ pub fn html(run: &RecordedRun) -> String {
         for section in [Page::path, Page::errors, Page::speeds, Page::wheels] {
             html.push_str(&section(&page));
         }
-        for section in [Page::phases, Page::beside, Page::timing, Page::estimates] {
+        for section in [Page::phases, Page::sensors, Page::beside, Page::timing, Page::estimates] {
             html.push_str(&section(&page));
         }
     }

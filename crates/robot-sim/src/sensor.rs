@@ -10,6 +10,8 @@ use crate::pose::{Pose, Twist};
 pub enum Tells {
     /// How fast it turns, rad/s.
     Turn,
+    /// That, and how it is accelerated along its own axes, m/s².
+    Inertia,
     /// How far it went since it was switched on, along its own axes, m.
     Way,
     /// Its speed along its own axes, m/s, and how fast it turns, rad/s.
@@ -35,6 +37,8 @@ pub struct SensorParameters {
     pub bias_rad_s: f64,
     /// How far that wanders within a second, rad/s.
     pub bias_walk_rad_s: f64,
+    /// Bias of accelerations, m/s².
+    pub bias_m_s2: [f64; 2],
     /// It tells so much too much, as a share.
     pub scale_error: f64,
     /// Steps of what it tells; 0 for none.
@@ -62,7 +66,7 @@ pub struct SensorMessage {
     pub arrives_ns: u64,
     /// Its instant by the sensor's clock, ns.
     pub instant_ns: u64,
-    /// x, y and turn or heading; of a gyro the turn first.
+    /// x, y and turn or heading; of a gyro the turn first, then accelerations.
     pub values: [f64; 3],
 }
 
@@ -74,6 +78,9 @@ pub struct SimulatedSensor {
     bias_rad_s: f64,
     way_m: [f64; 2],
     last: Option<(u64, Pose)>,
+    /// Its speed in the fixed frame at the last look, m/s, and how that changed until then, m/s².
+    speed_m_s: Option<[f64; 2]>,
+    acceleration_m_s2: [f64; 2],
     due_ns: u64,
     /// Of the way: up to where the mouse stays as it is, m, and whether it is lifted off.
     gone_m: f64,
@@ -92,6 +99,8 @@ impl SimulatedSensor {
             bias_rad_s: parameters.bias_rad_s,
             way_m: [0.0; 2],
             last: None,
+            speed_m_s: None,
+            acceleration_m_s2: [0.0; 2],
             due_ns: 0,
             gone_m: 0.0,
             next_lift_m: 0.0,
@@ -115,7 +124,9 @@ impl SimulatedSensor {
     pub fn look(&mut self, now_ns: u64, body: Pose, twist: Twist) -> Option<SensorMessage> {
         let here = self.place(body);
         if let Some((before_ns, before)) = self.last {
-            self.go(now_ns.saturating_sub(before_ns) as f64 * 1e-9, before, here);
+            let time_s = now_ns.saturating_sub(before_ns) as f64 * 1e-9;
+            self.go(time_s, before, here);
+            self.speed_up(time_s, body, twist);
         }
         self.last = Some((now_ns, here));
         if now_ns < self.due_ns {
@@ -131,6 +142,13 @@ impl SimulatedSensor {
         let noise = [self.chance.normal(), self.chance.normal(), self.chance.normal()];
         let mut values = match p.tells {
             Tells::Turn => [scale * twist.w_rad_s + self.bias_rad_s + p.turn_noise * noise[0], 0.0, 0.0],
+            Tells::Inertia => {
+                let (sin, cos) = here.heading_rad.sin_cos();
+                let [x, y] = self.acceleration_m_s2;
+                let own = [cos * x + sin * y, -sin * x + cos * y];
+                let told = |n: usize| scale * own[n] + p.bias_m_s2[n] + p.noise * noise[1 + n];
+                [scale * twist.w_rad_s + self.bias_rad_s + p.turn_noise * noise[0], told(0), told(1)]
+            }
             // Its noise is that of each step: the way wanders off by it.
             Tells::Way => {
                 let noise_m = if self.is_lifted { 0.0 } else { p.noise * p.period_ns as f64 * 1e-9 };
@@ -164,6 +182,19 @@ impl SimulatedSensor {
             instant_ns: (now_ns as f64 + drift_ns).max(0.0) as u64,
             values,
         })
+    }
+
+    /// How its speed in the fixed frame changed since the last look.
+    fn speed_up(&mut self, time_s: f64, body: Pose, twist: Twist) {
+        let mount = self.parameters.mount;
+        let own = [twist.vx_m_s - twist.w_rad_s * mount.y_m, twist.vy_m_s + twist.w_rad_s * mount.x_m];
+        let (sin, cos) = body.heading_rad.sin_cos();
+        let now = [cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]];
+        if let Some(before) = self.speed_m_s.replace(now)
+            && time_s > 0.0
+        {
+            self.acceleration_m_s2 = [0, 1].map(|n| (now[n] - before[n]) / time_s);
+        }
     }
 
     /// What becomes of bias and way while it goes from one place to the next.
@@ -216,6 +247,7 @@ mod tests {
         turn_noise: 0.0,
         bias_rad_s: 0.0,
         bias_walk_rad_s: 0.0,
+        bias_m_s2: [0.0; 2],
         scale_error: 0.0,
         quantum: 0.0,
         latency_ns: 0,
@@ -251,6 +283,15 @@ mod tests {
         let own = [cos * speed[0] + sin * speed[1], -sin * speed[0] + cos * speed[1]];
         let twist = last(SensorParameters { tells: Tells::Twist, ..PERFECT }).values;
         assert!((twist[0] - own[0]).abs() < 1e-12 && (twist[1] - own[1]).abs() < 1e-12, "{twist:?}");
+        // About the pole it is only drawn inwards, by the turn's square times its distance.
+        let inertia =
+            last(SensorParameters { tells: Tells::Inertia, bias_m_s2: [0.5, -0.25], ..PERFECT }).values;
+        let inwards = [-turn * turn * 0.2, turn * turn * 1.1];
+        let felt = [cos * inwards[0] + sin * inwards[1] + 0.5, -sin * inwards[0] + cos * inwards[1] - 0.25];
+        assert!(
+            inertia[0] == turn && (0..2).all(|n| (inertia[n + 1] - felt[n]).abs() < 1e-2),
+            "{inertia:?} {felt:?}"
+        );
         let way = last(PERFECT).values;
         assert!(
             (way[0] - own[0]).abs() < 1e-6 && (way[1] - own[1]).abs() < 1e-6,

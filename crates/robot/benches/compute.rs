@@ -187,22 +187,22 @@ fn inputs_of_a_program(bencher: Bencher<'_, '_>, count: usize) {
     });
 }
 
-/// A fence, and as many obstacles as there may be: far enough, or all of them nearer than they should be.
-#[divan::bench(args = [0.6, 0.05])]
-fn among_obstacles(bencher: Bencher<'_, '_>, distance_m: f64) {
+/// So many obstacles all around, so far from the footprint's furthest corner, in a fence of 4 m by 4 m.
+#[divan::bench(args = [(0, 0.6), (1, 0.6), (4, 0.6), (8, 0.6), (16, 0.6), (16, 0.05)])]
+fn in_a_fence(bencher: Bencher<'_, '_>, (count, distance_m): (u32, f64)) {
     let mut plan = plan(BMM, "closed_loop_speed");
     let radius_m = plan.guard.footprint_m.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
-    let fence = 2.0;
-    let corners_m = vec![[-fence, -fence], [fence, -fence], [fence, fence], [-fence, fence]];
+    let corners_m = vec![[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
     plan.guard.fence = Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 });
-    plan.guard.obstacles = (0..MAX_OBSTACLES)
-        .map(|number| {
-            let (sin, cos) = (std::f64::consts::TAU * number as f64 / MAX_OBSTACLES as f64).sin_cos();
-            let away_m = radius_m + 0.02 + distance_m;
-            Obstacle { centre_m: [away_m * cos, away_m * sin], radius_m: 0.02, velocity_m_s: [1e-9; 2] }
-        })
-        .collect();
     let mut running = Running::new(&plan);
+    // Under way already: nothing begins where an obstacle is nearer than it should be.
+    for index in 0..count {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / MAX_OBSTACLES as f64).sin_cos();
+        let away_m = radius_m + 0.02 + distance_m;
+        let obstacle =
+            Obstacle { centre_m: [away_m * cos, away_m * sin], radius_m: 0.02, velocity_m_s: [1e-9; 2] };
+        running.cycle(Some(Request::lasting(RequestKind::SetObstacle { index, obstacle })));
+    }
     bencher.bench_local(|| black_box(running.cycle(None).allowed.commands.values[0]));
 }
 

@@ -1,7 +1,7 @@
 //! The kinds that omnibase brings along.
 
 use crate::registry::Registry;
-use crate::{controllers, devices, estimators, events, layouts, peripherals, references};
+use crate::{controllers, devices, estimators, events, layouts, peripherals, receivers, references};
 
 impl Registry {
     /// A registry with the built-in kinds.
@@ -14,6 +14,7 @@ impl Registry {
         peripherals::register(&mut registry);
         layouts::register(&mut registry);
         events::register(&mut registry);
+        receivers::register(&mut registry);
         registry
     }
 }

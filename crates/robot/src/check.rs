@@ -9,6 +9,7 @@ mod grip;
 mod guard;
 mod joystick;
 mod kind_keys;
+mod map;
 mod platform;
 mod run_tables;
 mod sdo_writes;
@@ -157,7 +158,7 @@ impl Check {
         let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let sources = sources::resolve(self, &file.source, &file.device);
+        let sources = sources::resolve(self, (&file.source, &file.device), registry);
         let beside = devices.zip(sources);
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
@@ -167,6 +168,9 @@ impl Check {
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());
+        if let Some(table) = &file.map {
+            map::check(self, table);
+        }
         let grip = grip::resolve(self, &file.grip, read_file);
         let controller = self.controller(file.controller, registry);
         let estimator = self.estimator(file.estimator, registry);
@@ -212,6 +216,7 @@ impl Check {
             grip,
             joystick: file.joystick,
             guard: guard?,
+            map: file.map,
             simulation: file.simulation,
             events: events?,
             run: file.run,

@@ -1,12 +1,12 @@
 //! A motion planned dry: how long it takes, which limit binds where, the friction that it needs, and the room that it leaves.
 
-use omnibase_platform::Pose2;
 use omnibase_trajectory::fastest::Limit;
 use omnibase_trajectory::{PlatformBounds, trajectory};
 
 use crate::ability::Ability;
 use crate::config::{RobotPlan, motion_limits};
-use crate::guard::shape::{Corners, room_m};
+use crate::guard::fence::Fence;
+use crate::guard::outline::Outline;
 use crate::signals::Setpoint;
 use crate::stages::Reference;
 
@@ -89,6 +89,8 @@ impl DryRun {
             fence_room_m: None,
             obstacle_room_m: None,
         };
+        let outline = Outline::new(&plan.guard.footprint_m);
+        let fence = plan.guard.fence.as_ref().map(|fence| Fence::new(&fence.corners_m));
         for at in 0..=count as usize {
             let time_s = step_s * at as f64;
             let setpoint = reference.preview(time_s).ok_or(NotForeseen)?;
@@ -100,7 +102,14 @@ impl DryRun {
                 run.friction = (friction, time_s);
             }
             run.way_m += step_s * setpoint.twist_in_odom.speed_m_s();
-            run.look_around(plan, &setpoint.odom_from_body, time_s);
+            let body = outline.placed(&setpoint.odom_from_body);
+            if let Some(fence) = &fence {
+                least(&mut run.fence_room_m, fence.room_m(&body), time_s);
+            }
+            for obstacle in &plan.guard.obstacles {
+                let room_m = body.distance_to_m(obstacle.centre_m) - obstacle.radius_m;
+                least(&mut run.obstacle_room_m, room_m, time_s);
+            }
         }
         for asked in &mut run.asked {
             asked.share /= run.moments.len() as f64;
@@ -150,21 +159,12 @@ impl DryRun {
         }
         moment
     }
+}
 
-    fn look_around(&mut self, plan: &RobotPlan, pose: &Pose2, time_s: f64) {
-        let body = Corners::placed(&plan.guard.footprint_m, pose);
-        let least = |slot: &mut Option<(f64, f64)>, room_m: f64| {
-            if slot.is_none_or(|(least_m, _)| room_m < least_m) {
-                *slot = Some((room_m, time_s));
-            }
-        };
-        if let Some(fence) = &plan.guard.fence {
-            least(&mut self.fence_room_m, room_m(&fence.corners_m, &body));
-        }
-        for obstacle in &plan.guard.obstacles {
-            let room_m = body.distance_to_m(obstacle.centre_m) - obstacle.radius_m;
-            least(&mut self.obstacle_room_m, room_m);
-        }
+/// Keeps the least room, and when it was, s.
+fn least(slot: &mut Option<(f64, f64)>, room_m: f64, time_s: f64) {
+    if slot.is_none_or(|(least_m, _)| room_m < least_m) {
+        *slot = Some((room_m, time_s));
     }
 }
 

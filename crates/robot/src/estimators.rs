@@ -10,6 +10,7 @@ use omnibase_platform::{
 };
 
 use crate::config::{EstimatorTable, Problem, RobotPlan};
+use crate::decay::Decay;
 use crate::registry::{Kind, Made, Registry, optional};
 use crate::signals::{Exchange, PlatformState, ReferenceStatus};
 use crate::stages::{Estimator, Observation};
@@ -57,7 +58,8 @@ pub struct WheelOdometry {
     creep: Option<Creep>,
     /// Periods since the last complete exchange: its increments span them all.
     periods: u32,
-    speed_filter_rad_s: f64,
+    /// That of the speed.
+    filter: Decay,
     state: PlatformState,
 }
 
@@ -97,7 +99,7 @@ impl WheelOdometry {
         let creep = Creep::new(&plan.estimator, &kinematics, plan.grip.told_height_m.unwrap_or(0.0));
         let odometry = Odometry::new(kinematics, settings).map_err(|error| Problem::refused("", error))?;
         let state = platform_state(odometry.state(), 0.0);
-        Ok(WheelOdometry { odometry, creep, periods: 0, speed_filter_rad_s, state })
+        Ok(WheelOdometry { odometry, creep, periods: 0, filter: Decay::new(speed_filter_rad_s), state })
     }
 }
 
@@ -154,7 +156,7 @@ impl Estimator for WheelOdometry {
         let periods = std::mem::take(&mut self.periods);
         let before = self.state.odom_from_body;
         self.state = match self.odometry.advance(&increments_rad, period_s, Some(reference_in_body)) {
-            Ok(state) => platform_state(state, filter_lag_s(self.speed_filter_rad_s, period_s)),
+            Ok(state) => platform_state(state, filter_lag_s(&mut self.filter, period_s)),
             // What can't be used must not look like knowledge: safety stops on a state that isn't finite.
             Err(_) => PlatformState { slip_residual_m_s: f64::NAN, ..self.state },
         };
@@ -171,8 +173,8 @@ impl Estimator for WheelOdometry {
 }
 
 /// How far the filtered derivative v = c·v + (1−c)·Δ/T lags behind: T/2 of the difference, T·c/(1−c) of the filter.
-fn filter_lag_s(filter_rad_s: f64, period_s: f64) -> f64 {
-    let keep = (-filter_rad_s * period_s).exp();
+fn filter_lag_s(filter: &mut Decay, period_s: f64) -> f64 {
+    let keep = filter.kept(period_s);
     period_s * (0.5 + keep / (1.0 - keep))
 }
 
@@ -213,7 +215,8 @@ mod tests {
                 filtered = keep * filtered + (1.0 - keep) * 0.5 * (before + speed);
             }
             let lag_s: f64 = speed - filtered;
-            assert!((lag_s - filter_lag_s(filter_rad_s, period_s)).abs() < 1e-9, "{filter_rad_s}: {lag_s}");
+            let known_s = filter_lag_s(&mut crate::decay::Decay::new(filter_rad_s), period_s);
+            assert!((lag_s - known_s).abs() < 1e-9, "{filter_rad_s}: {lag_s}");
         }
     }
 }

@@ -14,6 +14,7 @@ use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
 use crate::config::{ControllerTable, RobotPlan, find_object};
 use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
+use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion};
@@ -66,6 +67,8 @@ pub(crate) struct Grip {
     friction: WheelFriction,
     loads: Loads,
     identification: Identification,
+    filter: Decay,
+    drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
     is_told: bool,
     /// A wheel with its rotor as a mass at its rim, kg.
@@ -154,6 +157,8 @@ impl Grip {
             identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),
             friction,
             loads: Loads::new(&plan.kinematics),
+            filter: Decay::new(FILTER_1_S),
+            drawn: Decay::new(DRAWN_1_S),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, mass.0),
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
@@ -232,7 +237,7 @@ impl Grip {
     fn compare(&mut self, measurements: &Measurements, (span_s, is_whole): (f64, bool), drives: bool) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
-        let keep = if self.body.is_some() { (-FILTER_1_S * span_s).exp() } else { 0.0 };
+        let keep = if self.body.is_some() { self.filter.kept(span_s) } else { 0.0 };
         let (mut speeds_rad_s, mut torques_nm) =
             (PerWheel::from_fn(count, |_| 0.0), PerWheel::from_fn(count, |_| 0.0));
         let rims = self.wheels.iter_mut().zip(self.kinematics.wheels());
@@ -276,7 +281,7 @@ impl Grip {
         // What mass and friction may be off shows in v̂ until it is drawn away again.
         let doubts_n = self.identification.doubts_n(&Motion { acceleration: self.acceleration, ..motion });
         let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;
-        let drawn = 1.0 - (-DRAWN_1_S * span_s).exp();
+        let drawn = 1.0 - self.drawn.kept(span_s);
         for ((sigma, doubt_n), inertia) in
             self.sigma.iter_mut().zip(doubts_n).zip([mass_kg, mass_kg, inertia_kg_m2])
         {
@@ -323,7 +328,7 @@ impl Grip {
         let mut is_over = false;
         for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
-            let sigma_m_s = row[0].hypot(row[1]) * along_m_s + row[2].abs() * sh;
+            let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
             let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
             let rubs_n = load * dynamics.friction_n[0] * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
             let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;

@@ -8,6 +8,8 @@
 //! to suffice.
 
 mod braking;
+pub(crate) mod fence;
+pub(crate) mod outline;
 mod retreat;
 pub(crate) mod shape;
 mod shaping;
@@ -22,8 +24,10 @@ use crate::limiter::{Limiter, SpeedBound};
 pub use crate::obstacle::{MAX_OBSTACLES, Obstacle};
 use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
 use braking::{Braking, Sweep};
+use fence::Fence;
+use outline::{Body, Outline, Place};
 use retreat::Retreat;
-use shape::{Corners, Patch, Point, length, plus, room_m, swept_room_m};
+use shape::{Patch, length, plus};
 use shaping::Detour;
 use spread::{Spread, WayLeft};
 
@@ -52,13 +56,15 @@ pub(crate) enum Drive<'a> {
 /// What must be kept, and what room there is now.
 #[derive(Clone, Copy, Debug)]
 struct Now {
-    body: Corners,
+    /// Where the body is.
+    place: Place,
     /// How far the platform isn't where it shall be, m.
     error_m: f64,
     /// What is to be kept, here and at the end of the stop from here.
     fence_need_m: Need,
     obstacle_need_m: Need,
     fence_m: f64,
+    /// Infinite where one is so far that it holds nothing back.
     obstacles_m: [f64; MAX_OBSTACLES],
 }
 
@@ -98,10 +104,8 @@ impl Now {
 /// Keeps the footprint inside the fence and off obstacles.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
-    footprint: Vec<Point>,
-    /// From the origin of base_link to the furthest corner, m.
-    radius_m: f64,
-    fence: Option<FencePlan>,
+    outline: Outline,
+    fence: Option<(FencePlan, Fence)>,
     braking: Braking,
     limits: Limits,
     /// Those of a plan that is followed.
@@ -129,9 +133,8 @@ impl Guard {
             *slot = Some(*obstacle);
         }
         Guard {
-            radius_m: plan.footprint_m.iter().map(|corner| length(*corner)).fold(0.0, f64::max),
-            footprint: plan.footprint_m.clone(),
-            fence: plan.fence.clone(),
+            outline: Outline::new(&plan.footprint_m),
+            fence: plan.fence.as_ref().map(|plan| (plan.clone(), Fence::new(&plan.corners_m))),
             braking: Braking::new(limits, period_s),
             limits: *limits,
             followed: *limits,
@@ -200,19 +203,21 @@ impl Guard {
 
     /// What room a pose leaves to the fence, by what is known of the pose now; infinite without a fence.
     pub(crate) fn room_left(&self, pose: &Pose2) -> RoomLeft {
-        let Some(fence) = &self.fence else { return RoomLeft { room_m: f64::INFINITY, kept_m: 0.0 } };
-        let room_m = room_m(&fence.corners_m, &Corners::placed(&self.footprint, pose));
-        RoomLeft { room_m, kept_m: self.fence_kept_m(fence) }
+        let Some((plan, fence)) = &self.fence else {
+            return RoomLeft { room_m: f64::INFINITY, kept_m: 0.0 };
+        };
+        RoomLeft { room_m: fence.room_m(&self.outline.placed(pose)), kept_m: self.fence_kept_m(plan) }
     }
 
     fn fence_kept_m(&self, fence: &FencePlan) -> f64 {
-        fence.margin_m + fence.sigmas * self.spread.at_m(self.radius_m)
+        fence.margin_m + fence.sigmas * self.spread.at_m(self.outline.reach_m())
     }
 
     /// Whether an obstacle, where it is now, is nearer to a pose than is to be kept from it.
     pub(crate) fn is_blocked(&self, pose: &Pose2) -> bool {
-        let body = Corners::placed(&self.footprint, pose);
-        let kept_m = self.distance_m + self.obstacle_sigmas * self.spread.at_m(self.radius_m) - INSIDE_M;
+        let body = self.outline.placed(pose);
+        let kept_m =
+            self.distance_m + self.obstacle_sigmas * self.spread.at_m(self.outline.reach_m()) - INSIDE_M;
         self.avoidance != AvoidanceKind::Off
             && self.obstacles.iter().flatten().any(|obstacle| distance_m(&body, obstacle) < kept_m)
     }
@@ -223,11 +228,17 @@ impl Guard {
         if self.is_idle() || !odom_from_body.is_finite() {
             return report;
         }
-        let body = Corners::placed(&self.footprint, odom_from_body);
-        report.fence_margin_m = self.fence.as_ref().map(|fence| room_m(&fence.corners_m, &body));
-        report.fence_kept_m = self.fence.as_ref().map(|fence| self.fence_kept_m(fence));
+        let body = self.outline.placed(odom_from_body);
+        if let Some((plan, fence)) = &self.fence {
+            report.fence_margin_m = Some(fence.room_m(&body));
+            report.fence_kept_m = Some(self.fence_kept_m(plan));
+        }
         for (number, obstacle) in (1..).zip(&self.obstacles) {
             let Some(obstacle) = obstacle else { continue };
+            let may_be_nearer = |least_m: f64| distance_at_least_m(&body, obstacle) <= least_m;
+            if !report.obstacle_distance_m.is_none_or(may_be_nearer) {
+                continue;
+            }
             let distance_m = distance_m(&body, obstacle);
             if report.obstacle_distance_m.is_none_or(|least| distance_m < least) {
                 (report.obstacle_distance_m, report.nearest_obstacle) = (Some(distance_m), number);
@@ -280,7 +291,12 @@ impl Guard {
         let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
         let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
         let mut cause = cause;
-        for candidate in [shaped, half, straight, turning, Twist2::default()] {
+        let candidates = [shaped, half, straight, turning, Twist2::default()];
+        for (number, candidate) in candidates.into_iter().enumerate() {
+            if candidates[..number].contains(&candidate) {
+                // It was refused already.
+                continue;
+            }
             let mut tried = limiter.clone();
             tried.set_limits(&driven);
             let next = tried.toward(candidate);
@@ -304,26 +320,39 @@ impl Guard {
         // As far as the platform isn't where it shall be, it may be nearer.
         let (pose, believed) = (here.odom_from_body, state.odom_from_body);
         let turn_rad = wrap_angle_rad(pose.heading_rad - believed.heading_rad);
-        let error_m = pose.distance_m(believed) + self.radius_m * turn_rad.abs();
-        let body = Corners::placed(&self.footprint, &pose);
-        let fence_m = self.fence.as_ref().map_or(f64::INFINITY, |fence| room_m(&fence.corners_m, &body));
+        let error_m = pose.distance_m(believed) + self.outline.reach_m() * turn_rad.abs();
+        let place = Place::of(&pose);
+        let body = self.outline.at(place);
+        let fence_m = self.fence.as_ref().map_or(f64::INFINITY, |(_, fence)| fence.room_m(&body));
         let (here_m, standing_m) = {
             let left = self.way_left(&self.braking.of(here), here, error_m);
             let standing = self.spread.after(&left, &self.growth);
-            (self.spread.at_m(self.radius_m), standing.at_m(self.radius_m))
+            (self.spread.at_m(self.outline.reach_m()), standing.at_m(self.outline.reach_m()))
         };
         let need = |kept_m: f64, sigmas: f64| {
             let apart_m = kept_m.max(error_m);
             Need { apart_m, here_m: apart_m + sigmas * here_m, standing_m: apart_m + sigmas * standing_m }
         };
         let (margin_m, sigmas) =
-            self.fence.as_ref().map_or((0.0, 0.0), |fence| (fence.margin_m, fence.sigmas));
-        let mut obstacles_m = [f64::INFINITY; MAX_OBSTACLES];
-        for (slot, obstacle) in obstacles_m.iter_mut().zip(&self.obstacles) {
-            *slot = obstacle.as_ref().map_or(f64::INFINITY, |obstacle| distance_m(&body, obstacle));
-        }
+            self.fence.as_ref().map_or((0.0, 0.0), |(fence, _)| (fence.margin_m, fence.sigmas));
         let obstacle_need_m = need(self.distance_m, self.obstacle_sigmas);
-        Now { body, error_m, fence_need_m: need(margin_m, sigmas), obstacle_need_m, fence_m, obstacles_m }
+        let obstacles_m = self.near_obstacles_m(here, (&body, obstacle_need_m.standing_m));
+        Now { place, error_m, fence_need_m: need(margin_m, sigmas), obstacle_need_m, fence_m, obstacles_m }
+    }
+
+    /// The distances of obstacles that may hold something back.
+    fn near_obstacles_m(&self, here: &Setpoint, (body, need_m): (&Body<'_>, f64)) -> [f64; MAX_OBSTACLES] {
+        let mut obstacles_m = [f64::INFINITY; MAX_OBSTACLES];
+        let standing_far_m = self.far_m(here, 0.0);
+        for (slot, obstacle) in obstacles_m.iter_mut().zip(&self.obstacles) {
+            let Some(obstacle) = obstacle else { continue };
+            let comes_m_s = length(obstacle.velocity_m_s);
+            let far_m = if comes_m_s == 0.0 { standing_far_m } else { self.far_m(here, comes_m_s) };
+            if distance_at_least_m(body, obstacle) < need_m + far_m {
+                *slot = distance_m(body, obstacle);
+            }
+        }
+        obstacles_m
     }
 
     /// The way, of which the believed pose still knows nothing, until a stop stands.
@@ -347,25 +376,25 @@ impl Guard {
         let [least, greatest] = sweep.turn_rad;
         let pose = next.odom_from_body;
         let middle = Pose2 { heading_rad: pose.heading_rad + 0.5 * (least + greatest), ..pose };
-        let body = Corners::placed(&self.footprint, &middle);
+        let body = self.outline.placed(&middle);
         let twist = &next.twist_in_odom;
         // A corner moves by its radius times the angle at most; and between two cycles there is a way, too.
         let around_m = sweep.bend_m
-            + self.radius_m * 0.5 * (greatest - least)
-            + 0.5 * self.period_s * (twist.speed_m_s() + self.radius_m * twist.w_rad_s.abs());
-        let retreat = || Retreat::new((&now.body, &self.footprint), [here, next], &sweep);
+            + self.outline.reach_m() * 0.5 * (greatest - least)
+            + 0.5 * self.period_s * (twist.speed_m_s() + self.outline.reach_m() * twist.w_rad_s.abs());
+        let retreat = || Retreat::new((now.place, &self.outline), [here, next], &sweep);
         let reach_m = length(sweep.way) + 2.0 * around_m;
         // What is known of the pose grows worse until the stop stands.
         let standing = self.spread.after(&self.way_left(&sweep, next, now.error_m), &self.growth);
-        let spread_m = standing.at_m(self.radius_m);
-        if let Some(fence) = &self.fence {
-            let fence_need_m = now.fence_need_m.apart_m + fence.sigmas * spread_m;
+        let spread_m = standing.at_m(self.outline.reach_m());
+        if let Some((plan, fence)) = &self.fence {
+            let fence_need_m = now.fence_need_m.apart_m + plan.sigmas * spread_m;
             let is_free = if now.is_too_near_the_fence() {
-                retreat().leaves_fence(&fence.corners_m, [fence_need_m, reach_m])
+                retreat().leaves_fence(fence, [fence_need_m, reach_m])
             } else {
                 let need_m = kept_m(fence_need_m, now.fence_m);
                 let needed_m = need_m + around_m;
-                swept_room_m(&fence.corners_m, &body, sweep.way, needed_m) >= needed_m
+                fence.swept_room_m(&body, sweep.way, needed_m) >= needed_m
             };
             if !is_free {
                 return Err(LimitedBy::Fence);
@@ -374,7 +403,7 @@ impl Guard {
         if !self.heeds_obstacles() {
             return Ok(());
         }
-        let reach_m = reach_m + self.radius_m;
+        let reach_m = reach_m + self.outline.reach_m();
         let obstacle_need_m = now.obstacle_need_m.apart_m + self.obstacle_sigmas * spread_m;
         for (obstacle, room_now) in self.obstacles.iter().zip(now.obstacles_m) {
             let Some(obstacle) = obstacle else { continue };
@@ -394,7 +423,8 @@ impl Guard {
                 let need_m = kept_m(obstacle_need_m, room_now);
                 let across = [-sweep.way[0], -sweep.way[1]];
                 let patch = Patch { origin: obstacle.centre_m, along: moves, across };
-                body.distance_m(&patch) - obstacle.radius_m >= need_m + around_m
+                let needed_m = need_m + around_m + obstacle.radius_m;
+                body.distance_m(&patch, needed_m) >= needed_m
             };
             if !is_free {
                 return Err(LimitedBy::Obstacle);
@@ -409,7 +439,7 @@ impl Guard {
         if !self.heeds_obstacles() || lag_m <= LAG_ALLOWED_M {
             return 1.0;
         }
-        let body = Corners::placed(&self.footprint, &wished.odom_from_body);
+        let body = self.outline.placed(&wished.odom_from_body);
         let free = |obstacle: &Obstacle| distance_m(&body, obstacle) >= now.obstacle_need_m.here_m;
         if self.obstacles.iter().flatten().all(free) {
             ((LAG_WAITS_M - lag_m) / (LAG_WAITS_M - LAG_ALLOWED_M)).clamp(0.0, 1.0)
@@ -425,6 +455,11 @@ fn kept_m(need_m: f64, room_m: f64) -> f64 {
 }
 
 /// From a body to an obstacle; below 0 where they overlap.
-fn distance_m(body: &Corners, obstacle: &Obstacle) -> f64 {
+fn distance_m(body: &Body<'_>, obstacle: &Obstacle) -> f64 {
     body.distance_to_m(obstacle.centre_m) - obstacle.radius_m
+}
+
+/// At most that.
+fn distance_at_least_m(body: &Body<'_>, obstacle: &Obstacle) -> f64 {
+    body.distance_at_least_m(obstacle.centre_m) - obstacle.radius_m
 }

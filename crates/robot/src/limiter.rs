@@ -44,6 +44,7 @@ const RESTING: f64 = 1e-5;
 #[derive(Clone, Debug)]
 pub struct Limiter {
     twist: TwistLimiter,
+    limits: omnibase_trajectory::Limits,
     period_s: f64,
     setpoint: Setpoint,
 }
@@ -53,6 +54,7 @@ impl Limiter {
     pub fn new(limits: &Limits, period_s: f64) -> Result<Self, LimitsError> {
         Ok(Limiter {
             twist: TwistLimiter::new(&motion_limits(limits), period_s)?,
+            limits: motion_limits(limits),
             period_s,
             setpoint: Setpoint::default(),
         })
@@ -61,7 +63,10 @@ impl Limiter {
     /// Other limits from now on, while moving too: what lies beyond them is brought inside by braking. Impossible ones change
     /// nothing.
     pub(crate) fn set_limits(&mut self, limits: &Limits) {
-        let _ = self.twist.set_limits(&motion_limits(limits));
+        let limits = motion_limits(limits);
+        if limits != self.limits && self.twist.set_limits(&limits).is_ok() {
+            self.limits = limits;
+        }
     }
 
     /// Begins anew, at rest at a pose.

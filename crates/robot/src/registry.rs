@@ -16,8 +16,10 @@ use omnibase_trajectory::LONGEST_S;
 use crate::ability::Ability;
 use crate::config::{
     DevicePlan, DrivePlan, EventTable, Happening, Identity, InputPlan, OutputPlan, ParameterPlan, PdoPlan,
-    PlatformTable, Problem, ProblemKind, ReferenceTable, RobotPlan, nearest,
+    PlatformTable, Problem, ProblemKind, ReceiverPlan, ReferenceTable, RobotPlan, SentPlan, SourceTable,
+    nearest,
 };
+use crate::signals::Carries;
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
 
 /// Why something can't be made: every reason, with its setting.
@@ -189,10 +191,27 @@ const PERIPHERAL: Sort = Sort {
     table: "device",
     key: "kind",
     default: None,
-    common: &["name", "position", "alias", "kind", "vendor_id", "product_code", "revision", "custom"],
+    common: &[
+        "name",
+        "position",
+        "alias",
+        "identification",
+        "kind",
+        "vendor_id",
+        "product_code",
+        "revision",
+        "custom",
+    ],
 };
 const EVENT: Sort =
     Sort { name: "event", table: "simulation.event", key: "kind", default: None, common: &["at_s", "kind"] };
+const RECEIVER: Sort = Sort {
+    name: "receiver",
+    table: "source",
+    key: "receiver",
+    default: Some("program"),
+    common: &["name", "receiver", "max_age_ms"],
+};
 const LAYOUT: Sort = Sort {
     name: "layout",
     table: "platform",
@@ -336,6 +355,13 @@ impl Kinds<MakeEvent> {
     }
 }
 
+impl Kinds<MakeReceiver> {
+    /// Adds a way by which values come in; one of the same name is replaced.
+    pub fn add(&mut self, kind: Kind, make: impl Fn(&SourceTable) -> Made<Received> + Send + Sync + 'static) {
+        self.put(kind, Box::new(make));
+    }
+}
+
 impl Kinds<MakeDevice> {
     /// Adds a kind of drive, made from its plan, with what the robot's file need not say; one of the same name is
     /// replaced. Settings in its refusals are those of the drive's table.
@@ -408,6 +434,20 @@ pub struct Course {
     pub end: Option<Happening>,
 }
 
+/// Makes a way by which a source's values come in, from its table.
+pub type MakeReceiver = Box<dyn Fn(&SourceTable) -> Made<Received> + Send + Sync>;
+
+/// What comes in, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// How.
+    pub receiver: ReceiverPlan,
+    /// What.
+    pub carries: Carries,
+    /// Its values; empty: those of the table, or of what it carries.
+    pub input: Vec<SentPlan>,
+}
+
 /// All kinds.
 pub struct Registry {
     /// Control laws.
@@ -424,6 +464,8 @@ pub struct Registry {
     pub layouts: Kinds<MakeWheels>,
     /// What happens to the simulated robot.
     pub events: Kinds<MakeEvent>,
+    /// How values of sources come in.
+    pub receivers: Kinds<MakeReceiver>,
 }
 
 impl Registry {
@@ -437,6 +479,7 @@ impl Registry {
             peripherals: Kinds::new(PERIPHERAL),
             layouts: Kinds::new(LAYOUT),
             events: Kinds::new(EVENT),
+            receivers: Kinds::new(RECEIVER),
         }
     }
 

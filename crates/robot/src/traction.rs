@@ -8,12 +8,16 @@
 //!   and obstacles count with it;
 //! - the most torque of each wheel: commands by torque are scaled as a whole, so that the direction of force is kept.
 //!
+//! With more than three wheels the same force on the body can be shared in many ways. The least torques are asked for first; where a wheel
+//! can't give its part, the wheels that bear more take it over (`sharing.rs`).
+//!
 //! Where the file says nothing of the floor nothing is counted on or held back, but for wheels that spin while the robot stops.
 
 mod footing;
 mod reliance;
+mod sharing;
 
-use omnibase_platform::MAX_WHEELS;
+use omnibase_platform::{MAX_WHEELS, length};
 
 use crate::config::{GripPlan, Limits, RobotPlan};
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
@@ -22,6 +26,7 @@ use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, S
 use footing::LEAST_LOAD;
 pub(crate) use footing::{Footing, Push};
 use reliance::Reliance;
+use sharing::Rims;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
 /// what rubs.
@@ -42,6 +47,7 @@ const SLIPPING: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub(crate) struct Traction {
     footing: Footing,
+    rims: Rims,
     /// What the robot's file says of floor and mass.
     told: Option<f64>,
     told_kg: f64,
@@ -58,6 +64,7 @@ impl Traction {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         Traction {
             footing: Footing::new(&plan.kinematics, plan.grip.height_m),
+            rims: Rims::new(&plan.kinematics),
             told: plan.grip.friction,
             told_kg: FirstEstimates::of(&plan.controller).mass.0,
             limits: plan.limits,
@@ -125,7 +132,7 @@ impl Traction {
         let Limits { acceleration_m_s2, turn_acceleration_rad_s2, .. } = self.limits;
         let of_wheel = |wheel: usize| {
             let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
-            let worst = |sign: f64| (sign * force[0] + lighter[0]).hypot(sign * force[1] + lighter[1]);
+            let worst = |sign: f64| length([sign * force[0] + lighter[0], sign * force[1] + lighter[1]]);
             let needed_n =
                 acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();
             left_n / needed_n
@@ -161,8 +168,8 @@ impl Traction {
         let (mean_n, [spin_n, _]) =
             (footing.mean_n(grip.dynamics.mass_kg).max(told_n), grip.dynamics.friction_n);
         let mut values = wished.values;
-        let mut factor = 1.0_f64;
-        for (wheel, value) in values.iter_mut().enumerate().take(footing.wheels) {
+        let mut most = [0.0; MAX_WHEELS];
+        for (wheel, (value, most_nm)) in values.iter().zip(&mut most).enumerate().take(footing.wheels) {
             // What holds a spinning rim back ends its slip.
             let spins = self.slips_m_s[wheel] * *value > 0.0;
             let part = if spins { SLIPPING } else { 1.0 };
@@ -171,7 +178,14 @@ impl Traction {
             let [by_x, by_y] = footing.loads.shift(wheel);
             let rests = footing.loads.of(wheel, centre_m).max(LEAST_LOAD);
             let load = (rests + by_x * leans[0] + by_y * leans[1]).max(LEANING_LOAD);
-            let most_nm = footing.radius_m[wheel] * load * (given_n + spin_n);
+            *most_nm = footing.radius_m[wheel] * load * (given_n + spin_n);
+        }
+        if counted.is_some() {
+            sharing::share(&mut values[..footing.wheels], &most[..footing.wheels], &self.rims);
+        }
+        let mut factor = 1.0_f64;
+        for (wheel, value) in values.iter_mut().enumerate().take(footing.wheels) {
+            let (spins, most_nm) = (self.slips_m_s[wheel] * *value > 0.0, most[wheel]);
             match (value.abs() > most_nm, counted) {
                 (true, Some(_)) => factor = factor.min(most_nm / value.abs()),
                 // What the floor gives it doesn't depend on its torque: nothing turns the platform.

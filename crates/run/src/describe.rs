@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::config::{ReferenceTable, SensorPlan};
 
 use crate::robot_text::LoadedRobot;
 use crate::simulated;
@@ -40,6 +40,11 @@ pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     tell("simulation.mass_kg", (machine.body.mass_kg + machine.payload.mass_kg).to_string());
     let inertia = machine.body.yaw_inertia_kg_m2 + machine.payload.yaw_inertia_kg_m2;
     tell("simulation.inertia_kg_m2", inertia.to_string());
+    if !plan.sensors.is_empty() {
+        let gate =
+            |sensor: &SensorPlan| format!("{} {}", sensor.name, omnibase_fusion::gate(sensor.sensor.kind));
+        tell("sensor_gates", plan.sensors.iter().map(gate).collect::<Vec<_>>().join("; "));
+    }
     all
 }
 

@@ -10,6 +10,7 @@
 //! - [`stepped`]: a simulated robot cycle by cycle, for programs that ask for each; [`pace`]: virtual time as fast as the host's.
 //! - [`live`]: the same run under the hands of people and programs.
 //! - [`mechanics`]: what it weighs and where its wheels are, for other programs.
+//! - [`room`]: the room of a robot's file, and ways through it.
 //! - [`view`]: what viewers draw of it; [`codes`]: what they call the codes of its signals.
 //! - [`teach`]: from where a robot was driven to a path that it repeats.
 //! - [`learn`]: from repeats of a motion to a correction of it.
@@ -30,6 +31,7 @@ pub mod mechanics;
 pub mod pace;
 pub mod replay;
 pub mod robot_text;
+pub mod room;
 pub mod run;
 pub mod simulated;
 pub mod stepped;

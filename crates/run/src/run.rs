@@ -8,6 +8,7 @@ use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_fusion::{MAX_SENSORS, Verdict};
 use omnibase_platform::Pose2;
 use omnibase_record::run::RunSink;
+use omnibase_robot::signals::Exchange;
 use omnibase_robot::signals::{CycleTime, MAX_WHEELS, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
@@ -19,6 +20,7 @@ use crate::live::operator::{Note, Turn};
 use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
 use crate::simulated::{Script, Sensors};
 use omnibase_measure::events::{Event, Watch};
+use omnibase_measure::pauses::Pauses;
 use omnibase_measure::slips::{Slip, SlipWatch};
 use omnibase_measure::summary::Summary;
 use omnibase_measure::timing::{TimedCycle, TimedRobot, Timing};
@@ -150,6 +152,7 @@ struct Cycle<'a> {
     subdevices: Vec<SubDeviceFigures>,
     datagrams: Vec<DatagramFigures>,
     timing: Timing,
+    pauses: Pauses,
     events: Vec<(u64, Words)>,
     time: CycleTime,
     last: CycleRecord,
@@ -195,6 +198,7 @@ impl<'a> Cycle<'a> {
             subdevices: Vec::new(),
             datagrams: Vec::new(),
             timing: Timing::default(),
+            pauses: Pauses::default(),
             events: Vec::with_capacity(MOST_EVENTS),
             time: CycleTime::on_grid(0, plan.bus.cycle_ns),
             last: CycleRecord::default(),
@@ -214,6 +218,8 @@ impl<'a> Cycle<'a> {
     fn until_over<L: Link, C: Clock>(&mut self, session: &mut Session<L, C>) -> Result<(), SessionError> {
         let (began, began_host) = (session.clock().now(), Instant::now());
         self.lost_before = session.counters().frames_lost;
+        let (cycle, timeout) = session.pace();
+        self.pauses = Pauses::new(cycle, timeout);
         let mut result = Ok(());
         while !self.conductor.is_over() {
             if let Err(error) = self.step(session) {
@@ -291,6 +297,7 @@ impl<'a> Cycle<'a> {
         let events = first_event..self.events.len();
         let CycleRecord { time, exchange, stop_reason, ref request, .. } = self.last;
         let robot = Some(TimedRobot { phase, stop_reason, asked: request.is_some(), events });
+        self.pauses.take(&times, matches!(exchange, Exchange::Lost));
         self.timing.take(&TimedCycle { time, exchange, times, compute_ns: Some(compute_ns), robot });
         self.lost_frames = session.counters().frames_lost - self.lost_before;
         self.show(extras);
@@ -513,6 +520,7 @@ impl<'a> Cycle<'a> {
             subdevices: self.subdevices,
             datagrams: self.datagrams,
             timing: self.timing.figures(&events),
+            pauses: self.pauses,
             cpu_share: None,
             events,
         };

@@ -234,7 +234,7 @@ fn motor(table: &SimulationTable, drive: &DrivePlan) -> MotorParameters {
 fn sort_key(place: BusPlace) -> u32 {
     match place {
         BusPlace::Position(position) => u32::from(position),
-        BusPlace::Alias(_) => u32::MAX,
+        BusPlace::Alias(_) | BusPlace::Identification(_) => u32::MAX,
     }
 }
 
@@ -260,8 +260,10 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
             EncoderName::Absolute => Encoder::Absolute,
         };
         station.counts_per_revolution = drive.scale.counts_per_revolution;
-        if let BusPlace::Alias(alias) = drive.place {
-            station.piece.alias = alias;
+        match drive.place {
+            BusPlace::Alias(alias) => station.piece.alias = alias,
+            BusPlace::Identification(number) => station.piece.identification = Some(number),
+            BusPlace::Position(_) => {}
         }
         station
     };

@@ -158,6 +158,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         for device in &plan.devices {
             peripherals::check_maps(device, bus.subdevices())?;
         }
+        check_cycle(&bus, plan)?;
         check_watchdogs(&mut bus, plan)?;
         modes::check(&mut bus, plan)?;
         let direction = match plan.bus.clock_source {
@@ -305,6 +306,11 @@ impl<L: Link, C: Clock> Session<L, C> {
         counts.collect()
     }
 
+    /// The cycle, and how long its frames are awaited.
+    pub fn pace(&self) -> (Duration, Duration) {
+        self.paced.pace()
+    }
+
     /// The process data as the robot sees them.
     pub fn image(&mut self) -> &mut impl ProcessImage {
         &mut self.wheels
@@ -319,6 +325,16 @@ impl<L: Link, C: Clock> Session<L, C> {
     pub fn counters(&self) -> CycleCounters {
         self.paced.bus().counters()
     }
+}
+
+/// Frames are back in time, as the segment's length was measured.
+fn check_cycle<L: Link, C: Clock>(bus: &Bus<L, C>, plan: &RobotPlan) -> Result<(), SessionError> {
+    let fit = bus.cycle_fit()?;
+    if fit.needed() <= Duration::from_nanos(plan.bus.receive_timeout_ns) {
+        return Ok(());
+    }
+    let (cycle_us, timeout_us) = (plan.bus.cycle_ns / 1000, plan.bus.receive_timeout_ns / 1000);
+    Err(SessionError::CycleTooShort { cycle_us, timeout_us, fit })
 }
 
 /// Reads back what decides whether the wheels stop, and outputs go safe, when this program dies.

@@ -9,7 +9,9 @@ use crate::approaches::Random;
 use crate::{Trial, builds, robots};
 
 /// What tells of the platform's motion beside its wheels.
-pub const SETS: [&str; 4] = ["wheels", "gyro", "gyro and mice", "gyro, mice and poses"];
+pub const SETS: [&str; 5] = ["wheels", "gyro", "gyro and mice", "gyro, mice and poses", "imu"];
+/// The place of the set whose gyro tells accelerations, too.
+const IMU_SET: usize = 4;
 /// What it drives on, and with.
 pub const FLOORS: [&str; 5] = ["0.5", "0.2", "patches", "slope of 1°", "40 kg off centre"];
 /// Where to, within a minute at about 0.5 m/s.
@@ -22,6 +24,13 @@ const GYRO: &str = "[[source]]\nname = \"imu\"\ninput = [{ name = \"turn\", unit
                     [[sensor]]\nname = \"gyro\"\nkind = \"gyro\"\nfrom = \"imu.turn\"\nsigma_rad_s = 0.002\n\n\
                     [[simulation.sensor]]\nname = \"gyro\"\nbias_rad_s = 0.01\nbias_walk_rad_s = 3e-6\nscale_error = 0.002\n\
                     quantum = 1e-4\n";
+
+/// The same with accelerations, of a bias that a slope of 0.6° has, and a noise of 0.03 m/s² in each of 1000 readings a second.
+const IMU: &str = "[[source]]\nname = \"imu\"\ninput = [{ name = \"turn\", unit = \"rad/s\" }, { name = \"acceleration_x\", \
+                   unit = \"m/s²\" }, { name = \"acceleration_y\", unit = \"m/s²\" }]\n\n\
+                   [[sensor]]\nname = \"imu\"\nkind = \"imu\"\nfrom = \"imu\"\nsigma_rad_s = 0.002\nsigma_m_s2 = 0.03\n\n\
+                   [[simulation.sensor]]\nname = \"imu\"\nbias_rad_s = 0.01\nbias_walk_rad_s = 3e-6\nscale_error = 0.002\n\
+                   quantum = 1e-4\nbias_m_s2 = [0.1, -0.05]\n";
 
 /// One drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,7 +117,7 @@ impl Case {
             mouse("left", [0.0, 0.25], 2) + &mouse("right", [0.0, -0.25], 3),
             POSES.to_owned(),
         ];
-        let sensors = sensors[..=self.set].concat();
+        let sensors = if self.set == IMU_SET { IMU.to_owned() } else { sensors[..=self.set].concat() };
         format!(
             "{}{floor}{reference}\n[estimator]\nkind = \"fused\"\n{}\n\n{sensors}",
             robots::BMM,

@@ -66,7 +66,7 @@ fn the_speed_from_the_encoder_is_that_of_the_wheel() {
 #[test]
 fn speed_and_acceleration_of_the_reference_are_its_derivatives() {
     let plan = plan(ROBOT);
-    let mut sway = Sway::new(&plan.reference, &plan.limits).expect("a reference");
+    let mut sway = Sway::new(&plan.reference, &Ability::of(&plan)).expect("a reference");
     sway.start(&Default::default());
     let (end_s, h) = (sway.duration_s().expect("it ends"), 1e-4);
     for step in 1..1000 {

@@ -12,6 +12,7 @@ const WHY_NOT = {
   acknowledge: (seen) => (seen.phase === "fault" ? "" : "There is no fault."),
   track: HOLDING,
   go: HOLDING,
+  "drive-to": HOLDING,
   go_to_start: HOLDING,
   pause: (seen) => (seen.phase === "tracking" && !seen.by_stick ? "" : "It follows no path."),
   resume: (seen) => HOLDING(seen) || (seen.reference_begun ? "" : "No path was left."),
@@ -23,7 +24,7 @@ const NEXT = { disabled: "enable", fault: "acknowledge", holding: "track" };
 /** Shows at all buttons what they can do. */
 export function showActions(seen, isAllowed) {
   const next = seen.emergency_stop ? "" : seen.phase === "holding" && seen.reference_begun ? "resume" : NEXT[seen.phase];
-  for (const button of document.querySelectorAll(".buttons [data-do], #go")) {
+  for (const button of document.querySelectorAll(".buttons [data-do], #go, #drive-to")) {
     const name = button.dataset.do ?? button.id;
     const why = !isAllowed ? "Without the token one may look, and stop."
       : seen.emergency_stop ? "Release the emergency stop first."

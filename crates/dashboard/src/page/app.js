@@ -97,7 +97,7 @@ by("file").onchange = async () => {
 function picking(button, then) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
-    for (const other of [by("go"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
+    for (const other of [by("go"), by("drive-to"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
     view.onPick = on ? (place, pressed_ms) => (button.click(), then(place, pressed_ms)) : null;
     view.canvas.style.cursor = on ? "crosshair" : "";
   };
@@ -106,6 +106,9 @@ picking(by("go"), ([x, y], pressed_ms) => {
   ask({ do: "go_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }, pressed_ms);
 });
 
+picking(by("drive-to"), ([x, y], pressed_ms) => {
+  ask({ do: "drive_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }, pressed_ms);
+});
 picking(by("obstacle"), (place) => obstacles.put(place, facts.obstacle_places));
 const obstacles = new Obstacles(view, by("obstacle-bar"), { ask, send: (call) => link.send(call), refuse });
 
@@ -160,13 +163,14 @@ async function begin() {
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   beside.build(facts.devices);
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
-    if (!element.closest(".tools, .plots") || ["go", "obstacle"].includes(element.id)) element.disabled = !me;
+    if (!element.closest(".tools, .plots") || ["go", "drive-to", "obstacle"].includes(element.id)) element.disabled = !me;
   }
   // Whoever sees the robot may stop it.
   const stops = document.querySelectorAll("[data-stop], [data-stops-axis]");
   for (const button of [by("stop"), by("give-up"), ...stops]) button.disabled = false;
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
+  view.room(await read("map"));
   savedPaths(facts.saved_paths);
   if (!plots) {
     plots = new Plots(by("plots"), facts.columns, (name) =>
@@ -206,6 +210,7 @@ async function drawPlanned(seen) {
   plannedKey = key;
   planned = await read("planned");
   view.planned = planned.poses;
+  view.speeds = planned.speeds_m_s;
 }
 
 /** Every message counts, but only the latest is drawn: a page that draws slowly must not see ever older ones. */
@@ -248,10 +253,22 @@ function draw() {
   beside.show();
   settings.show(seen.settings, me !== null);
   const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
+  showLeft(seen);
   by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
   view.draw();
   plots.draw();
   drawPlanned(seen).catch(() => {});
+}
+
+/** How long the path still takes, and what became of the way to a pose. */
+function showLeft(seen) {
+  const left_s = planned?.duration_s && seen.reference_begun ? planned.duration_s - seen.reference_time_s : null;
+  const left = left_s > 0.05 && seen.course === "reference" ? `${left_s.toFixed(1)} s left` : "";
+  const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
+  const text = [left, way].filter(Boolean).join(". ");
+  by("left").hidden = !text;
+  if (by("left").textContent !== text) by("left").textContent = text;
+  by("left").classList.toggle("no", Boolean(seen.drive_to?.failed));
 }
 
 const JOYSTICK = {
@@ -338,14 +355,32 @@ function floor() {
   return share < 1 ? `${found}, accelerates by ${(100 * share).toFixed(0)} %` : found;
 }
 
-// Each sensor, and whether it is believed; and how well the place is known, one standard deviation.
+// Each sensor, whether it is believed and by how many sigmas its last reading was off; how well the place is known, three
+// standard deviations; how far odom is from map; and how old what each source said is.
 const VERDICTS = ["awaited", "good", "silent", "frozen", "contradicts"];
 function sensors() {
   const names = [...columns.keys()].filter((name) => name.startsWith("sensor/") && name.endsWith("_verdict"));
-  if (!names.length) return [];
-  const all = names.map((name) => `${name.slice(7, -8)} ${VERDICTS[value(name)] ?? "–"}`).join(", ");
-  const sigma = Math.sqrt(Math.max(value("state/covariance_xx_m2") ?? 0, value("state/covariance_yy_m2") ?? 0));
-  return [["sensors", all], ["known to", `${(1000 * sigma).toFixed(1)} mm`]];
+  const heard = [...columns.keys()].filter((name) => name.endsWith("/instant_ns")).map((name, n) => {
+    const source = name.slice(0, -11), age = value(`${source}/age_s`), counts = last.sources[n];
+    const left = counts ? counts.late + counts.out_of_order : 0;
+    const old = age === null || !Number.isFinite(age) ? "nothing heard" : `${Math.round(1000 * age)} ms old`;
+    return `${source} ${old}${left ? `, ${left} refused` : ""}`;
+  });
+  const sources = heard.length ? [["sources", heard.join(", ")]] : [];
+  if (!names.length) return sources;
+  const all = names.map((name) => {
+    const off = Math.sqrt(Math.max(value(name.replace("_verdict", "_nis")) ?? 0, 0));
+    return `${name.slice(7, -8)} ${VERDICTS[value(name)] ?? "–"} ${off.toFixed(1)} σ`;
+  });
+  const sigma = (...axes) => Math.sqrt(Math.max(...axes.map((axis) => value(`state/covariance_${axis}`) ?? 0)));
+  const map = pose("map"), odom = pose("state");
+  const apart = map && odom && Math.hypot(map[0] - odom[0], map[1] - odom[1]);
+  return [
+    ["sensors", all.join(", ")],
+    ["3 σ", `${(3000 * sigma("xx_m2", "yy_m2")).toFixed(1)} mm, ${(3000 * sigma("hh_rad2")).toFixed(1)} mrad`],
+    ["odom from map", apart === null || apart === undefined ? "–" : `${(1000 * apart).toFixed(1)} mm`],
+    ...sources,
+  ];
 }
 
 function showPose(believed) {

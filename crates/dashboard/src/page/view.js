@@ -11,6 +11,11 @@ export class View {
     this.scale = 120;
     this.follow = true;
     this.planned = [];
+    /** The speed at each of its places, m/s. */
+    this.speeds = [];
+    /** The room: a picture of its cells, and where that lies. */
+    this.map = null;
+    this.walls = [];
     /** Where it goes by the straight way. */
     this.goal = null;
     this.trail = [];
@@ -56,6 +61,24 @@ export class View {
     this.scale = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / (8 * reach);
   }
 
+  /** The map's cells as a picture, made once; rows come from below. */
+  room({ size: [width, height], cell_m, odom_from_grid, rows, blocked_m }) {
+    this.walls = blocked_m;
+    this.map = null;
+    if (width) {
+      const picture = new OffscreenCanvas(width, height), g = picture.getContext("2d");
+      for (const [row, runs] of rows.entries()) {
+        let at = 0;
+        for (const [n, count] of runs.entries()) {
+          if (n % 2) g.fillRect(at, height - 1 - row, count, 1);
+          at += count;
+        }
+      }
+      this.map = { picture, width, height, cell_m, pose: odom_from_grid, colour: null };
+    }
+    this.draw();
+  }
+
   add(pose, truth) {
     const last = this.trail.at(-1);
     this.pose = pose;
@@ -74,7 +97,7 @@ export class View {
   }
 
   fit() {
-    const points = [...this.planned, ...this.fence, ...this.trail.map(([pose]) => pose), this.pose ?? [0, 0]];
+    const points = [...this.planned, ...this.fence, ...this.mapCorners(), ...this.walls.flat(), ...this.trail.map(([pose]) => pose), this.pose ?? [0, 0]];
     const reach = Math.max(0.5, ...this.footprint.map(([x, y]) => Math.hypot(x, y)));
     const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
@@ -167,11 +190,15 @@ export class View {
     const c = this.colours;
     g.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     g.clearRect(0, 0, this.canvas.clientWidth, this.canvas.clientHeight);
+    this.drawMap(g, c);
     this.drawGrid(g, c);
     if (this.fence.length) this.drawLine(g, [...this.fence, this.fence[0]], c.bad, 2);
     g.setLineDash([7, 5]);
     if (this.fence.length && this.kept > 0) this.drawLine(g, inset(this.fence, this.kept), c.bad, 1);
     this.drawLine(g, this.planned, c.planned, 2);
+    g.setLineDash([]);
+    this.drawSpeeds(g);
+    g.setLineDash([7, 5]);
     if (this.goal && this.pose) this.drawLine(g, [this.pose, this.goal], c.planned, 2);
     g.setLineDash([]);
     if (this.goal) this.drawGoal(g, c);
@@ -193,6 +220,52 @@ export class View {
     }
     if (this.truth) this.drawRobot(g, this.truth, c.truth, c);
     if (this.pose) this.drawRobot(g, this.pose, c.believed, c);
+  }
+
+  mapCorners() {
+    if (!this.map) return [];
+    const { width, height, cell_m, pose: [x, y, turn] } = this.map;
+    const place = (u, v) => [x + Math.cos(turn) * u - Math.sin(turn) * v, y + Math.sin(turn) * u + Math.cos(turn) * v];
+    return [[0, 0], [width, 0], [width, height], [0, height]].map(([u, v]) => place(u * cell_m, v * cell_m));
+  }
+
+  drawMap(g, c) {
+    g.fillStyle = c.line;
+    for (const wall of this.walls) {
+      g.beginPath();
+      for (const corner of wall) g.lineTo(...this.toScreen(corner));
+      g.fill();
+    }
+    if (!this.map) return;
+    const { picture, width, height, cell_m, pose } = this.map;
+    if (this.map.colour !== c.line) {
+      const ink = picture.getContext("2d");
+      ink.globalCompositeOperation = "source-in";
+      ink.fillStyle = c.line;
+      ink.fillRect(0, 0, width, height);
+      this.map.colour = c.line;
+    }
+    g.save();
+    g.translate(...this.toScreen(pose));
+    g.rotate(-pose[2]);
+    const scale = cell_m * this.scale;
+    g.imageSmoothingEnabled = scale < 1;
+    g.drawImage(picture, 0, -height * scale, width * scale, height * scale);
+    g.restore();
+  }
+
+  /** How fast it is planned to be, from the slow colour to the fast one. */
+  drawSpeeds(g) {
+    const most = Math.max(...this.speeds, 0);
+    if (most <= 0 || this.speeds.length !== this.planned.length) return;
+    g.lineWidth = 4;
+    g.lineCap = "round";
+    const places = this.planned.map((place) => this.toScreen(place));
+    for (let n = 1; n < places.length; n++) {
+      g.strokeStyle = `hsl(${230 - 230 * (this.speeds[n] / most)} 75% 50%)`;
+      line(g, ...places[n - 1], ...places[n]);
+    }
+    g.lineCap = "butt";
   }
 
   drawGrid(g, c) {

@@ -10,6 +10,7 @@ use omnibase_robot::{Registry, Request};
 use omnibase_run::RobotText;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, LiveEnd, live};
+use omnibase_run::room::Room;
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::stream::MaybeTlsStream;
@@ -43,7 +44,9 @@ impl Bench {
         let (live, end) = live(AGES, StopCategory::RampThenRemove, &robot.plan.sources);
         let access = Access { address: "127.0.0.1:0".parse().unwrap(), token: TOKEN.into() };
         let paths = folder.path().to_owned();
+        let room = Room::of(&robot.plan, folder.path()).unwrap();
         let about = RobotInfo {
+            room,
             robot,
             registry: registry.into(),
             known: Known::Truth,

@@ -2,14 +2,15 @@
 
 use super::Piece;
 use super::axis::{Axis, Load, SingleAxis};
+use super::generic::FIRMWARE;
 use super::image::{ImagePlan, Mailbox, PDI_WITH_FIRMWARE, PORT_MII, emit};
 use super::servo::{CommunicationFaults, Servo, ServoConfig};
 use crate::dictionary::Dictionary;
 use crate::dictionary::pdo::{self, Direction};
 use crate::dictionary::standard::{Nameplate, PdoMap};
 use crate::firmware::{
-    Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, StateControl, SyncMonitoring,
-    Synchronization, TransitionTimes,
+    FileStore, Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, SmActivation, StateControl,
+    SyncMonitoring, Synchronization, TransitionTimes,
 };
 use crate::{EscConfig, SubDevice};
 use omnibase_ethercat_wire::coe::ObjectAddress;
@@ -33,6 +34,8 @@ const ALARM_A11: u16 = 0x0A11;
 /// Emergency error code: manufacturer specific, the alarm stands in the data.
 const EMERGENCY_DEVICE_SPECIFIC: u16 = 0xFF00;
 
+/// What stands in the generic drive's firmware file at first.
+const FIRMWARE_CONTENT: &[u8] = b"CiA402-Servo firmware 1";
 /// A third of the 1 KiB between the SyncManagers: three buffers.
 const PROCESS_DATA_LIMIT: u16 = 341;
 const MAILBOX: MailboxArea =
@@ -45,6 +48,8 @@ const PROCESS_DATA: [ProcessSyncManager; 2] = [
         start: 0x1800,
         control: 0x64,
         max_bytes: PROCESS_DATA_LIMIT,
+        listed_bytes: 0,
+        activation: SmActivation::SafeOp,
     },
     ProcessSyncManager {
         number: 3,
@@ -52,6 +57,8 @@ const PROCESS_DATA: [ProcessSyncManager; 2] = [
         start: 0x1C00,
         control: 0x20,
         max_bytes: PROCESS_DATA_LIMIT,
+        listed_bytes: 0,
+        activation: SmActivation::SafeOp,
     },
 ];
 
@@ -160,13 +167,13 @@ impl Drive {
             dc_drift_ppm: piece.dc_drift_ppm,
             ..chip
         };
-        SubDevice::new(esc, Box::new(self.stack(servo, dictionary)))
+        SubDevice::new(esc, Box::new(self.stack(piece, servo, dictionary)))
     }
 
     /// The drive's firmware alone, to run it behind another chip.
     pub fn firmware(&self, piece: &Piece, axis: Box<dyn Axis>) -> Firmware {
         let (servo, dictionary) = self.servo(piece, &self.pdos(), axis);
-        self.stack(servo, dictionary)
+        self.stack(piece, servo, dictionary)
     }
 
     /// The drive's servo with these PDOs, without firmware and chip.
@@ -178,16 +185,26 @@ impl Drive {
         [self.rx_pdo.clone(), self.tx_pdo.clone()]
     }
 
-    fn stack(&self, servo: Servo, dictionary: Dictionary) -> Firmware {
+    fn stack(&self, piece: &Piece, servo: Servo, dictionary: Dictionary) -> Firmware {
         let config = FirmwareConfig {
             state_control: StateControl::Firmware,
+            identification: piece.identification,
             mailbox: Some((MAILBOX, MailboxProtocols::Coe)),
-            bootstrap: None,
+            bootstrap: self.has_files().then_some(MAILBOX),
             process_data: PROCESS_DATA.to_vec(),
             synchronization: self.servo.synchronization,
             times: self.times,
         };
-        Firmware::new(config, dictionary, Box::new(servo))
+        let firmware = Firmware::new(config, dictionary, Box::new(servo));
+        match self.has_files() {
+            true => firmware.with_files(FileStore::with_firmware(FIRMWARE, FIRMWARE_CONTENT)),
+            false => firmware,
+        }
+    }
+
+    /// The generic drive takes firmware over FoE.
+    fn has_files(&self) -> bool {
+        self.kind == DriveKind::Generic
     }
 
     fn image(&self, piece: &Piece, dictionary: &Dictionary) -> Vec<u8> {
@@ -203,10 +220,11 @@ impl Drive {
             flags: match self.kind {
                 DriveKind::Generic => 0,
                 DriveKind::Sgdv => sii::FLAG_NO_LRW,
-            },
+            } | piece.identification.map_or(0, |_| sii::FLAG_IDENT_AL_STATUS),
             mailbox: Some(Mailbox {
                 area: MAILBOX,
-                protocols: sii::PROTOCOL_COE,
+                protocols: sii::PROTOCOL_COE | if self.has_files() { sii::PROTOCOL_FOE } else { 0 },
+                bootstrap: if self.has_files() { MAILBOX } else { MailboxArea::default() },
                 coe_details: sii::COE_SDO
                     | sii::COE_SDO_INFO
                     | sii::COE_PDO_ASSIGN

@@ -6,17 +6,19 @@ use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Object, little_endian};
 use crate::firmware::{
-    Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, StateControl, SyncMonitoring,
-    Synchronization, TransitionTimes,
+    FileStore, Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, SmActivation, StateControl,
+    SyncMonitoring, Synchronization, TransitionTimes,
 };
 use crate::{EscConfig, SubDevice};
 use omnibase_ethercat_wire::HostTime;
-use omnibase_ethercat_wire::coe::ObjectAddress;
+use omnibase_ethercat_wire::coe::{AbortCode, ObjectAddress};
 use omnibase_ethercat_wire::register;
 use omnibase_ethercat_wire::sii::{self, Image, ImageTooShort, MailboxArea, Pdo, SyncManagerUsage};
 
 /// Bit of the PDI control word: the chip answers AL control by itself (0x0141 bit 0).
 const EMULATION: u16 = 1 << 8;
+/// The name of the file that a device with FoE has from the beginning.
+pub const FIRMWARE: &str = "firmware.bin";
 /// End of the process-data memory of the simulated chip (8 KiB).
 const MEMORY_END: u16 = 0x3000;
 
@@ -27,6 +29,8 @@ pub struct Generic {
     pub sub_device: SubDevice,
     /// Its inputs and outputs.
     pub panel: IoPanel,
+    /// Its files; `None` where its image knows no FoE.
+    pub files: Option<FileStore>,
 }
 
 impl Generic {
@@ -38,17 +42,24 @@ impl Generic {
     /// The same with more objects behind its mailbox; those that it has anyway stay as they are.
     pub fn with_objects(bytes: &[u8], piece: &Piece, more: Vec<Object>) -> Result<Self, ImageTooShort> {
         let (image, _) = Image::parse(bytes)?;
-        let mut bytes = bytes.to_vec();
+        Ok(Generic::assemble(&image, bytes.to_vec(), piece, More { objects: more, modules: Vec::new() }))
+    }
+
+    /// A device that behaves as `image` says and has `bytes` in its EEPROM.
+    pub(super) fn assemble(image: &Image, mut bytes: Vec<u8>, piece: &Piece, more: More) -> Self {
         if piece.alias != 0 || piece.serial != 0 {
-            personalize(&image, piece, &mut bytes);
+            personalize(image, piece, &mut bytes);
         }
-        let process_data = process_sync_managers(&image);
-        let mut objects = objects(&image, piece, &process_data);
-        let new = |object: &Object| !objects.iter().any(|known| known.index == object.index);
-        let more: Vec<Object> = more.into_iter().filter(new).collect();
-        objects.extend(more);
+        let process_data = process_sync_managers(image);
+        let mut objects = objects(image, piece, &process_data);
+        for object in more.objects {
+            match objects.iter_mut().find(|known| known.index == object.index) {
+                Some(known) => known.add_missing(object),
+                None => objects.push(object),
+            }
+        }
         let dictionary = Dictionary::new(objects);
-        let terminals = |direction| mapped_objects(&image, direction);
+        let terminals = |direction| mapped_objects(image, direction);
         let panel = IoPanel::new(&terminals(Direction::Inputs), &terminals(Direction::Outputs));
         let mailbox = (image.header.mailbox != MailboxArea::default()).then(|| {
             let coe = image.header.mailbox_protocols & sii::PROTOCOL_COE != 0;
@@ -61,10 +72,11 @@ impl Generic {
             } else {
                 StateControl::Firmware
             },
+            identification: piece.identification,
             mailbox,
             bootstrap: has_bootstrap.then_some(image.header.bootstrap_mailbox),
             process_data,
-            synchronization: synchronization(&image),
+            synchronization: synchronization(image),
             times: TransitionTimes::default(),
         };
         let chip = EscConfig::default();
@@ -73,18 +85,35 @@ impl Generic {
             _ => 0,
         };
         let esc = EscConfig {
-            port_descriptor: port_descriptor(&image),
+            port_descriptor: port_descriptor(image),
             features: chip.features | refused,
-            sii: bytes,
+            sii: bytes.clone(),
             dc_offset_ns: piece.dc_offset_ns,
             dc_drift_ppm: piece.dc_drift_ppm,
             ..chip
         };
-        let terminals = Terminals::new(&dictionary, panel.clone());
-        let firmware = Firmware::new(config, dictionary, Box::new(terminals));
-        Ok(Generic { sub_device: SubDevice::new(esc, Box::new(firmware)), panel })
+        let terminals = Terminals { modules: more.modules, ..Terminals::new(&dictionary, panel.clone()) };
+        let mut firmware = Firmware::new(config, dictionary, Box::new(terminals));
+        let has_files = image.header.mailbox_protocols & sii::PROTOCOL_FOE != 0;
+        let files = has_files.then(|| FileStore::with_firmware(FIRMWARE, &bytes));
+        if let Some(files) = &files {
+            firmware = firmware.with_files(files.clone());
+        }
+        Generic { sub_device: SubDevice::new(esc, Box::new(firmware)), panel, files }
     }
 }
+
+/// What a device has beyond its image.
+#[derive(Debug, Default)]
+pub(super) struct More {
+    /// Objects; of those that the image makes anyway, the entries that it doesn't have.
+    pub objects: Vec<Object>,
+    /// Idents of the modules in its slots: the only ones that 0xF030 takes.
+    pub modules: Vec<u32>,
+}
+
+/// The object that is told which modules are configured.
+const CONFIGURED_MODULES: u16 = 0xF030;
 
 /// Puts alias and serial number into the image.
 fn personalize(image: &Image, piece: &Piece, bytes: &mut [u8]) {
@@ -124,6 +153,12 @@ fn process_sync_managers(image: &Image) -> Vec<ProcessSyncManager> {
                 start: sm.start,
                 control: sm.control,
                 max_bytes: (room / buffers).max(sm.length),
+                listed_bytes: if sm.enable & sii::SM_ENABLE != 0 { sm.length } else { 0 },
+                activation: match (sm.enable & sii::SM_VIRTUAL, sm.enable & sii::SM_OP_ONLY) {
+                    (0, 0) => SmActivation::SafeOp,
+                    (0, _) => SmActivation::OpOnly,
+                    _ => SmActivation::Virtual,
+                },
             })
         })
         .collect()
@@ -273,6 +308,8 @@ struct Terminals {
     /// Offset and bytes of each input and output in the arena, in the panel's order.
     inputs: Vec<(usize, usize)>,
     outputs: Vec<(usize, usize)>,
+    /// Idents of the modules in its slots.
+    modules: Vec<u32>,
 }
 
 impl Terminals {
@@ -283,7 +320,7 @@ impl Terminals {
         };
         let inputs = panel.inputs().map(place).collect();
         let outputs = panel.outputs().map(place).collect();
-        Terminals { panel, inputs, outputs }
+        Terminals { panel, inputs, outputs, modules: Vec::new() }
     }
 
     fn show_outputs(&self, dictionary: &Dictionary, outputs: Outputs) {
@@ -298,6 +335,21 @@ impl Terminals {
 }
 
 impl Device for Terminals {
+    /// Other modules than stand in the slots are refused, as couplers do.
+    fn check_write(&self, _: &Dictionary, object: ObjectAddress, data: &[u8]) -> Result<(), AbortCode> {
+        if object.index != CONFIGURED_MODULES || self.modules.is_empty() {
+            return Ok(());
+        }
+        let fits = match object.subindex {
+            0 => little_endian(data) == 0 || little_endian(data) == self.modules.len() as u64,
+            slot => {
+                let module = self.modules.get(usize::from(slot) - 1);
+                module.is_some_and(|ident| u64::from(*ident) == little_endian(data))
+            }
+        };
+        if fits { Ok(()) } else { Err(AbortCode::VALUE_RANGE) }
+    }
+
     fn power_on(&mut self, dictionary: &mut Dictionary, _: HostTime) {
         self.show_outputs(dictionary, Outputs::Safe);
     }

@@ -5,7 +5,7 @@ use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::PdoMap;
 use crate::firmware::ProcessSyncManager;
 use omnibase_ethercat_wire::sii::{
-    DcMode, FmmuUsage, General, Header, Identity, Image, MailboxArea, Pdo, PdoEntry, SyncManager,
+    self, DcMode, FmmuUsage, General, Header, Identity, Image, MailboxArea, Pdo, PdoEntry, SyncManager,
     SyncManagerUsage,
 };
 
@@ -43,6 +43,8 @@ pub(super) struct ImagePlan<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Mailbox {
     pub area: MailboxArea,
+    /// Its place in BOOT.
+    pub bootstrap: MailboxArea,
     pub protocols: u16,
     pub coe_details: u8,
 }
@@ -55,6 +57,7 @@ pub(super) fn emit(plan: &ImagePlan) -> Vec<u8> {
         order: strings.index(plan.order),
         name: strings.index(plan.name),
         coe_details: plan.mailbox.map_or(0, |mailbox| mailbox.coe_details),
+        foe_details: plan.mailbox.map_or(0, |mailbox| u8::from(mailbox.protocols & sii::PROTOCOL_FOE != 0)),
         flags: plan.flags,
         physical_ports: plan.ports,
         rest: vec![0; 12],
@@ -130,6 +133,7 @@ pub(super) fn emit(plan: &ImagePlan) -> Vec<u8> {
         alias: plan.alias,
         identity: plan.identity,
         mailbox: plan.mailbox.map_or(MailboxArea::default(), |mailbox| mailbox.area),
+        bootstrap_mailbox: plan.mailbox.map_or(MailboxArea::default(), |mailbox| mailbox.bootstrap),
         mailbox_protocols: plan.mailbox.map_or(0, |mailbox| mailbox.protocols),
         size_kibit_less_one: 15,
         version: 1,

@@ -8,7 +8,7 @@ use super::{Piece, drive::SERVO_VENDOR};
 use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::PdoMap;
 use crate::dictionary::{Access, DataType, Entry, Object};
-use crate::firmware::ProcessSyncManager;
+use crate::firmware::{ProcessSyncManager, SmActivation};
 use omnibase_ethercat_wire::coe::ObjectAddress;
 use omnibase_ethercat_wire::sii::{self, Identity, ImageTooShort, MailboxArea};
 
@@ -66,7 +66,15 @@ pub fn digital_io(bits: DigitalIo, piece: &Piece) -> Result<Generic, ImageTooSho
             continue;
         }
         let number = process_data.len() as u8;
-        process_data.push(ProcessSyncManager { number, direction, start, control, max_bytes: 8 });
+        process_data.push(ProcessSyncManager {
+            number,
+            direction,
+            start,
+            control,
+            max_bytes: 8,
+            listed_bytes: 0,
+            activation: SmActivation::SafeOp,
+        });
         pdos.extend((0..count).map(|bit| PdoMap {
             index: pdo + u16::from(bit),
             name: format!("{name} {}", bit + 1),
@@ -107,6 +115,7 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
     let mailbox = (!parameters.is_empty()).then_some(Mailbox {
         area: MAILBOX,
         protocols: sii::PROTOCOL_COE,
+        bootstrap: MailboxArea::default(),
         coe_details: sii::COE_SDO | sii::COE_PDO_ASSIGN,
     });
     let mut process_data = Vec::new();
@@ -116,7 +125,15 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
         if !pdos.is_empty() {
             let number = if mailbox.is_some() { 2 } else { 0 } + process_data.len() as u8;
             let max_bytes = TERMINAL_BYTES;
-            process_data.push(ProcessSyncManager { number, direction, start, control, max_bytes });
+            process_data.push(ProcessSyncManager {
+                number,
+                direction,
+                start,
+                control,
+                max_bytes,
+                listed_bytes: 0,
+                activation: SmActivation::SafeOp,
+            });
         }
     }
     let pdos: Vec<PdoMap> = outputs.iter().chain(inputs).cloned().collect();
@@ -171,7 +188,7 @@ fn image(
         order: name,
         name,
         ports: PORT_EBUS | PORT_EBUS << 4,
-        flags: 0,
+        flags: piece.identification.map_or(0, |_| sii::FLAG_IDENT_AL_STATUS),
         mailbox,
         process_data,
         pdos,

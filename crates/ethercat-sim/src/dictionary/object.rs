@@ -268,6 +268,17 @@ impl Object {
         Object { index, name: name.into(), code: ObjectCode::Array, data_type, entries: with_count(entries) }
     }
 
+    /// Adds the entries of `other` whose subindices aren't here; values keep theirs, and a single value stays one.
+    pub fn add_missing(&mut self, other: Object) {
+        if self.code == ObjectCode::Variable || other.code == ObjectCode::Variable {
+            return;
+        }
+        self.entries.extend(other.entries);
+        // Stable: of two with one subindex the own one stands first and stays.
+        self.entries.sort_by_key(|entry| entry.subindex);
+        self.entries.dedup_by_key(|entry| entry.subindex);
+    }
+
     /// Every entry, by rising subindex.
     pub fn entries(&self) -> &[Entry] {
         &self.entries

@@ -16,6 +16,18 @@ const WRITTEN_BY_MAIN_DEVICE: u8 = 1 << 2;
 /// Activation bit 0.
 const ENABLED: u8 = 1;
 
+/// When a device expects a SyncManager to be on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SmActivation {
+    /// From SAFE-OP on.
+    #[default]
+    SafeOp,
+    /// From OP on; before it is off.
+    OpOnly,
+    /// Never: FMMUs alone reach its area.
+    Virtual,
+}
+
 /// A SyncManager for process data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProcessSyncManager {
@@ -29,6 +41,10 @@ pub struct ProcessSyncManager {
     pub control: u8,
     /// Most bytes.
     pub max_bytes: u16,
+    /// Length that it may have where nothing is mapped to it, bytes: that of its SII.
+    pub listed_bytes: u16,
+    /// When it must be on.
+    pub activation: SmActivation,
 }
 
 /// A SyncManager's registers.
@@ -83,13 +99,19 @@ pub(crate) fn process_data(
     let wrong = invalid_configuration(plan.direction);
     let sm = sync_manager(pdi, plan.number);
     if bytes == 0 {
-        return if sm.enabled && sm.length != 0 { Err(wrong) } else { Ok(()) };
+        let is_listed = plan.listed_bytes != 0 && sm.length == plan.listed_bytes && sm.start == plan.start;
+        return if sm.enabled && sm.length != 0 && !is_listed { Err(wrong) } else { Ok(()) };
+    }
+    if plan.activation == SmActivation::Virtual {
+        let area = plan.start..plan.start.saturating_add(bytes as u16);
+        return if !sm.enabled && is_mapped(pdi, plan.direction, area) { Ok(()) } else { Err(wrong) };
     }
     let direction = match plan.direction {
         Direction::Outputs => WRITTEN_BY_MAIN_DEVICE,
         Direction::Inputs => 0,
     };
-    if !sm.enabled
+    let is_on_in_time = sm.enabled == (plan.activation == SmActivation::SafeOp);
+    if !is_on_in_time
         || usize::from(sm.length) != bytes
         || sm.start != plan.start
         || sm.control & DIRECTION != direction

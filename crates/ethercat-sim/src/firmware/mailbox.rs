@@ -1,7 +1,9 @@
 //! The mailbox server: requests in through SM0, answers and emergencies out through SM1, with repeat.
 
 use super::coe::{self, MailboxFault, Served};
+use super::foe::{self, FileStore, Room};
 use crate::pdi::Pdi;
+use omnibase_ethercat_wire::AlState;
 use omnibase_ethercat_wire::bytes::put_u16;
 use omnibase_ethercat_wire::coe::{Emergency, HEADER as COE_HEADER, Service, write_header};
 use omnibase_ethercat_wire::mailbox::{self, HEADER, Header, Protocol, next_counter};
@@ -38,6 +40,8 @@ pub(crate) struct MailboxServer {
     area: MailboxArea,
     protocols: MailboxProtocols,
     coe: coe::Server,
+    /// Where the device takes files.
+    foe: Option<foe::Server>,
     /// Counter of our messages.
     sent_counter: u8,
     /// Counter of the last request: the same again is the same request again.
@@ -61,6 +65,7 @@ impl MailboxServer {
             area,
             protocols,
             coe: coe::Server::default(),
+            foe: None,
             sent_counter: 0,
             received_counter: 0,
             waiting: VecDeque::new(),
@@ -77,11 +82,26 @@ impl MailboxServer {
         self.area
     }
 
-    /// Forgets every message: the mailbox was switched off.
-    pub fn reset(&mut self) {
+    /// Files, taken in BOOT.
+    pub fn serve_files(&mut self, store: FileStore) {
+        self.foe = Some(foe::Server::new(store));
+    }
+
+    /// Whether a file was begun and not completed: there is no valid firmware.
+    pub fn lacks_firmware(&self) -> bool {
+        self.foe.as_ref().is_some_and(|foe| foe.store().lock().incomplete)
+    }
+
+    /// Forgets every message, for the mailbox was switched off; from now on it is in this place.
+    pub fn reset_at(&mut self, area: MailboxArea) {
+        let mut foe = self.foe.take();
+        if let Some(foe) = &mut foe {
+            foe.reset();
+        }
         *self = MailboxServer {
             acknowledged: self.acknowledged,
-            ..MailboxServer::new(self.area, self.protocols)
+            foe,
+            ..MailboxServer::new(area, self.protocols)
         };
     }
 
@@ -115,16 +135,27 @@ impl MailboxServer {
 
     /// Answers the request that was received last.
     pub fn answer(&mut self, served: &mut Served) {
+        let files =
+            Room { receive: usize::from(self.area.receive_size).saturating_sub(HEADER), send: self.room() };
+        let in_boot = served.state == AlState::Bootstrap;
         let result = match mailbox::read(&self.request) {
             Err(_) => Err(MailboxFault::Syntax),
             Ok((Header { length: 0, .. }, _)) => Err(MailboxFault::TooShort),
-            Ok((header, data)) => match (Protocol::from_code(header.protocol), self.protocols) {
-                (Some(Protocol::Coe), MailboxProtocols::Coe) => self.coe.answer(data, served),
+            Ok((header, data)) => match (Protocol::from_code(header.protocol), self.protocols, &mut self.foe)
+            {
+                (Some(Protocol::Coe), MailboxProtocols::Coe, _) if !in_boot => {
+                    self.coe.answer(data, served).map(|answers| (Protocol::Coe, answers))
+                }
+                (Some(Protocol::Foe), _, Some(foe)) => foe
+                    .answer(data, served.state, files)
+                    .map(|answer| (Protocol::Foe, answer.into_iter().collect())),
                 _ => Err(MailboxFault::UnsupportedProtocol),
             },
         };
         match result {
-            Ok(answers) => self.waiting.extend(answers.into_iter().map(|data| (Protocol::Coe, data))),
+            Ok((protocol, answers)) => {
+                self.waiting.extend(answers.into_iter().map(|data| (protocol, data)));
+            }
             Err(fault) => {
                 let mut data = vec![0; 4];
                 put_u16(&mut data, 0, 1);

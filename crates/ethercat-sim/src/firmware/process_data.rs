@@ -1,6 +1,6 @@
 //! Process data: when outputs are taken and inputs given, and whether the MainDevice keeps its beat.
 
-use super::{Firmware, FirmwareConfig, ProcessSyncManager, checks};
+use super::{Firmware, FirmwareConfig, ProcessSyncManager, SmActivation, checks};
 use crate::device::{Moment, Outputs};
 use crate::dictionary::pdo::{self, Direction, Layout};
 use crate::dictionary::{Dictionary, Field};
@@ -194,7 +194,9 @@ impl ProcessData {
             if area.layout.bytes() > usize::from(area.plan.max_bytes) {
                 return Err(code);
             }
-            area.image = vec![0; area.layout.bytes()];
+            let bytes =
+                if area.layout.bits == 0 { usize::from(area.plan.listed_bytes) } else { area.layout.bytes() };
+            area.image = vec![0; bytes];
         }
         Ok(())
     }
@@ -290,7 +292,10 @@ impl ProcessData {
 
     /// Whether outputs (and SYNC0) came since SAFE-OP.
     pub fn ready_for_op(&self) -> Entry {
-        let wants_outputs = self.outputs.iter().any(|area| area.layout.bits != 0);
+        let wants_outputs = self
+            .outputs
+            .iter()
+            .any(|area| area.layout.bits != 0 && area.plan.activation == SmActivation::SafeOp);
         if wants_outputs && !self.outputs_seen {
             return Entry::Waiting(AlStatusCode::NO_VALID_OUTPUTS);
         }
@@ -298,6 +303,16 @@ impl ProcessData {
             return Entry::Waiting(AlStatusCode::NO_SYNC_ERROR);
         }
         Entry::Ready
+    }
+
+    /// What is switched on for OP alone must be on by now.
+    pub fn check_op_only(&self, pdi: &mut dyn Pdi) -> Result<(), AlStatusCode> {
+        let op_only = |area: &&Area| area.plan.activation == SmActivation::OpOnly && area.layout.bits != 0;
+        let mut off = self.outputs.iter().chain(&self.inputs).filter(op_only);
+        match off.find(|area| !checks::enabled(pdi, area.plan.number)) {
+            Some(area) => Err(checks::invalid_configuration(area.plan.direction)),
+            None => Ok(()),
+        }
     }
 
     /// OP begins with the outputs that came last.
@@ -314,7 +329,11 @@ impl ProcessData {
 
     /// The code for a SyncManager that was switched off while it is needed.
     pub fn switched_off(&self, pdi: &mut dyn Pdi) -> Option<AlStatusCode> {
-        let needed = self.outputs.iter().chain(&self.inputs).filter(|area| area.layout.bits != 0);
+        let needed = self
+            .outputs
+            .iter()
+            .chain(&self.inputs)
+            .filter(|area| area.layout.bits != 0 && area.plan.activation == SmActivation::SafeOp);
         let mut off = needed.filter(|area| !checks::enabled(pdi, area.plan.number));
         off.next().map(|area| checks::invalid_configuration(area.plan.direction))
     }
@@ -362,6 +381,9 @@ impl ProcessData {
         for area in &mut self.inputs {
             if area.layout.bits != 0 {
                 area.layout.put(dictionary, &mut area.image);
+            }
+            // What the SII lists without a PDO is zeros.
+            if !area.image.is_empty() {
                 pdi.write(area.plan.start, &area.image);
             }
         }

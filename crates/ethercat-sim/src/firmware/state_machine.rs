@@ -150,10 +150,11 @@ impl Firmware {
             },
             AlState::PreOp => match &self.mailbox {
                 Some(mailbox) if !checks::mailbox(pdi, &mailbox.area()) => Err(AlStatusCode::INVALID_MAILBOX),
+                Some(mailbox) if mailbox.lacks_firmware() => Err(AlStatusCode::NO_VALID_FIRMWARE),
                 _ => Ok(Entry::Ready),
             },
             AlState::SafeOp => self.process.prepare(pdi, &mut self.dictionary).map(|()| Entry::Ready),
-            AlState::Op => Ok(self.process.ready_for_op()),
+            AlState::Op => self.process.check_op_only(pdi).map(|()| self.process.ready_for_op()),
         }
     }
 
@@ -161,15 +162,19 @@ impl Firmware {
         self.states.state = target;
         self.states.error = false;
         match target {
-            AlState::PreOp => {
-                if let Some(mailbox) = &mut self.mailbox {
-                    mailbox.reset();
+            AlState::PreOp | AlState::Bootstrap => {
+                let area = match target {
+                    AlState::Bootstrap => self.config.bootstrap,
+                    _ => self.config.mailbox.map(|(area, _)| area),
+                };
+                if let (Some(mailbox), Some(area)) = (&mut self.mailbox, area) {
+                    mailbox.reset_at(area);
                     mailbox.synchronize_repeat(pdi);
                 }
             }
             AlState::SafeOp => self.process.start(pdi, &self.dictionary, now),
             AlState::Op => self.process.enter_op(pdi, &mut self.dictionary),
-            AlState::Init | AlState::Bootstrap => {}
+            AlState::Init => {}
         }
         self.device.state_changed(&mut self.dictionary, target, AlStatusCode::NO_ERROR);
         self.write_state(pdi, AlStatusCode::NO_ERROR);
@@ -189,10 +194,10 @@ impl Firmware {
         if !matches!(target, AlState::SafeOp | AlState::Op) {
             self.process.stop();
         }
-        if target == AlState::Init
-            && let Some(mailbox) = &mut self.mailbox
+        if let (AlState::Init, Some(mailbox), Some((area, _))) =
+            (target, &mut self.mailbox, self.config.mailbox)
         {
-            mailbox.reset();
+            mailbox.reset_at(area);
         }
         self.device.state_changed(&mut self.dictionary, target, code);
         self.write_state(pdi, code);
@@ -205,11 +210,16 @@ impl Firmware {
         pdi.write(reg::AL_STATUS, &(self.states.state.bits() | error).to_le_bytes());
     }
 
-    /// The station alias in the status code register, as ETG.1020's explicit identification wants it.
+    /// The identification, or the station alias, in the status code register, as ETG.1020's explicit identification wants it.
     fn identify(&self, pdi: &mut dyn Pdi) {
-        let mut alias = [0; 2];
-        pdi.read(reg::STATION_ALIAS, &mut alias);
-        pdi.write(reg::AL_STATUS_CODE, &alias);
+        let mut number = [0; 2];
+        match self.config.identification {
+            Some(identification) => number = identification.to_le_bytes(),
+            None => {
+                pdi.read(reg::STATION_ALIAS, &mut number);
+            }
+        }
+        pdi.write(reg::AL_STATUS_CODE, &number);
         pdi.write(reg::AL_STATUS, &(self.states.state.bits() | AlState::IDENTIFICATION).to_le_bytes());
     }
 

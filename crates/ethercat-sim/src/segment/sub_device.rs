@@ -32,6 +32,11 @@ impl SubDevice {
         }
     }
 
+    /// The same chip with another application behind it.
+    pub fn with_application(self, application: Box<dyn Application>) -> Self {
+        SubDevice { application, ..self }
+    }
+
     /// Its chip.
     pub fn esc(&self) -> &Esc {
         &self.esc

@@ -3,19 +3,30 @@
 use super::{Kind, Mistake, SegmentFile, SegmentFileError, SubDeviceEntry};
 use crate::device::Piece;
 use crate::device::axis::Axis;
+use crate::device::esi;
 use crate::device::generic::Generic;
 use crate::device::simple;
+use crate::pdi_socket::{Pace, SocketApplication};
 use crate::{Attachment, Parent, Segment, SubDevice};
+use core::time::Duration;
 use omnibase_ethercat_wire::sii::ImageTooShort;
 use std::path::Path;
 
+/// How long virtual time waits for a firmware.
+const PATIENCE: Duration = Duration::from_secs(30);
 /// Ports in the order in which free ones are taken.
 const PORTS: [u8; 3] = [1, 2, 3];
 
 impl SegmentFile {
-    /// The segment; images are looked for in `base_dir`. Every servo has a motor of its own.
+    /// The segment; images are looked for in `base_dir`. Every servo has a motor of its own, and foreign firmware runs in
+    /// lockstep.
     pub fn build(&self, base_dir: &Path) -> Result<Segment, SegmentFileError> {
         self.build_on(base_dir, &mut |_| None)
+    }
+
+    /// The same, foreign firmware at this pace.
+    pub fn build_paced(&self, base_dir: &Path, pace: Pace) -> Result<Segment, SegmentFileError> {
+        self.build_all(base_dir, pace, &mut |_| None)
     }
 
     /// The segment, servos on the axes that `axis` gives for their names; where it gives none, on their own.
@@ -24,10 +35,20 @@ impl SegmentFile {
         base_dir: &Path,
         axis: &mut dyn FnMut(&str) -> Option<Box<dyn Axis>>,
     ) -> Result<Segment, SegmentFileError> {
+        self.build_all(base_dir, Pace::Lockstep, axis)
+    }
+
+    fn build_all(
+        &self,
+        base_dir: &Path,
+        pace: Pace,
+        axis: &mut dyn FnMut(&str) -> Option<Box<dyn Axis>>,
+    ) -> Result<Segment, SegmentFileError> {
         let mut problems = Vec::new();
         let mut sub_devices = Vec::new();
         for entry in &self.sub_devices {
-            match build_one(entry, base_dir, axis(&entry.name)) {
+            let built = build_one(entry, base_dir, axis(&entry.name));
+            match built.and_then(|sub_device| with_socket(sub_device, entry, pace)) {
                 Ok(sub_device) => sub_devices.push(sub_device),
                 Err(text) => problems.push(problem(entry, text)),
             }
@@ -77,6 +98,20 @@ fn problem(entry: &SubDeviceEntry, text: String) -> Mistake {
     Mistake { line: entry.place.0, column: entry.place.1, text }
 }
 
+/// The same chip with its firmware behind a socket, where it has one.
+fn with_socket(sub_device: SubDevice, entry: &SubDeviceEntry, pace: Pace) -> Result<SubDevice, String> {
+    let Some(path) = &entry.socket else { return Ok(sub_device) };
+    let mut application = SocketApplication::bind(path, pace)
+        .map_err(|error| format!("socket `{}`: {error}", path.display()))?;
+    if pace == Pace::Lockstep {
+        // Virtual time would be over before anybody has connected.
+        application.wait_for_firmware(PATIENCE).map_err(|error| {
+            format!("socket `{}`: {error} within {} s", path.display(), PATIENCE.as_secs())
+        })?;
+    }
+    Ok(sub_device.with_application(Box::new(application)))
+}
+
 fn build_one(
     entry: &SubDeviceEntry,
     base_dir: &Path,
@@ -94,6 +129,7 @@ fn build_one(
             let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
             Generic::from_sii(&bytes, &entry.piece)
         }
+        Kind::Esi(wanted) => return esi::build(wanted, base_dir, &entry.piece),
         Kind::Coupler => simple::coupler(&entry.piece),
         Kind::DigitalIo(bits) => simple::digital_io(*bits, &entry.piece),
     };

@@ -29,7 +29,7 @@ fn bits(logical: u32, first: u8, last: u8, physical: u16, kind: u8) -> [u8; 16] 
 
 #[test]
 fn digital_io_exchanges_bits_that_dont_fill_bytes() {
-    let Generic { sub_device, panel } =
+    let Generic { sub_device, panel, .. } =
         digital_io(DigitalIo { inputs: 3, outputs: 5 }, &Piece::default()).unwrap();
     let mut rig = Rig::of(sub_device);
     rig.write(FIRST, 0x0800, &sync_manager(0x1000, 1, 0x64));

@@ -417,6 +417,7 @@ impl Device for Nothing {
 fn with_boot() -> Rig {
     let area = MailboxArea { receive_offset: 0x1000, receive_size: 64, send_offset: 0x1100, send_size: 64 };
     let config = FirmwareConfig {
+        identification: None,
         state_control: StateControl::Firmware,
         mailbox: None,
         bootstrap: Some(area),

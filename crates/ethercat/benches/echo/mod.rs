@@ -31,6 +31,7 @@ pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,
         cyclic_control: CyclicControl::Write,

@@ -147,7 +147,8 @@ impl Recovery {
     /// The way back of `subdevice` as set-up left it.
     pub fn new(subdevice: &SubDevice) -> Self {
         let list = &subdevice.start_up.steps;
-        let (after, before): (Vec<_>, Vec<_>) = list.iter().cloned().partition(StartUpStep::needs_cycle);
+        let cut = list.iter().position(StartUpStep::needs_cycle).unwrap_or(list.len());
+        let (before, after) = (list[..cut].to_vec(), list[cut..].to_vec());
         let clock = setting_clock(&before);
         let set_up: Vec<_> = before.into_iter().filter(|step| !is_clock(step)).collect();
         let enter = after.into_iter().filter(|step| !matches!(step, StartUpStep::ArmSync)).collect();

@@ -9,8 +9,12 @@ use crate::config::{CyclicControl, DcConfig};
 use crate::found::Found;
 use crate::image::{ClockUse, Member};
 use crate::subdevice::{DcWidth, Direction};
+use crate::sync_manager::ACTIVATE;
 use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::{AlState, AlStatusCode, DcTime, HostTime, register};
+
+/// SyncManagers of one SubDevice that can be switched on for OP alone.
+const MOST_OP_ONLY: u8 = 4;
 
 /// Limits of the way to OP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +88,8 @@ pub enum Step {
     StartTime,
     /// SYNC on (0x0981).
     SyncOn,
+    /// The n-th SyncManager of each SubDevice that is on in OP alone: on, or off on the way back.
+    OpOnly(u8),
     /// Asking for a state.
     Ask(AlState),
     /// Waiting for it.
@@ -175,8 +181,11 @@ impl Transition {
         Some(match self.step {
             Step::LockClocks => Step::SyncOff,
             Step::SyncOff if up => Step::CyclicControl,
-            Step::SyncOff if self.goal == Goal::Init => Step::Ask(AlState::Init),
-            Step::SyncOff => return None,
+            Step::SyncOff => Step::OpOnly(0),
+            Step::OpOnly(number) if number + 1 < MOST_OP_ONLY => Step::OpOnly(number + 1),
+            Step::OpOnly(_) if up => Step::Ask(AlState::Op),
+            Step::OpOnly(_) if self.goal == Goal::Init => Step::Ask(AlState::Init),
+            Step::OpOnly(_) => return None,
             Step::CyclicControl => Step::Sync0Cycle,
             Step::Sync0Cycle => Step::Sync1Cycle,
             Step::Sync1Cycle => Step::StartTime,
@@ -186,7 +195,7 @@ impl Transition {
             Step::Await(state) if up => Step::Settle(state),
             Step::Await(AlState::PreOp) => Step::SyncOff,
             Step::Await(_) => return None,
-            Step::Settle(AlState::SafeOp) => Step::Ask(AlState::Op),
+            Step::Settle(AlState::SafeOp) => Step::OpOnly(0),
             Step::Settle(_) => return None,
         })
     }
@@ -309,6 +318,11 @@ impl Transition {
             let word = state.bits() | acknowledge;
             return Some(Access::write(register::AL_CONTROL, &word.to_le_bytes()));
         }
+        if let Step::OpOnly(number) = self.step {
+            let index = *member.op_only.get(usize::from(number))?;
+            let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;
+            return Some(Access::write(register, &[u8::from(self.goal == Goal::Op)]));
+        }
         let (cycle_ns, shift_ns) = sync0(member.sync)?;
         Some(match self.step {
             Step::SyncOff => Access::write(register::DC_ACTIVATION, &[0]),
@@ -364,7 +378,15 @@ impl Transition {
     }
 
     fn settle(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
-        self.good = if view.exchange == Exchange::Complete { self.good + 1 } else { 0 };
+        // Who takes process data in OP alone doesn't count in SAFE-OP.
+        let are_some_off =
+            state == AlState::SafeOp && view.members.iter().any(|member| !member.op_only.is_empty());
+        let is_good = match view.exchange {
+            Exchange::Complete => true,
+            Exchange::ShortCount { .. } => are_some_off,
+            _ => false,
+        };
+        self.good = if is_good { self.good + 1 } else { 0 };
         let synced = match (state, view.clock) {
             (AlState::SafeOp, Some(clock)) => clock >= self.first_sync,
             _ => true,

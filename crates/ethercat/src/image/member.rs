@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::config::{CyclicControl, DcConfig, LrwPermission};
 use crate::mailbox::Mailbox;
-use crate::subdevice::{DcWidth, Direction, MailboxConfig, SubDevice};
+use crate::subdevice::{DcWidth, Direction, MailboxConfig, SubDevice, SyncManager};
 
 /// Whether an area may share a byte with those of others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +41,8 @@ pub struct Member {
     pub areas: Vec<Area>,
     /// Its mailbox, where it speaks CoE.
     pub mailbox: Option<MailboxConfig>,
+    /// SyncManagers that are switched on between SAFE-OP and OP.
+    pub op_only: Vec<u8>,
     /// Width of its clock, where it has one.
     pub clock: Option<DcWidth>,
     /// SYNC0 and SYNC1.
@@ -84,6 +86,7 @@ impl From<&SubDevice> for Member {
             lrw: if subdevice.lrw_allowed { LrwPermission::Allowed } else { LrwPermission::Barred },
             areas: areas.collect(),
             mailbox: subdevice.mailbox.filter(MailboxConfig::speaks_coe),
+            op_only: subdevice.sync_managers.iter().filter_map(SyncManager::op_only).collect(),
             clock: subdevice.dc.map(|dc| dc.width),
             sync: subdevice.config.dc,
             cyclic_control: subdevice.config.cyclic_control,

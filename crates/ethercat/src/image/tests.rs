@@ -23,6 +23,7 @@ fn member(position: u16, outputs: u32, inputs: u32) -> Member {
         lrw: LrwPermission::Barred,
         areas,
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,
         cyclic_control: CyclicControl::Write,

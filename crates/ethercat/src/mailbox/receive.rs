@@ -8,7 +8,7 @@ use crate::wire::mailbox::{self, Header, Protocol};
 use super::emergency::ReceivedEmergency;
 use super::request::MailboxError;
 use super::transfer::Outcome;
-use super::{Mailbox, Stage, Task};
+use super::{BUSY_PAUSE, Mailbox, Stage, Task};
 
 impl Mailbox {
     /// Sorts one message.
@@ -38,6 +38,10 @@ impl Mailbox {
             }
             Outcome::Kept => self.resume(),
             Outcome::Send => self.send_next(now),
+            Outcome::SendLater => {
+                self.send_next(now);
+                self.next_look = now + BUSY_PAUSE;
+            }
             Outcome::Done => {
                 if let Task::Run { request, .. } = core::mem::replace(&mut self.task, Task::None) {
                     self.finish(request, Ok(()));
@@ -56,8 +60,10 @@ impl Mailbox {
                 self.emergencies.push(ReceivedEmergency { time: now, emergency });
                 Outcome::Kept
             }
-            Some(Protocol::Coe) if !unsent => match &mut self.task {
-                Task::Run { request, transfer, .. } => transfer.read(data, request),
+            Some(protocol @ (Protocol::Coe | Protocol::Foe)) if !unsent => match &mut self.task {
+                Task::Run { request, transfer, .. } if transfer.protocol() == protocol => {
+                    transfer.read(data, request)
+                }
                 _ => Outcome::Stray,
             },
             Some(Protocol::Error) if !unsent && data.len() >= 4 && matches!(self.task, Task::Run { .. }) => {

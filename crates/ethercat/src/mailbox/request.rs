@@ -1,6 +1,8 @@
 //! What can be asked of a SubDevice's mailbox, and how it can end.
 
+use super::file::{FileAccess, ShortText};
 use crate::wire::coe::{AbortCode, ObjectAddress, info};
+use crate::wire::foe::FoeErrorCode;
 use crate::wire::mailbox::error_text;
 use alloc::vec::Vec;
 use core::fmt;
@@ -67,9 +69,18 @@ pub enum Operation {
         /// Which values to describe too, bits of [`super::EntryDescription`]; 0 for none.
         value_info: u8,
     },
+    /// Read a file (FoE).
+    ReadFile(FileAccess),
+    /// Write the request's data to a file (FoE).
+    WriteFile(FileAccess),
 }
 
 impl Operation {
+    /// Whether the request's data go to the SubDevice.
+    pub(super) fn is_write(self) -> bool {
+        matches!(self, Operation::Download { .. } | Operation::WriteFile(_))
+    }
+
     pub(super) fn list_type(self) -> u16 {
         match self {
             Operation::List(list) => list as u16,
@@ -93,6 +104,8 @@ impl fmt::Display for Operation {
             Operation::List(list) => write!(f, "reading object list {}", *list as u16),
             Operation::DescribeObject { index } => write!(f, "reading the description of object {index:04x}"),
             Operation::DescribeEntry { object, .. } => write!(f, "reading the description of entry {object}"),
+            Operation::ReadFile(file) => write!(f, "reading file `{}`", file.name),
+            Operation::WriteFile(file) => write!(f, "writing file `{}`", file.name),
         }
     }
 }
@@ -245,7 +258,42 @@ pub enum MailboxError {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// The SubDevice refused a file, or broke its transfer off.
+    #[error("FoE error {code}{}, at packet {packet}", Quoted(.text))]
+    FileRefused {
+        /// Its reason.
+        code: FoeErrorCode,
+        /// The packet that was in hand; 0 before the first.
+        packet: u32,
+        /// The beginning of its own words.
+        text: ShortText,
+    },
+    /// A packet of a file came that wasn't awaited.
+    #[error("packet {found} of the file came, packet {expected} was awaited")]
+    PacketNumber {
+        /// Awaited.
+        expected: u32,
+        /// Came.
+        found: u32,
+    },
+    /// The SubDevice kept saying that it needs more time.
+    #[error("the SubDevice answered {times} times in a row that it is busy, at packet {packet}")]
+    Busy {
+        /// How often.
+        times: u32,
+        /// The packet that was in hand.
+        packet: u32,
+    },
     /// The mailbox was reset while the request ran: the SubDevice lost power or went to INIT.
     #[error("the mailbox was reset")]
     Reset,
+}
+
+/// A device's own words, where it has any.
+struct Quoted<'a>(&'a ShortText);
+
+impl fmt::Display for Quoted<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.bytes().is_empty() { Ok(()) } else { write!(f, " (\"{}\")", self.0) }
+    }
 }

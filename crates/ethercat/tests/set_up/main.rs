@@ -1,5 +1,8 @@
 //! The set-up against the simulated segment.
 
+mod esi;
+mod field;
+mod flags;
 mod matching;
 mod operational;
 mod replay;

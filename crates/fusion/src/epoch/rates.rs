@@ -30,7 +30,9 @@ impl Rates<'_> {
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
             if known.standings[sensor].is_believed() && !is_still {
-                let (nis, by) = self.off((rate, sensor, sum), known);
+                let (nis, own) = self.chi2((rate, sensor, sum), known);
+                let by = in_body(&self.sensors[sensor], own);
+                self.watch_clock((rate, sensor), own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
                 heard += 1;
                 numbers += numbers_of(self.sensors[sensor].kind);
@@ -39,9 +41,9 @@ impl Rates<'_> {
         let contradicting = off.iter().flatten().count();
         // A gyro that is alone is believed while the floor may be giving way: it can't be lifted off it.
         let is_gyro_alone = heard == 1
-            && self.heard().any(|(rate, sensor, _)| {
-                off[rate].is_some() && self.sensors[sensor].kind == SensorKind::Turn
-            });
+            && self
+                .heard()
+                .any(|(rate, sensor, _)| off[rate].is_some() && self.sensors[sensor].kind.is_gyro());
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
         if contradicting > 0 && may_slip {
             let mut slipping = *known;
@@ -54,15 +56,16 @@ impl Rates<'_> {
         }
         for one in self.heard() {
             match self.sensors[one.1].kind {
-                SensorKind::Turn => self.take_one::<1>(one, known),
+                SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, known),
                 SensorKind::Flow => self.take_one::<2>(one, known),
                 _ => self.take_one::<3>(one, known),
             }
         }
+        self.judge_clocks(known);
     }
 
     /// What was heard: the sensor's place among those that tell speeds, among all, and the sum.
-    fn heard(&self) -> impl Iterator<Item = (usize, usize, &Sum)> {
+    pub(super) fn heard(&self) -> impl Iterator<Item = (usize, usize, &Sum)> {
         let all = rates(self.sensors).map(|(rate, (sensor, _))| (rate, sensor, &self.epoch.rates[rate]));
         all.filter(|(_, _, sum)| sum.count > 0)
     }
@@ -72,7 +75,7 @@ impl Rates<'_> {
         let mut known = *known;
         let believed = known.standings.map(|standing| standing.is_believed());
         self.heard().filter(|(_, sensor, _)| believed[*sensor]).all(|one| match self.sensors[one.1].kind {
-            SensorKind::Turn => self.agrees::<1>(one, &mut known),
+            SensorKind::Turn | SensorKind::Inertial => self.agrees::<1>(one, &mut known),
             SensorKind::Flow => self.agrees::<2>(one, &mut known),
             _ => self.agrees::<3>(one, &mut known),
         })
@@ -84,25 +87,15 @@ impl Rates<'_> {
         agreeing.map(|innovation| known.belief.correct(&innovation)).is_some()
     }
 
-    /// chi² of a mean of readings, and by how much it is off in body axes, m/s and rad/s.
-    fn off(&self, one: (usize, usize, &Sum), known: &Knowledge) -> (f64, [f64; 3]) {
-        let sensor = &self.sensors[one.1];
-        let (nis, expected) = match sensor.kind {
-            SensorKind::Turn => nis(self.compare::<1>(one, known)),
+    /// chi² of a mean of readings, and by how much it is off in the sensor's own axes.
+    fn chi2(&self, one: (usize, usize, &Sum), known: &Knowledge) -> (f64, [f64; 3]) {
+        let (nis, expected) = match self.sensors[one.1].kind {
+            SensorKind::Turn | SensorKind::Inertial => nis(self.compare::<1>(one, known)),
             SensorKind::Flow => nis(self.compare::<2>(one, known)),
             _ => nis(self.compare::<3>(one, known)),
         };
         let said = mean(one.2);
-        let [x, y, turn]: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
-        let (sin, cos) = sensor.body_from_sensor.heading_rad.sin_cos();
-        let along = [cos * x - sin * y, sin * x + cos * y];
-        let by = match sensor.kind {
-            SensorKind::Turn => [0.0, 0.0, x],
-            // It may be the turn at its lever arm.
-            SensorKind::Flow => [along[0], along[1], x.hypot(y) / arm_m(sensor)],
-            _ => [along[0], along[1], turn],
-        };
-        (nis, by)
+        (nis, std::array::from_fn(|n| said[n] - expected[n]))
     }
 
     fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
@@ -133,9 +126,14 @@ impl Rates<'_> {
     fn by_wheels(&self, sensor: &Sensor) -> [f64; 3] {
         let per_s = 1.0 / self.epoch.time_s;
         let BodyStep { x_m, y_m, angle_rad } = self.step;
-        let twist = Twist2::new(x_m * per_s, y_m * per_s, angle_rad * per_s);
+        self.by_twist(sensor, [x_m * per_s, y_m * per_s, angle_rad * per_s])
+    }
+
+    /// What it tells of a twist of the body, or of what a twist changes by.
+    pub(super) fn by_twist(&self, sensor: &Sensor, [x, y, turn]: [f64; 3]) -> [f64; 3] {
+        let twist = Twist2::new(x, y, turn);
         match sensor.kind {
-            SensorKind::Turn => [twist.w_rad_s, 0.0, 0.0],
+            SensorKind::Turn | SensorKind::Inertial => [twist.w_rad_s, 0.0, 0.0],
             _ => {
                 let Twist2 { vx_m_s, vy_m_s, w_rad_s } = twist.at(sensor.body_from_sensor);
                 [vx_m_s, vy_m_s, w_rad_s]
@@ -168,7 +166,7 @@ impl Rates<'_> {
         });
         let own = OWN + 2 * rate;
         let (expected, rows): ([f64; 3], [Row; 3]) = match sensor.kind {
-            SensorKind::Turn => {
+            SensorKind::Turn | SensorKind::Inertial => {
                 let scale = 1.0 + belief.error(own + 1);
                 let mut row = Row::of(&[(own, 1.0), (own + 1, u[2])]);
                 row.add_scaled(&twist_rows[2], 1.0);
@@ -204,13 +202,25 @@ impl Rates<'_> {
     }
 }
 
+/// What a sensor is off in its own axes as one in body axes, m/s and rad/s.
+fn in_body(sensor: &Sensor, [x, y, turn]: [f64; 3]) -> [f64; 3] {
+    let (sin, cos) = sensor.body_from_sensor.heading_rad.sin_cos();
+    let along = [cos * x - sin * y, sin * x + cos * y];
+    match sensor.kind {
+        SensorKind::Turn | SensorKind::Inertial => [0.0, 0.0, x],
+        // It may be the turn at its lever arm.
+        SensorKind::Flow => [along[0], along[1], x.hypot(y) / arm_m(sensor)],
+        _ => [along[0], along[1], turn],
+    }
+}
+
 fn mean(sum: &Sum) -> [f64; 3] {
     sum.values.map(|value| value / f64::from(sum.count))
 }
 
-fn numbers_of(kind: SensorKind) -> usize {
+pub(super) fn numbers_of(kind: SensorKind) -> usize {
     match kind {
-        SensorKind::Turn => 1,
+        SensorKind::Turn | SensorKind::Inertial => 1,
         SensorKind::Flow => 2,
         SensorKind::Twist | SensorKind::Pose => 3,
     }
@@ -233,7 +243,7 @@ fn arm_m(sensor: &Sensor) -> f64 {
 fn size(said: &[f64; 3], expected: &[f64; 3], kind: SensorKind) -> [f64; 2] {
     let off: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
     match kind {
-        SensorKind::Turn => [0.0, off[0].abs()],
+        SensorKind::Turn | SensorKind::Inertial => [0.0, off[0].abs()],
         _ => [off[0].hypot(off[1]), off[2].abs()],
     }
 }

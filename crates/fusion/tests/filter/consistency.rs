@@ -45,3 +45,21 @@ fn errors_are_as_great_as_their_covariance_says_with_each_set_of_sensors() {
         assert!((nees - 1.0).abs() < band, "{name}: {nees}, expected 1 within {band}");
     }
 }
+
+#[test]
+fn what_is_not_passed_yet_is_in_the_covariance_too() {
+    let mut world = World::new(1, &[]);
+    let mut filter = Filter::new(settings(), &[]);
+    let variance = |filter: &Filter| filter.estimate().covariance[0];
+    for _ in 0..3000 {
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+    }
+    // On the way each cycle adds to it, within an epoch of five cycles as between two.
+    for cycle in 0..20 {
+        let before = variance(&filter);
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+        assert!(variance(&filter) > before, "{cycle}: {before:e}, then {:e}", variance(&filter));
+    }
+}

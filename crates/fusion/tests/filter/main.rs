@@ -1,6 +1,9 @@
 //! The filter against worlds of its own model: order, consistency, faults.
 
+mod clocks;
 mod consistency;
 mod faults;
+mod inertial;
+mod lively;
 mod order;
 mod world;

@@ -106,7 +106,7 @@ impl World {
         let mut own = [[0.0; 2]; MAX_SENSORS];
         for (sensor, own) in sensors.iter().zip(&mut own) {
             *own = match sensor.kind {
-                SensorKind::Turn => [sensor.bias_sigma, sensor.scale_sigma],
+                SensorKind::Turn | SensorKind::Inertial => [sensor.bias_sigma, sensor.scale_sigma],
                 _ => [sensor.scale_sigma, sensor.direction_sigma_rad],
             }
             .map(|sigma| sigma * chance.normal());
@@ -171,6 +171,10 @@ impl World {
         let mut noise = known.sigma.map(|sigma| sigma * self.chance.normal());
         match known.kind {
             SensorKind::Turn => Reading::Turn((1.0 + other) * self.twist.w_rad_s + one + noise[0]),
+            SensorKind::Inertial => Reading::Inertial {
+                turn: (1.0 + other) * self.twist.w_rad_s + one + noise[0],
+                acceleration: [0.0; 2],
+            },
             SensorKind::Flow => {
                 let mut mount = known.body_from_sensor;
                 mount.heading_rad += other;

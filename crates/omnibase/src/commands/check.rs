@@ -1,5 +1,6 @@
 //! `omnibase check`: all problems of a robot's file at once, else what it resolves to; and its motion, planned dry.
 
+mod cycle;
 mod dry;
 mod picture;
 
@@ -80,6 +81,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
                 writeln!(output)?;
             } else {
                 print(&robot.plan, output)?;
+                print_cycle(&robot.plan, output)?;
                 if let Some(motion) = &motion {
                     dry::print(motion, output)?;
                 }
@@ -103,6 +105,21 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             Ok(Outcome::Failed)
         }
     }
+}
+
+/// The shortest cycle of its frames, and whether the file's is one.
+fn print_cycle(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+    let Some(fit) = cycle::fit(plan) else { return Ok(()) };
+    writeln!(output, "\nshortest cycle, estimated: {fit}")?;
+    let timeout_us = plan.bus.receive_timeout_ns / 1000;
+    if fit.needed().as_micros() as u64 > timeout_us {
+        writeln!(
+            output,
+            "\nWARNING: bus.cycle_us = {}, frames awaited for {timeout_us} us: they are probably not back by then",
+            plan.bus.cycle_ns / 1000
+        )?;
+    }
+    Ok(())
 }
 
 impl Arguments {
@@ -160,6 +177,7 @@ fn bus_place(place: BusPlace) -> String {
     match place {
         BusPlace::Position(position) => format!("position {position}"),
         BusPlace::Alias(alias) => format!("alias {alias}"),
+        BusPlace::Identification(number) => format!("identification {number}"),
     }
 }
 

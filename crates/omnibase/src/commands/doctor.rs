@@ -1,10 +1,13 @@
 //! `omnibase doctor`: is this machine fit for hard real time?
 
 use crate::Outcome;
+use crate::commands::scan;
+use crate::target::{Manners, Target};
 use anyhow::ensure;
 use omnibase_host::doctor::{self, Change, Finding, How, Machine, Mend, MendError, Nic, Verdict};
 use serde::Serialize;
 use std::io::{self, Write};
+use std::time::Duration;
 
 /// Looks whether this machine is fit for hard real time: what it found, why it matters, and what mends it.
 #[derive(Debug, clap::Args)]
@@ -12,6 +15,7 @@ use std::io::{self, Write};
   omnibase doctor                     kernel, processors and rights
   omnibase doctor eth1                and the network interface of the drives
   sudo omnibase doctor eth1 --fix     mend what can be mended here and now; prints how to undo each change
+  omnibase doctor eth1 --segment      and what hangs there: cables, ports, aliases, the shortest cycle
   omnibase doctor eth1 --json         for programs
 
 Without --fix nothing is changed. Not while drives are enabled: the link may go down for a moment. Changes last until the next boot; docs/host.md says how to make them last.
@@ -22,6 +26,13 @@ pub struct Arguments {
     /// Mend what is safe to mend: governor, throttling, huge pages, coalescing, offloads, EEE, interrupts. Needs root.
     #[arg(long)]
     fix: bool,
+    /// Measure for so many seconds how long this machine pauses a program: virtual machines do for milliseconds.
+    #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = clap::value_parser!(u16).range(0..=3600))]
+    pauses_s: u16,
+    /// Look at the segment behind the interface too: cables, ports, order, aliases, the shortest cycle. Resets it to INIT: not
+    /// while drives are enabled.
+    #[arg(long, requires = "interface")]
+    segment: bool,
     /// Print one JSON object: {"verdict", "findings", "changes"}.
     #[arg(long)]
     json: bool,
@@ -46,6 +57,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         changes = mend(&findings, &machine);
         findings = look();
     }
+    findings.push(doctor::pauses(Duration::from_secs(arguments.pauses_s.into())));
+    if let Some(interface) = arguments.interface.as_ref().filter(|_| arguments.segment) {
+        findings.extend(segment(interface)?);
+    }
     let verdict = doctor::worst(&findings);
     if arguments.json {
         let page = Page::of(verdict, &findings, &changes);
@@ -57,6 +72,15 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         print_verdict(&findings, output)?;
     }
     Ok(if verdict == Verdict::Bad { Outcome::Failed } else { Outcome::Done })
+}
+
+/// What `scan` sees of the segment that a person should do something about.
+fn segment(interface: &str) -> anyhow::Result<Vec<Finding>> {
+    let target = Target::Interface(interface.to_owned());
+    let (words, cycle) = scan::trouble(&target, Manners { force: false, visible: false })?;
+    let mut findings = vec![doctor::segment_cycle(cycle)];
+    findings.extend(words.into_iter().map(doctor::segment_trouble));
+    Ok(findings)
 }
 
 /// A change that was tried.

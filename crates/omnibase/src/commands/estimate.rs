@@ -31,7 +31,8 @@ use std::sync::Arc;
   omnibase estimate youbot.toml track.csv --tum out      and then: evo_ape tum out/truth.tum out/fused.tum --align
 
 Absolute error: RMS of the distance after the best rigid alignment, as evo_ape's with --align. Relative error: over each metre of the
-true way, as evo_rpe's with --delta 1 --delta_unit m --all_pairs.")]
+believed way, as evo_rpe's with --delta 1 --delta_unit m --all_pairs. A true pose that repeats the one before to the bit was not
+measured, and is left out.")]
 pub struct Arguments {
     /// Robot file (TOML): wheels, and by its tables `estimator` and `sensor` how well they are known.
     robot: PathBuf,
@@ -85,12 +86,13 @@ pub fn run(
         "`{}` has no poses to compare with: expected --truth source:NAME or simulator, or columns pose_x_m, pose_y_m, pose_heading_rad",
         arguments.recording.display()
     );
+    let believed = estimate(&plan, &run, arguments.poses);
     let truth: Vec<Stamped> = run
+        .without_repeats()
         .poses
         .iter()
         .map(|pose| Stamped { time_s: pose.instant_s, pose: pose.world_from_sensor })
         .collect();
-    let believed = estimate(&plan, &run, arguments.poses);
     let errors = |believed: &[Stamped]| {
         TrajectoryErrors::of(&truth, believed)
             .context("fewer than three poses lie within the time of the wheels: expected the same clock")
@@ -153,7 +155,8 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
     for step in &run.steps {
         let (way, _) = plan.kinematics.body_step(&step.turned_rad);
         odom_from_body = odom_from_body.moved_by(way);
-        let motion = Motion { body_from_next: way.exp(), is_heard: true, ..Motion::default() };
+        // Nobody follows the pose.
+        let motion = Motion { body_from_next: way.exp(), is_heard: true, is_free: true, ..Motion::default() };
         filter.advance(ns(step.end_s), &motion);
         while let Some(turn) = turns.next_if(|turn| turn.instant_s <= step.end_s) {
             filter.hear(0, ns(turn.instant_s), &Reading::Turn(turn.rate_rad_s));

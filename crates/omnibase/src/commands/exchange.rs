@@ -6,12 +6,12 @@ mod runner;
 use crate::real_time::RealTime;
 use crate::target::{Manners, Port, Target, finish_recording};
 use crate::{Outcome, commands};
+use omnibase_ethercat::config::WatchdogConfig;
 use omnibase_ethercat::cyclic::ClockDirection;
-use omnibase_ethercat::image::FramePlan;
+use omnibase_ethercat::image::CycleFit;
 use omnibase_ethercat::paced::{self, Pace};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
-use omnibase_ethercat::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MIN_FRAME};
-use omnibase_ethercat::wire::sii::{self, Identity};
+use omnibase_ethercat::wire::sii::{self, Identity, SyncManagerUsage};
 use omnibase_ethercat::{DcConfig, Match, SubDeviceConfig};
 use omnibase_host::{Waiting, stop_on_signals};
 use runner::{Plan, Runner};
@@ -66,6 +66,9 @@ pub struct Arguments {
     busy_poll: bool,
     #[command(flatten)]
     real_time: RealTime,
+    /// Process-data watchdog written to all that have outputs, ms; 0 switches it off. It should be several cycles.
+    #[arg(long, value_name = "MS", default_value = "100", value_parser = parse_watchdog)]
+    watchdog_ms: Option<u16>,
     /// Record all frames into this pcapng file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -73,6 +76,10 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
 }
+
+/// Register 0x0400: steps of 100 us.
+const WATCHDOG_DIVIDER: u16 = 2498;
+const STEPS_PER_MS: u16 = 10;
 
 /// Whose time leads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -114,8 +121,9 @@ pub fn run_until(
         (true, Leader::Dc) => (paced::Leader::ReferenceClock, ClockDirection::CycleFollowsDc),
         (true, Leader::Host) => (paced::Leader::Host, ClockDirection::DcFollowsHost),
     };
+    let fit = bus.cycle_fit()?;
+    check_fit(fit, arguments.cycle_us)?;
     let handover = bus.into_cyclic(direction)?;
-    check_wire_time(&handover.bus.plan().frames, arguments.cycle_us)?;
 
     // Until the end of the cycle.
     let _granted = arguments.real_time.apply(arguments.cycle_us)?;
@@ -160,6 +168,7 @@ impl Arguments {
             ring: false,
             busy_poll: false,
             real_time: RealTime::default(),
+            watchdog_ms: Some(100),
             record: None,
             json: true,
         }
@@ -183,7 +192,23 @@ impl Arguments {
         } else {
             DcConfig::Off
         };
-        SubDeviceConfig { place: Some(Match::Position(one.position)), dc, ..SubDeviceConfig::default() }
+        // Who is written to goes safe by itself when this program says nothing any more, as a robot's drives do.
+        let is_written =
+            one.sii.sync_managers.iter().any(|manager| manager.usage == SyncManagerUsage::Outputs);
+        let watchdogs = match self.watchdog_ms.filter(|_| is_written) {
+            Some(ms) => WatchdogConfig {
+                divider: Some(WATCHDOG_DIVIDER),
+                process_data: Some(ms.saturating_mul(STEPS_PER_MS)),
+                pdi: None,
+            },
+            None => WatchdogConfig::default(),
+        };
+        SubDeviceConfig {
+            place: Some(Match::Position(one.position)),
+            dc,
+            watchdogs,
+            ..SubDeviceConfig::default()
+        }
     }
 }
 
@@ -202,26 +227,22 @@ fn list(subdevices: &[SubDevice], output: &mut dyn Write) -> std::io::Result<()>
     writeln!(output)
 }
 
-/// Refuses a cycle that is over before its frames are through the cable (100 Mbit/s).
-fn check_wire_time(frames: &[FramePlan], cycle: Duration) -> anyhow::Result<()> {
-    /// Preamble, checksum and the silence between frames.
-    const WIRE_OVERHEAD: usize = 24;
-    let bytes: usize = frames
-        .iter()
-        .map(|frame| {
-            let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
-            (FIRST_DATAGRAM + data).max(MIN_FRAME) + WIRE_OVERHEAD
-        })
-        .sum();
-    let needed = Duration::from_nanos(bytes as u64 * 80);
+/// Refuses a cycle within which its frames can't be back.
+fn check_fit(fit: CycleFit, cycle: Duration) -> anyhow::Result<()> {
     anyhow::ensure!(
-        needed < cycle,
-        "--cycle-us {}: the {} frames of a cycle take {} us on the cable alone; choose a longer cycle",
-        cycle.as_micros(),
-        frames.len(),
-        needed.as_micros()
+        fit.shortest() <= cycle,
+        "--cycle-us {}: the shortest cycle that fits is {fit}; choose a longer cycle",
+        cycle.as_micros()
     );
     Ok(())
+}
+
+/// Milliseconds that the chips can count.
+fn parse_watchdog(text: &str) -> Result<u16, String> {
+    match text.parse() {
+        Ok(ms @ 0..=6553) => Ok(ms),
+        _ => Err("expected milliseconds from 0 (off) to 6553".to_owned()),
+    }
 }
 
 /// Whether SYNC0 makes sense: a clock, process data, and an application that may use it. A SubDevice without a

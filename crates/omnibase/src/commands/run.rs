@@ -4,6 +4,7 @@ mod calendar;
 mod joystick_thread;
 mod operated;
 mod page;
+mod receivers;
 mod recording;
 pub(crate) mod reference;
 mod report;
@@ -22,11 +23,13 @@ use omnibase_host::{Waiting, real_time, stop_on_signals};
 use omnibase_measure::Summary;
 use omnibase_measure::measured::{FloorPose, Measured};
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
+use omnibase_record::{KeepFrames, LastFrames, RecordingLink, WhenFull};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::channels::{Known, Rows};
 use omnibase_run::floor_memory;
 use omnibase_run::pace::PacedClock;
+use omnibase_run::room::Room;
 use omnibase_run::simulated::Script;
 use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
 use page::Page;
@@ -87,6 +90,13 @@ pub struct Arguments {
     busy_poll: bool,
     #[command(flatten)]
     recording: recording::RecordingChoice,
+    /// Keep the last seconds of frames, and write them into this pcapng file when something goes wrong: a lost frame, a working
+    /// counter that falls, an AL error, a run that ends early. Later ones are called x-2.pcapng and so on.
+    #[arg(long, value_name = "FILE")]
+    frames: Option<PathBuf>,
+    /// How many seconds --frames keeps.
+    #[arg(long, value_name = "SECONDS", default_value = "10", requires = "frames", value_parser = clap::value_parser!(u16).range(1..=3600))]
+    frames_s: u16,
     /// Show the run on this page of HTML.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -136,8 +146,9 @@ pub fn run(
          --dashboard or --joystick to drive by hand",
         arguments.robot.display()
     );
+    let room = Room::of(&robot.plan, &source.text.folder)?;
     let stop = stop_on_signals()?;
-    let way = arguments.open(&robot)?;
+    let (way, frames) = arguments.keep_frames(arguments.open(&robot)?)?;
     let stages = Robot::build(&robot.plan, registry)?;
     let known = if way.machine.is_some() { Known::Truth } else { Known::BeliefAlone };
     let files = arguments.recording.files(&robot, &source.text.folder)?;
@@ -150,7 +161,7 @@ pub fn run(
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
     let (operated, live) =
-        arguments.operated.start(&robot, Arc::clone(registry), known, describer.clone())?.unzip();
+        arguments.operated.start((&robot, room), Arc::clone(registry), known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,
@@ -208,6 +219,9 @@ pub fn run(
             note(format_args!("recording: {} cycles went with the oldest files", recorded.removed));
         }
         lost = recorded.failure;
+    }
+    if let Some(frames) = frames {
+        tell_frames(frames, ran.ended.is_err() || !ran.finished && !is_operated)?;
     }
     let told = arguments.tell(&summary, output);
     drop(operated);
@@ -326,6 +340,24 @@ impl Arguments {
         Ok(Connection { link, clock: cable.clock, machine: None, script: None })
     }
 
+    /// The same way, its last frames kept where that is wished.
+    fn keep_frames(&self, way: Connection) -> anyhow::Result<(Connection, Option<LastFrames>)> {
+        let Some(path) = &self.frames else { return Ok((way, None)) };
+        let unix_offset_ns = match &way.clock {
+            AnyClock::Host(clock) => clock.unix_offset_ns(),
+            AnyClock::Virtual(_) | AnyClock::Paced(_) => 0,
+        };
+        let (frames, sink) = LastFrames::start(KeepFrames {
+            path: path.clone(),
+            interface: self.interface.clone().unwrap_or_else(|| "simulated".to_owned()),
+            seconds: Duration::from_secs(self.frames_s.into()),
+            when_full: if self.interface.is_some() { WhenFull::Drop } else { WhenFull::Wait },
+        })?;
+        let clock = Box::new(way.clock.clone());
+        let link = Box::new(RecordingLink::new(way.link, clock, unix_offset_ns, sink));
+        Ok((Connection { link, ..way }, Some(frames)))
+    }
+
     fn tell(&self, summary: &Summary, output: &mut dyn Write) -> anyhow::Result<()> {
         if self.json {
             serde_json::to_writer_pretty(&mut *output, summary)?;
@@ -370,6 +402,24 @@ impl Arguments {
             RunRecorder::start(&files, rows.schema(), on_full).context("starting the recording")?;
         Ok(Some((recorder, (rows, sink))))
     }
+}
+
+/// Says which files hold the frames of what went wrong.
+fn tell_frames(frames: LastFrames, ended_early: bool) -> anyhow::Result<()> {
+    if ended_early {
+        frames.wrong();
+    }
+    let kept = frames.finish().context("--frames")?;
+    if kept.files.is_empty() {
+        note("--frames: nothing went wrong, nothing was written");
+    }
+    for (path, words) in &kept.files {
+        note(format_args!("--frames: {}: {words}", path.display()));
+    }
+    if kept.dropped > 0 {
+        warn(format_args!("--frames: {} frames found no room and are missing", kept.dropped));
+    }
+    Ok(())
 }
 
 /// What to know of a motion without an end on virtual time.

@@ -1,6 +1,7 @@
 //! `omnibase scan`: what is there.
 
 mod report;
+mod table;
 
 use crate::commands::at_robot;
 use crate::dictionary;
@@ -11,7 +12,7 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
-use report::{Report, SubDeviceReport};
+use report::{CycleReport, ModulesReport, Report, SubDeviceReport};
 use std::io::Write;
 
 /// Shows what is in a segment: identity, position, alias, ports, states, SyncManagers, FMMUs, PDOs.
@@ -21,6 +22,7 @@ use std::io::Write;
   omnibase scan eth1 --dictionary                      with all objects and their values
   omnibase scan @robot                                 through the robot that runs on this machine
   omnibase scan sim:segments/three-sgdv.toml --json    a simulated segment, as JSON
+  omnibase scan eth1 --toml > found.toml               tables for a robot's file, what must be measured marked
 
 The segment is reset to INIT and brought to PRE-OP, where it stays; no object is written. Refused where
 another program drives the segment. Exit code 1 where no SubDevice was found or one of them is
@@ -34,20 +36,33 @@ pub struct Arguments {
     /// Read the whole object dictionary with its values (SDO Information).
     #[arg(long)]
     dictionary: bool,
-    /// Print one JSON object: {"subdevices": [...]}.
+    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble"}.
     #[arg(long)]
     json: bool,
+    /// Print `[[drive]]` and `[[device]]` tables for a robot's file: identity, maps as found, what drives tell of
+    /// encoder and torques; what must be measured or filled in is marked.
+    #[arg(long, conflicts_with_all = ["json", "dictionary"])]
+    toml: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     if let Target::Running(address) = &arguments.target {
+        anyhow::ensure!(!arguments.toml, "--toml: not of a robot that runs; it has its file");
         anyhow::ensure!(
             !arguments.dictionary,
             "--dictionary: not of a robot that runs; read objects by `sdo`"
         );
         at_robot::scan(*address, arguments.json, output)?;
         return Ok(Outcome::Done);
+    }
+    if arguments.toml {
+        let mut bus = arguments.manners.enter(&arguments.target, Port::Socket)?.into_bus();
+        commands::scan_bus(&mut bus, &arguments.target)?;
+        let refusal = bus.configure_sound().err();
+        commands::note_warnings(&bus);
+        write!(output, "{}", table::of(&mut bus))?;
+        return refusal.map_or(Ok(Outcome::Done), |error| Err(error.into()));
     }
     let (report, refusal) = look(&arguments.target, arguments.manners, arguments.dictionary)?;
     if arguments.json {
@@ -75,9 +90,16 @@ pub fn look(
     let refusal = bus.configure_sound().err();
     commands::note_warnings(&bus);
     let states = states(&mut bus);
-    let mut report = Report { subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect() };
+    let mut report = Report {
+        subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect(),
+        cycle: bus.cycle_fit().ok().map(CycleReport::from),
+        trouble: bus.look_for_trouble()?.iter().map(ToString::to_string).collect(),
+    };
     for (one, state) in report.subdevices.iter_mut().zip(states) {
         one.state = state;
+    }
+    if refusal.is_none() {
+        look_at_modules(&mut bus, &mut report)?;
     }
     if with_dictionary && refusal.is_none() {
         for one in &mut report.subdevices {
@@ -85,6 +107,40 @@ pub fn look(
         }
     }
     Ok((report, refusal))
+}
+
+/// What is plugged into modular devices, and where that isn't what they are configured for.
+fn look_at_modules(bus: &mut AnyBus, report: &mut Report) -> Result<(), SetUpError> {
+    for one in &mut report.subdevices {
+        if one.broken.is_some() {
+            continue;
+        }
+        let Some(modules) = bus.read_modules(one.position)? else { continue };
+        for (slot, configured, detected) in modules.differences() {
+            report.trouble.push(format!(
+                "SubDevice {}: slot {slot} holds module 0x{detected:08x}, the device is configured for 0x{configured:08x} (f030:{slot:02x}): \
+                 plug that module in, or write the detected ident to f030 in PRE-OP",
+                one.position
+            ));
+        }
+        one.modules = Some(ModulesReport { configured: modules.configured, detected: modules.detected });
+    }
+    Ok(())
+}
+
+/// What is wrong with a segment, as words, and which cycle fits.
+pub(super) fn trouble(target: &Target, manners: Manners) -> anyhow::Result<(Vec<String>, String)> {
+    let mut bus = manners.enter(target, Port::Socket)?.into_bus();
+    commands::scan_bus(&mut bus, target)?;
+    let refusal = bus.configure_sound().err();
+    let mut words: Vec<String> = bus.warnings().iter().map(ToString::to_string).collect();
+    words.extend(refusal.iter().map(ToString::to_string));
+    words.extend(bus.look_for_trouble()?.iter().map(ToString::to_string));
+    let cycle = match bus.cycle_fit() {
+        Ok(fit) => fit.to_string(),
+        Err(error) => error.to_string(),
+    };
+    Ok((words, cycle))
 }
 
 /// The dictionary; `None` where the SubDevice has none to show.

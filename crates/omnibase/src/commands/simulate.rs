@@ -10,7 +10,7 @@ use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
 use fault::TimedFault;
 use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
-use omnibase_ethercat_sim::{Fault, MainPort, RingEnds, Segment, Served, serve, serve_ring};
+use omnibase_ethercat_sim::{Fault, MainPort, Pace, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::{LinkState, Waiting, interface, stop_on_signals};
@@ -28,6 +28,7 @@ use std::time::Duration;
 #[command(group = clap::ArgGroup::new("what").required(true), after_help = "Examples:
   omnibase simulate segments/three-sgdv.toml --interface veth1
   omnibase simulate robots/bmm.toml --interface veth1                the robot of a robot file: drives, wheels, floor
+  omnibase simulate segments/two-foreign.toml --interface veth1       firmware in programs of its own (C, SOES and the like)
   omnibase simulate --sii ek1100.bin,el2828.bin --interface veth1    devices from SII images, in a line
   omnibase simulate segments/three-sgdv.toml --interface veth1 --fault power-cycle@1:5 --record run.pcapng
   omnibase simulate robots/bmm.toml --interface veth1 --redundant veth3 --fault cable-cut@0:5:1    a ring that breaks
@@ -84,6 +85,8 @@ struct Report {
     ignored: u64,
     /// The longest time that a frame waited for this program, ms.
     longest_wait_ms: f64,
+    /// The most by which the segment's time was behind the clock, ms: foreign firmware takes some.
+    longest_behind_ms: f64,
     /// Where the robot really is; null for a segment without one.
     true_pose: Option<TruePose>,
     /// What happened.
@@ -110,7 +113,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             script = Script::new(&robot.plan, &mut segment, &machine);
             (segment, Some(machine))
         }
-        Some(path) => (segment::load(path)?, None),
+        Some(path) => (segment::load(path, Pace::Free)?, None),
         None => (segment::from_images(&arguments.sii)?, None),
     };
     let count = segment.sub_devices().len();
@@ -163,6 +166,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         answered: served.answered,
         ignored: served.ignored,
         longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
+        longest_behind_ms: served.longest_behind_ns as f64 * 1e-6,
         true_pose: watch.logbook.true_pose(),
         events: entries.clone(),
         watchdogs: watchdogs.clone(),
@@ -183,9 +187,10 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
 }
 
 fn print(report: &Report, output: &mut dyn Write) -> std::io::Result<()> {
-    let Report { frames, answered, ignored, longest_wait_ms, .. } = report;
+    let Report { frames, answered, ignored, longest_wait_ms, longest_behind_ms, .. } = report;
     writeln!(output, "{frames} frames, {answered} answered, {ignored} ignored")?;
     writeln!(output, "a frame waited {longest_wait_ms:.3} ms for this program at most")?;
+    writeln!(output, "the segment's time was {longest_behind_ms:.3} ms behind the clock at most")?;
     if let Some(pose) = report.true_pose {
         let TruePose { x_m, y_m, heading_rad } = pose;
         writeln!(output, "true pose: x {x_m:.6} m, y {y_m:.6} m, heading {heading_rad:.6} rad")?;
@@ -263,6 +268,7 @@ impl Watch {
                     all.answered += served.answered;
                     all.ignored += served.ignored;
                     all.longest_wait_ns = all.longest_wait_ns.max(served.longest_wait_ns);
+                    all.longest_behind_ns = all.longest_behind_ns.max(served.longest_behind_ns);
                     return Ok(all);
                 }
                 Err(LinkError::Down) => {

@@ -15,6 +15,7 @@ mod sources;
 mod stop;
 mod teaching;
 mod warning;
+mod ways;
 
 use browser::{Browser, LONGEST};
 use joystick_recording::recording;

@@ -56,7 +56,10 @@ fn kinds_and_their_keys_are_told_by_the_registry() {
     assert!(line("turns").ends_with("Allowed: above 0, or endless."), "{text}");
     let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
     let shape = shape.split_whitespace().collect::<Vec<_>>().join(" ");
-    let keys = "semi_axis_x_m, semi_axis_y_m, duration_s, period_s, turns, heading, frame";
+    let (_, references) = registry.sorts().into_iter().find(|(sort, _)| sort.table == "reference").unwrap();
+    let ellipse = references.iter().find(|kind| kind.name == "ellipse").unwrap();
+    let keys = ellipse.keys.iter().map(|key| key.name).collect::<Vec<_>>().join(", ");
+    assert!(keys.starts_with("semi_axis_x_m, semi_axis_y_m, "), "{keys}");
     assert!(shape.starts_with(&format!("An ellipse to the left; takes {keys}")), "{help}");
 }
 

@@ -4,6 +4,8 @@ mod check;
 #[path = "../command_line/mod.rs"]
 mod command_line;
 mod estimate;
+mod found;
+mod plan;
 
 use command_line::{Folder, omnibase, root, words};
 use serde_json::Value;

@@ -6,6 +6,7 @@ use super::chart::{Line, Marked, TimeChart};
 use super::histogram::{self, Quantiles};
 use super::overhead::{self, Shape};
 use super::scale::Span;
+use super::sensors;
 use super::signals::Signals;
 use super::text::{self, Unit, escape};
 use super::tracking::{Error, Tracking};
@@ -232,6 +233,12 @@ impl<'a> Page<'a> {
         let unit = if greatest < 1.0 { Unit { name: "mm/s", factor: 1e3 } } else { Unit::plain("m/s") };
         let line = Line { name: "slip residual".into(), class: "w1".into(), values: &slip };
         self.chart(title, unit, vec![line])
+    }
+
+    /// Sensors beside the wheels, where the robot has any.
+    pub(super) fn sensors(&self) -> String {
+        let html = sensors::html(self.signals, self.tracking);
+        if html.is_empty() { html } else { section("sensors", "Sensors and the place in map", &html) }
     }
 
     /// Inputs, outputs and axes, where the robot has any.

@@ -3,12 +3,14 @@
 use crate::run::RecordedRun;
 
 /// Ends of names that are units, what their numbers are multiplied by to be in SI units, and those. Longer ones first.
-const UNITS: [(&str, f64, &str); 17] = [
+const UNITS: [(&str, f64, &str); 19] = [
     ("_kg_m2", 1.0, "kg·m²"),
     ("_rad_s2", 1.0, "rad/s²"),
     ("_m_s2", 1.0, "m/s²"),
+    ("_rad2", 1.0, "rad²"),
     ("_rad_s", 1.0, "rad/s"),
     ("_m_s", 1.0, "m/s"),
+    ("_m2", 1.0, "m²"),
     ("_mrad", 1e-3, "rad"),
     ("_rad", 1.0, "rad"),
     ("_mm", 1e-3, "m"),
@@ -49,7 +51,7 @@ fn factor(name: &str, wanted: &str) -> Option<f64> {
 }
 
 /// Beginnings of the names of all signals that are shown, beside those of wheels.
-const SHOWN: [&str; 19] = [
+const SHOWN: [&str; 22] = [
     "bus_dc_phase",
     "cycle_phase",
     "cycle_period",
@@ -63,6 +65,9 @@ const SHOWN: [&str; 19] = [
     "setpoint_pose",
     "setpoint_twist",
     "truth",
+    "sensor_",
+    "map_pose",
+    "map_covariance",
     "estimate_mass",
     "estimate_inertia",
     "command_saturation",
@@ -166,6 +171,15 @@ impl<'a> Signals<'a> {
             named.filter_map(|(at, name)| Some((at, factor(name, wanted)?))).next()
         });
         found.map(|(at, factor)| self.values(at, factor))
+    }
+
+    /// The values of all signals whose names begin and end so, with what stands between.
+    pub(super) fn named(&self, begin: &str, end: &str) -> Vec<(String, Vec<f64>)> {
+        let found = self.names.iter().enumerate().filter_map(|(at, name)| {
+            let between = name.strip_prefix(begin)?.strip_suffix(end)?;
+            Some((between.to_owned(), self.values(at, 1.0)))
+        });
+        found.collect()
     }
 
     fn values(&self, column: usize, factor: f64) -> Vec<f64> {

@@ -270,3 +270,50 @@ fn a_run_that_never_tracked_has_no_error() {
     let words = words(&html(&square(3, 1)));
     assert!(words.contains("Cycles 1 "), "{words}");
 }
+
+/// A run with a gyro and a tracker: the tracker contradicts for a quarter of it, and one gyro reading in ten is beyond its gate.
+fn sensed() -> RecordedRun {
+    let plain = square(3, 2000);
+    let mut run = RecordedRun { values: Vec::new(), ..plain.clone() };
+    let pose = ["pose_x_m", "pose_y_m", "pose_heading_rad"];
+    run.schema
+        .push("/map", [&pose[..], &["covariance_xx_m2", "covariance_yy_m2", "covariance_hh_rad2"]].concat());
+    run.schema.push("/sensor", ["gyro_verdict", "gyro_nis", "mocap_verdict", "mocap_nis"]);
+    run.description.insert("sensor_gates".into(), "gyro 10.83; mocap 5.42".into());
+    let truth = ["pose.x", "pose.y", "pose.heading"];
+    let truth = truth.map(|name| plain.column("/truth", name).unwrap().collect::<Vec<f64>>());
+    let rows = plain.values.chunks_exact(plain.schema.width());
+    for (row, values) in rows.enumerate() {
+        run.values.extend(values);
+        run.values.extend([truth[0][row] + 0.002, truth[1][row], truth[2][row]]);
+        run.values.extend([1e-6, 4e-6, 1e-6]);
+        let gyro = if row % 10 == 9 { 11.0 + row as f64 * 1e-6 } else { 0.5 + row as f64 * 1e-6 };
+        run.values.extend([1.0, gyro, if row < 500 { 4.0 } else { 1.0 }, 0.25]);
+    }
+    run
+}
+
+#[test]
+fn sensors_are_shown_with_their_gates_and_how_well_the_place_is_known() {
+    let page = html(&sensed());
+    let text = words(&page);
+    for expected in [
+        "Sensors and the place in map",
+        "good gyro good contradicts mocap",
+        "mocap: good contradicts",
+        // Of 2000 readings 200 are beyond the gate; the mocap said the same all the time.
+        "gyro 100.0 % 2\u{202F}000 10.00 %",
+        "mocap 75.0 % 1 0.00 % 0.250",
+        "gyro: innovation over its standard deviation",
+        "gate ±3.29 σ",
+        "Place in map: how well it was known",
+    ] {
+        assert!(text.contains(expected), "`{expected}` is missing in\n{text}");
+    }
+    // Three times the greater sigma lies at 6 mm, the true error at 2.
+    let known = curve(&page, "Place in map", "limit");
+    let truly = curve(&page, "Place in map", "true");
+    let height = |points: &[(f64, f64)]| 1000.0 - points[0].1;
+    assert!((height(&known) / height(&truly) - 3.0).abs() < 0.05, "{known:?} {truly:?}");
+    assert!(!html(&square(3, 2000)).contains("id=\"sensors\""), "nothing is said of what isn't there");
+}

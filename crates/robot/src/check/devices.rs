@@ -12,19 +12,19 @@ pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) 
     let (devices, drives) = (&file.device, &file.drive);
     // Where the file has no period that is a problem of its own.
     let period_s = f64::from(file.bus.cycle_us.unwrap_or(1000)) * 1e-6;
-    let claims = |table: &str, n: usize, position, alias, name| Claims {
+    let claims = |table: &str, n: usize, [position, alias, identification]: [Option<u16>; 3], name| Claims {
         table: format!("{table}[{n}]"),
         position,
         alias,
+        identification,
         name,
     };
     let drives = drives.iter().enumerate();
-    let tables = drives.map(|(n, one)| claims("drive", n, one.position, one.alias, one.name.as_ref())).chain(
-        devices
-            .iter()
-            .enumerate()
-            .map(|(n, one)| claims("device", n, one.position, one.alias, one.name.as_ref())),
-    );
+    let tables = drives
+        .map(|(n, one)| claims("drive", n, [one.position, one.alias, one.identification], one.name.as_ref()))
+        .chain(devices.iter().enumerate().map(|(n, one)| {
+            claims("device", n, [one.position, one.alias, one.identification], one.name.as_ref())
+        }));
     subdevices::duplicates(check, tables);
     if devices.len() > MAX_DEVICES {
         let problem =
@@ -75,7 +75,12 @@ impl Device<'_> {
     fn resolve(mut self, registry: &Registry) -> Option<DevicePlan> {
         let (own, table) = (self.own, self.table.clone());
         let name = self.check.topic_name(own.name.as_deref(), &self.setting("name"));
-        let place = subdevices::place(self.check, &table, own.position, own.alias, "a SubDevice");
+        let place = subdevices::place(
+            self.check,
+            &table,
+            [own.position, own.alias, own.identification],
+            "a SubDevice",
+        );
         let kinds = &registry.peripherals;
         let setting = self.setting("kind");
         let why = "it says what the SubDevice is: `ignore` for one that nobody reads or writes";

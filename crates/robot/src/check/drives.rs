@@ -67,7 +67,12 @@ impl Drive<'_> {
     fn resolve(mut self, registry: &Registry, shared: &Given, read_file: ReadFile<'_>) -> Option<DrivePlan> {
         let name = self.own.name.clone().unwrap_or_else(|| format!("wheel_{}", self.index + 1));
         let table = format!("drive[{}]", self.index);
-        let place = subdevices::place(self.check, &table, self.own.position, self.own.alias, "a drive");
+        let place = subdevices::place(
+            self.check,
+            &table,
+            [self.own.position, self.own.alias, self.own.identification],
+            "a drive",
+        );
         let (device, device_setting) = self.pick("device", |table| &table.device);
         let kinds = &registry.devices;
         let (kind, MakeDevice { defaults, .. }) =

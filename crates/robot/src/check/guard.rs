@@ -4,7 +4,9 @@ use omnibase_platform::{Kinematics, Pose2};
 
 use super::Check;
 use crate::config::{FencePlan, FenceTable, FootprintSource, GuardPlan, ProblemKind, RobotFile};
-use crate::guard::shape::{self, Corners, MAX_FENCE_CORNERS, MAX_FOOTPRINT_CORNERS, Point};
+use crate::guard::fence::Fence;
+use crate::guard::outline::Outline;
+use crate::guard::shape::{self, MAX_FENCE_CORNERS, MAX_FOOTPRINT_CORNERS, Point};
 use crate::obstacle::{GREATEST, MAX_OBSTACLES, Obstacle};
 
 #[cfg(test)]
@@ -149,8 +151,8 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
         return None;
     }
     let margin_m = table.margin_m.unwrap_or(FENCE_MARGIN_M);
-    let start = Corners::placed(footprint?, &Pose2::default());
-    let room_m = shape::room_m(&corners_m, &start);
+    let outline = Outline::new(footprint?);
+    let room_m = Fence::new(&corners_m).room_m(&outline.placed(&Pose2::default()));
     if room_m < margin_m {
         let reason = "the footprint at start, the origin of odom, must stand inside";
         let problem = check.report(ProblemKind::Contradiction, setting, reason);
@@ -194,7 +196,8 @@ fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {
 
 /// An obstacle that is there from the start and in the robot is a slip of the pen.
 fn stand_outside(check: &mut Check, footprint: &[Point], obstacles: &[Obstacle]) -> Option<()> {
-    let start = Corners::placed(footprint, &Pose2::default());
+    let outline = Outline::new(footprint);
+    let start = outline.placed(&Pose2::default());
     let mut all = Some(());
     for (index, obstacle) in obstacles.iter().enumerate() {
         let distance_m = start.distance_to_m(obstacle.centre_m) - obstacle.radius_m;

@@ -109,16 +109,17 @@ pub(super) fn simulated(check: &mut Check, tables: &[SimulatedSensorTable], sens
 
 /// Keys of other kinds would change nothing.
 fn unread(check: &mut Check, setting: &str, table: &SensorTable, kind: SensorName) {
-    use SensorName::{Flow, Gyro, Pose, Twist};
-    let keys: [(&str, bool, &[SensorName]); 9] = [
+    use SensorName::{Flow, Gyro, Imu, Pose, Twist};
+    let keys: [(&str, bool, &[SensorName]); 10] = [
         ("scale", table.scale.is_some(), &[Gyro, Flow]),
         ("sigma_m", table.sigma_m.is_some(), &[Pose]),
         ("sigma_rad", table.sigma_rad.is_some(), &[Pose]),
         ("sigma_m_s", table.sigma_m_s.is_some(), &[Flow, Twist]),
-        ("sigma_rad_s", table.sigma_rad_s.is_some(), &[Gyro, Twist]),
-        ("bias_sigma_rad_s", table.bias_sigma_rad_s.is_some(), &[Gyro]),
-        ("bias_walk_rad_s", table.bias_walk_rad_s.is_some(), &[Gyro]),
-        ("scale_sigma", table.scale_sigma.is_some(), &[Gyro, Flow, Twist]),
+        ("sigma_rad_s", table.sigma_rad_s.is_some(), &[Gyro, Imu, Twist]),
+        ("sigma_m_s2", table.sigma_m_s2.is_some(), &[Imu]),
+        ("bias_sigma_rad_s", table.bias_sigma_rad_s.is_some(), &[Gyro, Imu]),
+        ("bias_walk_rad_s", table.bias_walk_rad_s.is_some(), &[Gyro, Imu]),
+        ("scale_sigma", table.scale_sigma.is_some(), &[Gyro, Imu, Flow, Twist]),
         ("direction_sigma_rad", table.direction_sigma_rad.is_some(), &[Flow, Twist]),
     ];
     for (key, _, readers) in
@@ -144,6 +145,7 @@ fn inputs(
             Some((owner, _)) => (owner, &[]),
             None => (from, &["turn"]),
         },
+        SensorName::Imu => (from, &["turn", "acceleration_x", "acceleration_y"]),
         SensorName::Flow => (from, &["x", "y"]),
         SensorName::Twist | SensorName::Pose => (from, &["x", "y", "heading"]),
     };
@@ -192,14 +194,21 @@ fn sensor(table: &SensorTable, kind: SensorName) -> Sensor {
     let [x_m, y_m] = table.position_m.unwrap_or_default();
     let [x, y, turn] = ready.sigma;
     let (along, about) = match ready.kind {
-        SensorKind::Turn => (table.sigma_rad_s, None),
+        SensorKind::Turn | SensorKind::Inertial => (table.sigma_rad_s, None),
         SensorKind::Flow | SensorKind::Twist => (table.sigma_m_s, table.sigma_rad_s),
         SensorKind::Pose => (table.sigma_m, table.sigma_rad),
     };
-    let has_y = ready.kind != SensorKind::Turn;
+    let has_y = !ready.kind.is_gyro();
+    let sigma = match ready.kind {
+        SensorKind::Inertial => {
+            let accelerations = table.sigma_m_s2.unwrap_or(y);
+            [along.unwrap_or(x), accelerations, accelerations]
+        }
+        _ => [along.unwrap_or(x), along.filter(|_| has_y).unwrap_or(y), about.unwrap_or(turn)],
+    };
     Sensor {
         body_from_sensor: Pose2::new(x_m, y_m, table.heading_rad.unwrap_or(0.0)),
-        sigma: [along.unwrap_or(x), along.filter(|_| has_y).unwrap_or(y), about.unwrap_or(turn)],
+        sigma,
         bias_sigma: table.bias_sigma_rad_s.unwrap_or(ready.bias_sigma),
         bias_walk: table.bias_walk_rad_s.unwrap_or(ready.bias_walk),
         scale_sigma: table.scale_sigma.unwrap_or(ready.scale_sigma),

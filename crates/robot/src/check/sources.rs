@@ -1,7 +1,9 @@
-//! Other programs that send inputs: their names, values and ages.
+//! Other programs that send inputs, and receivers: their names, values and ages.
 
 use super::Check;
+use super::kind_keys::Given;
 use crate::config::{DeviceTable, ProblemKind, SentPlan, SentTable, SourcePlan, SourceTable};
+use crate::registry::{Received, Registry};
 use crate::signals::{Carries, MAX_SOURCE_VALUES, MAX_SOURCES, column_name};
 
 /// What a program sent longer ago isn't believed where the file doesn't say, ms.
@@ -9,8 +11,8 @@ const MAX_AGE_MS: u32 = 100;
 
 pub(super) fn resolve(
     check: &mut Check,
-    tables: &[SourceTable],
-    devices: &[DeviceTable],
+    (tables, devices): (&[SourceTable], &[DeviceTable]),
+    registry: &Registry,
 ) -> Option<Vec<SourcePlan>> {
     if tables.len() > MAX_SOURCES {
         let problem = check.report(ProblemKind::OutOfRange, "source", "too many programs that send inputs");
@@ -34,21 +36,39 @@ pub(super) fn resolve(
             taken.push((table.clone(), name));
         }
         let name = check.topic_name(own.name.as_deref(), &setting);
-        let input = sent(check, &table, own);
-        plans.push(name.zip(input).map(|(name, input)| SourcePlan {
+        let received = received(check, &table, own, registry);
+        let received = received.and_then(|received| Some((sent(check, &table, own, &received)?, received)));
+        plans.push(name.zip(received).map(|(name, (input, received))| SourcePlan {
             name,
-            carries: own.carries.unwrap_or_default().into(),
+            carries: received.carries,
             input,
             any_order: false,
             max_age_ns: u64::from(own.max_age_ms.unwrap_or(MAX_AGE_MS)) * 1_000_000,
+            receiver: received.receiver,
         }));
     }
     plans.into_iter().collect()
 }
 
+/// How its values come in, as its kind makes it of its keys.
+fn received(check: &mut Check, table: &str, own: &SourceTable, registry: &Registry) -> Option<Received> {
+    let kinds = &registry.receivers;
+    let (kind, make) = check.known(kinds, &format!("{table}.receiver"), own.receiver.as_deref())?;
+    let given = Given::of(own);
+    check.kind_reads(kind, &given, &|key| format!("{table}.{key}"));
+    check.nobody_reads(&[kind], &given, &kinds.sort, table);
+    if kind.keys.iter().any(|key| key.is_needed && !given.has(key.name)) {
+        return None;
+    }
+    check.made(make(own).map_err(|error| error.under(table)))
+}
+
 /// A program's values: its own, or those that what it sends has.
-fn sent(check: &mut Check, table: &str, own: &SourceTable) -> Option<Vec<SentPlan>> {
-    let carries: Carries = own.carries.unwrap_or_default().into();
+fn sent(check: &mut Check, table: &str, own: &SourceTable, received: &Received) -> Option<Vec<SentPlan>> {
+    if !received.input.is_empty() {
+        return Some(received.input.clone());
+    }
+    let carries = received.carries;
     let setting = format!("{table}.input");
     if carries != Carries::Values {
         if !own.input.is_empty() {

@@ -12,16 +12,18 @@ pub(super) struct Claims<'a> {
     pub(super) table: String,
     pub(super) position: Option<u16>,
     pub(super) alias: Option<u16>,
+    pub(super) identification: Option<u16>,
     pub(super) name: Option<&'a String>,
 }
 
 /// One SubDevice has one table, and no name stands for two.
 pub(super) fn duplicates<'a>(check: &mut Check, tables: impl Iterator<Item = Claims<'a>>) {
     let mut first = HashMap::new();
-    for Claims { table, position, alias, name } in tables {
+    for Claims { table, position, alias, identification, name } in tables {
         let claims = [
             position.map(|position| ("position", position.to_string())),
             alias.map(|alias| ("alias", alias.to_string())),
+            identification.map(|number| ("identification", number.to_string())),
             name.map(|name| ("name", format!("\"{name}\""))),
         ];
         for (key, value) in claims.into_iter().flatten() {
@@ -34,24 +36,30 @@ pub(super) fn duplicates<'a>(check: &mut Check, tables: impl Iterator<Item = Cla
     }
 }
 
-/// Where a SubDevice is: by position or alias. `what` says who is looked for.
+/// Where a SubDevice is: by one of position, alias and identification. `what` says who is looked for.
 pub(super) fn place(
     check: &mut Check,
     table: &str,
-    position: Option<u16>,
-    alias: Option<u16>,
+    [position, alias, identification]: [Option<u16>; 3],
     what: &str,
 ) -> Option<BusPlace> {
     let setting = format!("{table}.position");
-    match (position, alias) {
-        (Some(position), None) => Some(BusPlace::Position(position)),
-        (None, Some(alias)) => Some(BusPlace::Alias(alias)),
+    let places = [
+        position.map(BusPlace::Position),
+        alias.map(BusPlace::Alias),
+        identification.map(BusPlace::Identification),
+    ];
+    let mut given = places.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(place), None) => Some(place),
         (Some(_), Some(_)) => {
-            check.report(ProblemKind::Contradiction, &setting, "give `position` or `alias`, not both");
+            let reason = "give one of `position`, `alias` and `identification`";
+            check.report(ProblemKind::Contradiction, &setting, reason);
             None
         }
-        (None, None) => {
-            check.need(None, &setting, &format!("{what} is found by its `position` or its `alias`"))
+        (None, _) => {
+            let why = format!("{what} is found by its `position`, its `alias` or its `identification`");
+            check.need(None, &setting, &why)
         }
     }
 }
@@ -122,8 +130,10 @@ pub(super) fn pdos(
 pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str) -> Option<ParameterPlan> {
     let why = "a parameter has object, type and value";
     let object = check.need(table.object.as_ref(), &format!("{setting}.object"), why);
-    let kind = check.need(table.kind, &format!("{setting}.type"), why);
-    let value = check.need(table.value, &format!("{setting}.value"), why);
+    let data = match &table.bytes {
+        Some(bytes) => parameter_bytes(check, table, bytes, setting),
+        None => parameter_value(check, table, setting),
+    };
     let object = object.and_then(|text| match parse_object(text) {
         Ok(object) => Some(object),
         Err(error) => {
@@ -131,7 +141,25 @@ pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str
             None
         }
     });
-    let (kind, value, (index, subindex)) = (kind?, value?, object?);
+    let (data, (index, subindex)) = (data?, object?);
+    let place = check.locations.place(&format!("{setting}.object"));
+    let origin = place.map_or_else(String::new, |place| match place.file {
+        Some(file) => format!("{file} line {}", place.line),
+        None => format!("line {}", place.line),
+    });
+    let read_back = match table.read_back.unwrap_or(ReadBackChoice::Compare) {
+        ReadBackChoice::Compare => ReadBack::Compare,
+        ReadBackChoice::Skip => ReadBack::Skip,
+    };
+    Some(ParameterPlan { index, subindex, data, read_back, origin })
+}
+
+/// A parameter's number as it is sent.
+fn parameter_value(check: &mut Check, table: &ParameterTable, setting: &str) -> Option<Vec<u8>> {
+    let why = "a parameter has object, type and value";
+    let kind = check.need(table.kind, &format!("{setting}.type"), why);
+    let value = check.need(table.value, &format!("{setting}.value"), why);
+    let (kind, value) = (kind?, value?);
     let (bytes, low, high) = match kind {
         ParameterType::I8 => (1, i64::from(i8::MIN), i64::from(i8::MAX)),
         ParameterType::I16 => (2, i64::from(i16::MIN), i64::from(i16::MAX)),
@@ -147,19 +175,30 @@ pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str
         problem.limit = Some(format!("{low} to {high}"));
         return None;
     }
-    let place = check.locations.place(&format!("{setting}.object"));
-    let origin = place.map_or_else(String::new, |place| match place.file {
-        Some(file) => format!("{file} line {}", place.line),
-        None => format!("line {}", place.line),
-    });
-    Some(ParameterPlan {
-        index,
-        subindex,
-        data: value.to_le_bytes()[..bytes].to_vec(),
-        read_back: match table.read_back.unwrap_or(ReadBackChoice::Compare) {
-            ReadBackChoice::Compare => ReadBack::Compare,
-            ReadBackChoice::Skip => ReadBack::Skip,
-        },
-        origin,
-    })
+    Some(value.to_le_bytes()[..bytes].to_vec())
+}
+
+/// The most bytes of one parameter.
+const PARAMETER_BYTES: usize = 4096;
+
+/// A parameter's bytes as they are sent.
+fn parameter_bytes(check: &mut Check, table: &ParameterTable, text: &str, setting: &str) -> Option<Vec<u8>> {
+    let setting_of = |key: &str| format!("{setting}.{key}");
+    if table.kind.is_some() || table.value.is_some() {
+        let reason = "give `bytes`, or `type` and `value`, not both";
+        check.report(ProblemKind::Contradiction, &setting_of("bytes"), reason);
+        return None;
+    }
+    let digits: Vec<u32> =
+        text.chars().filter(|one| !one.is_whitespace()).map_while(|one| one.to_digit(16)).collect();
+    let given = text.chars().filter(|one| !one.is_whitespace()).count();
+    let is_whole =
+        digits.len() == given && given > 0 && given.is_multiple_of(2) && given <= 2 * PARAMETER_BYTES;
+    if !is_whole {
+        let problem = check.report(ProblemKind::WrongType, &setting_of("bytes"), "not bytes in hexadecimal");
+        problem.value = Some(format!("\"{}\"", text.chars().take(60).collect::<String>()));
+        problem.limit = Some(format!("1 to {PARAMETER_BYTES} bytes, two digits each, such as \"6D61 64\""));
+        return None;
+    }
+    Some(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect())
 }

@@ -3,6 +3,7 @@
 mod axes;
 mod devices;
 mod kinds;
+mod receivers;
 mod sensors;
 mod simulation;
 mod torque_gains;

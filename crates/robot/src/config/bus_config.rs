@@ -62,6 +62,7 @@ pub(super) fn matched(place: BusPlace) -> bus_config::Match {
     match place {
         BusPlace::Position(position) => bus_config::Match::Position(position),
         BusPlace::Alias(alias) => bus_config::Match::Alias(alias),
+        BusPlace::Identification(number) => bus_config::Match::Identification(number),
     }
 }
 

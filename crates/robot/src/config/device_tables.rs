@@ -13,12 +13,15 @@ use super::file::Parameters;
 pub struct DeviceTable {
     /// Its name: small letters, digits and underscores, at most 24; its signals are called `name.signal`.
     pub name: Option<String>,
-    /// Its position on the bus, from 0; this or `alias`.
+    /// Its position on the bus, from 0; this, `alias` or `identification`.
     #[schemars(range(min = 0, max = 65_535))]
     pub position: Option<u16>,
-    /// Its station alias; this or `position`.
+    /// Its station alias; this, `position` or `identification`.
     #[schemars(range(min = 1, max = 65_535))]
     pub alias: Option<u16>,
+    /// What its switch for explicit device identification shows; this, `position` or `alias`.
+    #[schemars(range(min = 0, max = 65_535))]
+    pub identification: Option<u16>,
     /// What it is; it says which of the keys below are read.
     pub kind: Option<String>,
     /// Vendor that must be there, as `"0x2"`.

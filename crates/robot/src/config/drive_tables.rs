@@ -12,12 +12,15 @@ use super::file::Parameters;
 pub struct DriveTable {
     /// The wheel's name; default: `wheel_1` and so on.
     pub name: Option<String>,
-    /// Its position on the bus, from 0; this or `alias`.
+    /// Its position on the bus, from 0; this, `alias` or `identification`.
     #[schemars(range(min = 0, max = 65_535))]
     pub position: Option<u16>,
-    /// Its station alias; this or `position`.
+    /// Its station alias; this, `position` or `identification`.
     #[schemars(range(min = 1, max = 65_535))]
     pub alias: Option<u16>,
+    /// What its switch for explicit device identification shows; this, `position` or `alias`.
+    #[schemars(range(min = 0, max = 65_535))]
+    pub identification: Option<u16>,
     /// Which device.
     pub device: Option<String>,
     /// Vendor that must be there, as `"0x539"`.
@@ -132,6 +135,8 @@ pub struct ParameterTable {
     pub kind: Option<ParameterType>,
     /// The value, in the drive's units.
     pub value: Option<i64>,
+    /// In place of `type` and `value`: bytes as they are sent, in hexadecimal, as `"6D6164652075702E"`.
+    pub bytes: Option<String>,
     /// Whether it is read back and compared; default: `compare`.
     pub read_back: Option<ReadBackChoice>,
 }

@@ -13,6 +13,7 @@ use super::drive_tables::DriveTable;
 use super::grip_tables::GripTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
+use super::map_tables::MapTable;
 use super::problem::Problem;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingTable, RunTable};
@@ -83,6 +84,8 @@ pub struct RobotFile {
     pub avoidance: AvoidanceTable,
     /// Obstacles that are there from the start; others come while the robot runs.
     pub obstacle: Vec<ObstacleTable>,
+    /// The room through which ways are planned; none is needed for anything else.
+    pub map: Option<MapTable>,
     /// The simulated body in place of the real one.
     pub simulation: SimulationTable,
     /// How `omnibase run` brings the robot up.

@@ -32,7 +32,7 @@ pub enum MapError {
     #[error("expected an object in hexadecimal such as `6040` or `60C1.1`, found `{0}`")]
     Object(String),
     /// Not a length.
-    #[error("expected a length of 1 to 64 bits, found `{0}`")]
+    #[error("expected a length of 1 to 255 bits (a gap may have 0), found `{0}`")]
     Bits(String),
 }
 
@@ -54,7 +54,8 @@ pub fn parse_map(text: &str) -> Result<Vec<MapEntry>, MapError> {
     text.split_whitespace()
         .map(|entry| {
             let (object, bits) = entry.split_once(':').ok_or_else(|| MapError::Form(entry.into()))?;
-            let bits = bits.parse().ok().filter(|bits| (1..=64).contains(bits));
+            let least = u8::from(object != "pad");
+            let bits = bits.parse().ok().filter(|bits| *bits >= least);
             let bits = bits.ok_or_else(|| MapError::Bits(entry.into()))?;
             let (index, subindex) = if object == "pad" { (0, 0) } else { parse_object(object)? };
             Ok(MapEntry { index, subindex, bits })

@@ -16,6 +16,7 @@ use super::file::{ClockSource, ControllerTable, EstimatorTable, Parameters, Sync
 use super::grip_tables::GripPlan;
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
+use super::map_tables::MapTable;
 use super::mapping::PdoPlan;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingPlan, RunTable};
@@ -61,6 +62,8 @@ pub struct RobotPlan {
     pub joystick: JoystickTable,
     /// Footprint, fence and obstacles.
     pub guard: GuardPlan,
+    /// The room through which ways are planned.
+    pub map: Option<MapTable>,
     /// The simulated body.
     pub simulation: SimulationTable,
     /// What happens to it, in the order of time.
@@ -251,6 +254,8 @@ pub enum BusPlace {
     Position(u16),
     /// By station alias.
     Alias(u16),
+    /// By explicit device identification, the switch on the device.
+    Identification(u16),
 }
 
 /// Who must be there; what is `None` isn't compared.

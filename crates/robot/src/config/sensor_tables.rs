@@ -13,7 +13,8 @@ pub struct SensorTable {
     /// What it tells.
     pub kind: Option<SensorName>,
     /// Where that comes in. Of a gyro the input's full name, as `imu.turn`; of the others the name of the SubDevice or
-    /// program that has the inputs `x`, `y` and `heading`, as far as the kind has them.
+    /// program that has the inputs `x`, `y` and `heading`, as far as the kind has them; of an imu `turn`, `acceleration_x`
+    /// and `acceleration_y`.
     pub from: Option<String>,
     /// Where it is mounted, x and y in base_link, m; default: 0, 0.
     pub position_m: Option<[f64; 2]>,
@@ -33,7 +34,10 @@ pub struct SensorTable {
     /// Noise of a reading of flow or twist, m/s; default: 0.02.
     #[schemars(range(min = 1e-6, max = 10.0))]
     pub sigma_m_s: Option<f64>,
-    /// Noise of a reading of gyro or twist, rad/s; default: 0.005.
+    /// Noise of a reading of an imu's accelerations, m/s²; default: 0.05.
+    #[schemars(range(min = 1e-6, max = 100.0))]
+    pub sigma_m_s2: Option<f64>,
+    /// Noise of a reading of gyro, imu or twist, rad/s; default: 0.005.
     #[schemars(range(min = 1e-6, max = 10.0))]
     pub sigma_rad_s: Option<f64>,
     /// Standard deviation of a gyro's bias at the start, rad/s; default: 0.02.
@@ -59,6 +63,9 @@ pub struct SensorTable {
 pub enum SensorName {
     /// How fast the platform turns, counter-clockwise, rad/s.
     Gyro,
+    /// How fast the platform turns, rad/s, and how the sensor is accelerated along its own axes, m/s², gravity's share on a
+    /// slope included: a gyro with an accelerometer, which tells when wheels begin to slip.
+    Imu,
     /// How far the floor was passed over since the sensor was switched on, along its own axes, m: an optical mouse.
     Flow,
     /// The sensor's own speed along its own axes, m/s and rad/s: visual odometry.
@@ -71,6 +78,7 @@ impl From<SensorName> for SensorKind {
     fn from(name: SensorName) -> Self {
         match name {
             SensorName::Gyro => SensorKind::Turn,
+            SensorName::Imu => SensorKind::Inertial,
             SensorName::Flow => SensorKind::Flow,
             SensorName::Twist => SensorKind::Twist,
             SensorName::Pose => SensorKind::Pose,
@@ -85,7 +93,7 @@ pub struct SensorPlan {
     pub name: String,
     /// What it tells, as the file calls it.
     pub kind: SensorName,
-    /// The places of its inputs: turn; x and y; or x, y and heading. A pose with a covariance of its own has that too.
+    /// The places of its inputs: turn; turn and two accelerations; x and y; or x, y and heading. A pose with a covariance of its own has that too.
     pub inputs: Vec<usize>,
     /// Who has them.
     pub from: InputOwner,
@@ -112,10 +120,10 @@ pub enum InputOwner {
 pub struct SimulatedSensorTable {
     /// The sensor's name. What it says comes in from its `[[source]]`.
     pub name: Option<String>,
-    /// Readings a second; default: 1000 for a gyro, 125 for flow, 30 for twist, 100 for a pose.
+    /// Readings a second; default: 1000 for a gyro or imu, 125 for flow, 30 for twist, 100 for a pose.
     #[schemars(range(min = 0.1, max = 10_000.0))]
     pub rate_hz: Option<f64>,
-    /// Noise in place of the sensor's own, m, m/s or their like: x and y.
+    /// Noise in place of the sensor's own, m, m/s, m/s² or their like: x and y.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub noise: Option<f64>,
     /// Noise of heading or turn, rad or rad/s.
@@ -127,6 +135,8 @@ pub struct SimulatedSensorTable {
     /// How far that wanders within a second, rad/s.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub bias_walk_rad_s: Option<f64>,
+    /// Bias of an imu's accelerations, x and y, m/s²: a slope looks the same.
+    pub bias_m_s2: Option<[f64; 2]>,
     /// What is wrong with its scale: 0.01 tells one per cent too much.
     #[schemars(range(min = -1.0, max = 1.0))]
     pub scale_error: Option<f64>,

@@ -245,6 +245,6 @@ impl Controller for AdaptiveTorque {
 
     fn force_n(&self) -> f64 {
         let [fx_n, fy_n, _] = self.force;
-        fx_n.hypot(fy_n)
+        omnibase_platform::length([fx_n, fy_n])
     }
 }

@@ -26,14 +26,24 @@ impl Field {
     /// The value, its sign extended; 0 where the data is too short.
     pub(crate) fn read(self, data: &[u8]) -> i32 {
         let Some(bytes) = data.get(self.offset..self.offset + self.bytes) else { return 0 };
-        let raw = bytes.iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
-        let unused = 32 - 8 * self.bytes as u32;
-        ((raw << unused) as i32) >> unused
+        match *bytes {
+            [a] => i8::from_le_bytes([a]).into(),
+            [a, b] => i16::from_le_bytes([a, b]).into(),
+            [a, b, c] => i32::from_le_bytes([0, a, b, c]) >> 8,
+            [a, b, c, d] => i32::from_le_bytes([a, b, c, d]),
+            _ => 0,
+        }
     }
 
     pub(crate) fn write(self, data: &mut [u8], value: i32) {
         if let Some(bytes) = data.get_mut(self.offset..self.offset + self.bytes) {
-            bytes.copy_from_slice(&value.to_le_bytes()[..self.bytes]);
+            let value = value.to_le_bytes();
+            match bytes {
+                [a] => *a = value[0],
+                [a, b] => [*a, *b] = [value[0], value[1]],
+                [a, b, c, d] => [*a, *b, *c, *d] = value,
+                _ => bytes.copy_from_slice(&value[..self.bytes]),
+            }
         }
     }
 }

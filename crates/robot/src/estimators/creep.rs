@@ -1,6 +1,6 @@
 //! What wheels turn without moving the platform: the creep of their treads while they accelerate it.
 
-use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2};
+use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2, length};
 
 use crate::config::EstimatorTable;
 use crate::grip::GRAVITY_M_S2;
@@ -92,14 +92,14 @@ impl Creep {
         for (at, (wheel, row)) in self.kinematics.wheels().iter().zip(self.kinematics.matrix()).enumerate() {
             let [x_m, y_m] = wheel.position_m;
             let ([ux, uy], [ax, ay]) = (wheel.rolling_direction, wheel.force_direction);
-            let (u_size, a_size) = (ux.hypot(uy), ax.hypot(ay));
+            let (u_size, a_size) = (length([ux, uy]), length([ax, ay]));
             let across = [-ay / a_size, ax / a_size];
             // The rollers turn by what the hub moves across and the wheel's own rolling doesn't.
             let rolled_m_s = (row[0] * vx_m_s + row[1] * vy_m_s + row[2] * w_rad_s) / u_size;
             let over_m_s = across[0] * (vx_m_s - w_rad_s * y_m - ux * rolled_m_s)
                 + across[1] * (vy_m_s + w_rad_s * x_m - uy * rolled_m_s);
             let resisted_m_s = self.roller_resistance * self.loads_m_s2[at] * period_s * over_m_s
-                / over_m_s.hypot(ROLLERS_TURN_M_S);
+                / length([over_m_s, ROLLERS_TURN_M_S]);
             wrench.fx_n += resisted_m_s * across[0];
             wrench.fy_n += resisted_m_s * across[1];
             wrench.torque_nm += resisted_m_s * (x_m * across[1] - y_m * across[0]);
@@ -111,9 +111,9 @@ impl Creep {
             let wheel = &wheels[at];
             let ([ux, uy], [ax, ay]) = (wheel.rolling_direction, wheel.force_direction);
             // Torque over force, and advance along the force direction over angle.
-            let lever_m = wheel.radius_m * (ux * ax + uy * ay) / (ux.hypot(uy) * ax.hypot(ay));
+            let lever_m = wheel.radius_m * (ux * ax + uy * ay) / (length([ux, uy]) * length([ax, ay]));
             let [x_m, y_m] = wheel.position_m;
-            let travel_m_s = (vx_m_s - w_rad_s * y_m).hypot(vy_m_s + w_rad_s * x_m);
+            let travel_m_s = length([vx_m_s - w_rad_s * y_m, vy_m_s + w_rad_s * x_m]);
             let [by_x, by_y] = self.lighter[at];
             let load_m_s2 = self.loads_m_s2[at];
             let load_m_s2 = (load_m_s2 - by_x * ax_m_s2 - by_y * ay_m_s2).max(LEAST_LOAD * load_m_s2);

@@ -231,6 +231,10 @@ fn reading(
     let scale = sensor.scale;
     Some(match sensor.sensor.kind {
         SensorKind::Turn => (instant_ns, Reading::Turn(scale * value(0)?)),
+        SensorKind::Inertial => {
+            let acceleration = [value(1)?, value(2)?];
+            (instant_ns, Reading::Inertial { turn: value(0)?, acceleration })
+        }
         SensorKind::Flow => {
             let now = [scale * value(0)?, scale * value(1)?];
             let (before_ns, before) = flow.replace((instant_ns, now))?;

@@ -55,6 +55,13 @@ impl<const N: usize> Estimate<N> {
         (row.iter().zip(&spread).map(|(row, spread)| row * spread).sum(), spread)
     }
 
+    /// The variance of what a row tells that has only these two parts, of mass times the centre's place; with the bits that
+    /// [`Estimate::spread`] gives for the whole row.
+    pub(crate) fn variance_of_centre(&self, row: [f64; 2]) -> f64 {
+        let spread = |index: usize| self.covariance[index][4] * row[0] + self.covariance[index][5] * row[1];
+        row[0] * spread(4) + row[1] * spread(5)
+    }
+
     /// Takes an equation that is `off`, by how much the wrench exceeds what is told, with its whole variance.
     pub(crate) fn take(&mut self, spread: &[f64; N], whole: f64, off: f64) {
         for index in 0..N {
@@ -84,7 +91,7 @@ impl<const N: usize> Estimate<N> {
         let [mass_kg, inertia_kg_m2] = [self.theta[0], self.theta[1]];
         // Of a body whose inertia about its own centre is some of all.
         let most = (MOST_CENTRE * lever_m * mass_kg).min((0.5 * mass_kg * inertia_kg_m2).sqrt());
-        let moment = self.theta[4].hypot(self.theta[5]);
+        let moment = omnibase_platform::length([self.theta[4], self.theta[5]]);
         if moment > most {
             self.theta[4] *= most / moment;
             self.theta[5] *= most / moment;

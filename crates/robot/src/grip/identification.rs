@@ -5,6 +5,7 @@
 //! that is far off (a wheel that slips, a push) counts less by the square of how far.
 
 use super::equation::{BODY, Estimate, body_rows};
+use crate::decay::Decay;
 use crate::signals::Dynamics;
 
 /// The low-pass on both sides, 1/s: slower than treads swing, faster than platforms speed up.
@@ -43,6 +44,7 @@ pub(super) struct Identification {
     /// By what a force becomes a moment, m.
     lever_m: f64,
     past: Past,
+    low_pass: Decay,
     /// For how long all that is behind the low-pass may be learnt from, s.
     trusted_s: f64,
 }
@@ -100,6 +102,7 @@ impl Identification {
             bounds: [mass.1, inertia.1, friction, friction],
             lever_m,
             past: Past::default(),
+            low_pass: Decay::new(LOW_PASS_1_S),
             // It begins at rest: there is nothing to forget.
             trusted_s: f64::INFINITY,
         }
@@ -117,8 +120,8 @@ impl Identification {
         motion.rows().map(|row| {
             let bounded = row.iter().zip(self.estimate.theta).zip(self.bounds);
             let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
-            let centre = [0.0, 0.0, 0.0, 0.0, row[4], row[5]];
-            sigma(&row).min(lost_n.abs() + sigma(&centre))
+            let of_centre = self.estimate.variance_of_centre([row[4], row[5]]).max(0.0).sqrt();
+            sigma(&row).min(lost_n.abs() + of_centre)
         })
     }
 
@@ -143,14 +146,14 @@ impl Identification {
             return;
         }
         self.trusted_s = if motion.is_trusted { self.trusted_s + motion.period_s } else { 0.0 };
-        let keep = (-LOW_PASS_1_S * motion.period_s).exp();
+        let keep = self.low_pass.kept(motion.period_s);
         let low_pass = |old: &mut f64, new: f64| *old = keep * *old + (1.0 - keep) * new;
         self.past.wrench.iter_mut().zip(motion.wrench).for_each(|(old, new)| low_pass(old, new));
         let (rows, new) = (self.past.rows.as_flattened_mut(), motion.rows());
         rows.iter_mut().zip(new.as_flattened()).for_each(|(old, new)| low_pass(old, *new));
         if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
             let Past { wrench, rows } = self.past;
-            let along = rows[0][0].hypot(rows[1][0]) > LEAST_ACCELERATION[0];
+            let along = omnibase_platform::length([rows[0][0], rows[1][0]]) > LEAST_ACCELERATION[0];
             let turns = [rows[2][1], rows[0][4]].iter().any(|turn| turn.abs() > LEAST_ACCELERATION[1]);
             for (axis, (mut row, wrench)) in rows.into_iter().zip(wrench).enumerate() {
                 let told = self.estimate.told(&row);

@@ -129,11 +129,22 @@ impl Braking {
         if distance_m <= 0.0 {
             return 0.0;
         }
+        let (most, soft_s) = self.approach(radius_m);
+        most * ((soft_s * soft_s + 2.0 * distance_m / most).sqrt() - soft_s)
+    }
+
+    /// The distance from which on a place may be approached with a speed, m: the inverse of [`Self::approach_m_s`].
+    pub(crate) fn approach_way_m(&self, speed_m_s: f64, radius_m: f64) -> f64 {
+        let (most, soft_s) = self.approach(radius_m);
+        speed_m_s * (speed_m_s / (2.0 * most) + soft_s)
+    }
+
+    /// A' and τ.
+    fn approach(&self, radius_m: f64) -> (f64, f64) {
         let Axis { acceleration, jerk, period_s } = self.straight;
         let corner = self.turning.acceleration * radius_m;
         let most = SHARE * if corner > 0.0 { acceleration.min(corner) } else { acceleration };
-        let soft_s = 2.0 * acceleration / jerk + 5.0 * period_s + SOFT_S;
-        most * ((soft_s * soft_s + 2.0 * distance_m / most).sqrt() - soft_s)
+        (most, 2.0 * acceleration / jerk + 5.0 * period_s + SOFT_S)
     }
 
     /// How far a state's way may lie off its segment at most, m: what room to a wall along which it slides costs.

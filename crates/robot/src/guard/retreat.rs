@@ -17,7 +17,9 @@
 use omnibase_platform::Pose2;
 
 use super::braking::Sweep;
-use super::shape::{Corners, Point, cross, dot, double_area, is_inside, length, nearest_on, plus, sides};
+use super::fence::Fence;
+use super::outline::{Body, Outline, Place};
+use super::shape::{Point, cross, dot, length, plus};
 use crate::signals::Setpoint;
 
 /// What rounding may add to a way or a speed that leads away, m and m/s.
@@ -26,16 +28,14 @@ const ROUNDING: f64 = 1e-9;
 /// The rest of a motion from where the body is now.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Retreat<'a> {
-    /// The body as it stands now, and its origin.
-    body: &'a Corners,
-    origin: Point,
-    /// The body at the end of the stop, and its origin there.
-    end: Corners,
-    end_origin: Point,
+    /// The body as it stands now, and at the end of the stop.
+    body: Body<'a>,
+    end: Body<'a>,
     /// All velocities lie between these and 0, but for a factor.
     directions: [Point; 3],
-    /// The heading lies between these two, rad from now.
+    /// The heading lies between these two, rad from now; with sine and cosine.
     turn_rad: [f64; 2],
+    turn: [(f64, f64); 2],
 }
 
 /// What a normal belongs to.
@@ -46,9 +46,9 @@ enum Carrier {
 }
 
 impl<'a> Retreat<'a> {
-    /// From a place to the next cycle's, and the stop after it; the body and its footprint.
+    /// From a place to the next cycle's, and the stop after it; the body at that place, and its footprint.
     pub(super) fn new(
-        (body, footprint): (&'a Corners, &[Point]),
+        (place, footprint): (Place, &'a Outline),
         [here, next]: [&Setpoint; 2],
         sweep: &Sweep,
     ) -> Self {
@@ -59,13 +59,13 @@ impl<'a> Retreat<'a> {
         let far_rad = if greatest > -least { greatest } else { least };
         let end_origin = plus([to.x_m, to.y_m], sweep.way, 1.0);
         let end = Pose2::new(end_origin[0], end_origin[1], to.heading_rad + far_rad);
+        let turn_rad = [(step_rad + least).min(0.0), (step_rad + greatest).max(0.0)];
         Retreat {
-            body,
-            origin: [from.x_m, from.y_m],
-            end: Corners::placed(footprint, &end),
-            end_origin,
+            body: footprint.at(place),
+            end: footprint.placed(&end),
             directions: [speed(here), speed(next), sweep.way],
-            turn_rad: [(step_rad + least).min(0.0), (step_rad + greatest).max(0.0)],
+            turn_rad,
+            turn: turn_rad.map(f64::sin_cos),
         }
     }
 
@@ -79,29 +79,29 @@ impl<'a> Retreat<'a> {
 
     /// Whether any part of it leads the end of an arm along a normal, or a side with that normal towards that end.
     fn leads_along(&self, arm: Point, normal: Point, carrier: Carrier) -> bool {
-        let seen = |turn_rad: f64| {
+        let leads_turned = |(end_rad, (sin, cos)): (f64, (f64, f64))| {
             // The body's side turns with it; seen from a turned arm, what stands turns back.
-            let (sin, cos) = match carrier {
-                Carrier::Body => turn_rad.sin_cos(),
-                Carrier::Floor => (-turn_rad).sin_cos(),
+            let sin = match carrier {
+                Carrier::Body => sin,
+                Carrier::Floor => -sin,
             };
-            [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]]
-        };
-        let turns = |end_rad: f64| {
-            [0.0, end_rad].into_iter().any(|turn_rad| {
-                let normal = seen(turn_rad);
+            let turned = [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]];
+            let turns = [normal, turned].into_iter().any(|normal| {
                 let moved_m = match carrier {
                     Carrier::Body => (-end_rad * cross(self.directions[2], normal)).max(0.0),
                     Carrier::Floor => 0.0,
                 };
                 end_rad * cross(arm, normal) + moved_m > ROUNDING
-            })
+            });
+            let moves = match carrier {
+                Carrier::Body => self.goes_along(turned),
+                Carrier::Floor => false,
+            };
+            moves || turns
         };
-        let moves = match carrier {
-            Carrier::Body => self.turn_rad.iter().any(|turn_rad| self.goes_along(seen(*turn_rad))),
-            Carrier::Floor => false,
-        };
-        self.goes_along(normal) || moves || self.turn_rad.into_iter().any(turns)
+        // Where it doesn't turn, no end of its turn says more than its way does.
+        let leads_by_turning = |end: (f64, (f64, f64))| end.0 != 0.0 && leads_turned(end);
+        self.goes_along(normal) || self.turn_rad.into_iter().zip(self.turn).any(leads_by_turning)
     }
 
     /// Whether it leads away from a point that moves along a straight course.
@@ -112,45 +112,38 @@ impl<'a> Retreat<'a> {
             return false;
         }
         let begins = ends.iter().zip(sights).all(|(point, sight)| {
-            !self.leads_along(plus(*point, self.origin, -1.0), sight.normal, Carrier::Body)
+            !self.leads_along(plus(*point, self.body.origin(), -1.0), sight.normal, Carrier::Body)
         });
         // What was gained isn't given back at the end, either, where another part of the body may be the nearest.
         begins && {
             let (point, normal) = (ends[2], self.end.sight(ends[2]).normal);
-            let moment_m = cross(plus(point, self.end_origin, -1.0), normal);
+            let moment_m = cross(plus(point, self.end.origin(), -1.0), normal);
             !self.goes_along(normal) && !self.turn_rad.iter().any(|turn| turn * moment_m > ROUNDING)
         }
     }
 
     /// Whether it leads away from all of a fence that it may come nearer to than `need_m` by a way of `reach_m`.
-    pub(super) fn leaves_fence(&self, fence: &[Point], [need_m, reach_m]: [f64; 2]) -> bool {
+    pub(super) fn leaves_fence(&self, fence: &Fence, [need_m, reach_m]: [f64; 2]) -> bool {
         let near_m = need_m + reach_m;
-        let out = if double_area(fence) > 0.0 { 1.0 } else { -1.0 };
-        let corner_leaves = |corner: &Point| {
-            let inside = is_inside(fence, *corner);
-            let from_side = |(from, to)| plus(nearest_on(from, to, *corner), *corner, -1.0);
-            let nearest_m = sides(fence).map(|side| length(from_side(side))).fold(f64::INFINITY, f64::min);
-            let within_m = if inside { near_m } else { nearest_m + reach_m };
-            sides(fence).all(|(from, to)| {
-                let (towards, side) = (from_side((from, to)), plus(to, from, -1.0));
+        let corner_leaves = |corner: Point| {
+            let inside = fence.has_inside(corner);
+            let within_m = if inside { near_m } else { fence.nearest_m(corner) + reach_m };
+            fence.walls().iter().all(|wall| {
+                let towards = wall.side.way_from(corner);
                 let distance_m = length(towards);
-                let outward = [out * side[1] / length(side), -out * side[0] / length(side)];
-                if distance_m > within_m || (!inside && dot(outward, plus(*corner, from, -1.0)) < 0.0) {
+                let is_far = distance_m > within_m;
+                if is_far || (!inside && dot(wall.outward, plus(corner, wall.side.from, -1.0)) < 0.0) {
                     return true;
                 }
                 let is_clear = inside && distance_m > 1e-6;
                 let normal =
-                    if is_clear { [towards[0] / distance_m, towards[1] / distance_m] } else { outward };
-                let arm = plus(*corner, self.origin, -1.0);
+                    if is_clear { [towards[0] / distance_m, towards[1] / distance_m] } else { wall.outward };
+                let arm = plus(corner, self.body.origin(), -1.0);
                 !self.leads_along(arm, normal, Carrier::Floor)
             })
         };
-        let count = fence.len();
-        let vertex_leaves = |(number, vertex): (usize, &Point)| {
-            let (before, after) = (fence[(number + count - 1) % count], fence[(number + 1) % count]);
-            let points_inwards = out * cross(plus(*vertex, before, -1.0), plus(after, *vertex, -1.0)) < 0.0;
-            !points_inwards || self.body.distance_to_m(*vertex) > near_m || self.leaves(*vertex, [0.0; 2])
-        };
-        self.body.points().iter().all(corner_leaves) && fence.iter().enumerate().all(vertex_leaves)
+        let vertex_leaves =
+            |vertex: Point| self.body.distance_to_m(vertex) > near_m || self.leaves(vertex, [0.0; 2]);
+        self.body.corners().all(corner_leaves) && fence.inward_corners().all(vertex_leaves)
     }
 }

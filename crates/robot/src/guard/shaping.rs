@@ -8,7 +8,8 @@
 
 use omnibase_platform::Twist2;
 
-use super::shape::{Corners, Point, cross, dot, double_area, is_inside, length, nearest_on, plus, sides};
+use super::fence::Wall;
+use super::shape::{MAX_FENCE_CORNERS, Point, cross, dot, length, plus};
 use super::{Drive, Guard, Now};
 use crate::config::AvoidanceKind;
 use crate::signals::{LimitedBy, Setpoint};
@@ -22,6 +23,8 @@ const BUFFER_M: [f64; 2] = [0.003, 0.05];
 /// How fast a place too near is left while moving along, 1/s, and as a part of the wished speed.
 const PUSH_BACK_1_S: f64 = 2.0;
 const PUSH_BACK_SHARE: f64 = 0.2;
+/// What rounding may add to a distance from which on nothing is held back.
+const FAR: f64 = 1.001;
 /// The part of the limit on speed that is left in any case.
 const LEAST_SHARE: f64 = 0.8;
 /// Less than this part of the wished speed calls for a way around.
@@ -45,6 +48,12 @@ struct Constraint {
     by: LimitedBy,
     /// From the obstacle's centre to the body's origin.
     around: Point,
+}
+
+/// Speeds by which constraints are measured, m/s.
+struct Towards {
+    wished_m_s: f64,
+    fastest_m_s: f64,
 }
 
 /// The constraints of a cycle.
@@ -116,27 +125,65 @@ impl Constraints {
         })
     }
 
-    /// A speed within all constraints and near to the wished one.
-    fn within(&self, wish: Point, w_rad_s: f64) -> Point {
-        // In a pocket that closes not everything can be left at once; then it is enough to come nearer to nothing.
-        let leaving = self.projected(wish, w_rad_s, f64::NEG_INFINITY);
-        leaving.or_else(|| self.projected(wish, w_rad_s, 0.0)).unwrap_or_default()
-    }
-
-    /// By projection on one constraint after the other, none of them stricter than `least_m_s`; `None` where that
-    /// doesn't end within all of them.
-    fn projected(&self, wish: Point, w_rad_s: f64, least_m_s: f64) -> Option<Point> {
-        let excess_of = |constraint: &Constraint, speed: Point| {
-            let most = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
-            dot(constraint.normal, speed) - most
+    /// What they leave of speeds while the body turns so fast.
+    fn at_turn(&self, w_rad_s: f64) -> Speeds {
+        let planes = |least_m_s: f64| {
+            let mut planes = Planes { list: [Plane::default(); MOST], count: self.count };
+            for (plane, constraint) in planes.list.iter_mut().zip(self.all()) {
+                let most_m_s = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
+                *plane = Plane { normal: constraint.normal, most_m_s };
+            }
+            planes
         };
+        Speeds { leaving: Some(planes(f64::NEG_INFINITY)), staying: planes(0.0) }
+    }
+}
+
+/// A constraint at a turn: the greatest speed along a normal.
+#[derive(Clone, Copy, Debug, Default)]
+struct Plane {
+    normal: Point,
+    most_m_s: f64,
+}
+
+struct Planes {
+    list: [Plane; MOST],
+    count: usize,
+}
+
+/// Speeds that leave what is too near; in a pocket that closes not everything can be left at once, and then it is enough to come
+/// nearer to nothing.
+struct Speeds {
+    leaving: Option<Planes>,
+    staying: Planes,
+}
+
+impl Speeds {
+    /// A speed within all constraints and near to a wished one.
+    fn within(&mut self, wish: Point) -> Point {
+        if let Some(leaving) = &self.leaving {
+            match leaving.projected(wish) {
+                Some(speed) => return speed,
+                // It isn't tried with another wish in this cycle.
+                None => self.leaving = None,
+            }
+        }
+        self.staying.projected(wish).unwrap_or_default()
+    }
+}
+
+impl Planes {
+    /// By projection on one constraint after the other; `None` where that doesn't end within all of them.
+    fn projected(&self, wish: Point) -> Option<Point> {
+        let planes = &self.list[..self.count];
+        let excess_of = |plane: &Plane, speed: Point| dot(plane.normal, speed) - plane.most_m_s;
         let mut speed = wish;
         for _ in 0..ROUNDS {
             let mut held = true;
-            for constraint in self.all() {
-                let excess = excess_of(constraint, speed);
+            for plane in planes {
+                let excess = excess_of(plane, speed);
                 if excess > 1e-12 {
-                    speed = plus(speed, constraint.normal, -excess);
+                    speed = plus(speed, plane.normal, -excess);
                     held &= excess < 1e-9;
                 }
             }
@@ -144,7 +191,7 @@ impl Constraints {
                 return Some(speed);
             }
         }
-        self.all().iter().all(|constraint| excess_of(constraint, speed) < 1e-3).then_some(speed)
+        planes.iter().all(|plane| excess_of(plane, speed) < 1e-3).then_some(speed)
     }
 }
 
@@ -170,7 +217,8 @@ impl Guard {
         }
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let w_rad_s = constraints.turn(wish.w_rad_s);
-        let mut speed = constraints.within(wished, w_rad_s);
+        let mut speeds = constraints.at_turn(w_rad_s);
+        let mut speed = speeds.within(wished);
         let is_against = |constraint: &&Constraint| {
             dot(constraint.normal, wished) + w_rad_s * constraint.moment_m > constraint.most_m_s + 1e-9
         };
@@ -180,7 +228,7 @@ impl Guard {
         if let Drive::Follow(..) = drive
             && self.avoidance == AvoidanceKind::Guarded
         {
-            speed = self.around(here, &constraints, (wished, speed, w_rad_s));
+            speed = self.around(here, (&constraints, &mut speeds), (wished, speed, w_rad_s));
         }
         if w_rad_s != wish.w_rad_s && by == LimitedBy::Nothing {
             by = constraints.all().first().map_or(by, |constraint| constraint.by);
@@ -201,104 +249,132 @@ impl Guard {
 
     fn constraints(&self, here: &Setpoint, drive: Drive<'_>, (wish, now): (Twist2, &Now)) -> Constraints {
         let mut constraints = Constraints { list: [Constraint::default(); MOST], count: 0 };
-        let body = Corners::placed(&self.footprint, &here.odom_from_body);
-        let origin = [here.odom_from_body.x_m, here.odom_from_body.y_m];
-        let fastest = self.limits.speed_m_s + self.radius_m * self.limits.turn_speed_rad_s;
-        let wished = length([wish.vx_m_s, wish.vy_m_s]);
-        let buffer_m = (BUFFER_M[0] + self.braking.greatest_bend_m()).min(BUFFER_M[1]);
-        let most_at = |gap_m: f64| match gap_m {
-            gap_m if gap_m < 0.0 => -(-gap_m * PUSH_BACK_1_S).min(PUSH_BACK_SHARE * wished),
-            gap_m => self.braking.approach_m_s(gap_m, self.radius_m),
-        };
-        if let Some(fence) = &self.fence {
-            let polygon = &fence.corners_m;
-            let need_m = now.fence_need_m.standing_m + buffer_m;
-            // A plan from where there is too little room gains it on its own path.
-            let keeps_its_path = matches!(drive, Drive::Follow(..)) && now.is_too_near_the_fence();
-            let least_m_s = if keeps_its_path { 0.0 } else { f64::NEG_INFINITY };
-            let mut add = |corner: Point, towards: Point, distance_m: f64| {
-                let size = length(towards);
-                let most_m_s = most_at(distance_m - need_m).max(least_m_s);
-                if most_m_s < fastest && size > 0.0 {
-                    let normal = [towards[0] / size, towards[1] / size];
-                    let moment_m = cross(plus(corner, origin, -1.0), normal);
-                    let by = LimitedBy::Fence;
-                    constraints.push(Constraint { normal, moment_m, most_m_s, by, around: [0.0; 2] });
-                }
-            };
-            let turns_left = double_area(polygon) > 0.0;
-            for corner in body.points() {
-                let inside = is_inside(polygon, *corner);
-                for (from, to) in sides(polygon) {
-                    let towards = plus(nearest_on(from, to, *corner), *corner, -1.0);
-                    let distance_m = length(towards);
-                    if inside && distance_m > 1e-6 {
-                        add(*corner, towards, distance_m);
-                    } else if distance_m <= 1e-6 || self.is_nearest(polygon, *corner, distance_m) {
-                        // On the fence or outside: outwards is away from the side that is nearest.
-                        let side = plus(to, from, -1.0);
-                        let right = [side[1], -side[0]];
-                        add(*corner, if turns_left { right } else { [-right[0], -right[1]] }, -distance_m);
-                    }
-                }
-            }
-            for (number, corner) in polygon.iter().enumerate() {
-                let count = polygon.len();
-                let (before, after) = (polygon[(number + count - 1) % count], polygon[(number + 1) % count]);
-                let turn = cross(plus(*corner, before, -1.0), plus(after, *corner, -1.0));
-                if (turn > 0.0) != turns_left {
-                    let on = body.nearest(*corner);
-                    let towards = plus(*corner, on, -1.0);
-                    if is_inside(body.points(), *corner) {
-                        add(on, [-towards[0], -towards[1]], -length(towards));
-                    } else {
-                        add(on, towards, length(towards));
-                    }
-                }
-            }
+        let wished_m_s = length([wish.vx_m_s, wish.vy_m_s]);
+        let towards = Towards { wished_m_s, fastest_m_s: self.fastest_m_s() };
+        if self.fence.is_some() {
+            self.keep_inside(&mut constraints, drive, (now, &towards));
         }
         if self.heeds_obstacles() {
-            for (obstacle, room_m) in self.obstacles.iter().zip(now.obstacles_m) {
-                let Some(obstacle) = obstacle else { continue };
-                let normal = body.sight(obstacle.centre_m).normal;
-                // While the platform stops, an obstacle that comes nearer comes nearer.
-                let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
-                let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
-                let gap_m = room_m - now.obstacle_need_m.standing_m - buffer_m - comes * stop_s;
-                let mut most_m_s = most_at(gap_m);
-                if matches!(drive, Drive::Follow(..)) {
-                    // A plan gives way; a person's speed is only held back.
-                    most_m_s -= comes;
-                } else if comes > 0.0 {
-                    most_m_s = (most_m_s - comes).max(most_m_s.min(0.0));
-                }
-                if most_m_s < fastest {
-                    let moment_m = cross(plus(obstacle.centre_m, origin, -1.0), normal);
-                    let around = plus(origin, obstacle.centre_m, -1.0);
-                    constraints.push(Constraint {
-                        normal,
-                        moment_m,
-                        most_m_s,
-                        by: LimitedBy::Obstacle,
-                        around,
-                    });
-                }
-            }
+            self.keep_off(&mut constraints, (here, drive), (now, &towards));
         }
         constraints
     }
 
-    /// Whether no side of a polygon is nearer to a point than this distance.
-    fn is_nearest(&self, polygon: &[Point], point: Point, distance_m: f64) -> bool {
-        let nearer = |(from, to)| length(plus(nearest_on(from, to, point), point, -1.0)) < distance_m;
-        !sides(polygon).any(nearer)
+    /// No part of the body is ever faster, m/s.
+    fn fastest_m_s(&self) -> f64 {
+        self.limits.speed_m_s + self.outline.reach_m() * self.limits.turn_speed_rad_s
+    }
+
+    /// What is kept more than must be, m.
+    fn buffer_m(&self) -> f64 {
+        (BUFFER_M[0] + self.braking.greatest_bend_m()).min(BUFFER_M[1])
+    }
+
+    /// How much further than must be kept an obstacle that comes at a speed is where it holds nothing back, m.
+    pub(super) fn far_m(&self, here: &Setpoint, comes_m_s: f64) -> f64 {
+        let stop_s = if comes_m_s > 0.0 { self.braking.stop(here.twist_in_odom.speed_m_s()).1 } else { 0.0 };
+        let approach_m = self.braking.approach_way_m(self.fastest_m_s() + comes_m_s, self.outline.reach_m());
+        FAR * (self.buffer_m() + comes_m_s * stop_s + approach_m)
+    }
+
+    /// The greatest speed towards something with so much more room than is needed, m/s.
+    fn most_m_s(&self, gap_m: f64, towards: &Towards) -> f64 {
+        if gap_m < 0.0 {
+            return -(-gap_m * PUSH_BACK_1_S).min(PUSH_BACK_SHARE * towards.wished_m_s);
+        }
+        self.braking.approach_m_s(gap_m, self.outline.reach_m())
+    }
+
+    fn keep_inside(&self, constraints: &mut Constraints, drive: Drive<'_>, (now, towards): (&Now, &Towards)) {
+        let Some((_, fence)) = &self.fence else { return };
+        let (body, origin) = (self.outline.at(now.place), now.place.origin);
+        let need_m = now.fence_need_m.standing_m + self.buffer_m();
+        // A plan from where there is too little room gains it on its own path.
+        let keeps_its_path = matches!(drive, Drive::Follow(..)) && now.is_too_near_the_fence();
+        let least_m_s = if keeps_its_path { 0.0 } else { f64::NEG_INFINITY };
+        let most_m_s = |distance_m: f64| self.most_m_s(distance_m - need_m, towards).max(least_m_s);
+        let approach_m = self.braking.approach_way_m(towards.fastest_m_s, self.outline.reach_m());
+        let far_m = need_m + FAR * approach_m;
+        let is_inside = now.fence_m > 0.0;
+        // No part of the body is nearer.
+        if is_inside && now.fence_m > far_m {
+            return;
+        }
+        let (centre, radius_m) = body.circle();
+        let is_near = |wall: &Wall| !is_inside || length(wall.side.way_from(centre)) <= far_m + radius_m;
+        let mut add = |corner: Point, way: Point, distance_m: f64| {
+            let (size, most_m_s) = (length(way), most_m_s(distance_m));
+            if most_m_s < towards.fastest_m_s && size > 0.0 {
+                let normal = [way[0] / size, way[1] / size];
+                let moment_m = cross(plus(corner, origin, -1.0), normal);
+                let by = LimitedBy::Fence;
+                constraints.push(Constraint { normal, moment_m, most_m_s, by, around: [0.0; 2] });
+            }
+        };
+        let mut near = [false; MAX_FENCE_CORNERS];
+        fence.walls().iter().zip(&mut near).for_each(|(wall, near)| *near = is_near(wall));
+        for corner in body.corners() {
+            let inside = is_inside || fence.has_inside(corner);
+            for wall in fence.walls().iter().zip(near).filter_map(|(wall, is_near)| is_near.then_some(wall)) {
+                let way = wall.side.way_from(corner);
+                let distance_m = length(way);
+                if inside && distance_m > 1e-6 {
+                    if distance_m > far_m {
+                        continue;
+                    }
+                    add(corner, way, distance_m);
+                } else if distance_m <= 1e-6 || distance_m <= fence.nearest_m(corner) {
+                    // On the fence or outside: outwards is away from the side that is nearest.
+                    add(corner, wall.outward, -distance_m);
+                }
+            }
+        }
+        for corner in fence.inward_corners() {
+            let on = body.nearest(corner);
+            let way = plus(corner, on, -1.0);
+            if body.covers(corner) {
+                add(on, [-way[0], -way[1]], -length(way));
+            } else {
+                add(on, way, length(way));
+            }
+        }
+    }
+
+    fn keep_off(
+        &self,
+        constraints: &mut Constraints,
+        (here, drive): (&Setpoint, Drive<'_>),
+        (now, towards): (&Now, &Towards),
+    ) {
+        let (body, origin) = (self.outline.at(now.place), now.place.origin);
+        let need_m = now.obstacle_need_m.standing_m + self.buffer_m();
+        let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
+        for (obstacle, room_m) in self.obstacles.iter().zip(now.obstacles_m) {
+            let Some(obstacle) = obstacle.filter(|_| room_m < f64::INFINITY) else { continue };
+            let normal = body.sight(obstacle.centre_m).normal;
+            // While the platform stops, an obstacle that comes nearer comes nearer.
+            let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
+            let mut most_m_s = self.most_m_s(room_m - need_m - comes * stop_s, towards);
+            if matches!(drive, Drive::Follow(..)) {
+                // A plan gives way; a person's speed is only held back.
+                most_m_s -= comes;
+            } else if comes > 0.0 {
+                most_m_s = (most_m_s - comes).max(most_m_s.min(0.0));
+            }
+            if most_m_s < towards.fastest_m_s {
+                let moment_m = cross(plus(obstacle.centre_m, origin, -1.0), normal);
+                let around = plus(origin, obstacle.centre_m, -1.0);
+                let by = LimitedBy::Obstacle;
+                constraints.push(Constraint { normal, moment_m, most_m_s, by, around });
+            }
+        }
     }
 
     /// The way around: where obstacles leave little of a wish, along them, in one sense until it is no longer needed.
     fn around(
         &mut self,
         here: &Setpoint,
-        constraints: &Constraints,
+        (constraints, speeds): (&Constraints, &mut Speeds),
         (wished, speed, w_rad_s): (Point, Point, f64),
     ) -> Point {
         let size = length(wished);
@@ -320,7 +396,7 @@ impl Guard {
         let mut best = ([0.0; 2], 0.0);
         for constraint in obstacles() {
             let tangent = sense.tangent(constraint.around);
-            let along = constraints.within([tangent[0] * pace, tangent[1] * pace], w_rad_s);
+            let along = speeds.within([tangent[0] * pace, tangent[1] * pace]);
             let progress = dot(along, tangent);
             if progress > best.1 {
                 best = (along, progress);
@@ -357,7 +433,7 @@ impl Guard {
             .iter()
             .flatten()
             .min_by(|a, b| reach(a.centre_m, a.radius_m).total_cmp(&reach(b.centre_m, b.radius_m)))?;
-        let circle_m = obstacle.radius_m + self.radius_m + self.distance_m;
+        let circle_m = obstacle.radius_m + self.outline.reach_m() + self.distance_m;
         let around = plus(origin, obstacle.centre_m, -1.0);
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let way = match drive {

@@ -9,6 +9,7 @@
 
 use omnibase_platform::PoseGrowth;
 
+use super::shape::length;
 use crate::signals::PlatformState;
 
 /// A way that is still to be driven until the platform stands.
@@ -33,7 +34,7 @@ impl Spread {
     /// What an estimator says of its pose.
     pub(super) fn of(state: &PlatformState) -> Self {
         let [xx, xy, _, yy, _, hh] = state.covariance;
-        let greatest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
+        let greatest = 0.5 * (xx + yy) + length([0.5 * (xx - yy), xy]);
         Spread {
             position_m: greatest.max(0.0).sqrt(),
             heading_rad: hh.max(0.0).sqrt(),

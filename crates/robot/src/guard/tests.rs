@@ -2,6 +2,7 @@
 
 mod margins;
 
+use super::shape::Point;
 use super::*;
 use crate::config::FootprintSource;
 
@@ -87,13 +88,13 @@ impl Bench {
 
     /// To every obstacle from a pose, m; infinite where there is none.
     fn distances_m(&self, pose: &Pose2) -> [f64; MAX_OBSTACLES] {
-        let body = Corners::placed(&self.guard.footprint, pose);
+        let body = self.guard.outline.placed(pose);
         self.guard.obstacles.map(|slot| slot.map_or(f64::INFINITY, |obstacle| distance_m(&body, &obstacle)))
     }
 
     fn room_m(&self, pose: &Pose2) -> f64 {
-        let fence = self.guard.fence.as_ref().expect("a fence");
-        room_m(&fence.corners_m, &Corners::placed(&self.guard.footprint, pose))
+        let (_, fence) = self.guard.fence.as_ref().expect("a fence");
+        fence.room_m(&self.guard.outline.placed(pose))
     }
 }
 
@@ -188,7 +189,7 @@ fn from_what_is_too_near_every_straight_way_out_stays_open() {
     for centre_m in places {
         for radius_m in [0.0, 0.04, 3.0] {
             let obstacle = Obstacle { centre_m, radius_m, velocity_m_s: [0.0; 2] };
-            let normal = Corners::placed(&OBLONG, &Pose2::default()).sight(centre_m).normal;
+            let normal = Outline::new(&OBLONG).placed(&Pose2::default()).sight(centre_m).normal;
             for number in 0..16 {
                 let angle = 0.4 * f64::from(number);
                 let twist = Twist2::new(0.3 * angle.cos(), 0.3 * angle.sin(), 0.0);

@@ -8,7 +8,7 @@ use crate::config::RobotFile;
 
 impl Registry {
     /// Every sort with its kinds.
-    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 7] {
+    pub fn sorts(&self) -> [(Sort, Vec<&Kind>); 8] {
         [
             (self.controllers.sort, self.controllers.kinds().collect()),
             (self.references.sort, self.references.kinds().collect()),
@@ -17,6 +17,7 @@ impl Registry {
             (self.peripherals.sort, self.peripherals.kinds().collect()),
             (self.layouts.sort, self.layouts.kinds().collect()),
             (self.events.sort, self.events.kinds().collect()),
+            (self.receivers.sort, self.receivers.kinds().collect()),
         ]
     }
 

@@ -5,6 +5,7 @@
 //! or little, or the motor pushes little.
 
 use crate::config::RobotPlan;
+use crate::decay::Decay;
 use crate::signals::{Exchange, MAX_WHEELS};
 use crate::stages::SafetyView;
 
@@ -22,6 +23,7 @@ const TORQUE_SHARE: f64 = 0.2;
 #[derive(Clone, Debug)]
 pub(super) struct RunawayWatch {
     most_rad_s: f64,
+    low_pass: Decay,
     /// At the wheels, N·m.
     rated_nm: [f64; MAX_WHEELS],
     wheels: [Wheel; MAX_WHEELS],
@@ -38,7 +40,12 @@ struct Wheel {
 impl RunawayWatch {
     pub(super) fn new(plan: &RobotPlan) -> Self {
         let most_rad_s = GAINED_SHARE * plan.limits.wheel_speed_rad_s;
-        RunawayWatch { most_rad_s, rated_nm: rated_nm(plan), wheels: [Wheel::default(); MAX_WHEELS] }
+        RunawayWatch {
+            most_rad_s,
+            low_pass: Decay::new(LOW_PASS_1_S),
+            rated_nm: rated_nm(plan),
+            wheels: [Wheel::default(); MAX_WHEELS],
+        }
     }
 
     /// Nothing was measured yet.
@@ -52,7 +59,7 @@ impl RunawayWatch {
             return;
         }
         let period_s = view.time.period_s();
-        let taken = 1.0 - (-LOW_PASS_1_S * period_s).exp();
+        let taken = 1.0 - self.low_pass.kept(period_s);
         let keep = (-period_s / FORGOTTEN_S).exp();
         for (wheel, drive) in self.wheels.iter_mut().zip(view.measurements.present()) {
             let before_rad_s = wheel.speed_rad_s.abs();

@@ -9,6 +9,7 @@
 mod supposition;
 
 use crate::config::{RobotPlan, find_object};
+use crate::decay::Decay;
 use crate::grip::FirstEstimates;
 use crate::signals::{Exchange, MAX_WHEELS, ReferenceStatus};
 use crate::stages::SafetyView;
@@ -58,6 +59,7 @@ pub(super) struct WiringWatch {
     rims: Rims,
     /// Periods since the last complete exchange; `None` before the first.
     periods: Option<u32>,
+    low_pass: Decay,
     /// Since when it stands, ns.
     stood_ns: u64,
     /// For how long other wires explain the motion; time in which they don't counts back, s.
@@ -86,6 +88,7 @@ impl WiringWatch {
             next: 0,
             rims: Rims::default(),
             periods: None,
+            low_pass: Decay::new(LOW_PASS_1_S),
             stood_ns: 0,
             explained_s: 0.0,
             named: None,
@@ -127,7 +130,7 @@ impl WiringWatch {
         }
         let periods = self.periods.replace(0).filter(|periods| *periods <= LONGEST_GAP);
         let span_s = f64::from(periods.unwrap_or(1).max(1)) * view.time.period_s();
-        let keep = if periods.is_some() { (-LOW_PASS_1_S * span_s).exp() } else { 0.0 };
+        let keep = if periods.is_some() { self.low_pass.kept(span_s) } else { 0.0 };
         let Rims { speed_m_s, gain_m_s2, force_n } = &mut self.rims;
         let mut stands = true;
         for (wheel, drive) in view.measurements.present().iter().enumerate() {

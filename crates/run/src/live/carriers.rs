@@ -246,6 +246,17 @@ impl Live {
         Asker { client, stamp, ends: Some(lock(&self.shared.commands).ends(client)) }
     }
 
+    /// Says something to everybody who looks at events, in words.
+    pub fn tell(&self, text: &str, client: Option<Client>) {
+        let time_s = self.snapshot().record.time.now_ns as f64 * 1e-9;
+        self.seen(|seen| {
+            let text = Words::new(format_args!("{text}"));
+            let event = LiveEvent { number: seen.next_event, time_s, text, client };
+            seen.next_event += 1;
+            push_kept(&mut seen.events, KEPT, event);
+        });
+    }
+
     /// Sends a command; the ticket by which its answer will be found, or `None` where the cycle takes no more.
     pub fn send(&self, asker: impl Into<Asker>, ask: Ask) -> Option<u64> {
         let Asker { client, stamp, ends } = asker.into();

@@ -49,7 +49,11 @@ pub(super) fn piece(device: &DevicePlan, number: usize) -> Piece {
     Piece {
         alias: match device.place {
             BusPlace::Alias(alias) => alias,
-            BusPlace::Position(_) => 0,
+            BusPlace::Position(_) | BusPlace::Identification(_) => 0,
+        },
+        identification: match device.place {
+            BusPlace::Identification(number) => Some(number),
+            BusPlace::Position(_) | BusPlace::Alias(_) => None,
         },
         serial: 100 + number as u32,
         dc_offset_ns: (number as u64 + 1) * 76_543_210,

@@ -98,6 +98,7 @@ fn parameters(table: &SimulatedSensorTable, plan: &SensorPlan) -> SensorParamete
     let sigma = plan.sensor.sigma;
     let (tells, rate_hz, noises) = match plan.kind {
         SensorName::Gyro => (Tells::Turn, 1000.0, [0.0, sigma[0]]),
+        SensorName::Imu => (Tells::Inertia, 1000.0, [sigma[1], sigma[0]]),
         SensorName::Flow => (Tells::Way, 125.0, [sigma[0], 0.0]),
         SensorName::Twist => (Tells::Twist, 30.0, [sigma[0], sigma[2]]),
         SensorName::Pose => (Tells::Pose, 100.0, [sigma[0], sigma[2]]),
@@ -117,6 +118,7 @@ fn parameters(table: &SimulatedSensorTable, plan: &SensorPlan) -> SensorParamete
         turn_noise: table.turn_noise.unwrap_or(noises[1]),
         bias_rad_s: table.bias_rad_s.unwrap_or(0.0),
         bias_walk_rad_s: table.bias_walk_rad_s.unwrap_or(0.0),
+        bias_m_s2: table.bias_m_s2.unwrap_or_default(),
         scale_error: table.scale_error.unwrap_or(0.0),
         quantum: table.quantum.unwrap_or(0.0),
         latency_ns: ns(table.latency_ms),

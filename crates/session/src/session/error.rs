@@ -4,7 +4,7 @@ use std::fmt;
 
 use omnibase_cia402::{Mode, SupportedModes};
 use omnibase_ethercat::SetUpError;
-use omnibase_ethercat::image::PlanError;
+use omnibase_ethercat::image::{CycleFit, PlanError};
 use omnibase_ethercat::paced::ReachError;
 use omnibase_ethercat::wire::LinkError;
 
@@ -38,6 +38,18 @@ pub enum SessionError {
         expected: String,
         /// The map that it has.
         found: String,
+    },
+    /// Frames can't be back in time.
+    #[error(
+        "bus.cycle_us = {cycle_us}, frames awaited for {timeout_us} us: the shortest cycle that fits is {fit}; choose a longer cycle"
+    )]
+    CycleTooShort {
+        /// The cycle, us.
+        cycle_us: u64,
+        /// How long its frames are awaited, us.
+        timeout_us: u64,
+        /// What they need.
+        fit: CycleFit,
     },
     /// A SubDevice refused a state.
     #[error(transparent)]

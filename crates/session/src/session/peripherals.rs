@@ -14,6 +14,7 @@ pub(super) fn found(place: BusPlace, subdevices: &[SubDevice]) -> Option<&SubDev
     subdevices.iter().find(|one| match place {
         BusPlace::Position(position) => one.position == position,
         BusPlace::Alias(alias) => one.alias == Some(alias),
+        BusPlace::Identification(number) => one.identification == Some(number),
     })
 }
 

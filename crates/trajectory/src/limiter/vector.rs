@@ -11,7 +11,7 @@ pub(super) fn plus(a: Vector, b: Vector, factor: f64) -> Vector {
 
 pub(super) fn length(a: Vector) -> f64 {
     // A straight command along an axis shall not suffer from the rounding of a root.
-    if a[1] == 0.0 { a[0].abs() } else { a[0].hypot(a[1]) }
+    if a[1] == 0.0 { a[0].abs() } else { omnibase_platform::length(a) }
 }
 
 fn dot(a: Vector, b: Vector) -> f64 {
@@ -162,8 +162,27 @@ impl VectorLimiter {
         limited
     }
 
+    /// Whether a command asks for just what is done since the cycle before last: a cycle more of it changes nothing, to the bit.
+    fn lasts(&self, command: Vector) -> bool {
+        let bits = |vector: Vector| vector.map(f64::to_bits);
+        let same = |vector: Vector| bits(vector) == bits(command);
+        same(self.speed)
+            && same(self.last_speed)
+            && same(self.last_command)
+            && bits(self.acceleration) == [0; 2]
+            && bits(self.last_change) == [0; 2]
+            && length(command) <= self.bounds.speed
+    }
+
     pub(crate) fn step(&mut self, command: Vector) -> Limited {
         self.brakes_straight = false;
+        if self.lasts(command) {
+            return Limited { speed: self.speed, acceleration: self.acceleration };
+        }
+        self.next(command)
+    }
+
+    fn next(&mut self, command: Vector) -> Limited {
         let bounds = self.bounds;
         let (period_s, jerk_step) = (bounds.period_s, bounds.jerk_step());
         let turning = Turning::of(self.last_speed, self.speed);

@@ -23,6 +23,7 @@ pub fn members(count: u16) -> Vec<Member> {
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: None,
+        op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Sync0 { cycle_ns: 1_000_000, shift_ns: 0 },
         cyclic_control: CyclicControl::Write,

@@ -42,6 +42,7 @@ pub(super) fn read_all(
         let witnesses = witnesses(arguments, plan, number);
         let mut run =
             read_one(path, plan, registry, &witnesses).with_context(|| format!("`{}`", path.display()))?;
+        run = run.without_repeats();
         if let Some(&[before, after]) = tapes.get(2 * number..2 * number + 2) {
             let [sigma_m, sigma_rad] = arguments.tape_sigma;
             let place = |instant_s: f64, FloorPose(floor_from_base): FloorPose| PlaceSample {

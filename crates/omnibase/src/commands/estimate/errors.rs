@@ -26,37 +26,27 @@ pub struct TrajectoryErrors {
     pub relative_rad: Option<f64>,
 }
 
-/// The way over which relative errors are taken, m.
+/// The way over which relative errors are taken, and by how much a pair's own may differ, m.
 const OVER_M: f64 = 1.0;
+const OVER_WITHIN_M: f64 = 0.1;
+/// Poses of both trajectories belong together within so much, s.
+const TOGETHER_S: f64 = 0.01;
 
 impl TrajectoryErrors {
-    /// Of what is believed at the true poses' times; `None` where fewer than three lie within its own.
+    /// Of what is believed against the true poses; `None` where fewer than three belong together.
     pub fn of(truth: &[Stamped], believed: &[Stamped]) -> Option<TrajectoryErrors> {
-        let pairs: Vec<(Pose2, Pose2)> =
-            truth.iter().filter_map(|one| Some((one.pose, at(believed, one.time_s)?))).collect();
+        let pairs = together(truth, believed);
         if pairs.len() < 3 {
             return None;
         }
         let absolute_m = rms(aligned_distances_m(&pairs).into_iter())?;
-        let (mut way_m, mut ways_m) = (0.0, vec![0.0]);
-        for two in pairs.windows(2) {
-            way_m += two[0].0.distance_m(two[1].0);
-            ways_m.push(way_m);
-        }
-        // From each pose to the first that is a metre further.
-        let mut relative = Vec::new();
-        let mut end = 0;
-        for begin in 0..pairs.len() {
-            while end < pairs.len() && ways_m[end] - ways_m[begin] < OVER_M {
-                end += 1;
-            }
-            if end == pairs.len() {
-                break;
-            }
-            let step = |from: Pose2, to: Pose2| from.inverse().then(to);
-            let true_step = step(pairs[begin].0, pairs[end].0);
-            relative.push(step(true_step, step(pairs[begin].1, pairs[end].1)));
-        }
+        let way_m = pairs.windows(2).map(|two| two[0].0.distance_m(two[1].0)).sum();
+        let relative: Vec<Pose2> = a_metre_apart(&pairs)
+            .map(|(begin, end)| {
+                let step = |from: Pose2, to: Pose2| from.inverse().then(to);
+                step(step(pairs[begin].0, pairs[end].0), step(pairs[begin].1, pairs[end].1))
+            })
+            .collect();
         Some(TrajectoryErrors {
             poses: pairs.len(),
             way_m,
@@ -67,21 +57,36 @@ impl TrajectoryErrors {
     }
 }
 
-/// Where a trajectory is at a time, between its poses along a line; `None` beyond its ends.
-fn at(trajectory: &[Stamped], time_s: f64) -> Option<Pose2> {
-    let next = trajectory.partition_point(|one| one.time_s < time_s);
-    let after = trajectory.get(next)?;
-    let before = if next == 0 { (after.time_s == time_s).then_some(after)? } else { &trajectory[next - 1] };
-    let share = if after.time_s > before.time_s {
-        (time_s - before.time_s) / (after.time_s - before.time_s)
-    } else {
-        1.0
+/// Each pose of the trajectory that has fewer with the nearest one in time of the other: true and believed ones.
+fn together(truth: &[Stamped], believed: &[Stamped]) -> Vec<(Pose2, Pose2)> {
+    let truth_is_longer = truth.len() > believed.len();
+    let (fewer, more) = if truth_is_longer { (believed, truth) } else { (truth, believed) };
+    let pair = |one: &Stamped| {
+        let after = more.partition_point(|other| other.time_s <= one.time_s);
+        let near = more[after.saturating_sub(1)..].iter().take(if after == 0 { 1 } else { 2 });
+        let apart_s = |other: &Stamped| (other.time_s - one.time_s).abs();
+        let nearest = near.min_by(|a, b| apart_s(a).total_cmp(&apart_s(b)))?;
+        let (one, other) = (apart_s(nearest) <= TOGETHER_S).then_some((one.pose, nearest.pose))?;
+        Some(if truth_is_longer { (other, one) } else { (one, other) })
     };
-    let (a, b) = (before.pose, after.pose);
-    Some(Pose2 {
-        x_m: a.x_m + share * (b.x_m - a.x_m),
-        y_m: a.y_m + share * (b.y_m - a.y_m),
-        heading_rad: a.heading_rad + share * wrap_angle_rad(b.heading_rad - a.heading_rad),
+    fewer.iter().filter_map(pair).collect()
+}
+
+/// From each pose to that later one whose believed way is nearest to a metre, where it is one within a tenth.
+fn a_metre_apart(pairs: &[(Pose2, Pose2)]) -> impl Iterator<Item = (usize, usize)> {
+    let mut ways_m = vec![0.0];
+    for two in pairs.windows(2) {
+        ways_m.push(ways_m[ways_m.len() - 1] + two[0].1.distance_m(two[1].1));
+    }
+    let off_m = move |begin: usize, end: usize| (ways_m[end] - ways_m[begin] - OVER_M).abs();
+    let count = pairs.len();
+    let mut end = 1;
+    (0..count - 1).filter_map(move |begin| {
+        end = end.max(begin + 1);
+        while end + 1 < count && off_m(begin, end + 1) < off_m(begin, end) {
+            end += 1;
+        }
+        (off_m(begin, end) <= OVER_WITHIN_M).then_some((begin, end))
     })
 }
 
@@ -147,6 +152,33 @@ mod tests {
             trajectory(|angle, pose| Pose2 { heading_rad: pose.heading_rad + 0.02 * angle, ..pose });
         let relative_rad = TrajectoryErrors::of(&truth, &turning).unwrap().relative_rad.unwrap();
         assert!((relative_rad - 0.02 * 0.5).abs() < 2e-4, "half a radian a metre: {relative_rad}");
+    }
+
+    #[test]
+    fn pairs_are_those_whose_believed_way_is_nearest_to_a_metre() {
+        // Steps of 0.31 m: 0.93 m is nearer than 1.24; and the last three have none.
+        let line = |scale: f64| -> Vec<Stamped> {
+            let pose = |n: u8| Pose2::new(scale * 0.31 * f64::from(n), 0.0, 0.0);
+            (0..8).map(|n| Stamped { time_s: 0.1 * f64::from(n), pose: pose(n) }).collect()
+        };
+        let pairs = together(&line(1.0), &line(1.0));
+        let found: Vec<(usize, usize)> = a_metre_apart(&pairs).collect();
+        assert_eq!(found, [(0, 3), (1, 4), (2, 5), (3, 6), (4, 7)]);
+        // Believed steps of 0.465 m: 0.93 m are two of them.
+        let pairs = together(&line(1.0), &line(1.5));
+        assert_eq!(a_metre_apart(&pairs).next(), Some((0, 2)));
+        // And of 0.62 m: neither 0.62 nor 1.24 m is within a tenth.
+        assert_eq!(a_metre_apart(&together(&line(1.0), &line(2.0))).count(), 0);
+    }
+
+    #[test]
+    fn poses_of_two_rates_belong_together_where_they_are_nearest() {
+        let at = |time_s: f64| Stamped { time_s, pose: Pose2::new(time_s, 0.0, 0.0) };
+        let truth = [at(0.004), at(0.011), at(0.023), at(0.5)];
+        let believed = [at(0.0), at(0.01), at(0.02), at(0.03), at(0.04)];
+        let pairs = together(&truth, &believed);
+        assert_eq!(pairs.iter().map(|pair| pair.1.x_m).collect::<Vec<_>>(), [0.0, 0.01, 0.02]);
+        assert_eq!(together(&believed, &truth).len(), 3);
     }
 
     #[test]

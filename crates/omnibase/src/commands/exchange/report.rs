@@ -1,5 +1,6 @@
 //! What `exchange` measured, as JSON and as text.
 
+use omnibase_measure::pauses::Pauses;
 use omnibase_measure::quantiles::{Quantiles, microseconds};
 use omnibase_measure::timing::{Measured, TimingFigures};
 use serde::Serialize;
@@ -32,6 +33,8 @@ pub struct Report {
     pub commands_used: Vec<&'static str>,
     /// SubDevices that aren't operational, and what they have.
     pub not_operational: Vec<String>,
+    /// Whose pauses cost cycles.
+    pub pauses: Pauses,
     /// How long cycles took, as in the summary of a run.
     pub timing: TimingFigures,
 }
@@ -47,6 +50,7 @@ pub struct ReportJson<'a> {
     round_trip_ns: Option<Quantiles>,
     wakeup_ns: Option<Quantiles>,
     dc_phase_ns: Option<Quantiles>,
+    pauses: &'a Pauses,
     timing: &'a TimingFigures,
     commands_used: &'a [&'static str],
 }
@@ -64,6 +68,7 @@ impl Report {
             round_trip_ns: quantiles(&self.timing.round_trip_ns),
             wakeup_ns: quantiles(&self.timing.wake_up_ns),
             dc_phase_ns: quantiles(&self.timing.dc_phase_ns),
+            pauses: &self.pauses,
             timing: &self.timing,
             commands_used: &self.commands_used,
         }
@@ -91,6 +96,7 @@ impl Report {
         for not_operational in &self.not_operational {
             writeln!(output, "not operational         {not_operational}")?;
         }
-        self.timing.print(output)
+        self.timing.print(output)?;
+        self.pauses.print(output)
     }
 }

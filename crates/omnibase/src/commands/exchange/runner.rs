@@ -10,11 +10,14 @@ use omnibase_ethercat::cyclic::{
 use omnibase_ethercat::paced::{Pace, PacedBus};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{AlState, Clock, Link};
+use omnibase_measure::pauses::Pauses;
 use omnibase_measure::timing::{TimedCycle, Timing};
 use omnibase_robot::signals::{CycleTime, Exchange};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
+/// After so long without any frame back nobody answers any more.
+const SILENCE: Duration = Duration::from_millis(500);
 /// Cycles that the search for culprits may take.
 const DIAGNOSIS_CYCLES: u32 = 300;
 
@@ -41,6 +44,7 @@ pub struct Runner {
 /// What is measured in OP.
 struct Measured {
     timing: Timing,
+    pauses: Pauses,
     cycles: u64,
     /// Cycles that were left out.
     overruns: u64,
@@ -58,6 +62,7 @@ impl Runner {
         let paced = PacedBus::new(bus, clock, plan.pace);
         let measured = Measured {
             timing: Timing::default(),
+            pauses: Pauses::new(plan.pace.cycle, plan.pace.timeout),
             cycles: 0,
             overruns: 0,
             operational: false,
@@ -119,9 +124,10 @@ impl Runner {
 
     /// Cycles until everyone is in OP; `false` where `stop` came first.
     fn reach_op(&mut self, stop: &AtomicBool) -> anyhow::Result<bool> {
-        let Runner { paced, image, .. } = self;
-        let mut shown = None;
-        let reached = paced.reach(Goal::Op, TransitionOptions::default(), stop, |paced| {
+        let Runner { paced, image, plan, .. } = self;
+        let (mut shown, mut silent) = (None, None);
+        let (cycle, gone) = (plan.pace.cycle, AtomicBool::new(false));
+        let reached = paced.reach(Goal::Op, TransitionOptions::default(), &gone, |paced| {
             if let TransitionStatus::Moving { step, .. } = paced.bus().transition() {
                 let stage = stage(step);
                 if shown != stage {
@@ -129,9 +135,19 @@ impl Runner {
                     shown = stage;
                 }
             }
+            if silent.is_none() && is_silent(paced, cycle) {
+                silent = Some(paced.bus().nothing_back());
+                gone.store(true, Ordering::Relaxed);
+            }
+            if stop.load(Ordering::Relaxed) {
+                gone.store(true, Ordering::Relaxed);
+            }
             paced.exchange(image).map(drop)
         });
-        Ok(reached?)
+        match silent {
+            Some(cycles) => Err(nobody_answers(cycles, cycle)),
+            None => Ok(reached?),
+        }
     }
 
     /// The cycles in OP.
@@ -161,10 +177,14 @@ impl Runner {
             index += times.periods;
             let measured = &mut self.measured;
             let (time, exchange) = (CycleTime::on_grid(index, cycle_ns), without_robot(exchange));
+            measured.pauses.take(&times, matches!(exchange, Exchange::Lost));
             measured.timing.take(&TimedCycle { time, exchange, times, compute_ns: None, robot: None });
             measured.cycles += 1;
             measured.overruns += times.periods - 1;
             done.store(measured.cycles, Ordering::Relaxed);
+            if is_silent(&self.paced, self.plan.pace.cycle) {
+                return Err(nobody_answers(self.paced.bus().nothing_back(), self.plan.pace.cycle));
+            }
         }
         Ok(())
     }
@@ -185,9 +205,24 @@ impl Runner {
             subdevices: self.subdevices.len(),
             commands_used: self.paced.bus().commands_used().iter().map(|command| command.name()).collect(),
             not_operational: self.measured.not_operational.clone(),
+            pauses: self.measured.pauses,
             timing: self.measured.timing.figures(&[]),
         }
     }
+}
+
+/// Whether nothing at all has come back for so long that nobody is there any more.
+fn is_silent(paced: &PacedBus<Box<dyn Link>, AnyClock>, cycle: Duration) -> bool {
+    let cycles = SILENCE.as_nanos().div_ceil(cycle.as_nanos().max(1)).max(2);
+    u128::from(paced.bus().nothing_back()) >= cycles
+}
+
+fn nobody_answers(cycles: u64, cycle: Duration) -> anyhow::Error {
+    anyhow::anyhow!(
+        "no frame has come back for {} ms ({cycles} cycles): the segment lost power, its first cable is out, or the simulator \
+         that answered has ended",
+        cycle.as_millis() as u64 * cycles
+    )
 }
 
 /// An exchange in the words of a robot's, here without one.

@@ -1,6 +1,7 @@
 //! A run that people and programs lead: its page, and where the command line finds it.
 
 use super::joystick_thread::JoystickThread;
+use super::receivers;
 use crate::WrongUsage;
 use crate::bridges::{Bridge, Bridges};
 use crate::progress::{note, warn};
@@ -8,6 +9,7 @@ use crate::token;
 use anyhow::Context;
 use omnibase_client::robots::{self, Endpoint, Found, RunningRobot};
 use omnibase_dashboard::{Access, Dashboard, RobotInfo, Streams};
+use omnibase_receive::Receivers;
 use omnibase_record::run::RunDescriber;
 use omnibase_robot::Registry;
 use omnibase_robot::RobotPlan;
@@ -16,6 +18,7 @@ use omnibase_robot::signals::StopCategory;
 use omnibase_run::LoadedRobot;
 use omnibase_run::channels::Known;
 use omnibase_run::live::{Ages, Live, LiveEnd, live};
+use omnibase_run::room::Room;
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -93,6 +96,7 @@ pub struct Operated {
     _bridges: Option<Bridges>,
     _page: Option<Dashboard>,
     _joystick: Option<JoystickThread>,
+    _receivers: Receivers,
 }
 
 impl Options {
@@ -140,12 +144,13 @@ impl Options {
     /// Starts what is wanted. On virtual time a run that nobody leads is over before it could answer anybody.
     pub fn start(
         &self,
-        robot: &LoadedRobot,
+        (robot, room): (&LoadedRobot, Room),
         registry: Arc<Registry>,
         known: Known,
         describer: Option<RunDescriber>,
     ) -> anyhow::Result<Option<(Operated, LiveEnd)>> {
         if !self.is_wanted() && known == Known::Truth {
+            receivers::none_on_virtual_time(&robot.plan);
             return Ok(None);
         }
         let ages = Ages { stick_ns: robot.plan.safety.command_age_ns, session_ns: SESSION_AGE_NS };
@@ -157,9 +162,11 @@ impl Options {
             Some(path) => Some(JoystickThread::start(path.as_deref(), &robot.plan, live.clone())?),
             None => None,
         };
+        let are_received = receivers::are_wanted(&robot.plan, known);
+        let receivers = receivers::start(&robot.plan, known, &live)?;
         let streams = Streams { plotjuggler: self.plotjuggler, foxglove: self.foxglove };
         let paths = self.paths.clone().unwrap_or_else(|| "paths".into());
-        let about = RobotInfo { robot: robot.clone(), registry, known, paths, streams };
+        let about = RobotInfo { room, robot: robot.clone(), registry, known, paths, streams };
         let page = match self.dashboard {
             Some(address) => Some(self.serve(address, live, about)?),
             None => match serve_owner(live, about) {
@@ -174,7 +181,7 @@ impl Options {
             },
         };
         if !self.is_wanted() {
-            if page.is_none() {
+            if page.is_none() && !are_received {
                 return Ok(None);
             }
             end.stand_beside_plan();
@@ -184,7 +191,8 @@ impl Options {
             Some(found) if !self.bridges.is_empty() => Some(Bridges::start(self.bridges.clone(), &found)?),
             _ => None,
         };
-        Ok(Some((Operated { _bridges: bridges, _page: page, _joystick: joystick }, end)))
+        let (_page, _joystick, _receivers) = (page, joystick, receivers);
+        Ok(Some((Operated { _bridges: bridges, _page, _joystick, _receivers }, end)))
     }
 
     fn serve(&self, address: SocketAddr, live: Live, about: RobotInfo) -> anyhow::Result<(Dashboard, Found)> {

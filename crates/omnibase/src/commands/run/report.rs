@@ -27,6 +27,10 @@ pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
         writeln!(output, "{:<22} {:>12.2} %", "CPU of the cycle", 1e2 * share)?;
     }
     summary.timing.print(output)?;
+    // On virtual time nobody is paused.
+    if summary.cpu_share.is_some() {
+        summary.pauses.print(output)?;
+    }
     writeln!(output, "events")?;
     for event in &summary.events {
         writeln!(output, "  {:>10.3} s  {}", event.time_s, event.text)?;

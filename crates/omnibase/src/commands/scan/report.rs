@@ -2,7 +2,8 @@
 
 use crate::dictionary::Object;
 use crate::sii_json::sync_manager_usage;
-use omnibase_ethercat::subdevice::{Direction, Port, PortKind, SubDevice, SyncManager};
+use omnibase_ethercat::image::CycleFit;
+use omnibase_ethercat::subdevice::{Activation, Direction, Port, PortKind, SubDevice, SyncManager};
 use omnibase_ethercat::wire::{register, sii};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -12,6 +13,34 @@ use std::io::{self, Write};
 pub struct Report {
     /// By position.
     pub subdevices: Vec<SubDeviceReport>,
+    /// Which cycle fits; null where the process data fit into none.
+    pub cycle: Option<CycleReport>,
+    /// What is wrong with cables, power and order, and what to do.
+    pub trouble: Vec<String>,
+}
+
+/// What the frames of a cycle need, us.
+#[derive(Serialize)]
+pub struct CycleReport {
+    shortest_us: u64,
+    wire_us: u64,
+    propagation_us: u64,
+    /// By the distributed clocks; else estimated by the number of SubDevices.
+    propagation_is_measured: bool,
+    #[serde(skip)]
+    words: String,
+}
+
+impl From<CycleFit> for CycleReport {
+    fn from(fit: CycleFit) -> Self {
+        CycleReport {
+            shortest_us: fit.shortest().as_micros() as u64,
+            wire_us: fit.wire.as_micros() as u64,
+            propagation_us: fit.propagation.as_micros() as u64,
+            propagation_is_measured: fit.is_measured,
+            words: fit.to_string(),
+        }
+    }
 }
 
 /// One SubDevice.
@@ -26,6 +55,8 @@ pub struct SubDeviceReport {
     serial: u32,
     /// 0 where it has none.
     alias: u16,
+    /// What its switch shows, where it has one.
+    identification: Option<u16>,
     station_address: u16,
     /// In words.
     pub state: String,
@@ -38,12 +69,24 @@ pub struct SubDeviceReport {
     sync_managers: Vec<SyncManagerReport>,
     fmmus: Vec<FmmuReport>,
     pdos: Vec<PdoReport>,
+    /// Idents by slot of a modular device (0xF030, 0xF050).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub modules: Option<ModulesReport>,
     /// Only where it was asked for and there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dictionary: Option<Vec<Object>>,
     /// Why it can't be used, where something of it is broken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broken: Option<String>,
+}
+
+/// The modules of a modular device, by slot.
+#[derive(Serialize)]
+pub struct ModulesReport {
+    /// For which it is configured.
+    pub configured: Vec<u32>,
+    /// That it detected.
+    pub detected: Vec<u32>,
 }
 
 #[derive(Serialize)]
@@ -78,6 +121,8 @@ struct SyncManagerReport {
     length: u16,
     control: u8,
     enabled: bool,
+    /// `safe_op`, `op`, or `never` (virtual).
+    activation: &'static str,
 }
 
 #[derive(Serialize)]
@@ -121,6 +166,7 @@ impl SubDeviceReport {
             revision: one.identity.revision,
             serial: one.identity.serial,
             alias: one.alias.unwrap_or(0),
+            identification: one.identification,
             station_address: one.station_address,
             state: String::new(),
             parent: one.parent.map(|parent| ParentReport { position: parent.position, port: parent.port }),
@@ -150,6 +196,11 @@ impl SubDeviceReport {
                     length: manager.area.length,
                     control: manager.control,
                     enabled: manager.enabled,
+                    activation: match manager.activation {
+                        Activation::SafeOp => "safe_op",
+                        Activation::OpOnly => "op",
+                        Activation::Never => "never",
+                    },
                 })
                 .collect(),
             fmmus: one
@@ -167,6 +218,7 @@ impl SubDeviceReport {
                 })
                 .collect(),
             pdos: one.sync_managers.iter().flat_map(pdo_reports).collect(),
+            modules: None,
             dictionary: None,
             broken: one.broken.clone(),
         }
@@ -186,8 +238,10 @@ impl SubDeviceReport {
         }
         writeln!(
             output,
-            "    state     {}, station 0x{:04x}, alias {alias}",
-            self.state, self.station_address
+            "    state     {}, station 0x{:04x}, alias {alias}{}",
+            self.state,
+            self.station_address,
+            self.identification.map_or_else(String::new, |number| format!(", identification {number}"))
         )?;
         let ports: Vec<String> = self
             .ports
@@ -228,7 +282,12 @@ impl SubDeviceReport {
                 manager.start,
                 manager.length,
                 manager.control,
-                if manager.enabled { "on" } else { "off" }
+                match (manager.enabled, manager.activation) {
+                    (true, _) => "on",
+                    (false, "op") => "on in OP",
+                    (false, "never") => "virtual",
+                    (false, _) => "off",
+                }
             )?;
         }
         for fmmu in &self.fmmus {
@@ -262,6 +321,10 @@ impl SubDeviceReport {
                     entry.index, entry.subindex, entry.bit_length
                 )?;
             }
+        }
+        if let Some(modules) = &self.modules {
+            let idents: Vec<String> = modules.detected.iter().map(|ident| format!("0x{ident:08x}")).collect();
+            writeln!(output, "    modules   {}", idents.join(", "))?;
         }
         for object in self.dictionary.iter().flatten() {
             print_object(output, object)?;
@@ -313,7 +376,10 @@ impl Report {
             }
             one.print(output)?;
         }
-        Ok(())
+        if let Some(cycle) = &self.cycle {
+            writeln!(output, "\nshortest cycle {}", cycle.words)?;
+        }
+        self.trouble.iter().try_for_each(|trouble| writeln!(output, "TROUBLE {trouble}"))
     }
 }
 

@@ -1,0 +1,429 @@
+//! A device as it is plugged together: with modules in its slots.
+
+use std::fmt;
+
+use crate::dictionary::OdObject;
+use crate::model::{Device, InitCommand, Module, Pdo, SlotIndex, Slots, SmUse};
+
+/// The object that is told which modules are configured (ETG.5001).
+pub(crate) const CONFIGURED_MODULES: u16 = 0xF030;
+
+/// A device with modules in its slots, the first one in slot 1.
+#[derive(Clone, Debug)]
+pub struct Assembly<'a> {
+    /// The device.
+    pub device: &'a Device,
+    /// Its modules, in the order of slots.
+    pub modules: Vec<&'a Module>,
+}
+
+/// Why modules don't go together with a device.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AssemblyError {
+    /// It has no slots.
+    #[error("{device} has no slots for modules")]
+    NoSlots {
+        /// The device's type.
+        device: String,
+    },
+    /// There are more of them than it has slots.
+    #[error("{device} has slots for {most} modules, asked are {found}")]
+    TooMany {
+        /// The device's type.
+        device: String,
+        /// Slots.
+        most: usize,
+        /// Modules.
+        found: usize,
+    },
+    /// It doesn't fit the slot.
+    #[error(
+        "slot {slot} of {device} takes modules of the classes {classes}, {module} is of the class \"{class}\""
+    )]
+    WrongClass {
+        /// The device's type.
+        device: String,
+        /// Slot, from 1.
+        slot: usize,
+        /// Classes that fit.
+        classes: String,
+        /// The module's type.
+        module: String,
+        /// Its class.
+        class: String,
+    },
+    /// An index would be beyond 0xFFFF.
+    #[error("in slot {slot} the index 0x{index:04X} would count up beyond 0xFFFF")]
+    Index {
+        /// Slot, from 1.
+        slot: usize,
+        /// Index in the first slot.
+        index: u16,
+    },
+}
+
+/// Where a command comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandSource {
+    /// The device's own.
+    Device,
+    /// The list of modules that the device is to be told.
+    ModuleList,
+    /// A module's.
+    Module {
+        /// Its slot, from 1.
+        slot: usize,
+    },
+}
+
+/// An SDO to be written, its indices counted up with the slot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Command {
+    /// The command.
+    pub command: InitCommand,
+    /// Where it comes from.
+    pub source: CommandSource,
+}
+
+/// What somebody should look at before the device is used as its file says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Doubt {
+    /// Two PDOs that are assigned by default exclude each other: the second one is left out.
+    Excluded {
+        /// The one that stays.
+        stays: u16,
+        /// The one that is left out.
+        left_out: u16,
+    },
+    /// A PDO that must be assigned has no SyncManager in the file.
+    MandatoryWithoutSyncManager {
+        /// The PDO.
+        pdo: u16,
+        /// The SyncManager that it gets.
+        sync_manager: u8,
+    },
+    /// The device has PDOs and none of them is assigned by default.
+    NoDefault {
+        /// `RxPdo` or `TxPdo`.
+        kind: &'static str,
+        /// PDOs of which some may be chosen.
+        count: usize,
+    },
+    /// A PDO is assigned to a SyncManager that isn't one of its direction.
+    WrongSyncManager {
+        /// The PDO.
+        pdo: u16,
+        /// The SyncManager.
+        sync_manager: u8,
+    },
+    /// Commands of protocols that aren't spoken here.
+    ForeignCommands {
+        /// How many.
+        count: u32,
+    },
+    /// A command has more bytes than the file's own dictionary gives its object.
+    LongerThanItsObject {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+        /// Bytes of the command.
+        bytes: usize,
+        /// Bytes of the object's type.
+        given: usize,
+    },
+    /// A command that is sent at another change of state than ours are sent at.
+    OtherTransition {
+        /// Line of the command.
+        line: u32,
+        /// Its changes of state.
+        transitions: String,
+    },
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Doubt::Excluded { stays, left_out } => write!(
+                f,
+                "0x{stays:04X} and 0x{left_out:04X} exclude each other and both are assigned by default: 0x{left_out:04X} is left out"
+            ),
+            Doubt::MandatoryWithoutSyncManager { pdo, sync_manager } => write!(
+                f,
+                "0x{pdo:04X} is mandatory and the file assigns it to no SyncManager: SyncManager {sync_manager} is taken, the first of its direction"
+            ),
+            Doubt::NoDefault { kind, count } => {
+                write!(f, "none of its {count} {kind}s is assigned by default: choose which you need")
+            }
+            Doubt::WrongSyncManager { pdo, sync_manager } => {
+                write!(
+                    f,
+                    "0x{pdo:04X} is assigned to SyncManager {sync_manager}, which the file doesn't have for its direction"
+                )
+            }
+            Doubt::ForeignCommands { count } => {
+                write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")
+            }
+            Doubt::LongerThanItsObject { line, index, bytes, given } => write!(
+                f,
+                "the command of line {line} writes {bytes} bytes to 0x{index:04X}, for which the file's dictionary has {given}: a device may refuse it"
+            ),
+            Doubt::OtherTransition { line, transitions } => write!(
+                f,
+                "the command of line {line} is for {transitions}: it isn't sent, for commands are sent in PRE-OP (IP, PS)"
+            ),
+        }
+    }
+}
+
+impl<'a> Assembly<'a> {
+    /// The device with these modules in slots 1 and up.
+    pub fn new(device: &'a Device, modules: Vec<&'a Module>) -> Result<Self, AssemblyError> {
+        let name = || device.type_name.clone();
+        let assembly = Assembly { device, modules };
+        if assembly.modules.is_empty() {
+            return Ok(assembly);
+        }
+        let Some(slots) = &device.slots else { return Err(AssemblyError::NoSlots { device: name() }) };
+        let (most, found) = (places(slots), assembly.modules.len());
+        if found > most {
+            return Err(AssemblyError::TooMany { device: name(), most, found });
+        }
+        for (slot, module) in (1..).zip(&assembly.modules) {
+            let kind = kind_of_slot(slots, slot);
+            let fits = kind.is_none_or(|kind| {
+                let by_ident = module.ident.is_some_and(|ident| kind.idents.contains(&ident));
+                let free = kind.classes.is_empty() && kind.idents.is_empty();
+                free || by_ident || kind.classes.contains(&module.class)
+            });
+            if !fits {
+                let classes = kind.map_or(String::new(), |kind| kind.classes.join(", "));
+                let (module, class) = (module.type_name.clone(), module.class.clone());
+                return Err(AssemblyError::WrongClass { device: name(), slot, classes, module, class });
+            }
+            let pdos = module.rx_pdos.iter().chain(&module.tx_pdos);
+            let indices = pdos
+                .flat_map(|pdo| std::iter::once(pdo.index).chain(pdo.entries.iter().map(|one| one.index)));
+            let index = |index: SlotIndex| assembly.shifted(index, slot, slots.index_increment).is_none();
+            if let Some(wrong) = indices.into_iter().find(|one| index(*one)) {
+                return Err(AssemblyError::Index { slot, index: wrong.index });
+            }
+        }
+        Ok(assembly)
+    }
+
+    fn shifted(&self, index: SlotIndex, slot: usize, increment: u16) -> Option<u16> {
+        if !index.depends_on_slot {
+            return Some(index.index);
+        }
+        let shift = u16::try_from(slot - 1).ok()?.checked_mul(increment)?;
+        index.index.checked_add(shift)
+    }
+
+    fn place(&self, index: SlotIndex, slot: usize, increment: u16) -> SlotIndex {
+        let index = self.shifted(index, slot, increment).unwrap_or(index.index);
+        SlotIndex { index, depends_on_slot: false }
+    }
+
+    fn place_pdo(&self, pdo: &Pdo, slot: usize, slots: &Slots) -> Pdo {
+        let mut placed = pdo.clone();
+        placed.index = self.place(pdo.index, slot, slots.pdo_increment);
+        for excluded in &mut placed.excludes {
+            *excluded = self.place(*excluded, slot, slots.pdo_increment);
+        }
+        for entry in &mut placed.entries {
+            entry.index = self.place(entry.index, slot, slots.index_increment);
+        }
+        placed
+    }
+
+    /// Every PDO of a direction, those of modules with the indices of their slots: groups in their order, in each the
+    /// device's own first.
+    pub fn pdos(&self, outputs: bool) -> Vec<Pdo> {
+        let own = if outputs { &self.device.rx_pdos } else { &self.device.tx_pdos };
+        let mut pdos = own.clone();
+        let Some(slots) = &self.device.slots else { return pdos };
+        let mut placed: Vec<(usize, Pdo)> = Vec::new();
+        for (slot, module) in (1..).zip(&self.modules) {
+            let own = if outputs { &module.rx_pdos } else { &module.tx_pdos };
+            placed.extend(own.iter().map(|pdo| (module.pdo_group, self.place_pdo(pdo, slot, slots))));
+        }
+        placed.sort_by_key(|(group, _)| *group);
+        pdos.extend(placed.into_iter().map(|(_, pdo)| pdo));
+        pdos
+    }
+
+    /// The PDOs that are assigned where nobody wishes otherwise, each with its SyncManager, and what is doubtful.
+    pub fn default_pdos(&self, outputs: bool) -> (Vec<Pdo>, Vec<Doubt>) {
+        let usage = if outputs { SmUse::Outputs } else { SmUse::Inputs };
+        let managers = &self.device.sync_managers;
+        let first = managers.iter().position(|one| one.usage == usage).map(|number| number as u8);
+        let all = self.pdos(outputs);
+        let (mut chosen, mut doubts): (Vec<Pdo>, Vec<Doubt>) = (Vec::new(), Vec::new());
+        for pdo in &all {
+            let index = pdo.index.index;
+            let sync_manager = match (pdo.sync_manager, first) {
+                (Some(number), _) => number,
+                (None, Some(sync_manager)) if pdo.mandatory => {
+                    doubts.push(Doubt::MandatoryWithoutSyncManager { pdo: index, sync_manager });
+                    sync_manager
+                }
+                _ => continue,
+            };
+            if managers.get(usize::from(sync_manager)).is_none_or(|one| one.usage != usage) {
+                doubts.push(Doubt::WrongSyncManager { pdo: index, sync_manager });
+                continue;
+            }
+            let bars =
+                |one: &Pdo, other: &Pdo| one.excludes.iter().any(|index| index.index == other.index.index);
+            let barred = chosen.iter().find(|one| bars(one, pdo) || bars(pdo, one));
+            if let Some(stays) = barred {
+                doubts.push(Doubt::Excluded { stays: stays.index.index, left_out: index });
+                continue;
+            }
+            if chosen.iter().any(|one| one.index.index == index) {
+                continue;
+            }
+            chosen.push(Pdo { sync_manager: Some(sync_manager), ..pdo.clone() });
+        }
+        if chosen.is_empty() && !all.is_empty() {
+            let kind = if outputs { "RxPdo" } else { "TxPdo" };
+            doubts.push(Doubt::NoDefault { kind, count: all.len() });
+        }
+        (chosen, doubts)
+    }
+
+    /// What the device wants written, in the order in which it is sent: the list of modules, its own commands, those of
+    /// its modules by slot.
+    pub fn commands(&self) -> Vec<Command> {
+        let mut commands = self.module_list();
+        let of = |mailbox: &Option<crate::model::Mailbox>| {
+            mailbox
+                .as_ref()
+                .and_then(|mailbox| mailbox.coe.as_ref())
+                .map_or(Vec::new(), |coe| coe.commands.clone())
+        };
+        commands.extend(
+            of(&self.device.mailbox)
+                .into_iter()
+                .map(|command| Command { command, source: CommandSource::Device }),
+        );
+        let increment = self.device.slots.as_ref().map_or(0, |slots| slots.index_increment);
+        for (slot, module) in (1..).zip(&self.modules) {
+            for command in of(&module.mailbox) {
+                let index = self.place(command.index, slot, increment);
+                let command = InitCommand { index, ..command };
+                commands.push(Command { command, source: CommandSource::Module { slot } });
+            }
+        }
+        commands
+    }
+
+    /// The modules' idents into 0xF030: emptied, filled, counted.
+    fn module_list(&self) -> Vec<Command> {
+        let wanted = self.device.slots.as_ref().is_some_and(|slots| slots.download_idents);
+        if !wanted || self.modules.is_empty() {
+            return Vec::new();
+        }
+        let write = |subindex: u8, data: &[u8], comment: String| {
+            let index = SlotIndex { index: CONFIGURED_MODULES, depends_on_slot: false };
+            let (transitions, data) = (vec!["PS".to_owned()], data.to_vec());
+            let command =
+                InitCommand { transitions, index, subindex, data, comment, ..InitCommand::default() };
+            Command { command, source: CommandSource::ModuleList }
+        };
+        let mut commands = vec![write(0, &[0], "the list of modules is emptied".to_owned())];
+        for (slot, module) in (1..=u8::MAX).zip(&self.modules) {
+            let ident = module.ident.unwrap_or(0);
+            commands.push(write(slot, &ident.to_le_bytes(), format!("slot {slot}: {}", module.type_name)));
+        }
+        let count = self.modules.len().min(255) as u8;
+        commands.push(write(0, &[count], "how many modules there are".to_owned()));
+        commands
+    }
+
+    /// The object dictionary, modules' objects with the indices of their slots.
+    pub fn objects(&self) -> Vec<OdObject> {
+        let mut objects = self.device.dictionary.clone();
+        let increments =
+            self.device.slots.as_ref().map_or((0, 0), |slots| (slots.index_increment, slots.pdo_increment));
+        for (slot, module) in (1..).zip(&self.modules) {
+            for object in &module.dictionary {
+                let is_pdo = (0x1600..=0x1BFF).contains(&object.index.index);
+                let increment = if is_pdo { increments.1 } else { increments.0 };
+                let index = self.place(object.index, slot, increment);
+                objects.push(OdObject { index, ..object.clone() });
+            }
+        }
+        // A maker's own command is right where its dictionary's type is too short for it.
+        for Command { command, .. } in self.commands() {
+            let entries = objects.iter_mut().filter(|object| object.index.index == command.index.index);
+            let mut entries = entries.flat_map(|object| &mut object.entries);
+            if let Some(entry) = entries.find(|entry| entry.subindex == command.subindex && entry.is_text()) {
+                entry.bits = entry.bits.max(8 * command.data.len() as u32);
+            }
+        }
+        objects
+    }
+
+    /// The maker's commands that are longer than the dictionary's type of their object.
+    fn too_long(&self) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        let increment = self.device.slots.as_ref().map_or(0, |slots| slots.index_increment);
+        for (slot, module) in (1..).zip(&self.modules) {
+            for command in
+                module.mailbox.iter().filter_map(|one| one.coe.as_ref()).flat_map(|coe| &coe.commands)
+            {
+                let object = module.dictionary.iter().find(|object| object.index == command.index);
+                let entry = object
+                    .and_then(|object| object.entries.iter().find(|one| one.subindex == command.subindex));
+                let Some(entry) = entry else { continue };
+                let (bytes, given) = (command.data.len(), entry.bits.div_ceil(8) as usize);
+                if bytes > given {
+                    let index = self.place(command.index, slot, increment).index;
+                    doubts.push(Doubt::LongerThanItsObject { line: command.line, index, bytes, given });
+                }
+            }
+        }
+        doubts
+    }
+
+    /// What somebody should look at.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let mut doubts = self.default_pdos(true).1;
+        doubts.extend(self.default_pdos(false).1);
+        let mailboxes =
+            std::iter::once(&self.device.mailbox).chain(self.modules.iter().map(|module| &module.mailbox));
+        let count = mailboxes.flatten().map(|mailbox| mailbox.foreign_commands).sum();
+        if count > 0 {
+            doubts.push(Doubt::ForeignCommands { count });
+        }
+        doubts.extend(self.too_long());
+        for Command { command, .. } in self.commands().iter().filter(|one| !one.is_for_pre_op()) {
+            let transitions = command.transitions.join(", ");
+            doubts.push(Doubt::OtherTransition { line: command.line, transitions });
+        }
+        doubts
+    }
+}
+
+impl Command {
+    /// Whether it is sent while the device is in PRE-OP on its way up.
+    pub fn is_for_pre_op(&self) -> bool {
+        self.command.transitions.iter().any(|transition| transition == "PS" || transition == "IP")
+    }
+}
+
+/// How many modules fit.
+fn places(slots: &Slots) -> usize {
+    slots.slots.iter().map(|slot| slot.most as usize).sum()
+}
+
+/// The kind of a slot, from 1.
+fn kind_of_slot(slots: &Slots, number: usize) -> Option<&crate::model::Slot> {
+    let mut before = 0;
+    slots.slots.iter().find(|slot| {
+        before += slot.most as usize;
+        number <= before
+    })
+}

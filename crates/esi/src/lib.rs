@@ -1,0 +1,29 @@
+//! ESI files (EtherCAT Slave Information, ETG.2000): what a maker says of its devices.
+//!
+//! - [`EsiFile::read`] and [`EsiFile::parse`]: a file to [`Device`]s and [`Module`]s. Nothing is dropped in silence: what has
+//!   no meaning here stands in [`Notes::unread`] with its path and line, what is wrong in [`Notes::problems`].
+//! - [`model`]: what is read, in the standard's words.
+//! - [`Assembly`]: a device with modules in its slots; which PDOs count, what is written at which transition.
+//! - [`image`]: the SII (EEPROM) image that follows from a device.
+//!
+//! Files are bounded: [`SIZE_LIMIT`] bytes, [`NODE_LIMIT`] nodes, no document type (so no entities of their own).
+#![forbid(unsafe_code)]
+
+mod assembly;
+mod dictionary;
+mod file;
+pub mod image;
+mod mailbox;
+pub mod model;
+mod names;
+mod notes;
+mod pdo;
+mod read;
+mod slots;
+mod xml;
+
+pub use assembly::{Assembly, AssemblyError, Command, CommandSource, Doubt};
+pub use file::{EsiError, EsiFile, NODE_LIMIT, SIZE_LIMIT};
+pub use model::{Device, Module};
+pub use names::Names;
+pub use notes::{Notes, Problem, Unread, Why};

@@ -1,0 +1,79 @@
+//! PDOs.
+
+use crate::model::{Pdo, PdoEntry, SlotIndex};
+use crate::notes::Notes;
+use crate::read::{name, short};
+use crate::xml::Element;
+
+/// Entries of a PDO: as many as its subindices can count.
+const ENTRY_LIMIT: usize = 254;
+
+/// An index that may count up with the slot.
+pub(crate) fn slot_index(element: Element, notes: &mut Notes) -> SlotIndex {
+    element.attributes(&["DependOnSlot", "DependOnSlotGroup"], notes);
+    if element.is("DependOnSlotGroup", notes) {
+        element.problem(
+            "an index that counts up with the group of slots isn't understood: it is taken as it stands",
+            notes,
+        );
+    }
+    SlotIndex { index: element.u16(notes).unwrap_or(0), depends_on_slot: element.is("DependOnSlot", notes) }
+}
+
+/// A PDO; `None` where it has no index.
+pub(crate) fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
+    element.attributes(&["Sm", "Fixed", "Mandatory", "Virtual"], notes);
+    let sync_manager = element.attribute_number("Sm", 0..=31, notes).map(|number| number as u8);
+    let mut pdo = Pdo {
+        line: element.line(),
+        sync_manager,
+        fixed: element.is("Fixed", notes),
+        mandatory: element.is("Mandatory", notes),
+        is_virtual: element.is("Virtual", notes),
+        ..Pdo::default()
+    };
+    let mut has_index = false;
+    for child in element.children() {
+        match child.name() {
+            "Index" => {
+                pdo.index = slot_index(child, notes);
+                has_index = pdo.index.index != 0;
+            }
+            "Name" => name(child, &mut pdo.name, notes),
+            "Exclude" => pdo.excludes.push(slot_index(child, notes)),
+            "Entry" if pdo.entries.len() == ENTRY_LIMIT => {
+                child
+                    .problem(format!("a PDO has at most {ENTRY_LIMIT} entries: this one is left out"), notes);
+                break;
+            }
+            "Entry" => pdo.entries.push(entry(child, notes)),
+            // Which of them may be left out in favour of which.
+            "ExcludedSm" => child.set_aside(notes),
+            _ => child.skip(notes),
+        }
+    }
+    if !has_index {
+        element.problem("the PDO has no index: it is left out", notes);
+    }
+    has_index.then_some(pdo)
+}
+
+fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
+    element.attributes(&[], notes);
+    let mut entry = PdoEntry::default();
+    for child in element.children() {
+        match child.name() {
+            "Index" => entry.index = slot_index(child, notes),
+            "SubIndex" => entry.subindex = child.u8(notes).unwrap_or(0),
+            "BitLen" => entry.bits = child.u8(notes).unwrap_or(0),
+            "Name" => name(child, &mut entry.name, notes),
+            "DataType" => entry.data_type = short(child.text()),
+            _ => child.skip(notes),
+        }
+    }
+    // Some makers keep places free by gaps without a bit.
+    if entry.bits == 0 && !entry.is_gap() {
+        element.problem("the entry has no length of 1 to 255 bits", notes);
+    }
+    entry
+}

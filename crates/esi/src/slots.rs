@@ -1,0 +1,110 @@
+//! Slots and modules.
+
+use crate::model::{Module, PdoGroup, Slot, Slots};
+use crate::notes::Notes;
+use crate::read::{name, short};
+use crate::xml::Element;
+use crate::{dictionary, mailbox, pdo};
+
+/// Slots of a device, modules of all kinds.
+const SLOT_LIMIT: i64 = 4096;
+
+/// The slots of a device.
+pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
+    let read = ["DownloadModuleIdentList", "DownloadModuleList", "SlotIndexIncrement", "SlotPdoIncrement"];
+    element.attributes(&read, notes);
+    let mut increment = |name| element.attribute_number(name, 0..=0x1000, notes).unwrap_or(0) as u16;
+    let (index_increment, pdo_increment) = (increment("SlotIndexIncrement"), increment("SlotPdoIncrement"));
+    let mut slots = Slots {
+        download_idents: element.is("DownloadModuleIdentList", notes)
+            || element.is("DownloadModuleList", notes),
+        index_increment,
+        pdo_increment,
+        ..Slots::default()
+    };
+    for child in element.children() {
+        match child.name() {
+            "Slot" => slots.slots.push(slot(child, notes)),
+            "ModulePdoGroup" => {
+                child.attributes(&["Alignment", "RxPdo", "TxPdo"], notes);
+                let mut number = |name, most| child.attribute_number(name, 0..=most, notes);
+                slots.groups.push(PdoGroup {
+                    alignment: number("Alignment", 255).unwrap_or(1) as u8,
+                    rx_pdo: number("RxPdo", 0xFFFF).map(|index| index as u16),
+                    tx_pdo: number("TxPdo", 0xFFFF).map(|index| index as u16),
+                });
+            }
+            "Modules" => slots.modules.extend(modules(child, notes)),
+            _ => child.skip(notes),
+        }
+    }
+    slots
+}
+
+fn slot(element: Element, notes: &mut Notes) -> Slot {
+    element.attributes(&["MinInstances", "MaxInstances"], notes);
+    let mut number = |name| element.attribute_number(name, 0..=SLOT_LIMIT, notes).map(|number| number as u32);
+    let (least, most) = (number("MinInstances"), number("MaxInstances"));
+    let mut slot = Slot { least: least.unwrap_or(0), most: most.unwrap_or(1), ..Slot::default() };
+    for child in element.children() {
+        match child.name() {
+            "Name" => name(child, &mut slot.name, notes),
+            "ModuleClass" => {
+                child.attributes(&[], notes);
+                for part in child.children() {
+                    match part.name() {
+                        "Class" => slot.classes.push(short(part.text())),
+                        "Name" => part.set_aside(notes),
+                        _ => part.skip(notes),
+                    }
+                }
+            }
+            "ModuleIdent" => {
+                child.attributes(&[], notes);
+                slot.idents.extend(child.u32(notes));
+            }
+            _ => child.skip(notes),
+        }
+    }
+    slot
+}
+
+/// The modules of a list.
+pub(crate) fn modules(element: Element, notes: &mut Notes) -> Vec<Module> {
+    let mut modules = Vec::new();
+    for child in element.children() {
+        match child.name() {
+            "Module" => modules.push(module(child, notes)),
+            _ => child.skip(notes),
+        }
+    }
+    modules
+}
+
+fn module(element: Element, notes: &mut Notes) -> Module {
+    element.attributes(&[], notes);
+    let mut module = Module { line: element.line(), ..Module::default() };
+    let mut profiles = Vec::new();
+    for child in element.children() {
+        match child.name() {
+            "Type" => {
+                child.attributes(&["ModuleIdent", "ModuleClass", "ModulePdoGroup"], notes);
+                module.type_name = short(child.text());
+                let mut number = |name, most| child.attribute_number(name, 0..=most, notes);
+                module.ident = number("ModuleIdent", 0xFFFF_FFFF).map(|ident| ident as u32);
+                module.pdo_group = number("ModulePdoGroup", 255).unwrap_or(0) as usize;
+                module.class = short(child.attribute("ModuleClass").unwrap_or_default().to_owned());
+            }
+            "Name" => name(child, &mut module.names, notes),
+            "RxPdo" => module.rx_pdos.extend(pdo::read(child, notes)),
+            "TxPdo" => module.tx_pdos.extend(pdo::read(child, notes)),
+            "Mailbox" => module.mailbox = Some(mailbox::read(child, notes)),
+            "Profile" => dictionary::profile(child, (&mut profiles, &mut module.dictionary), notes),
+            _ => child.skip(notes),
+        }
+    }
+    if module.ident.is_none() {
+        element.problem("the module has no ModuleIdent: it can't be told to the device", notes);
+    }
+    module
+}

@@ -1,0 +1,149 @@
+//! A device made from its maker's file (ESI): identity, mailbox, PDOs, objects and modules are what the file says.
+
+use super::Piece;
+use super::generic::{Generic, More};
+use crate::SubDevice;
+use crate::dictionary::{Access, DataType, Entry, Object};
+use crate::segment_file::EsiDevice;
+use omnibase_esi::model::{ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
+use omnibase_esi::{Assembly, Command, EsiFile, image};
+use std::path::Path;
+
+/// Objects of the communication profile that the image makes and the file's aren't taken for: identity, assignments.
+const OWN: [core::ops::RangeInclusive<u16>; 4] =
+    [0x1000..=0x1018, 0x1600..=0x17FF, 0x1A00..=0x1BFF, 0x1C00..=0x1C33];
+/// Which modules are configured, and which are there (ETG.5001).
+const CONFIGURED_MODULES: u16 = 0xF030;
+const DETECTED_MODULES: u16 = 0xF050;
+
+/// The device that a segment file asks for, its files looked for in `base_dir`.
+pub(crate) fn build(wanted: &EsiDevice, base_dir: &Path, piece: &Piece) -> Result<SubDevice, String> {
+    let read = |path: &Path| {
+        let path = base_dir.join(path);
+        EsiFile::read(&path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let file = read(&wanted.file)?;
+    let others =
+        wanted.module_files.iter().map(|path| read(path)).collect::<Result<Vec<EsiFile>, String>>()?;
+    let device = file.device(&wanted.device)?;
+    let module = |name: &String| {
+        let mut found = std::iter::once(&file).chain(&others).filter_map(|file| file.module(device, name));
+        found.next().ok_or_else(|| format!("no module is called \"{name}\" in the files"))
+    };
+    let modules = wanted.modules.iter().map(module).collect::<Result<Vec<_>, String>>()?;
+    let assembly = Assembly::new(device, modules).map_err(|error| error.to_string())?;
+    Ok(from_assembly(&assembly, file.vendor.id.unwrap_or(0), piece).sub_device)
+}
+
+/// A device with its modules.
+pub fn from_assembly(assembly: &Assembly, vendor_id: u32, piece: &Piece) -> Generic {
+    let bytes = image::eeprom(assembly.device, vendor_id).emit();
+    let mut objects: Vec<Object> = Vec::new();
+    let is_own = |object: &OdObject| OWN.iter().any(|range| range.contains(&object.index.index));
+    for object in assembly.objects().iter().filter(|object| !is_own(object)) {
+        objects.push(described(object));
+    }
+    let idents: Vec<u32> = assembly.modules.iter().map(|module| module.ident.unwrap_or(0)).collect();
+    if assembly.device.slots.is_some() {
+        objects.retain(|object| ![CONFIGURED_MODULES, DETECTED_MODULES].contains(&object.index));
+        objects.extend(module_lists(&idents));
+    }
+    for command in assembly.commands() {
+        make_room(&command, &mut objects);
+    }
+    let image = image::with_modules(assembly, vendor_id);
+    Generic::assemble(&image, bytes, piece, More { objects, modules: idents })
+}
+
+fn module_lists(idents: &[u32]) -> [Object; 2] {
+    let entries = |access: Access, value: &dyn Fn(usize) -> u32| -> Vec<Entry> {
+        let count = idents.len().min(254) as u8;
+        let mut entries = vec![Entry::unsigned8(0, "Number of entries", count).with_access(access)];
+        let slot = |slot: u8| {
+            let name = format!("Module ident of slot {slot}");
+            Entry::unsigned32(slot, name, value(usize::from(slot) - 1)).with_access(access)
+        };
+        entries.extend((1..=count).map(slot));
+        entries
+    };
+    [
+        Object::array(
+            CONFIGURED_MODULES,
+            "Configured module ident list",
+            entries(Access::READ_WRITE_PRE_OP, &|_| 0),
+        ),
+        Object::array(
+            DETECTED_MODULES,
+            "Detected module ident list",
+            entries(Access::READ, &|slot| idents[slot]),
+        ),
+    ]
+}
+
+fn described(object: &OdObject) -> Object {
+    let OdObject { index: SlotIndex { index, .. }, name, shape, entries } = object;
+    let entries: Vec<Entry> = entries.iter().map(entry).collect();
+    match (shape, entries) {
+        (OdShape::Variable, mut entries) if entries.len() == 1 => {
+            let mut entry = entries.remove(0);
+            entry.name = name.clone().into();
+            Object::variable(*index, entry)
+        }
+        (OdShape::Array, entries) => Object::array(*index, name.clone(), entries),
+        (_, entries) => Object::record(*index, name.clone(), DataType::RECORD, entries),
+    }
+}
+
+fn entry(entry: &OdEntry) -> Entry {
+    let OdEntry { subindex, name, type_code, bits, rights, default } = entry;
+    let bytes = bits.div_ceil(8).max(1) as usize;
+    let data_type = DataType(*type_code);
+    let value = &default[..default.len().min(bytes)];
+    let described = if data_type.has_variable_length() {
+        Entry::new(*subindex, name.clone(), data_type, value.to_vec()).with_capacity(bytes)
+    } else {
+        let mut value = value.to_vec();
+        value.resize(bytes, 0);
+        let bit_length = (*bits).clamp(1, u32::from(u16::MAX)) as u16;
+        let mut entry = Entry::new(*subindex, name.clone(), data_type, value);
+        entry.bit_length = bit_length;
+        entry
+    };
+    described.with_access(access(rights))
+}
+
+fn access(rights: &ObjectRights) -> Access {
+    let write = if rights.write_in_pre_op { Access(0x08) } else { Access::WRITE };
+    let all = [
+        (rights.read, Access::READ),
+        (rights.write, write),
+        (rights.rx_pdo, Access::RX_PDO),
+        (rights.tx_pdo, Access::TX_PDO),
+    ];
+    all.iter().filter(|(there, _)| *there).fold(Access::NONE, |access, (_, bits)| access | *bits)
+}
+
+/// A device takes what its maker has it told, also where the file's dictionary doesn't have the object.
+fn make_room(command: &Command, objects: &mut Vec<Object>) {
+    let command = &command.command;
+    let bytes = command.data.len();
+    let data_type = match bytes {
+        1 => DataType::UNSIGNED8,
+        2 => DataType::UNSIGNED16,
+        4 => DataType::UNSIGNED32,
+        _ => DataType::OCTET_STRING,
+    };
+    let value = if data_type.has_variable_length() { Vec::new() } else { vec![0; bytes] };
+    let name =
+        if command.comment.is_empty() { "Told at the start".to_owned() } else { command.comment.clone() };
+    let entry = Entry::new(command.subindex, name.clone(), data_type, value).with_access(Access::READ_WRITE);
+    let entry = if data_type.has_variable_length() { entry.with_capacity(bytes) } else { entry };
+    let index = command.index.index;
+    if let Some(known) = objects.iter_mut().find(|object| object.index == index) {
+        known.add_missing(Object::record(index, name, DataType::RECORD, vec![entry]));
+    } else if command.subindex == 0 {
+        objects.push(Object::variable(index, entry));
+    } else {
+        objects.push(Object::record(index, name, DataType::RECORD, vec![entry]));
+    }
+}

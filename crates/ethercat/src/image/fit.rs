@@ -1,0 +1,83 @@
+//! Which cycle the frames of a plan fit into: their time on the cable, and their way through all chips and back.
+
+use core::fmt;
+use core::time::Duration;
+
+use super::ImagePlan;
+use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME, MIN_FRAME};
+
+/// Preamble, checksum and the silence between frames, bytes.
+const WIRE_OVERHEAD: usize = 24;
+/// Time of a byte at 100 Mbit/s, ns.
+const BYTE_NS: u64 = 80;
+/// A frame's way through one SubDevice and a short cable, there and back, where nobody measured it: two chips passed twice at
+/// 300 ns and some cable come to less than a microsecond (ETG.1000.3: the delay of a chip is about 1 us at most).
+const ESTIMATE_NS: u64 = 1000;
+/// Bytes of an access to registers of one SubDevice beside the process data, on the way to OP and in diagnosis.
+const ACCESS: usize = 8 + DATAGRAM_OVERHEAD;
+/// Frames of such accesses in one cycle.
+const ACCESS_FRAMES: usize = 2;
+/// The part of a cycle until its frames must be back.
+const SHARE: (u64, u64) = (9, 10);
+
+/// What the frames of a cycle need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CycleFit {
+    /// Frames with process data.
+    pub frames: usize,
+    /// All frames of a busy cycle one behind the other on the cable: process data, a mailbox, accesses to registers.
+    pub wire: Duration,
+    /// From the last bit's leaving until it is back.
+    pub propagation: Duration,
+    /// Whether the distributed clocks measured that; else it is estimated by the number of SubDevices.
+    pub is_measured: bool,
+}
+
+impl CycleFit {
+    /// The shortest time after which frames can be back.
+    pub fn needed(&self) -> Duration {
+        self.wire + self.propagation
+    }
+
+    /// The shortest cycle that fits, whose frames must be back within nine tenths of it; whole microseconds.
+    pub fn shortest(&self) -> Duration {
+        let ns = self.needed().as_nanos() as u64 * SHARE.1 / SHARE.0;
+        Duration::from_micros(ns.div_ceil(1000))
+    }
+}
+
+impl fmt::Display for CycleFit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} us: {} frames take {} us on the cable and {}{} us through all SubDevices and back, which is to happen within \
+             nine tenths of a cycle",
+            self.shortest().as_micros(),
+            self.frames,
+            self.wire.as_micros(),
+            if self.is_measured { "" } else { "about " },
+            self.propagation.as_micros()
+        )
+    }
+}
+
+impl ImagePlan {
+    /// Which cycle fits, for so many SubDevices; `propagation` as [`crate::Bus::propagation`] measured it.
+    pub fn fit(&self, subdevices: usize, propagation: Option<Duration>) -> CycleFit {
+        let on_wire = |bytes: usize| bytes.max(MIN_FRAME) + WIRE_OVERHEAD;
+        let planned = self.frames.iter().map(|frame| {
+            let spare = if frame.carries_spare { self.spare_length + DATAGRAM_OVERHEAD } else { 0 };
+            let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
+            on_wire(FIRST_DATAGRAM + data + spare)
+        });
+        let accesses = (subdevices * ACCESS).min(ACCESS_FRAMES * MAX_FRAME);
+        let bytes = planned.sum::<usize>() + on_wire(FIRST_DATAGRAM + accesses);
+        let estimate = Duration::from_nanos(subdevices as u64 * ESTIMATE_NS);
+        CycleFit {
+            frames: self.frames.len(),
+            wire: Duration::from_nanos(bytes as u64 * BYTE_NS),
+            propagation: propagation.unwrap_or(estimate),
+            is_measured: propagation.is_some(),
+        }
+    }
+}

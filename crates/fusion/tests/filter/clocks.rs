@@ -1,0 +1,74 @@
+//! Clocks of gyros and mice that are off: named while the motion changes, and never where it is the wheels that slip.
+
+use omnibase_fusion::{Filter, Sensor, SensorKind, Verdict};
+
+use crate::lively::Lively;
+use crate::world::{gyro, mouse, settings};
+
+/// How long after the clock of one was off it was named, s; and whoever else was.
+fn named(
+    sensors: &[Sensor],
+    (off_one, early_ms): (usize, i64),
+    slip: Option<(f64, [f64; 2])>,
+) -> (Option<f64>, Vec<usize>) {
+    let mut world = Lively::new(3, slip);
+    let mut filter = Filter::new(settings(), sensors);
+    let (mut after_s, mut others) = (None, Vec::new());
+    // When it begins to turn back.
+    let from_s = 5.5;
+    for cycle in 0..9000_u64 {
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+        let is_off = world.time_s() >= from_s;
+        for (place, sensor) in sensors.iter().enumerate() {
+            let every = if sensor.kind == SensorKind::Flow { 8 } else { 1 };
+            if !cycle.is_multiple_of(every) {
+                continue;
+            }
+            let early_ms = if is_off && place == off_one { early_ms } else { 0 };
+            // What is heard of now is said to be of before, or what was so before of now.
+            let ago = (-early_ms).max(0) as usize;
+            let instant_ns = world.now_ns - early_ms.max(0) as u64 * 1_000_000;
+            let reading = world.read(sensor, ago);
+            filter.hear(place, instant_ns, &reading);
+        }
+        for place in 0..sensors.len() {
+            if matches!(filter.verdict(place).0, Verdict::Contradicts) {
+                if place == off_one && is_off {
+                    after_s.get_or_insert(world.time_s() - from_s);
+                } else if !others.contains(&place) {
+                    others.push(place);
+                }
+            }
+        }
+    }
+    (after_s, others)
+}
+
+#[test]
+fn a_clock_that_is_off_by_50_ms_is_named_within_half_a_second_of_changing_motion() {
+    let sensors = [gyro(), mouse(0.2, 0.1), mouse(-0.2, 0.1)];
+    for off_one in 0..3 {
+        for early_ms in [50, -50] {
+            let (after_s, others) = named(&sensors, (off_one, early_ms), None);
+            println!("{off_one}, {early_ms} ms early: named after {after_s:?} s; others {others:?}");
+            assert!(after_s.is_some_and(|after_s| after_s <= 0.5), "{off_one} {early_ms}: {after_s:?}");
+            assert!(others.is_empty(), "{off_one} {early_ms}: {others:?}");
+        }
+    }
+}
+
+#[test]
+fn nobody_is_named_for_clocks_that_are_right_nor_for_wheels_that_slip() {
+    let both = [gyro(), mouse(0.2, 0.1), mouse(-0.2, 0.1)];
+    for sensors in [&both[..], &both[..1], &both[..2], &both[1..]] {
+        for slip in [None, Some((0.2, [5.0, 6.5])), Some((0.5, [5.0, 6.5]))] {
+            let (after_s, others) = named(sensors, (0, 0), slip);
+            println!("{} sensors, slip {slip:?}: {after_s:?} {others:?}", sensors.len());
+            // One mouse, or two without a gyro, are taken for wrong where they contradict the wheels for long, as ever.
+            if slip.is_none() || sensors.len() != 2 {
+                assert!(after_s.is_none() && others.is_empty(), "{slip:?}: {after_s:?} {others:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Which cycle a robot's frames fit into, as far as its file tells: lengths of process data, and how many SubDevices.
+
+use omnibase_ethercat::config::{CyclicControl, DcConfig, LrwPermission};
+use omnibase_ethercat::image::{Area, ClockUse, CycleFit, ImagePlan, Member, Packing};
+use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
+use omnibase_ethercat::wire::sii::PROTOCOL_COE;
+use omnibase_robot::RobotPlan;
+
+/// Mailboxes of drives are about that long, bytes.
+const MAILBOX_BYTES: u16 = 256;
+
+/// What its frames need; `None` where they fit into no cycle. The way through the segment is estimated.
+pub fn fit(plan: &RobotPlan) -> Option<CycleFit> {
+    let drives = plan.drives.iter().map(|drive| (drive.output_bytes(), drive.input_bytes()));
+    let devices = plan.devices.iter().map(|device| (device.output_bytes(), device.input_bytes()));
+    let members: Vec<Member> = (0u16..)
+        .zip(drives.chain(devices))
+        .map(|(position, (outputs, inputs))| {
+            let area = |sync_manager, direction, bytes: usize| Area {
+                sync_manager,
+                direction,
+                bit_length: 8 * bytes as u32,
+                packing: Packing::Bytes,
+            };
+            let areas = [area(2, Direction::Outputs, outputs), area(3, Direction::Inputs, inputs)];
+            let memory = |start| MemoryArea { start, length: MAILBOX_BYTES };
+            Member {
+                position,
+                station: 0x1001 + position,
+                lrw: LrwPermission::Barred,
+                areas: areas.into_iter().filter(|area| area.bit_length > 0).collect(),
+                mailbox: Some(MailboxConfig {
+                    write: memory(0x1000),
+                    read: memory(0x1400),
+                    protocols: PROTOCOL_COE,
+                }),
+                op_only: Vec::new(),
+                clock: Some(DcWidth::Bits64),
+                sync: DcConfig::Off,
+                cyclic_control: CyclicControl::Write,
+            }
+        })
+        .collect();
+    let plan = ImagePlan::new(&members, ClockUse::Distribute { reference: 0 }).ok()?;
+    Some(plan.fit(members.len(), None))
+}

@@ -1,0 +1,248 @@
+//! Files and devices in words.
+
+use super::table::{coe_words, synchronisation};
+use omnibase_esi::model::{Pdo, SmUse};
+use omnibase_esi::{Assembly, EsiFile, Module, Notes, Why};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Paths of what isn't read that are shown of each sort.
+const SHOWN: usize = 40;
+
+/// A file: its devices, modules where asked, what isn't read.
+pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Write) -> io::Result<()> {
+    let vendor = file.vendor.id.map_or("no number".to_owned(), |id| format!("0x{id:08x}"));
+    writeln!(output, "{}: {} (vendor {vendor})", path.display(), file.vendor.name)?;
+    for reference in &file.references {
+        writeln!(output, "    refers to {reference}: give that file, too, where modules of it are meant")?;
+    }
+    if !file.devices.is_empty() {
+        writeln!(output, "    {} devices", file.devices.len())?;
+    }
+    for device in &file.devices {
+        let product = device.product_code.unwrap_or(0);
+        let mut words = Vec::new();
+        if device.profiles.contains(&402) {
+            words.push("drive (CiA 402)".to_owned());
+        }
+        let [outputs, inputs] = [true, false].map(|outputs| {
+            let assembly = Assembly { device, modules: Vec::new() };
+            assembly.default_pdos(outputs).0.iter().map(Pdo::bits).sum::<u32>()
+        });
+        words.push(format!("{outputs} bits out, {inputs} in"));
+        if device.mailbox.as_ref().is_some_and(|mailbox| mailbox.coe.is_some()) {
+            words.push("CoE".to_owned());
+        }
+        let activate = device.dc_modes.iter().find(|mode| mode.assign_activate != 0);
+        words.extend(activate.map(|mode| format!("DC 0x{:04X}", mode.assign_activate)));
+        if let Some(slots) = &device.slots {
+            let places: u32 = slots.slots.iter().map(|slot| slot.most).sum();
+            words.push(format!("slots for {places} modules"));
+        }
+        writeln!(
+            output,
+            "    {:<20} 0x{product:08x}:0x{:08x}  {}  [{}]",
+            device.type_name,
+            device.revision,
+            device.names,
+            words.join("; ")
+        )?;
+    }
+    let modules: Vec<&Module> = file
+        .modules
+        .iter()
+        .chain(file.devices.iter().filter_map(|one| one.slots.as_ref()).flat_map(|one| &one.modules))
+        .collect();
+    if !modules.is_empty() {
+        writeln!(
+            output,
+            "    {} modules{}",
+            modules.len(),
+            if with_modules { "" } else { ": --modules lists them" }
+        )?;
+    }
+    for module in modules.into_iter().filter(|_| with_modules) {
+        let bits = |pdos: &[Pdo]| pdos.iter().map(Pdo::bits).sum::<u32>();
+        let ident = module.ident.unwrap_or(0);
+        writeln!(
+            output,
+            "    {:<20} ident 0x{ident:08x}  class {:<8} {}  [{} bits out, {} in]",
+            module.type_name,
+            module.class,
+            module.names,
+            bits(&module.rx_pdos),
+            bits(&module.tx_pdos)
+        )?;
+    }
+    notes(&file.notes, output)
+}
+
+/// What isn't read of a file, and what is wrong in it.
+fn notes(notes: &Notes, output: &mut dyn Write) -> io::Result<()> {
+    for (why, words) in [
+        (Why::Unknown, "NOT UNDERSTOOD, so nothing follows from it"),
+        (Why::Unused, "known and not needed here"),
+    ] {
+        let all: Vec<_> = notes.unread().filter(|one| one.why == why).collect();
+        if all.is_empty() {
+            continue;
+        }
+        writeln!(output, "    {words}: {} kinds", all.len())?;
+        for one in all.iter().take(SHOWN) {
+            let times = if one.count == 1 { String::new() } else { format!(" and {} more", one.count - 1) };
+            writeln!(output, "        line {}{times}: {}", one.line, one.path)?;
+        }
+        if all.len() > SHOWN {
+            writeln!(output, "        {} kinds more: --json has all", all.len() - SHOWN)?;
+        }
+    }
+    if notes.beyond > 0 {
+        writeln!(output, "    and {} more of which there was no room to keep a note", notes.beyond)?;
+    }
+    for problem in &notes.problems {
+        writeln!(output, "PROBLEM {problem}")?;
+    }
+    Ok(())
+}
+
+/// One device with its modules.
+pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {
+    let device = assembly.device;
+    writeln!(output, "{}: {}, {}", device.type_name, device.names, file.vendor.name)?;
+    let product = device.product_code.unwrap_or(0);
+    let vendor = file.vendor.id.unwrap_or(0);
+    writeln!(
+        output,
+        "identity       vendor 0x{vendor:08x}, product 0x{product:08x}, revision 0x{:08x}",
+        device.revision
+    )?;
+    for (product, revision) in &device.hides {
+        let product = product.map_or(String::new(), |product| format!("product 0x{product:08x}, "));
+        writeln!(output, "replaces       {product}revision 0x{revision:08x}")?;
+    }
+    let profiles: Vec<String> = device.profiles.iter().map(u32::to_string).collect();
+    writeln!(
+        output,
+        "profiles       {}",
+        if profiles.is_empty() { "none".to_owned() } else { profiles.join(", ") }
+    )?;
+    writeln!(output, "ports          {}", if device.ports.is_empty() { "not given" } else { &device.ports })?;
+    for (number, manager) in device.sync_managers.iter().enumerate() {
+        let usage = match manager.usage {
+            SmUse::MailboxOut => "mailbox from the MainDevice",
+            SmUse::MailboxIn => "mailbox to the MainDevice",
+            SmUse::Outputs => "outputs",
+            SmUse::Inputs => "inputs",
+            SmUse::Unused => "unused",
+        };
+        let flags = [
+            (manager.enabled, ", on"),
+            (manager.is_virtual, ", virtual: never switched on"),
+            (manager.op_only, ", on in OP alone"),
+        ];
+        let flags: String = flags.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect();
+        writeln!(
+            output,
+            "SM{number}            {usage}, 0x{:04x}, {} bytes, control 0x{:02x}{flags}",
+            manager.start, manager.default_size, manager.control
+        )?;
+    }
+    if let Some(mailbox) = &device.mailbox {
+        let coe = mailbox.coe.as_ref().map_or(String::new(), |coe| format!("CoE ({})", coe_words(coe)));
+        let others = [
+            (mailbox.foe, "FoE"),
+            (mailbox.eoe, "EoE (not spoken here)"),
+            (mailbox.soe, "SoE (not spoken here)"),
+            (mailbox.aoe, "AoE (not spoken here)"),
+            (mailbox.voe, "VoE (the maker's own)"),
+        ];
+        let mut words: Vec<&str> = vec![&coe];
+        words.extend(others.iter().filter(|(there, _)| *there).map(|(_, word)| *word));
+        words.retain(|word| !word.is_empty());
+        writeln!(output, "mailbox        {}", words.join(", "))?;
+    }
+    for mode in &device.dc_modes {
+        writeln!(output, "clocks         {}", synchronisation(mode))?;
+    }
+    if let Some(slots) = &device.slots {
+        for slot in &slots.slots {
+            writeln!(
+                output,
+                "slots          {}: {} to {}, classes {}",
+                slot.name,
+                slot.least,
+                slot.most,
+                slot.classes.join(", ")
+            )?;
+        }
+        writeln!(
+            output,
+            "               objects {} apart, PDOs {} apart{}",
+            slots.index_increment,
+            slots.pdo_increment,
+            if slots.download_idents { ", the list of modules is told to 0xF030" } else { "" }
+        )?;
+    }
+    for (slot, module) in (1..).zip(&assembly.modules) {
+        let ident = module.ident.unwrap_or(0);
+        writeln!(output, "slot {slot:<9} {} (ident 0x{ident:08x}), {}", module.type_name, module.names)?;
+    }
+    pdos(assembly, output)?;
+    for command in assembly.commands() {
+        let one = &command.command;
+        let data: Vec<String> = one.data.iter().map(|byte| format!("{byte:02x}")).collect();
+        writeln!(
+            output,
+            "at {:<11} {:04x}:{:02x} = {}  {}",
+            one.transitions.join(" "),
+            one.index.index,
+            one.subindex,
+            data.join(" "),
+            one.comment
+        )?;
+    }
+    writeln!(output, "dictionary     {} objects", assembly.objects().len())?;
+    for doubt in assembly.doubts() {
+        writeln!(output, "LOOK AT THIS   {doubt}")?;
+    }
+    Ok(())
+}
+
+fn pdos(assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {
+    for (kind, outputs) in [("RxPDO", true), ("TxPDO", false)] {
+        let (chosen, _) = assembly.default_pdos(outputs);
+        for pdo in assembly.pdos(outputs) {
+            let assigned = chosen.iter().find(|one| one.index == pdo.index).and_then(|one| one.sync_manager);
+            let assigned =
+                assigned.map_or("not assigned by default".to_owned(), |number| format!("SM{number}"));
+            let flags =
+                [(pdo.mandatory, ", mandatory"), (pdo.fixed, ", fixed"), (pdo.is_virtual, ", virtual")];
+            let flags: String = flags.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect();
+            let excludes: Vec<String> = pdo.excludes.iter().map(|one| format!("{:04x}", one.index)).collect();
+            let excludes = if excludes.is_empty() {
+                String::new()
+            } else {
+                format!(", not with {}", excludes.join(", "))
+            };
+            writeln!(
+                output,
+                "{kind} {:04x}     {}, {assigned}, {} bits{flags}{excludes}",
+                pdo.index.index,
+                pdo.name,
+                pdo.bits()
+            )?;
+            for entry in &pdo.entries {
+                if entry.is_gap() {
+                    writeln!(output, "    gap     {:>3} bits", entry.bits)?;
+                } else {
+                    writeln!(
+                        output,
+                        "    {:04x}:{:02x} {:>3} bits {:<8} {}",
+                        entry.index.index, entry.subindex, entry.bits, entry.data_type, entry.name
+                    )?;
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,307 @@
+//! A device's table for a robot's file.
+
+use crate::robot_table::{RobotTable, TO_FILL, plain_name};
+use omnibase_esi::model::{Coe, DcMode, Pdo, PdoEntry};
+use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
+use std::fmt::Write;
+
+/// Profile of drives (CiA 402).
+const DRIVES: u32 = 402;
+/// Signals that are written out of one direction of a device; a robot has room for 64 of all.
+const SIGNALS: usize = 32;
+
+/// The table of a device with its modules: `[[drive]]` where it is one, else `[[device]]`.
+pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
+    let device = assembly.device;
+    let is_drive = device.profiles.contains(&DRIVES);
+    let mut table = RobotTable::default();
+    table.comment(&format!(
+        "{}: {}, {}; line {} of its maker's file.",
+        device.type_name, device.names, file.vendor.name, device.line
+    ));
+    for (slot, module) in (1..).zip(&assembly.modules) {
+        table.comment(&format!("Slot {slot}: {}, {}", module.type_name, module.names));
+    }
+    for doubt in assembly.doubts() {
+        table.comment(&format!("LOOK AT THIS: {doubt}."));
+    }
+    hints(device, &mut table);
+    table.head(if is_drive { "[[drive]]" } else { "[[device]]" });
+    let name = plain_name(&device.type_name, "device", &mut Vec::new());
+    table.line(&format!("name = \"{name}\""), "its signals are called by it: choose your own");
+    table.line(
+        "position = 0",
+        &format!("{TO_FILL}: its place on the bus, as `omnibase scan` shows it; or `alias`"),
+    );
+    let maps = [assembly.default_pdos(true).0, assembly.default_pdos(false).0];
+    let commands: Vec<Command> = assembly.commands().into_iter().filter(Command::is_for_pre_op).collect();
+    if is_drive {
+        table.line("device = \"cia402\"", "its profile is 402; --kinds lists devices that are known better");
+    } else if maps.iter().all(Vec::is_empty) && commands.is_empty() {
+        table.line("kind = \"ignore\"", "it has no process data: a coupler");
+    } else {
+        table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
+    }
+    let vendor = file.vendor.id.unwrap_or(0);
+    table.line(
+        &format!("vendor_id = \"0x{vendor:X}\""),
+        &format!("{}: another maker's is refused", file.vendor.name),
+    );
+    let product = device.product_code.unwrap_or(0);
+    table.line(&format!("product_code = \"0x{product:X}\""), &device.type_name);
+    table.line(
+        &format!("revision = \"0x{:X}\"", device.revision),
+        "this file's: leave the line out where a newer one fits too",
+    );
+    for (key, pdos) in [("outputs", &maps[0]), ("inputs", &maps[1])] {
+        pdo_lines(key, pdos, device, &mut table);
+    }
+    parameters(&commands, &mut table);
+    if is_drive {
+        drive_lines(&maps, &mut table);
+    } else {
+        signals(&maps, &mut table);
+    }
+    table.text().to_owned()
+}
+
+/// What the file says that a robot's file has no key for.
+fn hints(device: &Device, table: &mut RobotTable) {
+    for mode in &device.dc_modes {
+        table.comment(&format!("Synchronisation: {}.", synchronisation(mode)));
+    }
+    let times = &device.timeouts;
+    let known = [
+        ("to PRE-OP", times.pre_op_ms),
+        ("to SAFE-OP and OP", times.safe_op_op_ms),
+        ("mailbox answers", times.response_ms),
+    ];
+    let known = known.iter().filter_map(|(what, time)| time.map(|time| format!("{what} {time} ms")));
+    let known: Vec<String> = known.collect();
+    if !known.is_empty() {
+        table.comment(&format!("Times that it may take: {}.", known.join(", ")));
+    }
+    for (number, manager) in device.sync_managers.iter().enumerate() {
+        let flags = [(manager.is_virtual, "virtual: never switched on"), (manager.op_only, "on in OP alone")];
+        for (_, words) in flags.iter().filter(|(there, _)| *there) {
+            table.comment(&format!("SyncManager {number} is {words}; so says its EEPROM, too."));
+        }
+    }
+    if let Some(address) = device.identification_address {
+        table.comment(&format!(
+            "A switch sets its number: register 0x{address:04X} (explicit identification)."
+        ));
+    }
+    let mailbox = device.mailbox.clone().unwrap_or_default();
+    for (_, name) in [(mailbox.soe, "SoE"), (mailbox.eoe, "EoE")].iter().filter(|(there, _)| *there) {
+        table.comment(&format!(
+            "It speaks {name}, which isn't spoken here: nothing of it is needed for process data."
+        ));
+    }
+    for (register, value) in &device.registers {
+        table.comment(&format!("Its file wants register 0x{register:04X} to be 0x{value:X}."));
+    }
+}
+
+/// A mode of synchronisation in words, and what follows for `[bus]`.
+pub fn synchronisation(mode: &DcMode) -> String {
+    let name = if mode.name.is_empty() { mode.description.english() } else { &mode.name };
+    let sync = |times: &omnibase_esi::model::SyncTimes, of: &str| {
+        let cycle = match (times.cycle_ns, times.factor) {
+            (0, Some(factor)) if factor < 0 => format!("{of} / {}", -factor),
+            (0, factor) => format!("{of} x {}", factor.unwrap_or(1)),
+            (cycle, _) => format!("{cycle} ns"),
+        };
+        format!("cycle {cycle}, shift {} ns", times.shift_ns)
+    };
+    let activate = mode.assign_activate;
+    match (activate & 0x0100 != 0, activate & 0x0400 != 0) {
+        (false, _) => format!("\"{name}\" without SYNC (AssignActivate 0x{activate:04X})"),
+        (true, false) => {
+            format!(
+                "\"{name}\" with SYNC0 (AssignActivate 0x{activate:04X}): {}; `bus.synchronisation = \"sync0\"`",
+                sync(&mode.sync0, "bus cycle")
+            )
+        }
+        (true, true) => format!(
+            "\"{name}\" with SYNC0 and SYNC1 (AssignActivate 0x{activate:04X}): SYNC0 {}, SYNC1 {}",
+            sync(&mode.sync0, "bus cycle"),
+            sync(&mode.sync1, "SYNC0")
+        ),
+    }
+}
+
+/// A PDO's map as a robot's file has it.
+fn map(pdo: &Pdo) -> String {
+    let entry = |entry: &PdoEntry| match (entry.is_gap(), entry.subindex) {
+        (true, _) => format!("pad:{}", entry.bits),
+        (_, 0) => format!("{:04X}:{}", entry.index.index, entry.bits),
+        (_, subindex) => format!("{:04X}.{subindex}:{}", entry.index.index, entry.bits),
+    };
+    pdo.entries.iter().map(entry).collect::<Vec<_>>().join(" ")
+}
+
+fn pdo_lines(key: &str, pdos: &[Pdo], device: &Device, table: &mut RobotTable) {
+    if pdos.is_empty() {
+        return;
+    }
+    table.line(&format!("{key} = ["), "");
+    for pdo in pdos {
+        let configurable =
+            device.mailbox.as_ref().and_then(|one| one.coe.as_ref()).is_some_and(|coe| coe.pdo_config);
+        let mut reasons = vec![format!("{}, SyncManager {}", pdo.name, pdo.sync_manager.unwrap_or(0))];
+        let flags = [
+            (pdo.mandatory, "mandatory"),
+            (pdo.fixed || !configurable, "its entries can't be changed"),
+            (!pdo.fixed && configurable, "its entries may be chosen"),
+        ];
+        reasons.extend(flags.iter().filter(|(there, _)| *there).map(|(_, words)| (*words).to_owned()));
+        let excluded: Vec<String> = pdo.excludes.iter().map(|one| format!("0x{:04X}", one.index)).collect();
+        if !excluded.is_empty() {
+            reasons.push(format!("not together with {}", excluded.join(", ")));
+        }
+        let line = format!("  {{ pdo = \"0x{:04X}\", map = \"{}\" }},", pdo.index.index, map(pdo));
+        table.line(&line, &reasons.join("; "));
+    }
+    table.line("]", "");
+}
+
+fn parameters(commands: &[Command], table: &mut RobotTable) {
+    if commands.is_empty() {
+        return;
+    }
+    table.line("parameters = [", "what its maker has written at the start, in PRE-OP");
+    for Command { command, source } in commands {
+        let data = &command.data;
+        let value = match data.len() {
+            1 => format!("type = \"u8\", value = {}", data[0]),
+            2 => format!("type = \"u16\", value = {}", u16::from_le_bytes([data[0], data[1]])),
+            4 => format!(
+                "type = \"u32\", value = {}",
+                u32::from_le_bytes([data[0], data[1], data[2], data[3]])
+            ),
+            _ => {
+                let digits = data.iter().fold(String::new(), |mut digits, byte| {
+                    let _ = write!(digits, "{byte:02X}");
+                    digits
+                });
+                format!("bytes = \"{digits}\"")
+            }
+        };
+        let object = match command.subindex {
+            0 => format!("0x{:04X}", command.index.index),
+            subindex => format!("0x{:04X}.{subindex}", command.index.index),
+        };
+        let source = match source {
+            CommandSource::Device => "its own command".to_owned(),
+            CommandSource::ModuleList => "which modules are configured".to_owned(),
+            CommandSource::Module { slot } => format!("of the module in slot {slot}"),
+        };
+        let at =
+            if command.line == 0 { String::new() } else { format!(", line {} of the file", command.line) };
+        let comment =
+            if command.comment.is_empty() { String::new() } else { format!(": {}", command.comment) };
+        let line = format!("  {{ object = \"{object}\", {value} }},");
+        table.line(&line, &format!("{}, {source}{at}{comment}", command.transitions.join(" ")));
+    }
+    table.line("]", "");
+}
+
+/// What only the motor's plate and the drive tell.
+fn drive_lines(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
+    for (line, reason) in [
+        ("counts_per_revolution = 1_048_576", "counts of 0x6064 in a turn of the motor"),
+        ("gear_ratio = 1.0", "turns of the motor per turn of the wheel"),
+        ("rated_torque_nm = 7.0", "the motor's plate; 0x6076 in mN·m"),
+        ("peak_torque_nm = 21.0", "the motor's data sheet"),
+    ] {
+        table.to_fill(line, reason);
+    }
+    let has = |map: &[Pdo], object: u16| {
+        map.iter()
+            .flat_map(|pdo| &pdo.entries)
+            .any(|entry| entry.index.index == object && entry.subindex == 0)
+    };
+    let needed = [
+        (0, 0x6040, "control word"),
+        (0, 0x6060, "mode"),
+        (1, 0x6041, "status word"),
+        (1, 0x6064, "position"),
+    ];
+    for (direction, object, name) in needed {
+        if !has(&maps[direction], object) {
+            let list = ["outputs", "inputs"][direction];
+            table.comment(&format!(
+                "{TO_FILL}: the {name} 0x{object:04X} isn't in its default map; put it into `{list}`."
+            ));
+        }
+    }
+}
+
+/// A signal for each entry.
+fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
+    let mut taken = vec!["age".to_owned()];
+    for (key, pdos) in [("output", &maps[0]), ("input", &maps[1])] {
+        let entries = pdos.iter().flat_map(|pdo| &pdo.entries).filter(|entry| !entry.is_gap());
+        let entries: Vec<&PdoEntry> = entries.collect();
+        if entries.is_empty() {
+            continue;
+        }
+        let many = entries.len() > SIGNALS;
+        let reason = if many {
+            "a robot has room for 64: take in those that you need"
+        } else {
+            "name them for what hangs there"
+        };
+        table.line(&format!("{key} = ["), reason);
+        for (number, entry) in entries.iter().enumerate() {
+            let name = plain_name(entry.name.english(), key, &mut taken);
+            let object = format!("{:04X}.{}", entry.index.index, entry.subindex);
+            let line = match signal_type(entry) {
+                _ if number >= SIGNALS => format!("  # {{ name = \"{name}\", object = \"{object}\" }},"),
+                Some("bool") => format!("  {{ name = \"{name}\", object = \"{object}\" }},"),
+                Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
+                None => {
+                    table.comment(&format!(
+                        "  {name}, {object}: {} bits are no signal; it travels all the same",
+                        entry.bits
+                    ));
+                    continue;
+                }
+            };
+            table.line(&line, &format!("{} {}", entry.name, entry.data_type));
+        }
+        table.line("]", "");
+    }
+}
+
+/// A signal's type by that of its entry; `None` where no signal has so many bits.
+fn signal_type(entry: &PdoEntry) -> Option<&'static str> {
+    let signed = matches!(entry.data_type.as_str(), "SINT" | "INT" | "DINT");
+    match (entry.bits, signed, entry.data_type.as_str()) {
+        (1, ..) => Some("bool"),
+        (32, _, "REAL") => Some("f32"),
+        (0..=8, true, _) => Some("i8"),
+        (0..=8, false, _) => Some("u8"),
+        (9..=16, true, _) => Some("i16"),
+        (9..=16, false, _) => Some("u16"),
+        (17..=32, true, _) => Some("i32"),
+        (17..=32, false, _) => Some("u32"),
+        _ => None,
+    }
+}
+
+/// What CoE can, in words.
+pub fn coe_words(coe: &Coe) -> String {
+    let all = [
+        (true, "SDO"),
+        (coe.sdo_info, "SDO Information"),
+        (coe.pdo_assign, "PDO assignment"),
+        (coe.pdo_config, "PDO configuration"),
+        (coe.pdo_upload, "PDO upload"),
+        (coe.complete_access, "complete access"),
+        (coe.segmented, "segmented SDO"),
+        (coe.diagnosis_history, "diagnosis history"),
+    ];
+    all.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect::<Vec<_>>().join(", ")
+}

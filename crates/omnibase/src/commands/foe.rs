@@ -1,0 +1,216 @@
+//! `omnibase foe`: files of one SubDevice, such as its firmware.
+
+use crate::Outcome;
+use crate::commands::eeprom::open_at_rest;
+use crate::progress::{bar, note, warn};
+use crate::target::{AnyBus, Target};
+use anyhow::{Context, ensure};
+use omnibase_ethercat::field::FILE_TIMEOUT;
+use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
+use std::fs::File;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// The largest file that is read, bytes.
+const READ_LIMIT: usize = 64 << 20;
+
+/// Writes a file to a SubDevice, such as its firmware, or reads one (FoE).
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Write(WriteArguments),
+    Read(ReadArguments),
+}
+
+/// Brings the SubDevice to BOOT, writes the file, reads it back and compares, and leaves it in INIT.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase foe write eth1 2 firmware.bin
+  omnibase foe write eth1 2 build/fw-1.2.bin --name firmware --password 0x12345678
+
+Refused where a robot runs and where a SubDevice is in SAFE-OP or OP. A transfer that broke off leaves a device
+without firmware that waits in BOOT or INIT: leave the power on and give the same command again. Devices that give no
+file back can't be compared; that is said, and `omnibase scan` shows their version (1009, 100a) afterwards.")]
+struct WriteArguments {
+    #[command(flatten)]
+    place: Place,
+    /// The file on this computer.
+    file: PathBuf,
+    /// Don't read it back.
+    #[arg(long)]
+    no_compare: bool,
+}
+
+/// Brings the SubDevice to BOOT and reads a file of it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase foe read eth1 2 saved.bin --name firmware.bin")]
+struct ReadArguments {
+    #[command(flatten)]
+    place: Place,
+    /// The file on this computer; must not exist yet.
+    file: PathBuf,
+}
+
+/// Whose file, and its name there.
+#[derive(Debug, clap::Args)]
+struct Place {
+    /// Network interface, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    /// Position of the SubDevice, from 0.
+    position: u16,
+    /// The file's name in the SubDevice; default: that of the file on this computer.
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// The password that the maker gives, a number.
+    #[arg(long, value_name = "NUMBER", default_value = "0", value_parser = parse_password)]
+    password: u32,
+    /// In PRE-OP, through its usual mailbox, in place of BOOT: for files that aren't firmware.
+    #[arg(long)]
+    pre_op: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    match &arguments.action {
+        Action::Write(arguments) => write(arguments, output),
+        Action::Read(arguments) => read(arguments, output),
+    }
+}
+
+fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let WriteArguments { place, file, no_compare } = arguments;
+    let content = std::fs::read(file).with_context(|| format!("reading `{}`", file.display()))?;
+    let access = place.access(file)?;
+    let position = place.position;
+    let mut bus = place.open()?;
+    let operation = Operation::WriteFile(access);
+    place.transfer(&mut bus, operation, content.clone()).with_context(|| {
+        format!(
+            "SubDevice {position} may be without firmware now and wait for it: leave its power on and give the same command again"
+        )
+    })?;
+    let compared = if *no_compare {
+        Err("not asked for".to_owned())
+    } else {
+        place.compare(&mut bus, access, &content)?
+    };
+    place.leave(&mut bus)?;
+    let verdict = match compared {
+        Ok(()) => "read back, the same".to_owned(),
+        Err(reason) => format!("written and acknowledged, but NOT read back: {reason}"),
+    };
+    writeln!(output, "SubDevice {position}: {} bytes as `{}`: {verdict}", content.len(), access.name)?;
+    Ok(Outcome::Done)
+}
+
+fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let ReadArguments { place, file } = arguments;
+    let access = place.access(file)?;
+    let mut bus = place.open()?;
+    let operation = Operation::ReadFile(access);
+    let content = place.transfer(&mut bus, operation, Vec::with_capacity(READ_LIMIT))?;
+    place.leave(&mut bus)?;
+    let kept = File::create_new(file).and_then(|mut file| file.write_all(&content));
+    kept.with_context(|| format!("writing `{}`", file.display()))?;
+    writeln!(
+        output,
+        "SubDevice {}: `{}`, {} bytes in {}",
+        place.position,
+        access.name,
+        content.len(),
+        file.display()
+    )?;
+    Ok(Outcome::Done)
+}
+
+impl Place {
+    fn access(&self, file: &std::path::Path) -> anyhow::Result<FileAccess> {
+        let own = file.file_name().map(|name| name.to_string_lossy().into_owned());
+        let name = self.name.clone().or(own).context("the file has no name: give --name")?;
+        let text = ShortText::new(&name).with_context(|| {
+            format!("--name `{name}` has {} bytes, at most {} are sent", name.len(), ShortText::LONGEST)
+        })?;
+        Ok(FileAccess { name: text, password: self.password })
+    }
+
+    /// The segment, and the SubDevice where it takes files.
+    fn open(&self) -> anyhow::Result<AnyBus> {
+        let mut bus = open_at_rest(&self.target, self.position)?;
+        if !self.pre_op {
+            note(format_args!("SubDevice {}: to BOOT", self.position));
+            bus.enter_boot(self.position)?;
+            return Ok(bus);
+        }
+        bus.configure_sound()?;
+        let one = bus.subdevice(self.position)?;
+        if let Some(cause) = &one.broken {
+            anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
+        }
+        ensure!(
+            one.sii.header.mailbox_protocols & PROTOCOL_FOE != 0,
+            "SubDevice {} ({}) takes no files: its SII names no FoE among the mailbox protocols",
+            self.position,
+            one.name
+        );
+        Ok(bus)
+    }
+
+    fn transfer(&self, bus: &mut AnyBus, operation: Operation, data: Vec<u8>) -> anyhow::Result<Vec<u8>> {
+        let bar = bar(data.len() as u64, "bytes");
+        let request = MailboxRequest::new(operation, data).with_timeout(FILE_TIMEOUT);
+        let done = bus.transfer_file(self.position, request, &mut |bytes| bar.set_position(bytes as u64));
+        bar.finish_and_clear();
+        Ok(done?)
+    }
+
+    /// Whether the device gives the same back; the reason where it gives nothing.
+    fn compare(
+        &self,
+        bus: &mut AnyBus,
+        access: FileAccess,
+        content: &[u8],
+    ) -> anyhow::Result<Result<(), String>> {
+        let room = Vec::with_capacity(content.len() + 1);
+        let found = match self.transfer(bus, Operation::ReadFile(access), room) {
+            Ok(found) => found,
+            Err(error) => return Ok(Err(format!("{error:#}"))),
+        };
+        let differs = found.iter().zip(content).position(|(found, written)| found != written);
+        ensure!(
+            found.len() == content.len() && differs.is_none(),
+            "SubDevice {}: what was read back differs from byte {} on ({} bytes of {}): write it again",
+            self.position,
+            differs.unwrap_or(found.len().min(content.len())),
+            found.len(),
+            content.len()
+        );
+        Ok(Ok(()))
+    }
+
+    /// To INIT; a device that starts its new firmware by itself may be away for a while.
+    fn leave(&self, bus: &mut AnyBus) -> anyhow::Result<()> {
+        if !self.pre_op
+            && let Err(error) = bus.leave_boot(self.position)
+        {
+            warn(format_args!("{error}: it may be starting its new firmware; power it off and on"));
+        }
+        Ok(())
+    }
+}
+
+/// A number, decimal or hexadecimal with 0x.
+fn parse_password(text: &str) -> Result<u32, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| format!("`{text}` is no number of 32 bits such as 1234 or 0x12345678"))
+}

@@ -1,0 +1,146 @@
+//! `omnibase setup`: from drives on a bus to a robot's file, step by step.
+
+mod lines;
+mod person;
+
+use crate::Outcome;
+use crate::progress::note;
+use crate::target::{AnyClock, Manners, Port, Target};
+use anyhow::Context;
+use omnibase_ethercat::wire::Link;
+use omnibase_run::pace::PacedClock;
+use omnibase_setup::{Ended, Guide, Hand, Record, Wished};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Sets a robot up: which drive turns which wheel, which way and how far, with a held key; ends in its file.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase setup eth1 --robot robots/bmm.toml -o mine.toml      begun with a file whose platform is right
+  omnibase setup eth1 --robot robots/bmm.toml -o mine.toml      the same again: taken up where it was left
+  omnibase setup eth1 --robot robots/bmm.toml -o mine.toml --lines   a program answers, line by line (JSON)
+
+ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar is held, at a tenth of its
+rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal that is gone, stops
+it. Steps: find, jog each wheel (which, which way, how far), enable without moving, emergency stop, parameters, file. What was
+found and done stands beside the file, as .state.json and .record.md. `omnibase run` and `calibrate` go on from there.
+[guide: docs/guides/any-device.md]")]
+pub struct Arguments {
+    /// Network interface, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    #[command(flatten)]
+    manners: Manners,
+    /// A robot's file whose platform, limits and names of wheels hold; what it says of drives is confirmed.
+    #[arg(long, value_name = "FILE")]
+    robot: PathBuf,
+    /// The robot's file that is written.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Speed of a jogged wheel, rad/s.
+    #[arg(long, value_name = "RAD_S", default_value_t = 0.5)]
+    wheel_speed_rad_s: f64,
+    /// Torque of a jogged wheel, per mille of its motor's rated.
+    #[arg(long, value_name = "PER_MILLE", default_value_t = 100)]
+    torque_per_mille: u16,
+    /// Questions on the standard output, answers on the standard input, a JSON object each line.
+    #[arg(long)]
+    lines: bool,
+    /// Begin anew, whatever was done before.
+    #[arg(long)]
+    anew: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let speed = arguments.wheel_speed_rad_s;
+    anyhow::ensure!(
+        (0.01..=5.0).contains(&speed),
+        "--wheel-speed-rad-s {speed}: expected 0.01 to 5, for somebody must see it"
+    );
+    anyhow::ensure!((1..=500).contains(&arguments.torque_per_mille), "--torque-per-mille: expected 1 to 500");
+    let base = std::fs::read_to_string(&arguments.robot)
+        .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
+    let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
+    let record = match std::fs::read_to_string(&state) {
+        Ok(text) if !arguments.anew => {
+            note(format_args!("taken up from `{}`; --anew begins anew", state.display()));
+            Record::from_json(&text).map_err(|error| anyhow::anyhow!("`{}`: {error}", state.display()))?
+        }
+        _ => Record::default(),
+    };
+    let wished = Wished {
+        wheel_speed_rad_s: speed,
+        torque_per_mille: arguments.torque_per_mille,
+        ..Wished::new(base)
+    };
+    let mut open = || -> Result<(Box<dyn Link>, AnyClock), String> {
+        let cable =
+            arguments.manners.enter(&arguments.target, Port::Socket).map_err(|error| format!("{error:#}"))?;
+        // Somebody holds a key in real time.
+        let clock = match cable.clock {
+            AnyClock::Virtual(clock) => AnyClock::Paced(PacedClock::new(clock)),
+            other => other,
+        };
+        Ok((cable.link, clock))
+    };
+    let mut kept = Ok(());
+    let mut keep = |record: &Record| kept = std::fs::write(&state, record.to_json());
+    let mut hand: Box<dyn Hand> =
+        if arguments.lines { Box::new(lines::Lines::new()) } else { Box::new(person::Person::new()) };
+    let mut guide = Guide::new(wished, record, &mut open, (hand.as_mut(), &mut keep))?;
+    let ended = guide.run();
+    let record = guide.record.clone();
+    drop(hand);
+    std::fs::write(&state, record.to_json()).with_context(|| format!("writing `{}`", state.display()))?;
+    std::fs::write(&told, in_words(&record)).with_context(|| format!("writing `{}`", told.display()))?;
+    kept.with_context(|| format!("writing `{}`", state.display()))?;
+    match ended? {
+        Ended::Left => {
+            note(format_args!("left; the same command takes it up again (`{}`)", state.display()));
+            Ok(Outcome::Failed)
+        }
+        Ended::File(text) => {
+            std::fs::write(&arguments.output, text)
+                .with_context(|| format!("writing `{}`", arguments.output.display()))?;
+            let file = arguments.output.display();
+            if !arguments.lines {
+                writeln!(
+                    output,
+                    "{file} is written; {} findings, in {}",
+                    record.findings.len(),
+                    told.display()
+                )?;
+                writeln!(output, "next, still off the ground: omnibase check {file}")?;
+                writeln!(
+                    output,
+                    "then the first metre: omnibase run {file} --path robots/moves/forward.dat --interface {} --realtime --set limits.speed_m_s=0.1",
+                    arguments.target
+                )?;
+                writeln!(output, "then what is left of every measure: omnibase calibrate {file}")?;
+            }
+            Ok(Outcome::Done)
+        }
+    }
+}
+
+/// A file beside the one that is written.
+fn beside(file: &Path, end: &str) -> PathBuf {
+    file.with_extension(end)
+}
+
+/// The record for people.
+fn in_words(record: &Record) -> String {
+    let mut text = String::from("# Set-up\n\n");
+    let done: Vec<&str> = record.done.iter().map(|step| step.words()).collect();
+    text +=
+        &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
+    for (head, lines) in
+        [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)]
+    {
+        text += &format!("{head}\n\n");
+        lines.iter().for_each(|line| text += &format!("- {}\n", line.replace(char::is_control, " ")));
+        text.push('\n');
+    }
+    text
+}

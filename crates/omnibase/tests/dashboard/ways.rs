@@ -1,0 +1,73 @@
+//! Driving to a pose through the room: around walls, around what comes meanwhile, and given up where nothing leads there.
+
+use serde_json::{Value, json};
+
+use crate::robot::Robot;
+
+/// A wall from below to y = 0.4 m; the footprint stands at the origin, left of it.
+const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]";
+
+fn drive(robot: &Robot, pose: [f64; 3]) {
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    let (_, said) = robot.call(&json!({ "do": "drive_to", "pose": pose }));
+    assert_eq!(said["done"], true, "{said}");
+    assert!(said["text"].as_str().unwrap().starts_with("on the way: "), "{said}");
+}
+
+fn way(robot: &Robot) -> Value {
+    robot.read("now")["drive_to"].clone()
+}
+
+fn ended(robot: &Robot) -> Value {
+    robot.wait("the way ends", |robot| way(robot)["under_way"] == false);
+    way(robot)
+}
+
+fn put(robot: &Robot, centre_m: [f64; 2], radius_m: f64) {
+    let obstacle = json!({ "do": "set_obstacle", "index": 0, "centre_m": centre_m, "radius_m": radius_m });
+    assert_eq!(robot.call(&obstacle).1["done"], true);
+}
+
+#[test]
+fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() {
+    let robot = Robot::start(&["--set", WALL, "--set", "avoidance.give_up_s=1"]);
+    assert_eq!(robot.read("map")["blocked_m"][0][2], json!([1.5, 0.4]));
+    assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
+    drive(&robot, [2.8, 0.0, 0.0]);
+    assert_eq!(ended(&robot)["text"], "there");
+    let far = (robot.value("state/pose_x_m") - 2.8).hypot(robot.value("state/pose_y_m"));
+    assert!(far < 0.01, "{far} m from its goal");
+    // Above the wall's end, never through it.
+    let trace = robot.read("trace");
+    let poses = || trace.as_array().unwrap().iter().map(|point| &point[2]);
+    let over = poses().filter(|pose| (1.3..1.5).contains(&pose[0].as_f64().unwrap()));
+    let lowest = over.map(|pose| pose[1].as_f64().unwrap()).fold(f64::INFINITY, f64::min);
+    assert!((0.6..1.5).contains(&lowest), "it passed the wall at y {lowest} m");
+
+    // Back; something comes onto the way above the wall.
+    drive(&robot, [0.0, 0.0, 0.0]);
+    robot.wait("it moves", |robot| robot.value("state/pose_x_m") < 2.75);
+    put(&robot, [1.4, 1.0], 0.2);
+    robot.wait("it is planned again", |robot| {
+        way(robot)["text"].as_str().unwrap().contains("planned again 1 times")
+    });
+    assert_eq!(ended(&robot)["text"], "there");
+
+    // Something comes to where it shall stand.
+    drive(&robot, [0.0, 2.5, 0.0]);
+    put(&robot, [0.0, 2.5], 0.2);
+    let way = ended(&robot);
+    let text = way["text"].as_str().unwrap();
+    assert!(
+        text.starts_with("drive_to was given up: goal (0.000, 2.500, 0.000)") && way["failed"] == true,
+        "{text}"
+    );
+    let events = robot.read("events").to_string();
+    assert!(events.contains("drive_to was given up"), "{events}");
+    let refused = robot.call(&json!({ "do": "drive_to", "pose": [1.4, -1.0, 0.0] })).1;
+    assert_eq!(refused["done"], false);
+    assert!(
+        refused["text"].as_str().unwrap().contains("goal (1.400, -1.000, 0.000): the footprint touches"),
+        "{refused}"
+    );
+}

@@ -1,0 +1,222 @@
+//! `eeprom`, `foe`, and what `scan` and `exchange` say of cycles, as a user runs them.
+
+use super::{Simulator, json, omnibase, scratch, segment, sim, text};
+use omnibase_ethercat_wire::sii;
+use omnibase_host::Namespace;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+fn checksum_is_right(path: &Path) -> bool {
+    let image = std::fs::read(path).unwrap();
+    image[14] == sii::checksum(image.first_chunk().unwrap())
+}
+
+#[test]
+fn an_eeprom_is_read_written_and_given_an_alias_over_a_cable() {
+    let Some(namespace) = Namespace::for_test("an_eeprom_is_read_written_and_given_an_alias_over_a_cable")
+    else {
+        return;
+    };
+    namespace.run(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        let (_simulator, _) = Simulator::start(&[&segment("three-servos")]);
+        let run = |arguments: &[&str], path: &Path, more: &[&str]| {
+            let all = [&["eeprom"], arguments, &[path.to_str().unwrap()], more].concat();
+            let output = omnibase(&all);
+            (output.status.code(), text(&output.stdout) + &text(&output.stderr))
+        };
+        let near = Namespace::NEAR;
+        let (code, words) = run(&["read", near, "1"], &file("first.bin"), &[]);
+        assert_eq!(code, Some(0), "{words}");
+        let first = std::fs::read(file("first.bin")).unwrap();
+        assert_eq!(first.len(), 2048);
+
+        let (code, words) = run(&["alias", near, "1", "7", "--backup"], &file("backup.bin"), &[]);
+        assert_eq!(code, Some(0), "{words}");
+        // The checksum spoiled, the alias, the checksum.
+        assert!(words.contains("SubDevice 1: 3 words written and read back"), "{words}");
+        assert_eq!(std::fs::read(file("backup.bin")).unwrap(), first);
+        let (_, words) = run(&["read", near, "1"], &file("second.bin"), &[]);
+        let second = std::fs::read(file("second.bin")).unwrap();
+        assert_eq!((second[8], checksum_is_right(&file("second.bin"))), (7, true), "{words}");
+        let (_, words) = run(&["alias", near, "1", "7", "--backup"], &file("none.bin"), &[]);
+        assert!(words.contains("nothing was written") && !file("none.bin").exists(), "{words}");
+
+        // The whole back, its checksum computed whatever the file says.
+        let mut wrong = first.clone();
+        wrong[14] ^= 0xFF;
+        std::fs::write(file("wrong.bin"), wrong).unwrap();
+        let backup = file("again.bin");
+        let (code, words) =
+            run(&["write", near, "1"], &file("wrong.bin"), &["--backup", backup.to_str().unwrap()]);
+        assert_eq!(code, Some(0), "{words}");
+        run(&["read", near, "1"], &file("third.bin"), &[]);
+        assert_eq!(std::fs::read(file("third.bin")).unwrap(), first);
+
+        // An image of another product, and one that is there already.
+        let other = sii::Image::default().emit();
+        std::fs::write(file("other.bin"), other).unwrap();
+        let (code, words) = run(&["write", near, "1"], &file("other.bin"), &[]);
+        assert!(code == Some(1) && words.contains("--other-product"), "{words}");
+        let (code, words) = run(&["read", near, "1"], &file("first.bin"), &[]);
+        assert!(code == Some(1) && words.contains("File exists"), "{words}");
+        let (code, words) = run(&["read", "@robot", "1"], &file("robot.bin"), &[]);
+        assert!(code == Some(1) && words.contains("a robot runs there: end it first"), "{words}");
+    });
+}
+
+#[test]
+fn firmware_is_written_compared_and_read_over_a_cable() {
+    let Some(namespace) = Namespace::for_test("firmware_is_written_compared_and_read_over_a_cable") else {
+        return;
+    };
+    namespace.run(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let content: Vec<u8> = (0..3000u32).map(|n| (n % 241) as u8).collect();
+        std::fs::write(path("new.bin"), &content).unwrap();
+        let (_simulator, _) = Simulator::start(&[&segment("three-servos")]);
+        let near = Namespace::NEAR;
+        let said = |arguments: &[&str]| {
+            let output = omnibase(&[&["foe"], arguments].concat());
+            (output.status.code(), text(&output.stdout) + &text(&output.stderr))
+        };
+        let (code, words) = said(&["write", near, "2", &path("new.bin"), "--name", "firmware.bin"]);
+        assert_eq!(code, Some(0), "{words}");
+        assert!(words.contains("SubDevice 2: 3000 bytes as `firmware.bin`: read back, the same"), "{words}");
+        let (code, words) = said(&["read", near, "2", &path("back.bin"), "--name", "firmware.bin"]);
+        assert_eq!(code, Some(0), "{words}");
+        assert_eq!(std::fs::read(path("back.bin")).unwrap(), content);
+        let (code, words) = said(&["read", near, "1", &path("none.bin"), "--name", "nope.bin"]);
+        assert!(code == Some(1) && words.contains("FoE error 0x8001 file not found"), "{words}");
+        let (code, words) =
+            said(&["read", near, "1", &path("none.bin"), "--name", "firmware.bin", "--pre-op"]);
+        assert!(code == Some(1) && words.contains("0x8008 in BOOT only"), "{words}");
+        // The others were left alone, and everybody works.
+        let found = json(&omnibase(&["scan", near, "--json"]));
+        assert_eq!(found["trouble"], serde_json::json!([]));
+    });
+}
+
+#[test]
+fn a_simulator_that_dies_is_noticed() {
+    let Some(namespace) = Namespace::for_test("a_simulator_that_dies_is_noticed") else { return };
+    namespace.run(|| {
+        let (simulator, _) = Simulator::start(&[&segment("three-servos")]);
+        let exchange = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(["exchange", Namespace::NEAR, "--cycle-us", "5000", "--cycles", "100000000"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        drop(simulator);
+        let output = exchange.wait_with_output().unwrap();
+        let words = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        assert!(words.contains("no frame has come back for 5"), "{words}");
+        assert!(words.contains("or the simulator that answered has ended"), "{words}");
+    });
+}
+
+/// A long segment: which cycle fits is told, a shorter one is refused beforehand, and that one works.
+#[test]
+fn the_cycle_that_is_said_to_fit_fits() {
+    let path = scratch("long.toml");
+    std::fs::write(&path, "[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\noutputs = 8\ncount = 200\n")
+        .unwrap();
+    let target = format!("sim:{}", path.display());
+    let found = json(&omnibase(&["scan", &target, "--json"]));
+    let cycle = &found["cycle"];
+    assert_eq!(cycle["propagation_is_measured"], true);
+    let (shortest, propagation) =
+        (cycle["shortest_us"].as_u64().unwrap(), cycle["propagation_us"].as_u64().unwrap());
+    // 200 chips of 300 ns, passed twice, and 199 cables of 100 ns both ways.
+    assert!((155..=165).contains(&propagation), "{cycle}");
+    let run = |cycle_us: u64| {
+        omnibase(&["exchange", &target, "--cycles", "50", "--cycle-us", &cycle_us.to_string(), "--json"])
+    };
+    let short = run(shortest - 1);
+    let words = text(&short.stderr);
+    assert!(short.status.code() == Some(1) && words.contains("the shortest cycle that fits is"), "{words}");
+    let report = json(&run(shortest));
+    assert_eq!((&report["operational"], &report["lost_frames"]), (&true.into(), &0.into()), "{report}");
+    std::fs::remove_file(path).unwrap();
+}
+
+/// Register 0x0420 of the first SubDevice is written: 100 ms in steps of 100 us by default, or what is asked.
+#[test]
+fn exchange_writes_the_watchdog_of_who_has_outputs() {
+    for (more, steps) in [(&[][..], 1000u16), (&["--watchdog-ms", "25"], 250)] {
+        let path = scratch("watchdog.pcapng");
+        let target = sim("three-servos");
+        let file = path.to_str().unwrap();
+        let run = omnibase(&[&["exchange", &target, "--cycles", "1", "--record", file], more].concat());
+        assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+        let frames = std::fs::read(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        // Address 0x1001:0x0420, two bytes, no event; the value.
+        let [low, high] = steps.to_le_bytes();
+        let datagram = [0x01, 0x10, 0x20, 0x04, 0x02, 0x00, 0x00, 0x00, low, high];
+        assert!(frames.windows(datagram.len()).any(|bytes| bytes == datagram), "{steps} steps");
+    }
+}
+
+/// The firmware in C that the repository ships, compiled; `None`, said loudly, where there is no C compiler.
+fn mailbox_firmware() -> Option<std::path::PathBuf> {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ethercat-sim/c");
+    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mailbox_firmware");
+    let compiled = Command::new("cc")
+        .args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o"])
+        .arg(&program)
+        .args([sources.join("mailbox_firmware.c"), sources.join("pdi_client.c")])
+        .output();
+    let Ok(compiled) = compiled else {
+        eprintln!("SKIPPED: no C compiler (cc), so foreign firmware isn't tested from the command line");
+        return None;
+    };
+    assert!(compiled.status.success(), "{}", text(&compiled.stderr));
+    Some(program)
+}
+
+/// Two programs in C behind two chips, in lockstep: mapped by their own SDO servers, brought to OP, cycled without a loss.
+#[test]
+fn foreign_firmware_goes_to_op_from_the_command_line() {
+    let Some(program) = mailbox_firmware() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let sockets = ["one", "two"].map(|name| folder.path().join(format!("{name}.pdi")));
+    let tables: Vec<String> = sockets
+        .iter()
+        .map(|path| {
+            format!(
+                "[[subdevice]]\nkind = \"servo\"\nfirmware = \"socket\"\nsocket = \"{}\"\n",
+                path.display()
+            )
+        })
+        .collect();
+    let file = folder.path().join("foreign.toml");
+    std::fs::write(&file, tables.concat()).unwrap();
+    let mut exchange = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["exchange", &format!("sim:{}", file.display()), "--cycles", "300", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut firmware = Vec::new();
+    for socket in &sockets {
+        // Each is waited for before the next socket is made.
+        while !socket.exists() && exchange.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        firmware.push(Command::new(&program).arg(socket).spawn().unwrap());
+    }
+    let output = exchange.wait_with_output().unwrap();
+    let report = json(&output);
+    assert_eq!((&report["operational"], &report["lost_frames"]), (&true.into(), &0.into()), "{report}");
+    assert_eq!(report["working_counter_errors"], 0, "{report}");
+    for mut one in firmware {
+        // Its connection ended with the simulator.
+        assert!(one.wait().unwrap().success());
+    }
+}

@@ -1,0 +1,147 @@
+//! From a maker's file or a scan to tables that a robot's file takes.
+
+use crate::command_line::{Folder, omnibase, root, words};
+use std::path::Path;
+
+/// A robot's file with three drives, to which tables of SubDevices are added.
+fn with_devices(tables: &str) -> String {
+    let base = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
+    base.replace("[platform]", &format!("{tables}\n[platform]"))
+}
+
+fn esi(arguments: &[&str]) -> String {
+    let output = omnibase(&[&["esi"], arguments].concat());
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", words(&output.stderr));
+    words(&output.stdout)
+}
+
+/// Checks a robot's file; what is wrong with it.
+fn problems(folder: &Folder, text: &str) -> Option<String> {
+    let path = folder.path("robot.toml");
+    std::fs::write(&path, text).unwrap();
+    let output = omnibase(&["check", &path]);
+    (!output.status.success()).then(|| words(&output.stderr))
+}
+
+#[test]
+fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
+    let folder = Folder::new("esi");
+    let file = "segments/maker.xml";
+    let listed = esi(&[file, "--modules"]);
+    for expected in
+        ["MU-SERVO", "0x00000402:0x00010000", "drive (CiA 402)", "slots for 8 modules", "ident 0x00000101"]
+    {
+        assert!(listed.contains(expected), "{expected}\n{listed}");
+    }
+    let slots = ["--slot", "MU-AI", "--slot", "MU-DO"];
+    let coupler = esi(&[&[file, "--device", "MU-COUPLER", "--toml"], &slots[..]].concat());
+    assert!(coupler.contains("bytes = \"6D6164652075702E\"") && coupler.contains("0xF030.2"), "{coupler}");
+    let terminal = esi(&[file, "--device", "MU-IO", "--toml"]);
+    assert!(
+        terminal.contains("SyncManager 1 is virtual") && terminal.contains("SyncManager 0 is on in OP alone")
+    );
+    for table in [&coupler, &terminal] {
+        let table = table.replace("position = 0", "position = 3");
+        assert_eq!(problems(&folder, &with_devices(&table)), None, "{table}");
+    }
+    // A drive lacks what only its motor's plate tells: that is said, and nothing else.
+    let drive = esi(&[file, "--device", "0x402:0x10000", "--toml"]);
+    let filled =
+        drive.replace("# counts_per", "counts_per").replace("# rated_", "rated_").replace("# peak_", "peak_");
+    let base = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
+    let (before, after) = base.split_once("[[drive]]").unwrap();
+    let (_, after) = after.split_once("[[drive]]").unwrap();
+    let before = before.replace("rated_torque_nm = 7.0\n", "").replace("peak_torque_nm = 21.0\n", "");
+    let both = |drive: &str| format!("{before}{drive}\n[[drive]]{after}");
+    let lacking = problems(&folder, &both(&drive)).unwrap();
+    assert!(lacking.contains("rated_torque_nm") && lacking.contains("counts_per_revolution"), "{lacking}");
+    assert!(problems(&folder, &both(&filled)).is_none_or(|text| !text.contains("drive[0]")), "{filled}");
+    let wrong = omnibase(&["esi", file, "--device", "MU-SERVER"]);
+    assert!(words(&wrong.stderr).contains("no device of the file is called \"MU-SERVER\"; it has MU-SERVO"));
+    let wrong = omnibase(&["esi", file, "--device", "MU-COUPLER", "--slot", "MU-SAFE"]);
+    assert!(
+        words(&wrong.stderr).contains("slot 1 of MU-COUPLER takes modules of the classes Io"),
+        "{}",
+        words(&wrong.stderr)
+    );
+}
+
+#[test]
+fn a_makers_device_is_simulated_and_brought_to_op() {
+    let folder = Folder::new("esi-segment");
+    let slots = ["--slot", "MU-AI", "--slot", "MU-DO"];
+    for arguments in [&["--device", "MU-IO"][..], &[&["--device", "MU-COUPLER"], &slots[..]].concat()] {
+        let segment = esi(&[&["segments/maker.xml", "--segment"], arguments].concat());
+        let path = folder.path("segment.toml");
+        std::fs::write(&path, segment).unwrap();
+        let output = omnibase(&["exchange", &format!("sim:{path}"), "--cycles", "10"]);
+        assert!(words(&output.stdout).contains("operational             yes"), "{}", words(&output.stderr));
+    }
+}
+
+#[test]
+fn every_device_and_module_of_real_makers_loads() {
+    let shared = root().join("../shared/esi");
+    if !shared.is_dir() {
+        eprintln!("SKIPPED: real makers' ESI files: {} isn't there", shared.display());
+        return;
+    }
+    let folder = Folder::new("esi-real");
+    let file = |name: &str| shared.join(name).to_str().unwrap().to_owned();
+    let (couplers, modular, modules) =
+        (file("Beckhoff_EK11xx.xml"), file("Weidmueller_UR20_FBC.xml"), file("Weidmueller_UR20_IO.xml"));
+    let scanned = file("Weidmueller_UR20_FBC_from_IgH.xml");
+    let listed = |path: &String, key: &str| -> Vec<serde_json::Value> {
+        let output = omnibase(&["esi", path, "--json"]);
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        value["files"][0][key].as_array().unwrap().clone()
+    };
+    let mut loaded = 0;
+    let mut load = |arguments: &[&str]| {
+        let table = esi(&[arguments, &["--toml"]].concat()).replace("position = 0", "position = 3");
+        assert_eq!(problems(&folder, &with_devices(&table)), None, "{arguments:?}\n{table}");
+        loaded += 1;
+    };
+    for path in [&couplers, &modular, &scanned] {
+        for device in listed(path, "devices") {
+            let wanted = format!("{}:{}", device["product_code"], device["revision"]);
+            load(&[path, "--device", &wanted]);
+        }
+    }
+    // A module of each size and kind; all 82 reach OP in the tests of the bus.
+    for module in listed(&modules, "modules").iter().step_by(6) {
+        let name = module["type"].as_str().unwrap();
+        load(&[&modular, &modules, "--device", "UR20-FBC-EC", "--slot", name]);
+    }
+    assert_eq!(loaded, 27 + 14);
+}
+
+#[test]
+fn a_scan_becomes_tables_that_a_robots_file_takes() {
+    let folder = Folder::new("scan-toml");
+    let output = omnibase(&["scan", "sim:segments/three-servos.toml", "--toml"]);
+    let tables = words(&output.stdout);
+    assert_eq!(tables.matches("[[drive]]").count(), 3, "{tables}");
+    for expected in [
+        "rated_torque_nm = 7.0",
+        "peak_torque_nm = 21.0",
+        "FILL IN: counts of 0x6064",
+        "MEASURE which way its wheel turns",
+    ] {
+        assert!(tables.contains(expected), "{expected}\n{tables}");
+    }
+    let base = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
+    let (_, after) = base.split_once("[platform]").unwrap();
+    let file = |tables: &str| {
+        format!(
+            "name = \"found\"\n\n[bus]\ncycle_us = 1000\nsynchronisation = \"sync0\"\n\n{tables}\n[platform]{after}"
+        )
+    };
+    let lacking = problems(&folder, &file(&tables)).unwrap();
+    assert!(lacking.contains("counts_per_revolution"), "{lacking}");
+    let filled = tables.replace("# counts_per_revolution", "counts_per_revolution");
+    assert_eq!(problems(&folder, &file(&filled)), None, "{filled}");
+    let terminals = words(&omnibase(&["scan", "sim:segments/mixed-tree.toml", "--toml"]).stdout);
+    assert!(terminals.contains("kind = \"ignore\"") && terminals.contains("kind = \"io\""), "{terminals}");
+    assert!(Path::new(&root()).join("docs/guides/any-device.md").is_file());
+}

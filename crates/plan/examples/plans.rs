@@ -1,0 +1,385 @@
+//! Random plans in random rooms: none touches anything by a look of its own, and how long they are against the best known.
+//!
+//! `cargo run --release -p omnibase-plan --example plans -- 100000` prints the table; a second argument is a file for the plans of every
+//! hundredth room, which `check_plans.py` beside this file looks at with shapely.
+
+use std::fmt::Write as _;
+
+use omnibase_plan::plan::By;
+use omnibase_plan::{Cost, Footprint, Map, Plan, PlanError, Point, Space, Task, plan};
+use omnibase_platform::Pose2;
+
+const ROOM_M: [f64; 2] = [8.0, 6.0];
+const CELL_M: f64 = 0.05;
+const CLEARANCE_M: f64 = 0.03;
+/// Plans in each room.
+const EACH: usize = 20;
+/// Of the rooms of discs, one in so many is solved by its visibility graph.
+const GRAPHS: usize = 25;
+
+/// What this thread has had of a processor, ms: others at work on this machine don't count.
+fn used_ms() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split(' ').next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+}
+
+struct Random(u64);
+
+impl Random {
+    /// From 0 to 1 (a linear congruential generator's upper half).
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / (1_u64 << 31) as f64
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+}
+
+/// A convex obstacle, counter-clockwise.
+type Block = Vec<Point>;
+
+fn blocks(random: &mut Random) -> Vec<Block> {
+    let count = 3 + (random.next() * 7.0) as usize;
+    (0..count)
+        .map(|_| {
+            let centre = [random.between(0.0, ROOM_M[0]), random.between(0.0, ROOM_M[1])];
+            let half = [random.between(0.05, 1.2), random.between(0.05, 0.4)];
+            let (sin, cos) = random.between(0.0, std::f64::consts::PI).sin_cos();
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+                .map(|[x, y]| [x * half[0], y * half[1]])
+                .map(|[x, y]| [centre[0] + cos * x - sin * y, centre[1] + sin * x + cos * y])
+                .to_vec()
+        })
+        .collect()
+}
+
+fn cross(o: Point, a: Point, b: Point) -> f64 {
+    (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+}
+
+/// Whether two convex polygons overlap: no side of either parts them.
+fn overlap(one: &[Point], other: &[Point]) -> bool {
+    let parted = |a: &[Point], b: &[Point]| {
+        (0..a.len()).any(|at| b.iter().all(|point| cross(a[at], a[(at + 1) % a.len()], *point) <= 0.0))
+    };
+    !parted(one, other) && !parted(other, one)
+}
+
+/// The first pose of a plan, in steps of 5 mm and half a degree, at which the outline touches a block or leaves the room.
+fn touches(plan: &Plan, outline: &[Point], blocks: &[Block]) -> Option<Pose2> {
+    for pair in plan.poses.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        let turned = (to.heading_rad - from.heading_rad).abs();
+        let steps = (from.distance_m(to) / 0.005).max(turned / 0.0087).ceil().max(1.0) as usize;
+        for step in 0..=steps {
+            let part = step as f64 / steps as f64;
+            let at = |a: f64, b: f64| a + part * (b - a);
+            let pose =
+                Pose2::new(at(from.x_m, to.x_m), at(from.y_m, to.y_m), at(from.heading_rad, to.heading_rad));
+            let (sin, cos) = pose.heading_rad.sin_cos();
+            let placed: Vec<Point> = outline
+                .iter()
+                .map(|[x, y]| [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y])
+                .collect();
+            let is_outside =
+                placed.iter().any(|[x, y]| *x < 0.0 || *y < 0.0 || *x > ROOM_M[0] || *y > ROOM_M[1]);
+            if is_outside || blocks.iter().any(|block| overlap(&placed, block)) {
+                return Some(pose);
+            }
+        }
+    }
+    None
+}
+
+fn to_segment(point: Point, from: Point, to: Point) -> f64 {
+    let side = [to[0] - from[0], to[1] - from[1]];
+    let square = side[0] * side[0] + side[1] * side[1];
+    let along = (point[0] - from[0]) * side[0] + (point[1] - from[1]) * side[1];
+    let part = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.0 };
+    (point[0] - from[0] - part * side[0]).hypot(point[1] - from[1] - part * side[1])
+}
+
+/// Whether a disc of a radius gets straight from one place to another.
+fn is_clear(from: Point, to: Point, radius: f64, blocks: &[Block]) -> bool {
+    let inside =
+        |[x, y]: Point| x >= radius && y >= radius && x <= ROOM_M[0] - radius && y <= ROOM_M[1] - radius;
+    if !inside(from) || !inside(to) {
+        return false;
+    }
+    blocks.iter().all(|block| {
+        let sides = || (0..block.len()).map(|at| (block[at], block[(at + 1) % block.len()]));
+        let crosses = sides().any(|(a, b)| {
+            cross(from, to, a) * cross(from, to, b) < 0.0 && cross(a, b, from) * cross(a, b, to) < 0.0
+        });
+        let holds = sides().all(|(a, b)| cross(a, b, from) > 0.0);
+        let far = sides().all(|(a, b)| {
+            let ends = to_segment(a, from, to).min(to_segment(from, a, b)).min(to_segment(to, a, b));
+            ends >= radius - 1e-9
+        });
+        !crosses && !holds && far
+    })
+}
+
+/// The visibility graph of a disc among blocks: places on circles around the blocks' corners.
+struct Graph {
+    places: Vec<Point>,
+    reach: Vec<Vec<(usize, f64)>>,
+    radius: f64,
+}
+
+impl Graph {
+    fn new(radius: f64, blocks: &[Block]) -> Graph {
+        const ON_CIRCLE: usize = 48;
+        // Chords between neighbours stay outside the circle.
+        let outer = radius / (std::f64::consts::PI / ON_CIRCLE as f64).cos() + 1e-9;
+        let mut places = Vec::new();
+        for corner in blocks.iter().flatten() {
+            for number in 0..ON_CIRCLE {
+                let (sin, cos) = (std::f64::consts::TAU * number as f64 / ON_CIRCLE as f64).sin_cos();
+                let place = [corner[0] + outer * cos, corner[1] + outer * sin];
+                if is_clear(place, place, radius, blocks) {
+                    places.push(place);
+                }
+            }
+        }
+        let mut graph = Graph { reach: vec![Vec::new(); places.len()], places, radius };
+        for one in 0..graph.places.len() {
+            for other in one + 1..graph.places.len() {
+                let (a, b) = (graph.places[one], graph.places[other]);
+                if is_clear(a, b, radius, blocks) {
+                    let length = (a[0] - b[0]).hypot(a[1] - b[1]);
+                    graph.reach[one].push((other, length));
+                    graph.reach[other].push((one, length));
+                }
+            }
+        }
+        graph
+    }
+
+    fn shortest(&self, from: Point, to: Point, blocks: &[Block]) -> Option<f64> {
+        let length = |a: Point, b: Point| (a[0] - b[0]).hypot(a[1] - b[1]);
+        if is_clear(from, to, self.radius, blocks) {
+            return Some(length(from, to));
+        }
+        let sees = |place: &Point, end: Point| {
+            is_clear(*place, end, self.radius, blocks).then(|| length(*place, end))
+        };
+        let mut best: Vec<f64> =
+            self.places.iter().map(|place| sees(place, from).unwrap_or(f64::INFINITY)).collect();
+        let last: Vec<f64> =
+            self.places.iter().map(|place| sees(place, to).unwrap_or(f64::INFINITY)).collect();
+        let mut done = vec![false; best.len()];
+        let mut found = f64::INFINITY;
+        loop {
+            let next = (0..best.len()).filter(|at| !done[*at]).min_by(|a, b| best[*a].total_cmp(&best[*b]));
+            let Some(at) = next.filter(|at| best[*at] < found) else { break };
+            done[at] = true;
+            found = found.min(best[at] + last[at]);
+            for (other, length) in &self.reach[at] {
+                best[*other] = best[*other].min(best[at] + length);
+            }
+        }
+        found.is_finite().then_some(found)
+    }
+}
+
+#[derive(Default)]
+struct Row {
+    asked: usize,
+    found: [usize; 3],
+    none: usize,
+    touched: usize,
+    times_ms: Vec<f64>,
+    ratios: Vec<f64>,
+    missed: usize,
+}
+
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+fn main() {
+    let count: usize = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(10_000);
+    let file = std::env::args().nth(2);
+    let rectangle = |length: f64, width: f64| {
+        let (a, b) = (0.5 * length, 0.5 * width);
+        Footprint::new(vec![[-a, -b], [a, -b], [a, b], [-a, b]]).expect("convex")
+    };
+    let robots = [
+        ("disc, radius 0.30 m", Footprint::disc(0.3).expect("convex"), true),
+        ("0.7 by 0.5 m", rectangle(0.7, 0.5), false),
+        ("1.4 by 0.5 m", rectangle(1.4, 0.5), false),
+    ];
+    let mut dumped = String::new();
+    println!(
+        "{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>34}",
+        "robot",
+        "plans",
+        "straight",
+        "disc",
+        "turning",
+        "no way",
+        "touched",
+        "ms half / 99 % / most",
+        "length over best: mean / 99 % / most"
+    );
+    for (name, footprint, is_disc) in &robots {
+        let mut row = Row::default();
+        let mut random = Random(17);
+        let rooms = count / robots.len() / EACH;
+        for number in 0..rooms {
+            let blocks = blocks(&mut random);
+            let mut map = Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M)
+                .expect("a room");
+            blocks.iter().for_each(|block| map.block_polygon(block));
+            let space = Space::new(map);
+            let graph = (*is_disc && number % GRAPHS == 0)
+                .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
+            for _ in 0..EACH {
+                ask(
+                    &mut row,
+                    &mut random,
+                    (&space, footprint, &blocks, graph.as_ref()),
+                    (number % 100 == 0).then_some(&mut dumped),
+                );
+            }
+        }
+        row.times_ms.sort_by(f64::total_cmp);
+        row.ratios.sort_by(f64::total_cmp);
+        let ms = |share| percentile(&row.times_ms, share);
+        let mean = row.ratios.iter().sum::<f64>() / row.ratios.len() as f64;
+        let lengths = if row.ratios.is_empty() {
+            "-".to_owned()
+        } else {
+            format!(
+                "{mean:.4} / {:.4} / {:.4} ({} ways)",
+                percentile(&row.ratios, 0.99),
+                percentile(&row.ratios, 1.0),
+                row.ratios.len()
+            )
+        };
+        println!(
+            "{name:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {lengths:>34}",
+            row.asked,
+            row.found[0],
+            row.found[1],
+            row.found[2],
+            row.none,
+            row.touched,
+            format!("{:.2} / {:.1} / {:.0}", ms(0.5), ms(0.99), ms(1.0))
+        );
+        if row.missed > 0 {
+            println!("  {} ways of the visibility graph were not found", row.missed);
+        }
+    }
+    cold();
+    if let Some(file) = file {
+        std::fs::write(&file, dumped).expect("the file can be written");
+    }
+}
+
+/// Maps of 147,000 cells, each seen for the first time: everything from the cells to the way.
+fn cold() {
+    const CELLS: [usize; 2] = [420, 350];
+    let footprint = Footprint::disc(0.3).expect("convex");
+    let mut random = Random(3);
+    let (mut times_ms, mut of_space) = (Vec::new(), Vec::new());
+    let (size_m, mut none) = (CELLS.map(|count| count as f64 * CELL_M), 0);
+    while times_ms.len() < 200 {
+        let mut map = Map::empty(CELLS, CELL_M).expect("a map");
+        for _ in 0..40 {
+            let centre = [random.between(0.0, size_m[0]), random.between(0.0, size_m[1])];
+            let half = [random.between(0.1, 1.5), random.between(0.1, 1.0)];
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            map.block_polygon(&corners.map(|[x, y]| [centre[0] + x * half[0], centre[1] + y * half[1]]));
+        }
+        let pose = |x, y| Pose2::new(x * size_m[0], y * size_m[1], 0.0);
+        let (from, to) = (pose(0.05, random.between(0.05, 0.95)), pose(0.95, random.between(0.05, 0.95)));
+        let begun_ms = used_ms();
+        let space = Space::new(map);
+        of_space.push(used_ms() - begun_ms);
+        let task = Task {
+            space: &space,
+            footprint: &footprint,
+            from,
+            to,
+            clearance_m: CLEARANCE_M,
+            cost: Cost::Shortest,
+        };
+        match plan(&task) {
+            Ok(_) => times_ms.push(used_ms() - begun_ms),
+            Err(_) => none += 1,
+        }
+    }
+    times_ms.sort_by(f64::total_cmp);
+    of_space.sort_by(f64::total_cmp);
+    println!(
+        "147,000 cells, cold: half {:.1} ms, 99 % {:.1} ms, most {:.1} ms of {} plans ({none} had none); of it distances {:.1} ms",
+        percentile(&times_ms, 0.5),
+        percentile(&times_ms, 0.99),
+        percentile(&times_ms, 1.0),
+        times_ms.len(),
+        percentile(&of_space, 0.5)
+    );
+}
+
+/// One plan between two free poses of a room.
+fn ask(
+    row: &mut Row,
+    random: &mut Random,
+    (space, footprint, blocks, graph): (&Space, &Footprint, &[Block], Option<&Graph>),
+    dumped: Option<&mut String>,
+) {
+    let mut checker = space.checker(footprint, CLEARANCE_M);
+    let mut free = || {
+        // A crowded room may have no place: then whatever comes is told to be blocked.
+        let mut draw = || {
+            let heading = random.between(-3.0, 3.0);
+            Pose2::new(random.between(0.0, ROOM_M[0]), random.between(0.0, ROOM_M[1]), heading)
+        };
+        (0..200).map(|_| draw()).find(|pose| checker.is_free(pose)).unwrap_or_default()
+    };
+    let (from, to) = (free(), free());
+    let task = Task { space, footprint, from, to, clearance_m: CLEARANCE_M, cost: Cost::Shortest };
+    let begun_ms = used_ms();
+    let planned = plan(&task);
+    row.times_ms.push(used_ms() - begun_ms);
+    row.asked += 1;
+    let best = graph.and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
+    match planned {
+        Ok(plan) => {
+            let by = match plan.by {
+                By::Straight => 0,
+                By::Disc => 1,
+                By::Turning => 2,
+            };
+            row.found[by] += 1;
+            if let Some(pose) = touches(&plan, footprint.corners_m(), blocks) {
+                row.touched += 1;
+                eprintln!("touches at {pose:?}, {from:?} to {to:?}, {:?}", plan.by);
+            }
+            if let Some(best) = best.filter(|best| *best > 0.2) {
+                row.ratios.push(plan.length_m / best);
+                if plan.length_m > 1.02 * best {
+                    eprintln!("{:.3} of {best:.3} m: {from:?} to {to:?}, {:?}", plan.length_m, plan.by);
+                }
+            }
+            if let Some(dumped) = dumped {
+                let poses: Vec<[f64; 3]> =
+                    plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
+                let _ = writeln!(
+                    dumped,
+                    "{{\"room\": {ROOM_M:?}, \"blocks\": {blocks:?}, \"outline\": {:?}, \"poses\": {poses:?}}}",
+                    footprint.corners_m()
+                );
+            }
+        }
+        Err(PlanError::Blocked { .. } | PlanError::Outside { .. }) => row.asked -= 1,
+        Err(_) => {
+            row.none += 1;
+            row.missed += usize::from(best.is_some());
+        }
+    }
+}

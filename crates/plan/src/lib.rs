@@ -1,0 +1,31 @@
+//! Ways through known rooms: maps, distances, the robot's footprint in them, and the shortest way.
+//!
+//! - [`map`]: [`Map`], which cells of a floor are occupied: maps of ROS (YAML with PGM or PNG), polygons, circles.
+//! - [`distance`]: from every cell to the nearest occupied one, exactly, in linear time.
+//! - [`footprint`]: [`Footprint`], the robot's outline, and what of the floor it covers at a pose.
+//! - [`space`]: [`Space`], a map in which footprints are looked for: whether a pose, or a motion, touches anything.
+//! - [`search`]: the shortest way of a disc at any angle; [`ridge`]: one that keeps to the middle, as a choice.
+//! - [`turning`]: the way of a footprint that has to turn to get through.
+//! - [`smooth`]: a way without kinks where there is room.
+//! - [`plan`]: [`plan()`] joins them.
+//!
+//! Poses are in the map's frame, lengths in m, angles in rad. Planning allocates; nothing here knows a clock.
+#![forbid(unsafe_code)]
+
+pub mod distance;
+pub mod footprint;
+pub mod map;
+pub mod plan;
+pub mod ridge;
+pub mod search;
+pub mod smooth;
+pub mod space;
+pub mod turning;
+
+pub use footprint::{Footprint, FootprintError};
+pub use map::{Map, MapError};
+pub use plan::{Cost, Plan, PlanError, Task, plan};
+pub use space::Space;
+
+/// A place on the floor: x and y, m.
+pub type Point = [f64; 2];

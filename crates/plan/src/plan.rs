@@ -1,0 +1,384 @@
+//! From pose to pose through a known room.
+
+use omnibase_platform::{Pose2, wrap_angle_rad};
+
+use crate::footprint::Footprint;
+use crate::ridge;
+use crate::search::Search;
+use crate::smooth::{SPACING_M, divided, shortened, smooth, tightened};
+use crate::space::{Checker, Space};
+use crate::turning::{Place, Turning};
+
+#[cfg(test)]
+mod tests;
+
+/// What is planned.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// The room.
+    pub space: &'a Space,
+    /// The robot.
+    pub footprint: &'a Footprint,
+    /// Where it stands, in the map's frame.
+    pub from: Pose2,
+    /// Where it shall stand.
+    pub to: Pose2,
+    /// What the footprint keeps from everything, m; where it stands, or shall stand, nearer than this, it keeps nothing.
+    pub clearance_m: f64,
+    /// What is the best way.
+    pub cost: Cost,
+}
+
+/// What is the best way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cost {
+    /// The shortest one.
+    #[default]
+    Shortest,
+    /// One that keeps to the middle between walls: the generalised Voronoi diagram's ridge draws it.
+    Ridge,
+}
+
+/// A way that touches nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// From the first pose to the last, in the map's frame; place and heading change evenly from one to the next.
+    pub poses: Vec<Pose2>,
+    /// Its length, m.
+    pub length_m: f64,
+    /// What is kept from everything, m.
+    pub clearance_m: f64,
+    /// At each pose the room of base_link to the nearest thing in the way, m.
+    pub room_m: Vec<f64>,
+    /// How it was found.
+    pub by: By,
+}
+
+/// How a way was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// Straight there.
+    Straight,
+    /// As a disc, whatever the heading.
+    Disc,
+    /// By turning where it is narrow.
+    Turning,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// NaN or infinity.
+    #[error("{end}: expected finite numbers, found ({}, {}, {})", pose.x_m, pose.y_m, pose.heading_rad)]
+    NotFinite {
+        /// Which end.
+        end: End,
+        /// The pose.
+        pose: Pose2,
+    },
+    /// The clearance.
+    #[error("clearance: expected 0 m to 10 m, found {found_m} m")]
+    Clearance {
+        /// What was asked, m.
+        found_m: f64,
+    },
+    /// Something is where the robot stands or shall stand.
+    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint touches what is in the way there", pose.x_m, pose.y_m, pose.heading_rad)]
+    Blocked {
+        /// Which end.
+        end: End,
+        /// The pose.
+        pose: Pose2,
+    },
+    /// Beyond the map.
+    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint reaches beyond the map", pose.x_m, pose.y_m, pose.heading_rad)]
+    Outside {
+        /// Which end.
+        end: End,
+        /// The pose.
+        pose: Pose2,
+    },
+    /// No way is wide enough.
+    #[error(
+        "there is no way: the narrowest place of the widest one is at most {widest_m:.2} m wide, the robot needs {needed_m:.2} m"
+    )]
+    TooNarrow {
+        /// The width, m, to a cell.
+        widest_m: f64,
+        /// What the narrowest side of the footprint needs, m.
+        needed_m: f64,
+    },
+    /// What is in the way closes all around.
+    #[error("there is no way: what is in the way lies all around {end}")]
+    Enclosed {
+        /// Which end.
+        end: End,
+    },
+    /// It would have to turn where it can't.
+    #[error("there is no way: a passage is wide enough, but the robot can't turn so as to get through")]
+    NoTurn,
+}
+
+/// An end of a way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Where it begins.
+    Start,
+    /// Where it leads.
+    Goal,
+}
+
+impl std::fmt::Display for End {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            End::Start => "start",
+            End::Goal => "goal",
+        })
+    }
+}
+
+/// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning.
+const LONGER: f64 = 1.15;
+/// A disc keeps this beside the clearance, so that its way can be bent, m.
+const ROOM_M: f64 = 0.03;
+/// How far from a pose a cell may be where the search begins, in cells.
+const NEAR: isize = 2;
+
+/// The way from one pose to another.
+pub fn plan(task: &Task<'_>) -> Result<Plan, PlanError> {
+    Planner::new(task)?.plan()
+}
+
+struct Planner<'a> {
+    task: Task<'a>,
+    checker: Checker<'a>,
+    clearance_m: f64,
+    /// Both ends, in cells.
+    ends: [Pose2; 2],
+}
+
+impl<'a> Planner<'a> {
+    fn new(task: &Task<'a>) -> Result<Self, PlanError> {
+        if !(0.0..=10.0).contains(&task.clearance_m) {
+            return Err(PlanError::Clearance { found_m: task.clearance_m });
+        }
+        let ends = [(End::Start, task.from), (End::Goal, task.to)];
+        let mut clearance_m = task.clearance_m;
+        for (end, pose) in ends {
+            if !pose.is_finite() {
+                return Err(PlanError::NotFinite { end, pose });
+            }
+            if !task.space.checker(task.footprint, 0.0).is_free(&pose) {
+                let map = &task.space.map;
+                let is_outside = |corner: &crate::Point| {
+                    let [x, y] = map.grid_cells(*corner);
+                    !((0.0..=map.width as f64).contains(&x) && (0.0..=map.height as f64).contains(&y))
+                };
+                let is_outside = task.footprint.placed_m(&pose).iter().any(is_outside);
+                return Err(if is_outside {
+                    PlanError::Outside { end, pose }
+                } else {
+                    PlanError::Blocked { end, pose }
+                });
+            }
+            if !task.space.checker(task.footprint, clearance_m).is_free(&pose) {
+                clearance_m = 0.0;
+            }
+        }
+        let checker = task.space.checker(task.footprint, clearance_m);
+        let mut ends = [task.from, task.to].map(|pose| checker.in_cells(&pose));
+        ends[1].heading_rad = ends[0].heading_rad + wrap_angle_rad(ends[1].heading_rad - ends[0].heading_rad);
+        Ok(Planner { task: *task, checker, clearance_m, ends })
+    }
+
+    fn plan(mut self) -> Result<Plan, PlanError> {
+        let is_shortest = self.task.cost == Cost::Shortest;
+        if is_shortest && self.checker.is_motion_free_in_cells(&self.ends[0], &self.ends[1]) {
+            return Ok(self.finished(self.ends.to_vec(), By::Straight));
+        }
+        let space = self.task.space;
+        let outer_m = self.task.footprint.outer_radius_m() + self.clearance_m;
+        let inner_m = self.task.footprint.inner_radius_m() + self.clearance_m;
+        let disc = self
+            .disc_way(&Search::new(space, outer_m + ROOM_M))
+            .or_else(|| self.disc_way(&Search::new(space, outer_m)));
+        // No way is shorter than that of the disc which every heading covers.
+        let least = self.least_way(&Search::new(space, inner_m), inner_m);
+        let is_good = |way: &Vec<Pose2>| {
+            !is_shortest || least.as_ref().is_ok_and(|least| length(way) <= LONGER * least + 1.0)
+        };
+        match disc {
+            Some(way) if is_good(&way) => Ok(self.finished(way, By::Disc)),
+            disc => {
+                if disc.is_none() {
+                    least?;
+                }
+                let turning = Turning::new(space, &mut self.checker, [outer_m, inner_m])
+                    .shortest(&self.ends[0], &self.ends[1]);
+                let turning = turning.map(|places| self.turned(&places));
+                match (disc, turning) {
+                    (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {
+                        Ok(self.finished(disc, By::Disc))
+                    }
+                    (_, Some(turning)) => Ok(self.finished(turning, By::Turning)),
+                    (Some(disc), None) => Ok(self.finished(disc, By::Disc)),
+                    (None, None) => Err(PlanError::NoTurn),
+                }
+            }
+        }
+    }
+
+    /// The cell from which a disc's way begins or ends.
+    fn cell_near(&mut self, search: &Search<'_>, end: usize) -> Option<usize> {
+        let pose = self.ends[end];
+        let map = &self.task.space.map;
+        let [column, row] = [pose.x_m, pose.y_m].map(|at| at.floor() as isize);
+        let mut near: Vec<(f64, usize)> = Vec::new();
+        for y in row - NEAR..=row + NEAR {
+            for x in column - NEAR..=column + NEAR {
+                if x < 0 || y < 0 || x as usize >= map.width || y as usize >= map.height {
+                    continue;
+                }
+                let cell = search.index(x as usize, y as usize);
+                if search.is_open(cell) {
+                    let off = (x as f64 + 0.5 - pose.x_m).hypot(y as f64 + 0.5 - pose.y_m);
+                    near.push((off, cell));
+                }
+            }
+        }
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut free = near.iter().filter(|(_, cell)| {
+            let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
+            self.checker.is_motion_free_in_cells(&pose, &Pose2::new(x, y, pose.heading_rad))
+        });
+        free.next().map(|(_, cell)| *cell)
+    }
+
+    /// A disc's way; the heading changes evenly along it.
+    fn disc_way(&mut self, search: &Search<'_>) -> Option<Vec<Pose2>> {
+        let cells = [self.cell_near(search, 0)?, self.cell_near(search, 1)?];
+        let way = match self.task.cost {
+            Cost::Shortest => search.shortest(cells[0], cells[1])?,
+            Cost::Ridge => search.cheapest(cells, &ridge::field(self.task.space))?,
+        };
+        let [from, to] = self.ends;
+        let mut poses = vec![from];
+        poses.extend(way.iter().map(|cell| {
+            let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
+            Pose2::new(x, y, 0.0)
+        }));
+        poses.push(to);
+        let whole = length(&poses).max(f64::MIN_POSITIVE);
+        let mut done = 0.0;
+        for at in 1..poses.len() - 1 {
+            done += poses[at].distance_m(poses[at - 1]);
+            poses[at].heading_rad = from.heading_rad + (to.heading_rad - from.heading_rad) * done / whole;
+        }
+        Some(poses)
+    }
+
+    /// The length in cells of the way of the disc that every heading covers, or why there is none.
+    fn least_way(&self, search: &Search<'_>, inner_m: f64) -> Result<f64, PlanError> {
+        let map = &self.task.space.map;
+        let cells = self.ends.map(|pose| {
+            let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
+            search.index(x.min(map.width - 1), y.min(map.height - 1))
+        });
+        // The ends stand there: what their cells' centres lack is a cell at most.
+        let open = |cell: usize| search.open_near(cell);
+        if let (Some(from), Some(to)) = (open(cells[0]), open(cells[1]))
+            && let Some(way) = search.shortest(from, to)
+        {
+            return Ok(search.length(&way));
+        }
+        // Between centres there may be one cell more.
+        let widest_m = (2.0 * f64::from(search.widest(cells[0], cells[1])) + 1.0) * map.cell_m;
+        if widest_m < 1.5 * map.cell_m {
+            let end = if search.is_small(cells[0]) { End::Start } else { End::Goal };
+            return Err(PlanError::Enclosed { end });
+        }
+        Err(PlanError::TooNarrow { widest_m, needed_m: 2.0 * inner_m })
+    }
+
+    /// A way over places and headings as poses: where any heading will do, it changes evenly.
+    fn turned(&self, places: &[Place]) -> Vec<Pose2> {
+        let [from, to] = self.ends;
+        let end = |pose: Pose2| Place { x: pose.x_m, y: pose.y_m, heading_rad: Some(pose.heading_rad) };
+        let mut all: Vec<Place> = vec![end(from)];
+        for place in places {
+            // Into and out of a narrow place the heading stays.
+            match (all.last().copied(), place.heading_rad) {
+                (Some(before), None) if before.heading_rad.is_some() => {
+                    all.push(Place { heading_rad: before.heading_rad, ..*place });
+                }
+                (Some(before), Some(_)) if before.heading_rad.is_none() => {
+                    all.push(Place { heading_rad: place.heading_rad, ..before });
+                }
+                _ => {}
+            }
+            all.push(*place);
+        }
+        match all.last().copied() {
+            Some(last) if last.heading_rad.is_none() => {
+                all.push(Place { heading_rad: Some(to.heading_rad), ..last });
+            }
+            _ => {}
+        }
+        all.push(end(to));
+        let mut poses: Vec<Pose2> = Vec::with_capacity(all.len());
+        let mut known = 0;
+        for at in 0..all.len() {
+            let Some(heading_rad) = all[at].heading_rad else { continue };
+            let before_rad = poses.last().map_or(from.heading_rad, |pose| pose.heading_rad);
+            let heading_rad = before_rad + wrap_angle_rad(heading_rad - before_rad);
+            let piece: Vec<Pose2> =
+                all[known..=at].iter().map(|place| Pose2::new(place.x, place.y, 0.0)).collect();
+            let whole = length(&piece).max(f64::MIN_POSITIVE);
+            let mut done = 0.0;
+            for number in 1..piece.len() {
+                done += piece[number].distance_m(piece[number - 1]);
+                let turned_rad = before_rad + (heading_rad - before_rad) * done / whole;
+                let turned_rad = if number + 1 == piece.len() { heading_rad } else { turned_rad };
+                poses.push(Pose2 { heading_rad: turned_rad, ..piece[number] });
+            }
+            if at == 0 {
+                poses.push(from);
+            }
+            known = at;
+        }
+        poses
+    }
+
+    /// A way in cells, without what isn't needed of it, bent smooth, in the map's frame.
+    fn finished(&mut self, way: Vec<Pose2>, by: By) -> Plan {
+        let (space, cell_m) = (self.task.space, self.task.space.map.cell_m);
+        let turn_length = self.task.footprint.outer_radius_m() / cell_m;
+        let way = match self.task.cost {
+            Cost::Shortest => {
+                let fine = divided(&way, SPACING_M / cell_m, turn_length);
+                let short = shortened(&fine, &mut self.checker);
+                let mut tight =
+                    shortened(&divided(&short, 2.0 * SPACING_M / cell_m, turn_length), &mut self.checker);
+                tightened(&mut tight, &mut self.checker);
+                tight
+            }
+            Cost::Ridge => way,
+        };
+        let mut points = divided(&way, SPACING_M / cell_m, turn_length);
+        smooth(&mut points, &mut self.checker);
+        let map = &space.map;
+        let room_m = points.iter().map(|point| space.room(point) * cell_m).collect();
+        let mut poses: Vec<Pose2> = points
+            .iter()
+            .map(|at| map.map_from_grid.then(Pose2::new(at.x_m * cell_m, at.y_m * cell_m, at.heading_rad)))
+            .collect();
+        let turns = self.task.from.heading_rad - poses[0].heading_rad;
+        poses.iter_mut().for_each(|pose| pose.heading_rad += turns);
+        Plan { length_m: length(&poses), poses, clearance_m: self.clearance_m, room_m, by }
+    }
+}
+
+/// The length of a way.
+fn length(way: &[Pose2]) -> f64 {
+    way.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
+}

@@ -1,0 +1,143 @@
+use super::*;
+use crate::map::Map;
+
+fn room(walls: &[[f64; 4]]) -> Space {
+    let mut map = Map::of_room(&[[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]], 0.05).unwrap();
+    for [left, low, right, high] in walls {
+        map.block_polygon(&[[*left, *low], [*right, *low], [*right, *high], [*left, *high]]);
+    }
+    Space::new(map)
+}
+
+fn long() -> Footprint {
+    Footprint::new(vec![[-0.7, -0.25], [0.7, -0.25], [0.7, 0.25], [-0.7, 0.25]]).unwrap()
+}
+
+fn ask<'a>(space: &'a Space, footprint: &'a Footprint, [from, to]: [[f64; 3]; 2]) -> Task<'a> {
+    let pose = |[x, y, heading]: [f64; 3]| Pose2::new(x, y, heading);
+    Task { space, footprint, from: pose(from), to: pose(to), clearance_m: 0.03, cost: Cost::Shortest }
+}
+
+/// Whether a place lies in a footprint, a look of its own.
+fn covers(footprint: &Footprint, pose: &Pose2, place: [f64; 2]) -> bool {
+    let corners = footprint.placed_m(pose);
+    (0..corners.len()).all(|at| {
+        let (from, to) = (corners[at], corners[(at + 1) % corners.len()]);
+        (to[0] - from[0]) * (place[1] - from[1]) - (to[1] - from[1]) * (place[0] - from[0]) >= 0.0
+    })
+}
+
+/// Walks a plan in steps of a few millimetres and looks at all walls by their corners and at the footprint's corners.
+fn touched(plan: &Plan, footprint: &Footprint, walls: &[[f64; 4]]) -> Option<Pose2> {
+    for pair in plan.poses.windows(2) {
+        for part in 0..20 {
+            let pose = crate::smooth::between(&pair[0], &pair[1], f64::from(part) / 20.0);
+            for [left, low, right, high] in walls {
+                let corner_in = [[*left, *low], [*right, *low], [*left, *high], [*right, *high]]
+                    .into_iter()
+                    .any(|corner| covers(footprint, &pose, corner));
+                let inside = |[x, y]: &[f64; 2]| x > left && x < right && y > low && y < high;
+                if corner_in || footprint.placed_m(&pose).iter().any(inside) {
+                    return Some(pose);
+                }
+            }
+            if footprint.placed_m(&pose).iter().any(|[x, y]| *x < 0.0 || *y < 0.0 || *x > 8.0 || *y > 6.0) {
+                return Some(pose);
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn a_long_robot_turns_to_pass_a_door_that_one_heading_passes() {
+    // A door 0.7 m wide in a wall; the robot is 1.4 m long and 0.5 m wide, and stands across.
+    let walls = [[4.0, 0.0, 4.2, 2.65], [4.0, 3.35, 4.2, 6.0]];
+    let (space, footprint) = (room(&walls), long());
+    let plan = plan(&ask(&space, &footprint, [[1.5, 1.5, 1.57], [6.5, 4.5, 1.57]])).unwrap();
+    assert_eq!(plan.by, By::Turning);
+    assert_eq!(touched(&plan, &footprint, &walls), None);
+    let in_door = plan.poses.iter().find(|pose| (pose.x_m - 4.1).abs() < 0.1).unwrap();
+    assert!(in_door.heading_rad.sin().abs() < 0.2, "{in_door:?}");
+    assert_eq!(plan.poses[0], Pose2::new(1.5, 1.5, 1.57));
+    let end = plan.poses[plan.poses.len() - 1];
+    assert!(
+        end.distance_m(Pose2::new(6.5, 4.5, 0.0)) < 1e-9 && (end.heading_rad - 1.57).abs() < 1e-9,
+        "{end:?}"
+    );
+    // The straight way is 5.83 m; through the door's middle 5.9 m.
+    assert!(plan.length_m < 6.2, "{}", plan.length_m);
+}
+
+#[test]
+fn ways_are_as_short_as_the_corners_allow_and_smooth() {
+    // Around the end of a wall: straight to the disc around its corner, along it, straight on.
+    let walls = [[3.9, 0.0, 4.1, 4.0]];
+    let (space, footprint) = (room(&walls), Footprint::disc(0.4).unwrap());
+    let plan = plan(&ask(&space, &footprint, [[2.0, 2.0, 0.0], [6.0, 2.0, 1.0]])).unwrap();
+    assert_eq!((plan.by, touched(&plan, &footprint, &walls)), (By::Disc, None));
+    // Tangents to circles of 0.43 m around (3.9, 4) and (4.1, 4).
+    let (reach, radius): (f64, f64) = (1.9_f64.hypot(2.0), 0.43);
+    let tangent = (reach * reach - radius * radius).sqrt();
+    let arc = (2.0_f64 / 1.9).atan() + (radius / reach).asin();
+    let best = 2.0 * (tangent + radius * arc) + 0.2;
+    assert!((best * 0.999..best * 1.01).contains(&plan.length_m), "{} m, best {best} m", plan.length_m);
+    let sharpest = plan.poses.windows(3).map(|three| {
+        let way = |a: &Pose2, b: &Pose2| (b.y_m - a.y_m).atan2(b.x_m - a.x_m);
+        wrap_angle_rad(way(&three[1], &three[2]) - way(&three[0], &three[1])).abs()
+    });
+    let sharpest = sharpest.fold(0.0, f64::max);
+    assert!(sharpest < 0.35, "a kink of {sharpest} rad");
+}
+
+#[test]
+fn the_ridge_keeps_to_the_middle() {
+    let walls = [[2.0, 0.0, 6.0, 1.5], [2.0, 4.5, 6.0, 6.0]];
+    let (space, footprint) = (room(&walls), Footprint::disc(0.3).unwrap());
+    let ends = [[0.8, 1.0, 0.0], [7.2, 1.0, 0.0]];
+    let short = plan(&ask(&space, &footprint, ends)).unwrap();
+    let ridge = plan(&Task { cost: Cost::Ridge, ..ask(&space, &footprint, ends) }).unwrap();
+    let least = |plan: &Plan| {
+        let in_passage =
+            plan.poses.iter().zip(&plan.room_m).filter(|(pose, _)| (3.0..5.0).contains(&pose.x_m));
+        in_passage.map(|(_, room_m)| *room_m).fold(f64::INFINITY, f64::min)
+    };
+    assert!(least(&short) < 0.5 && least(&ridge) > 1.2, "{} {}", least(&short), least(&ridge));
+    assert_eq!(touched(&ridge, &footprint, &walls), None);
+}
+
+#[test]
+fn what_cannot_be_reached_is_told_with_the_reason() {
+    let closed = [[4.0, 0.0, 4.2, 6.0]];
+    let narrow = [[4.0, 0.0, 4.2, 2.8], [4.0, 3.2, 4.2, 6.0]];
+    // A corridor as wide as the robot is, with a bend: nothing long gets around it.
+    let bend = [[2.0, 0.0, 2.2, 5.3], [2.2, 4.4, 8.0, 5.3], [0.0, 4.4, 1.3, 6.0]];
+    let ends = [[1.0, 1.5, 1.57], [6.5, 4.0, 1.57]];
+    let tell = |walls: &[[f64; 4]], ends| {
+        let (space, footprint) = (room(walls), long());
+        plan(&ask(&space, &footprint, ends)).unwrap_err().to_string()
+    };
+    assert_eq!(tell(&closed, ends), "there is no way: what is in the way lies all around goal");
+    let text = tell(&narrow, ends);
+    assert_eq!(
+        text,
+        "there is no way: the narrowest place of the widest one is at most 0.40 m wide, the robot needs 0.56 m"
+    );
+    let text = tell(&bend, [[1.0, 1.5, 1.57], [6.5, 5.65, 0.0]]);
+    assert_eq!(
+        text,
+        "there is no way: a passage is wide enough, but the robot can't turn so as to get through"
+    );
+    assert_eq!(
+        tell(&closed, [[3.8, 1.0, 0.0], [6.0, 1.0, 0.0]]),
+        "start (3.800, 1.000, 0.000): the footprint touches what is in the way there"
+    );
+    assert_eq!(
+        tell(&closed, [[1.0, 1.5, 0.0], [9.0, 1.0, 0.0]]),
+        "goal (9.000, 1.000, 0.000): the footprint reaches beyond the map"
+    );
+    assert_eq!(
+        tell(&closed, [[1.0, f64::NAN, 0.0], [6.0, 1.0, 0.0]]),
+        "start: expected finite numbers, found (1, NaN, 0)"
+    );
+}

@@ -1,0 +1,237 @@
+//! The way of a footprint that has to turn to get through: A* over places and headings.
+//!
+//! Where a disc around the whole footprint fits, the heading doesn't count and a place is one state; elsewhere it is one state a
+//! heading. What is left of a way to the goal is never longer than the way of the disc that every heading covers.
+
+use omnibase_platform::{Pose2, wrap_angle_rad};
+
+use crate::search::{Queue, Search};
+use crate::space::{Checker, Space};
+
+const NOBODY: u32 = u32::MAX;
+/// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
+const TURN_COST: f64 = 0.3;
+/// What is left of a way counts so many times: far fewer states are looked at, and the way is shortened afterwards.
+const EAGER: f32 = 1.25;
+/// From one heading to the next the farthest corner moves by about so many cells.
+const CORNER_STEP: f64 = 1.5;
+
+/// A place of a way, and its heading where it counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// In cells.
+    pub x: f64,
+    /// In cells.
+    pub y: f64,
+    /// In rad; `None` where any will do.
+    pub heading_rad: Option<f64>,
+}
+
+/// How each state is reached.
+struct Tree {
+    cost: Vec<f32>,
+    parent: Vec<u32>,
+    done: Vec<bool>,
+    queue: Queue,
+}
+
+impl Tree {
+    fn reach(&mut self, [from, to]: [usize; 2], step: f32, left: f32) {
+        let found = self.cost[from] + step;
+        if !self.done[to] && (self.cost[to] == 0.0 || found < self.cost[to]) {
+            self.cost[to] = found;
+            self.parent[to] = from as u32;
+            self.queue.add(found + left, to);
+        }
+    }
+}
+
+/// A search over places and headings.
+pub struct Turning<'a, 'c> {
+    checker: &'c mut Checker<'a>,
+    /// Where every heading fits.
+    outer: Search<'a>,
+    /// Where one may fit.
+    inner: Search<'a>,
+    width: usize,
+    headings: usize,
+    turn_cost: f32,
+    /// Of each state: 0 not looked at, 1 free, 2 in the way.
+    looked: Vec<u8>,
+}
+
+impl<'a, 'c> Turning<'a, 'c> {
+    /// For a footprint, whose outer and inner radius are in m with the room that is kept.
+    pub fn new(space: &'a Space, checker: &'c mut Checker<'a>, [outer_m, inner_m]: [f64; 2]) -> Self {
+        let outer_cells = outer_m / space.map.cell_m;
+        let wanted = std::f64::consts::TAU * outer_cells / CORNER_STEP;
+        // Right angles are among them.
+        let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(16, 96);
+        Turning {
+            checker,
+            outer: Search::new(space, outer_m),
+            inner: Search::new(space, inner_m),
+            width: space.map.width,
+            headings,
+            turn_cost: (TURN_COST * outer_cells) as f32,
+            looked: vec![0; space.clearance().len() * headings],
+        }
+    }
+
+    fn heading_rad(&self, heading: usize) -> f64 {
+        heading as f64 * std::f64::consts::TAU / self.headings as f64
+    }
+
+    /// A state of a cell; where all headings fit there is only one.
+    fn state(&self, cell: usize, heading: usize) -> usize {
+        cell * self.headings + if self.outer.is_open(cell) { 0 } else { heading }
+    }
+
+    fn pose(&self, cell: usize, heading: usize) -> Pose2 {
+        let [x, y] = [(cell % self.width) as f64 + 0.5, (cell / self.width) as f64 + 0.5];
+        Pose2::new(x, y, self.heading_rad(heading))
+    }
+
+    fn is_free(&mut self, cell: usize, heading: usize) -> bool {
+        if self.outer.is_open(cell) {
+            return true;
+        }
+        if !self.inner.is_open(cell) {
+            return false;
+        }
+        let state = cell * self.headings + heading;
+        if self.looked[state] == 0 {
+            let pose = self.pose(cell, heading);
+            self.looked[state] = if self.checker.is_free_in_cells(&pose) { 1 } else { 2 };
+        }
+        self.looked[state] == 1
+    }
+
+    fn is_step_free(&mut self, from: (usize, usize), to: (usize, usize)) -> bool {
+        let (from, mut to) = (self.pose(from.0, from.1), self.pose(to.0, to.1));
+        to.heading_rad = from.heading_rad + wrap_angle_rad(to.heading_rad - from.heading_rad);
+        self.checker.is_motion_free_in_cells(&from, &to)
+    }
+
+    /// From every cell to a goal, in cells of way for the disc that all headings cover.
+    fn ways_to(&self, goal: usize) -> Vec<f32> {
+        let mut length = vec![f32::INFINITY; self.looked.len() / self.headings];
+        length[goal] = 0.0;
+        let mut queue = Queue::default();
+        queue.add(0.0, goal);
+        while let Some(at) = queue.next() {
+            let (neighbours, count) = self.inner.neighbours(at);
+            for next in &neighbours[..count] {
+                let found = length[at] + self.inner.apart(at, *next);
+                if found + 1e-3 < length[*next] {
+                    length[*next] = found;
+                    queue.add(found, *next);
+                }
+            }
+        }
+        length
+    }
+
+    /// States near a pose from which nothing is in the way to it: cell and heading.
+    fn around(&mut self, pose: &Pose2) -> Vec<(usize, usize)> {
+        let turn = wrap_angle_rad(pose.heading_rad).rem_euclid(std::f64::consts::TAU);
+        let below = (turn / std::f64::consts::TAU * self.headings as f64).floor() as usize;
+        let mut found = Vec::new();
+        let [column, row] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
+        for row in row.saturating_sub(1)..=row + 1 {
+            for column in column.saturating_sub(1)..=column + 1 {
+                for heading in [below, below + 1].map(|heading| heading % self.headings) {
+                    let cell = row * self.width + column;
+                    let is_there = column < self.width && cell < self.looked.len() / self.headings;
+                    if !is_there || !self.is_free(cell, heading) {
+                        continue;
+                    }
+                    let mut to = self.pose(cell, heading);
+                    to.heading_rad = pose.heading_rad + wrap_angle_rad(to.heading_rad - pose.heading_rad);
+                    if self.checker.is_motion_free_in_cells(pose, &to) {
+                        found.push((cell, heading));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// The places of the shortest way between two poses in cells; `None` where there is none.
+    pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
+        let (begins, ends) = (self.around(from), self.around(to));
+        let goal = ends.first()?.0;
+        let left = self.ways_to(goal);
+        let slack = 4.0;
+        let states = self.looked.len();
+        let mut tree = Tree {
+            cost: vec![0.0; states],
+            parent: vec![0; states],
+            done: vec![false; states],
+            queue: Queue::default(),
+        };
+        let is_end: Vec<usize> = ends.iter().map(|(cell, heading)| self.state(*cell, *heading)).collect();
+        let estimate = |cell: usize| EAGER * (left[cell] - slack).max(0.0);
+        for (cell, heading) in begins {
+            let state = self.state(cell, heading);
+            // What was reached costs at least 1; 0 is nowhere.
+            (tree.cost[state], tree.parent[state]) = (1.0, NOBODY);
+            tree.queue.add(1.0 + estimate(cell), state);
+        }
+        while let Some(state) = tree.queue.next() {
+            if std::mem::replace(&mut tree.done[state], true) {
+                continue;
+            }
+            if is_end.contains(&state) {
+                return Some(self.places(state, &tree.parent));
+            }
+            let (cell, heading) = (state / self.headings, state % self.headings);
+            let mut reach =
+                |cell: usize, next: usize, step: f32| tree.reach([state, next], step, estimate(cell));
+            let is_any = self.outer.is_open(cell);
+            let (neighbours, count) = self.inner.neighbours(cell);
+            for next in &neighbours[..count] {
+                let step = self.inner.apart(cell, *next);
+                if self.outer.is_open(*next) {
+                    if !is_any && !self.is_step_free((cell, heading), (*next, heading)) {
+                        continue;
+                    }
+                    reach(*next, *next * self.headings, step);
+                    continue;
+                }
+                let all = if is_any { 0..self.headings } else { heading..heading + 1 };
+                for heading in all {
+                    if self.is_free(*next, heading) && self.is_step_free((cell, heading), (*next, heading)) {
+                        reach(*next, *next * self.headings + heading, step);
+                    }
+                }
+            }
+            if !is_any {
+                let turn = self.turn_cost * std::f32::consts::TAU / self.headings as f32;
+                for next in [heading + 1, heading + self.headings - 1].map(|next| next % self.headings) {
+                    if self.is_free(cell, next) && self.is_step_free((cell, heading), (cell, next)) {
+                        reach(cell, cell * self.headings + next, turn);
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    fn places(&self, end: usize, parent: &[u32]) -> Vec<Place> {
+        let mut places = Vec::new();
+        let mut state = end;
+        loop {
+            let (cell, heading) = (state / self.headings, state % self.headings);
+            let pose = self.pose(cell, heading);
+            let heading_rad = (!self.outer.is_open(cell)).then_some(pose.heading_rad);
+            places.push(Place { x: pose.x_m, y: pose.y_m, heading_rad });
+            match parent[state] {
+                NOBODY => break,
+                before => state = before as usize,
+            }
+        }
+        places.reverse();
+        places
+    }
+}

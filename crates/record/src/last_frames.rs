@@ -1,0 +1,291 @@
+//! The last seconds of frames, kept in memory and written when something goes wrong.
+//!
+//! A thread beside the cycle keeps what passes, forgets what is older, and is itself the judge: a frame without an answer,
+//! a working counter that isn't what it was before, an AL status that shows an error. Somebody else may tell it, too
+//! ([`LastFrames::wrong`]). A second after that the file is written, with what came before and behind.
+
+use std::collections::{HashMap, VecDeque};
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use omnibase_ethercat_wire::bytes::u16_at;
+use omnibase_ethercat_wire::frame::Datagrams;
+use omnibase_ethercat_wire::{AlState, register};
+
+use crate::background::{Entry, drained, ring_sink};
+use crate::{Direction, FrameSink, PcapngWriter, WhenFull};
+
+/// What is written behind the moment in which something went wrong, ns.
+const BEHIND_NS: u64 = 1_000_000_000;
+/// The most files: what goes wrong all the time says nothing new.
+const MOST_FILES: u32 = 10;
+/// An unanswered frame is one that is older than this when others come back, ns.
+const UNANSWERED_NS: u64 = 100_000_000;
+/// Datagrams whose counters are remembered; more aren't judged.
+const MOST_KNOWN: usize = 4096;
+/// AL status register's bit that says that something is wrong.
+const AL_ERROR: u16 = AlState::ERROR;
+
+/// How frames are kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeepFrames {
+    /// Where they are written; a second file is called `x-2.pcapng`, and so on.
+    pub path: PathBuf,
+    /// What the interface is called there.
+    pub interface: String,
+    /// How much of the past is kept.
+    pub seconds: Duration,
+    /// What happens to frames that find no room on their way: on virtual time the sender waits.
+    pub when_full: WhenFull,
+}
+
+/// Keeps the last frames; see the [module](self).
+pub struct LastFrames {
+    keeper: JoinHandle<io::Result<Kept>>,
+    told: Arc<AtomicBool>,
+    dropped: Arc<AtomicU64>,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// Files that were written, and what went wrong first in each.
+    pub files: Vec<(PathBuf, String)>,
+    /// Frames that found the ring between the threads full.
+    pub dropped: u64,
+}
+
+impl LastFrames {
+    /// Starts the thread; the second value is the sink for the cyclic thread.
+    pub fn start(keep: KeepFrames) -> io::Result<(LastFrames, Box<dyn FrameSink + Send>)> {
+        let dropped = Arc::new(AtomicU64::new(0));
+        let (sink, ring) = ring_sink(dropped.clone(), keep.when_full);
+        let told = Arc::new(AtomicBool::new(false));
+        let mut keeper = Keeper::new(keep, told.clone());
+        let thread = std::thread::Builder::new().name("last frames".to_owned()).spawn(move || {
+            drained(ring, &mut |entry| keeper.take(entry))?;
+            keeper.end()
+        })?;
+        Ok((LastFrames { keeper: thread, told, dropped }, sink))
+    }
+
+    /// Something went wrong that frames don't tell: what is kept is written.
+    pub fn wrong(&self) {
+        self.told.store(true, Ordering::Relaxed);
+    }
+
+    /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
+    pub fn finish(self) -> io::Result<Kept> {
+        match self.keeper.join() {
+            Ok(kept) => Ok(Kept { dropped: self.dropped.load(Ordering::Relaxed), ..kept? }),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+/// A datagram as it comes again every cycle: place in the frame, command, address, length.
+type Place = (usize, u8, u32, usize);
+
+struct Keeper {
+    keep: KeepFrames,
+    told: Arc<AtomicBool>,
+    frames: VecDeque<Entry>,
+    counters: HashMap<Place, u16>,
+    /// Frames that were sent and not answered, by their first datagram's index and command.
+    awaited: VecDeque<(u64, [u8; 2])>,
+    /// What went wrong, and when what follows is enough.
+    incident: Option<(String, u64)>,
+    kept: Kept,
+}
+
+impl Keeper {
+    fn new(keep: KeepFrames, told: Arc<AtomicBool>) -> Self {
+        Keeper {
+            keep,
+            told,
+            frames: VecDeque::new(),
+            counters: HashMap::new(),
+            awaited: VecDeque::new(),
+            incident: None,
+            kept: Kept::default(),
+        }
+    }
+
+    fn take(&mut self, entry: Entry) -> io::Result<()> {
+        let now = entry.unix_ns;
+        let found = match entry.direction {
+            Direction::Outbound => self.sent(&entry),
+            Direction::Inbound => self.back(&entry),
+        };
+        let told = self.told.swap(false, Ordering::Relaxed).then(|| "the run told so".to_owned());
+        if let (Some(words), None) = (found.or(told), &self.incident) {
+            self.incident = Some((words, now + BEHIND_NS));
+        }
+        let oldest = now.saturating_sub(self.keep.seconds.as_nanos() as u64);
+        while self.frames.front().is_some_and(|first| first.unix_ns < oldest) {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(entry);
+        if let Some((words, _)) = self.incident.take_if(|(_, until)| now >= *until) {
+            self.write(words)?;
+        }
+        Ok(())
+    }
+
+    fn sent(&mut self, entry: &Entry) -> Option<String> {
+        let first = Datagrams::new(&entry.frame).ok()?.next()?.ok()?;
+        self.awaited.push_back((entry.unix_ns, [first.header.index, first.header.command]));
+        let (oldest, _) = *self.awaited.front()?;
+        let is_lost = entry.unix_ns.saturating_sub(oldest) > UNANSWERED_NS;
+        if is_lost {
+            self.awaited.clear();
+        }
+        is_lost.then(|| "a frame got no answer".to_owned())
+    }
+
+    fn back(&mut self, entry: &Entry) -> Option<String> {
+        let mut words = None;
+        for (number, datagram) in Datagrams::new(&entry.frame).ok()?.enumerate() {
+            let Ok(datagram) = datagram else { return Some("a frame came back damaged".to_owned()) };
+            let header = &datagram.header;
+            if number == 0 {
+                let own = [header.index, header.command];
+                // Those before it were lost, or come later: both are told.
+                if let Some(at) = self.awaited.iter().position(|(_, sent)| *sent == own) {
+                    if at > 0 {
+                        words = Some("a frame got no answer, but later ones did".to_owned());
+                    }
+                    self.awaited.drain(..=at);
+                }
+            }
+            // What a SubDevice is asked by its register beside the cycle differs by nature.
+            let is_cyclic = matches!(header.command, 10..=12);
+            let place = (number, header.command, header.address, header.length);
+            let counter = datagram.working_counter;
+            if is_cyclic && self.counters.len() < MOST_KNOWN {
+                let before = self.counters.insert(place, counter);
+                if before.is_some_and(|before| before > counter) {
+                    words = Some(format!(
+                        "datagram {number}: working counter {counter} behind {}",
+                        before.unwrap_or_default()
+                    ));
+                }
+            }
+            let is_status =
+                header.address >> 16 == u32::from(register::AL_STATUS) && datagram.data.len() >= 2;
+            if is_status && counter > 0 && u16_at(datagram.data, 0) & AL_ERROR != 0 {
+                words = Some("a SubDevice shows an error in its AL status".to_owned());
+            }
+        }
+        words
+    }
+
+    fn write(&mut self, words: String) -> io::Result<()> {
+        let number = self.kept.files.len() as u32 + 1;
+        if number > MOST_FILES {
+            return Ok(());
+        }
+        let path = numbered(&self.keep.path, number);
+        let mut writer = PcapngWriter::new(BufWriter::new(File::create(&path)?), &self.keep.interface)?;
+        for entry in &self.frames {
+            writer.write(entry.unix_ns, entry.direction, &entry.frame)?;
+        }
+        writer.finish()?.into_inner().map_err(|error| error.into_error())?.sync_all()?;
+        self.kept.files.push((path, words));
+        Ok(())
+    }
+
+    /// No more frames come: what went wrong is written with what there is.
+    fn end(mut self) -> io::Result<Kept> {
+        let told = self.told.load(Ordering::Relaxed).then(|| "the run told so".to_owned());
+        if let Some(words) = self.incident.take().map(|(words, _)| words).or(told) {
+            self.write(words)?;
+        }
+        Ok(self.kept)
+    }
+}
+
+/// `x.pcapng`, `x-2.pcapng` and so on.
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    if number == 1 {
+        return path.to_path_buf();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy()));
+    path.with_file_name(format!("{stem}-{number}{}", extension.unwrap_or_default()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Capture;
+    use omnibase_ethercat_wire::frame::FrameBuilder;
+    use omnibase_ethercat_wire::{Address, Command};
+
+    fn frame(index: u8, counter: u16) -> Vec<u8> {
+        let mut frame = FrameBuilder::new();
+        frame.push(Command::Lrd, index, Address::Logical(0), &[0; 4]).unwrap();
+        let mut bytes = frame.bytes().to_vec();
+        let at = bytes.len().min(16 + 10 + 4);
+        bytes[at..at + 2].copy_from_slice(&counter.to_le_bytes());
+        bytes
+    }
+
+    /// Ten seconds of cycles of 10 ms, of which cycle 600 has this working counter, and is answered or not.
+    fn kept(name: &str, counter: u16, is_answered: bool) -> (Kept, PathBuf) {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-{name}.pcapng", std::process::id()));
+        let keep = KeepFrames {
+            path: path.clone(),
+            interface: "eth1".into(),
+            seconds: Duration::from_secs(2),
+            when_full: WhenFull::Wait,
+        };
+        let (frames, mut sink) = LastFrames::start(keep).unwrap();
+        for cycle in 0..1000u64 {
+            let (time, index) = (cycle * 10_000_000, cycle as u8);
+            sink.record(time, Direction::Outbound, &frame(index, 0)).unwrap();
+            let counter = if cycle == 600 { counter } else { 3 };
+            if is_answered || cycle != 600 {
+                sink.record(time + 50_000, Direction::Inbound, &frame(index, counter)).unwrap();
+            }
+        }
+        drop(sink);
+        (frames.finish().unwrap(), path)
+    }
+
+    #[test]
+    fn nothing_is_written_where_nothing_goes_wrong() {
+        let (kept, path) = kept("well", 3, true);
+        assert_eq!((kept.files, kept.dropped), (vec![], 0));
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_came_before_and_behind_is_written_when_a_counter_falls_or_an_answer_is_missing() {
+        for (name, counter, is_answered, words) in [
+            ("short", 2, true, "datagram 0: working counter 2 behind 3"),
+            ("lost", 3, false, "a frame got no answer, but later ones did"),
+        ] {
+            let (kept, path) = kept(name, counter, is_answered);
+            assert_eq!(kept.files, [(path.clone(), words.to_owned())]);
+            let file = std::fs::read(&path).unwrap();
+            let capture = Capture::read(&file).unwrap();
+            let times: Vec<u64> = capture.frames.iter().map(|frame| frame.unix_ns).collect();
+            let (first, last) = (times[0], times[times.len() - 1]);
+            assert!((4_900_000_000..5_100_000_000).contains(&first), "{name}: {first}");
+            assert!((7_000_000_000..7_050_000_000).contains(&last), "{name}: {last}");
+            std::fs::remove_file(path).unwrap();
+        }
+    }
+
+    #[test]
+    fn later_files_have_numbers() {
+        assert_eq!(numbered(Path::new("a/x.pcapng"), 1), Path::new("a/x.pcapng"));
+        assert_eq!(numbered(Path::new("a/x.pcapng"), 2), Path::new("a/x-2.pcapng"));
+    }
+}

@@ -1,0 +1,301 @@
+//! The room of a robot's file, and ways through it.
+
+use std::path::Path;
+
+use omnibase_plan::map::Unknown;
+use omnibase_plan::{Cost, Footprint, Map, MapError, Plan, PlanError, Point, Space, Task};
+use omnibase_platform::Pose2;
+use omnibase_robot::config::{
+    BestWay, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells,
+};
+use omnibase_robot::guard::Obstacle;
+use omnibase_robot::stages::Reference;
+use omnibase_robot::{Ability, Registry, RobotPlan};
+
+/// The side of a cell where no map says it, m.
+const CELL_M: f64 = 0.05;
+/// What a footprint keeps from walls, m.
+const CLEARANCE_M: f64 = 0.05;
+/// Room beside what the guard keeps from fence and obstacles, so that it lets the robot pass, m.
+const BESIDE_GUARD_M: f64 = 0.05;
+/// Where there is neither map nor fence, the floor goes so far beyond both ends of a way and all obstacles, m.
+const OPEN_M: f64 = 5.0;
+/// A kink that couldn't be bent is cut by at most this, m.
+const CORNER_M: f64 = 0.01;
+/// A way's timing is looked at so often, s.
+const LOOK_S: f64 = 0.02;
+/// Nearer points than this are one for the timing, m and rad.
+const SAME: f64 = 1e-3;
+
+/// What of a room doesn't change while the robot runs.
+#[derive(Clone, Debug)]
+pub struct Room {
+    /// The map's file, read; its frame is odom.
+    map: Option<Map>,
+    blocked_m: Vec<Vec<Point>>,
+    odom_from_map: Pose2,
+    cell_m: f64,
+    clearance_m: f64,
+    footprint: Footprint,
+    guard: GuardPlan,
+    /// What the robot's file chose.
+    pub way: BestWay,
+}
+
+/// What is asked of a room.
+#[derive(Clone, Debug)]
+pub struct Way<'a> {
+    /// Where the robot stands, in odom.
+    pub from: Pose2,
+    /// Where it shall stand, in odom.
+    pub to: Pose2,
+    /// Obstacles as they are now.
+    pub obstacles: &'a [Obstacle],
+    /// Which way is the best one.
+    pub best: BestWay,
+}
+
+/// A way with its times.
+pub struct TimedWay {
+    /// The way, in odom.
+    pub plan: Plan,
+    /// As a reference's table: what `run --path` and `load` take.
+    pub table: ReferenceTable,
+    /// As a reference.
+    pub reference: Box<dyn Reference>,
+    /// How long it takes, s.
+    pub duration_s: f64,
+}
+
+/// Why there is no way, or no room.
+#[derive(Debug, thiserror::Error)]
+pub enum RoomError {
+    /// The map.
+    #[error("map: {0}")]
+    Map(#[from] MapError),
+    /// The map's file.
+    #[error("map.file {name}: {why}")]
+    File {
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// The footprint.
+    #[error("footprint: {0}")]
+    Footprint(#[from] omnibase_plan::FootprintError),
+    /// The way.
+    #[error("{0}")]
+    Plan(#[from] PlanError),
+    /// Its timing.
+    #[error("the way was found, but it can't be timed: {0}")]
+    Timing(String),
+    /// The timed motion isn't quite the way.
+    #[error("the way was found, but the motion along it touches what is in the way at x {:.3} m, y {:.3} m", at.x_m, at.y_m)]
+    Touches {
+        /// Where.
+        at: Pose2,
+    },
+}
+
+/// Reads a map of ROS's map_server.
+pub fn read_map(path: &Path, unknown: UnknownCells) -> Result<Map, RoomError> {
+    let name = path.display().to_string();
+    let wrong = |why: String| RoomError::File { name: name.clone(), why };
+    let yaml = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+    let unknown = match unknown {
+        UnknownCells::Blocked => Unknown::Blocked,
+        UnknownCells::Free => Unknown::Free,
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let image = |image: &str| std::fs::read(folder.join(image)).map_err(|error| error.to_string());
+    Map::read(&yaml, unknown, image).map_err(|error| wrong(error.to_string()))
+}
+
+impl Room {
+    /// The room of a robot; its map's file is looked for in a folder.
+    pub fn of(plan: &RobotPlan, folder: &Path) -> Result<Room, RoomError> {
+        let table = plan.map.clone().unwrap_or_default();
+        let unknown = table.unknown.unwrap_or_default();
+        let map = table.file.as_ref().map(|file| read_map(&folder.join(file), unknown)).transpose()?;
+        Room::with_map(plan, map)
+    }
+
+    /// The room of a robot with another map than its file's.
+    pub fn with_map(plan: &RobotPlan, map: Option<Map>) -> Result<Room, RoomError> {
+        let MapTable { blocked_m, odom_from_map, cell_m, clearance_m, way, .. } =
+            plan.map.clone().unwrap_or_default();
+        let [x_m, y_m, heading_rad] = odom_from_map.unwrap_or_default();
+        let odom_from_map = Pose2::new(x_m, y_m, heading_rad);
+        let map = map.map(|map| Map { map_from_grid: odom_from_map.then(map.map_from_grid), ..map });
+        Ok(Room {
+            map,
+            blocked_m: blocked_m.unwrap_or_default(),
+            odom_from_map,
+            cell_m: cell_m.unwrap_or(CELL_M),
+            clearance_m: clearance_m.unwrap_or(CLEARANCE_M),
+            footprint: Footprint::new(plan.guard.footprint_m.clone())?,
+            guard: plan.guard.clone(),
+            way: way.unwrap_or_default(),
+        })
+    }
+
+    /// The same, keeping another clearance from walls, m.
+    #[must_use]
+    pub fn keeping(self, clearance_m: f64) -> Room {
+        Room { clearance_m, ..self }
+    }
+
+    /// The map's file, in odom.
+    pub fn map(&self) -> Option<&Map> {
+        self.map.as_ref()
+    }
+
+    /// Polygons that are in the way, in odom, m.
+    pub fn blocked_m(&self) -> Vec<Vec<Point>> {
+        let in_odom = |corner: &Point| {
+            let at = self.odom_from_map.then(Pose2::new(corner[0], corner[1], 0.0));
+            [at.x_m, at.y_m]
+        };
+        self.blocked_m.iter().map(|polygon| polygon.iter().map(in_odom).collect()).collect()
+    }
+
+    /// The footprint.
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    /// Everything that is in the way of a way.
+    pub fn space(&self, way: &Way<'_>) -> Result<Space, RoomError> {
+        let mut map = match (&self.map, &self.guard.fence) {
+            (Some(map), _) => map.clone(),
+            (None, Some(fence)) => Map::of_room(&fence.corners_m, self.cell_m)?,
+            (None, None) => self.open_floor(way)?,
+        };
+        for polygon in self.blocked_m() {
+            map.block_polygon(&polygon);
+        }
+        let beside_m = BESIDE_GUARD_M - self.clearance_m;
+        if let Some(fence) = &self.guard.fence {
+            map.keep_inside(&fence.corners_m);
+            map.block_sides(&fence.corners_m, fence.margin_m + beside_m);
+        }
+        for obstacle in way.obstacles {
+            // Nobody could begin inside what is kept.
+            let near_m = self.gap_m(&way.from, obstacle) - self.clearance_m - 0.5 * map.cell_m;
+            let kept_m = (self.guard.distance_m + beside_m).max(0.0).min(near_m.max(0.0));
+            map.block_circle(obstacle.centre_m, obstacle.radius_m + kept_m);
+        }
+        Ok(Space::new(map))
+    }
+
+    /// From the footprint at a pose to an obstacle, m, at most: by its corners and sides.
+    fn gap_m(&self, pose: &Pose2, obstacle: &Obstacle) -> f64 {
+        let corners = self.footprint.placed_m(pose);
+        let to_side = |at: usize| {
+            let (from, to) = (corners[at], corners[(at + 1) % corners.len()]);
+            let side = [to[0] - from[0], to[1] - from[1]];
+            let away = [obstacle.centre_m[0] - from[0], obstacle.centre_m[1] - from[1]];
+            let square = side[0] * side[0] + side[1] * side[1];
+            let part = ((away[0] * side[0] + away[1] * side[1]) / square).clamp(0.0, 1.0);
+            (away[0] - part * side[0]).hypot(away[1] - part * side[1])
+        };
+        (0..corners.len()).map(to_side).fold(f64::INFINITY, f64::min) - obstacle.radius_m
+    }
+
+    /// Whether a way comes nearer to an obstacle than the robot keeps from it.
+    pub fn meets(&self, way: &[Pose2], obstacle: &Obstacle) -> bool {
+        let holds = |pose: &Pose2| {
+            let at = pose.inverse().then(Pose2::new(obstacle.centre_m[0], obstacle.centre_m[1], 0.0));
+            let corners = self.footprint.corners_m();
+            (0..corners.len()).all(|number| {
+                let (from, to) = (corners[number], corners[(number + 1) % corners.len()]);
+                (to[0] - from[0]) * (at.y_m - from[1]) - (to[1] - from[1]) * (at.x_m - from[0]) >= 0.0
+            })
+        };
+        way.iter().any(|pose| holds(pose) || self.gap_m(pose, obstacle) < self.guard.distance_m)
+    }
+
+    fn open_floor(&self, way: &Way<'_>) -> Result<Map, RoomError> {
+        let ends = [way.from, way.to].map(|pose| [pose.x_m, pose.y_m]);
+        let blocked = self.blocked_m();
+        let places = || {
+            let obstacles = way.obstacles.iter().map(|obstacle| obstacle.centre_m);
+            ends.into_iter().chain(obstacles).chain(blocked.iter().flatten().copied())
+        };
+        let far_m = OPEN_M + self.footprint.outer_radius_m();
+        let range = |axis: usize| {
+            let low = places().map(|place| place[axis]).fold(f64::INFINITY, f64::min) - far_m;
+            let high = places().map(|place| place[axis]).fold(f64::NEG_INFINITY, f64::max) + far_m;
+            [low, high]
+        };
+        let ([left, right], [low, high]) = (range(0), range(1));
+        // However far it is: no more cells than half a million or so.
+        let cell_m = self.cell_m.max(((right - left) * (high - low) / 5e5).sqrt());
+        Ok(Map::of_room(&[[left, low], [right, low], [right, high], [left, high]], cell_m)?)
+    }
+
+    /// The best way, in odom.
+    pub fn plan(&self, way: &Way<'_>, space: &Space) -> Result<Plan, RoomError> {
+        let cost = match way.best {
+            BestWay::Shortest => Cost::Shortest,
+            BestWay::Ridge => Cost::Ridge,
+        };
+        let task = Task {
+            space,
+            footprint: &self.footprint,
+            from: way.from,
+            to: way.to,
+            clearance_m: self.clearance_m,
+            cost,
+        };
+        Ok(omnibase_plan::plan(&task)?)
+    }
+
+    /// The best way in the shortest time that a robot's limits allow, looked at again as it will be driven.
+    pub fn timed(&self, way: &Way<'_>, limits: &Limits, registry: &Registry) -> Result<TimedWay, RoomError> {
+        let space = self.space(way)?;
+        let plan = self.plan(way, &space)?;
+        let table = table_of(&plan, limits);
+        let mut reference = registry
+            .make_reference(&table, &Ability::from(limits))
+            .map_err(|error| RoomError::Timing(error.to_string()))?;
+        reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
+        let duration_s = reference.duration_s().unwrap_or_default();
+        let mut checker = space.checker(&self.footprint, 0.0);
+        let looks = (duration_s / LOOK_S).ceil() as u32;
+        for look in 0..=looks {
+            let at = reference.sample(duration_s.min(f64::from(look) * LOOK_S)).odom_from_body;
+            if !checker.is_free(&at) {
+                return Err(RoomError::Touches { at });
+            }
+        }
+        Ok(TimedWay { plan, table, reference, duration_s })
+    }
+}
+
+/// A way as a reference's table: its points' times are those of half the speed, and don't count.
+fn table_of(plan: &Plan, limits: &Limits) -> ReferenceTable {
+    let mut points: Vec<[f64; 4]> = Vec::with_capacity(plan.poses.len());
+    let mut time_s = 0.0;
+    for (number, pose) in plan.poses.iter().enumerate() {
+        if let Some([.., x_m, y_m, heading_rad]) = points.last() {
+            let moved_m = (pose.x_m - x_m).hypot(pose.y_m - y_m);
+            let turned_rad = (pose.heading_rad - heading_rad).abs();
+            if moved_m < SAME && turned_rad < SAME && number + 1 < plan.poses.len() {
+                continue;
+            }
+            time_s +=
+                (2.0 * moved_m / limits.speed_m_s).max(2.0 * turned_rad / limits.turn_speed_rad_s).max(1e-3);
+        }
+        points.push([time_s, pose.x_m, pose.y_m, pose.heading_rad]);
+    }
+    ReferenceTable {
+        kind: Some("path".to_owned()),
+        points: Some(points),
+        timing: Some(Timing::Fastest),
+        corner_m: Some(CORNER_M),
+        frame: Some(PathFrame::Odom),
+        ..ReferenceTable::default()
+    }
+}

@@ -1,0 +1,50 @@
+//! Robots that nobody knows, set up by a script: wiring, order, direction, gear and encoder wrong in seeded ways.
+//!
+//! `seeds [COUNT]`: so many seeds, 100 where nothing is said. Of each: whether the file is right, whether its square was driven.
+
+mod unknown;
+
+use unknown::{Unknown, differences, drive_square, set_up};
+
+fn main() {
+    let count: u64 = std::env::args().nth(1).and_then(|word| word.parse().ok()).unwrap_or(100);
+    let (mut right, mut driven, mut wired, mut found_wires, mut unheld, mut worst_m) =
+        (0, 0, 0, 0, 0, 0.0f64);
+    for seed in 1..=count {
+        let robot = Unknown::of(seed);
+        let found = match set_up(&robot, None) {
+            Ok(found) => found,
+            Err(error) => {
+                println!("seed {seed}: {error}");
+                continue;
+            }
+        };
+        let wrong = differences(&robot, &found.text);
+        let square = drive_square(&robot, &found.text);
+        let told = found.record.findings.iter().any(|finding| finding.contains("counts against its motor"));
+        wired += u64::from(robot.turned_encoder.is_some());
+        found_wires += u64::from(robot.turned_encoder.is_some() && told);
+        right += u64::from(wrong.is_empty());
+        unheld += found
+            .record
+            .log
+            .iter()
+            .filter(|line| line.contains("cycles, ") && !line.contains(" 0 without a held key"))
+            .count();
+        match square {
+            Ok(rms_m) => {
+                driven += 1;
+                worst_m = worst_m.max(rms_m);
+            }
+            Err(error) => println!("seed {seed}: the square: {error}"),
+        }
+        if !wrong.is_empty() {
+            println!("seed {seed}: {robot:?}: {}", wrong.join("; "));
+        }
+    }
+    println!(
+        "{right} of {count} files right, {driven} drove their square (true RMS at most {:.2} mm); wrong wires found: {found_wires} of {wired}; \
+         motions without a held key: {unheld}",
+        1e3 * worst_m
+    );
+}

@@ -1,0 +1,264 @@
+//! A simulated robot of which nobody knows how it is wired, and a person who looks at its wheels.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::atomic::AtomicBool;
+
+use omnibase_ethercat::wire::Link;
+use omnibase_ethercat_sim::pdi::ApplicationFault;
+use omnibase_ethercat_sim::{Fault, Injector, VirtualClock, in_process};
+use omnibase_robot::config::RobotPlan;
+use omnibase_robot::{Registry, Robot};
+use omnibase_robot_sim::SharedMachine;
+use omnibase_run::run::{Progress, Setup};
+use omnibase_run::simulated;
+use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Question, Record, Wished, robot_file};
+
+/// What the person begins with: a robot's file whose platform is right.
+pub const BASE: &str = include_str!("../../../../robots/bmm.toml");
+/// The square that the robot drives in the end.
+const SQUARE: &str = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]\n";
+/// On blocks: what the wheels would have to move is light, and they slide on it.
+const ON_BLOCKS: &str =
+    "[simulation]\nstatic_friction = 0.04\nsliding_friction = 0.035\nmass_kg = 2.0\ninertia_kg_m2 = 0.2\n";
+const COUNTS: [u32; 5] = [1 << 20, 1 << 17, 1 << 16, 10_000, 1 << 22];
+const GEARS: [f64; 4] = [1.0, 5.0, 10.0, 12.5];
+/// Cycles after which the emergency stop is pressed.
+const PRESSED_AT: u32 = 400;
+
+/// How a robot really is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknown {
+    /// Position of each wheel's drive.
+    pub positions: [i64; 3],
+    /// Whether each wheel's drive counts backwards.
+    pub backward: [bool; 3],
+    /// Counts per turn of the motor.
+    pub counts: u32,
+    /// Turns of the motor per turn of the wheel.
+    pub gear: f64,
+    /// A wheel whose encoder counts against its motor.
+    pub turned_encoder: Option<usize>,
+}
+
+impl Unknown {
+    /// The robot of a seed; every fourth has an encoder that is wired wrongly.
+    pub fn of(seed: u64) -> Self {
+        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x5DEE_CE66;
+        let mut next = |most: u64| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            state % most
+        };
+        for _ in 0..5 {
+            next(2);
+        }
+        let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let positions = orders[next(6) as usize];
+        let backward = [next(2) == 1, next(2) == 1, next(2) == 1];
+        let (counts, gear) = (COUNTS[next(5) as usize], GEARS[next(4) as usize]);
+        let turned_encoder = (next(4) == 0).then(|| next(3) as usize);
+        Unknown { positions, backward, counts, gear, turned_encoder }
+    }
+
+    /// Its file, as nobody has it.
+    pub fn text(&self, more: &str) -> String {
+        let mut document: toml_edit::DocumentMut = BASE.parse().unwrap();
+        let drives = document["drive"].as_array_of_tables_mut().unwrap();
+        for (wheel, table) in drives.iter_mut().enumerate() {
+            table["position"] = toml_edit::value(self.positions[wheel]);
+            table["direction"] = toml_edit::value(if self.backward[wheel] { "backward" } else { "forward" });
+            table["counts_per_revolution"] = toml_edit::value(i64::from(self.counts));
+            table["gear_ratio"] = toml_edit::value(self.gear);
+        }
+        format!("{document}\n{more}")
+    }
+
+    fn plan(&self, on_blocks: bool) -> RobotPlan {
+        let mut text = self.text("");
+        if on_blocks {
+            text = text.replace("[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 7.0\n", ON_BLOCKS);
+        }
+        if let Some(wheel) = self.turned_encoder {
+            text = text.replace(
+                "[simulation]\n",
+                &format!("[simulation]\nturned_encoders = [\"wheel_{}\"]\n", wheel + 1),
+            );
+        }
+        robot_file::plan(&text, &Registry::with_built_in()).unwrap()
+    }
+}
+
+/// The robot on its blocks, as it is wired now.
+struct World {
+    robot: Unknown,
+    machine: Option<SharedMachine>,
+    injector: Option<Injector>,
+}
+
+/// A person who looks, holds the key for one turn, and has the wires changed where that is asked for.
+struct Person {
+    world: Rc<RefCell<World>>,
+    before: [f64; 3],
+    cycles: u32,
+    what: String,
+    /// What was asked, in order, with its answer.
+    asked: Vec<(String, String)>,
+    /// The person leaves at this question, once.
+    leaves_at: Option<String>,
+}
+
+impl Person {
+    fn angles(&self) -> [f64; 3] {
+        let world = self.world.borrow();
+        let machine = world.machine.as_ref().expect("the segment is open").lock();
+        let wheels = machine.body().wheels();
+        [0, 1, 2].map(|wheel| wheels[wheel].angle_rad)
+    }
+
+    /// The wheel that turned most, and how far.
+    fn seen(&self) -> (usize, f64) {
+        let now = self.angles();
+        let turned = [0, 1, 2].map(|wheel| now[wheel] - self.before[wheel]);
+        let most = (0..3).max_by(|one, other| turned[*one].abs().total_cmp(&turned[*other].abs())).unwrap();
+        (most, turned[most])
+    }
+}
+
+impl Hand for Person {
+    fn ask(&mut self, question: &Question) -> Answer {
+        if self.leaves_at.as_ref() == Some(&question.id) {
+            self.leaves_at = None;
+            return Answer::Leave;
+        }
+        let word = question.id.split(' ').next().unwrap_or_default();
+        let said = match word {
+            "wheel" => format!("wheel_{}", self.seen().0 + 1),
+            "way" => if self.seen().1 > 0.0 { "forward" } else { "backward" }.to_owned(),
+            // By eye: to a hundredth of a turn.
+            "turns" => format!("{:.2}", self.seen().1.abs() / core::f64::consts::TAU),
+            "gear" => self.world.borrow().robot.gear.to_string(),
+            "again" => {
+                self.world.borrow_mut().robot.turned_encoder = None;
+                "again".to_owned()
+            }
+            "parameters" => "write".to_owned(),
+            // What the program thinks likely.
+            _ => String::new(),
+        };
+        self.asked.push((question.id.clone(), said.clone()));
+        Answer::Said(said)
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, what: &str) {
+        (self.before, self.cycles, self.what) = (self.angles(), 0, what.to_owned());
+    }
+
+    fn key(&mut self) -> Key {
+        self.cycles += 1;
+        if self.what.contains("emergency stop") && self.cycles == PRESSED_AT {
+            let world = self.world.borrow();
+            for position in 0..3 {
+                let stop = Fault::Application(ApplicationFault::SafeTorqueOff(true));
+                world.injector.as_ref().expect("the segment is open").inject(position, stop);
+            }
+        }
+        let turns = self.seen().1.abs() / core::f64::consts::TAU;
+        if self.what.contains("turns; let go") && turns >= 1.0 { Key::LetGo } else { Key::Beat }
+    }
+}
+
+/// What came of a set-up.
+pub struct Found {
+    /// The robot's file.
+    pub text: String,
+    /// The record.
+    pub record: Record,
+    /// Questions and answers.
+    pub asked: Vec<(String, String)>,
+}
+
+/// Sets the robot up; where `leaves_at` names a question the person leaves there and takes it up again.
+pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String> {
+    let world = World { robot: robot.clone(), machine: None, injector: None };
+    let world = Rc::new(RefCell::new(world));
+    let opened = Rc::clone(&world);
+    let mut open = move || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let mut world = opened.borrow_mut();
+        let (mut segment, machine) =
+            simulated::segment(&world.robot.plan(true)).map_err(|error| error.to_string())?;
+        (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
+        let (link, clock) = in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    let mut person = Person {
+        world,
+        before: [0.0; 3],
+        cycles: 0,
+        what: String::new(),
+        asked: Vec::new(),
+        leaves_at: leaves_at.map(str::to_owned),
+    };
+    let mut kept = String::new();
+    for _ in 0..2 {
+        let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
+        let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
+        let mut keep = |record: &Record| kept = record.to_json();
+        let mut guide = Guide::new(wished, record, &mut open, (&mut person, &mut keep))
+            .map_err(|error| error.to_string())?;
+        let ended = guide.run().map_err(|error| error.to_string())?;
+        let record = guide.record.clone();
+        if let Ended::File(text) = ended {
+            return Ok(Found { text, record, asked: person.asked });
+        }
+    }
+    Err(format!("it didn't end: {:?}", person.asked.last()))
+}
+
+/// What of a file isn't as the robot is; none where it is right.
+pub fn differences(robot: &Unknown, text: &str) -> Vec<String> {
+    let registry = Registry::with_built_in();
+    let (found, truth) =
+        (robot_file::plan(text, &registry).unwrap(), robot_file::plan(&robot.text(""), &registry).unwrap());
+    let mut differences = Vec::new();
+    for (found, truth) in found.drives.iter().zip(&truth.drives) {
+        if (found.place, found.scale.direction) != (truth.place, truth.scale.direction) {
+            differences.push(format!("{}: {:?} {:?}", found.name, found.place, found.scale.direction));
+        }
+        let counts = |plan: &omnibase_robot::config::DrivePlan| {
+            (plan.scale.counts_per_revolution, plan.scale.gear_ratio)
+        };
+        if counts(found) != counts(truth) {
+            differences.push(format!("{}: {:?} for {:?}", found.name, counts(found), counts(truth)));
+        }
+    }
+    differences
+}
+
+/// Drives the square with this file on the robot as it really is, on its floor; the true RMS error, m.
+pub fn drive_square(robot: &Unknown, text: &str) -> Result<f64, String> {
+    let registry = Registry::with_built_in();
+    let plan = robot_file::plan(&format!("{text}{SQUARE}"), &registry).map_err(|error| error.to_string())?;
+    let whole = Unknown { turned_encoder: None, ..robot.clone() };
+    let (segment, machine) = simulated::segment(&whole.plan(false)).map_err(|error| error.to_string())?;
+    let (link, clock) = in_process(segment);
+    let setup = Setup {
+        plan: &plan,
+        robot: Robot::build(&plan, &registry).map_err(|error| format!("{error:?}"))?,
+        machine: Some(machine),
+        script: None,
+        recording: None,
+        live: None,
+        stop: &AtomicBool::new(false),
+        progress: &Progress::default(),
+    };
+    let ran = omnibase_run::run(link, clock, setup, &mut |_| {}).map_err(|error| error.to_string())?;
+    ran.ended.map_err(|error| error.to_string())?;
+    if !ran.finished {
+        return Err("the square wasn't finished".to_owned());
+    }
+    Ok(ran.summary.rms_error_m.truth.unwrap_or(f64::INFINITY))
+}

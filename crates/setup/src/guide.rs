@@ -1,0 +1,228 @@
+//! The steps, one after the other.
+
+mod jogging;
+mod reading;
+
+use std::time::Duration;
+
+use omnibase_ethercat::wire::{Clock, Link, LinkError};
+use omnibase_robot::Registry;
+use omnibase_robot::config::{RobotPlan, SpeedUnit};
+
+use crate::hand::{Answer, Hand, Question};
+use crate::record::{FoundDrive, Record, Step};
+use crate::robot_file::{self, RobotFileError};
+
+/// What is known before, and how the drives are turned.
+#[derive(Clone, Debug)]
+pub struct Wished {
+    /// A robot's file whose platform, limits and names of wheels hold; what it says of drives is to be confirmed.
+    pub base: String,
+    /// The cycle.
+    pub cycle: Duration,
+    /// Speed of a wheel while it is jogged, rad/s.
+    pub wheel_speed_rad_s: f64,
+    /// Torque while it is jogged, per mille of the motor's rated.
+    pub torque_per_mille: u16,
+    /// The longest motion, s.
+    pub longest_s: f64,
+    /// How long a beat of the key counts, s; and how far its first two may be apart.
+    pub key_s: [f64; 2],
+}
+
+impl Wished {
+    /// Slowly and gently: half a radian per second, a tenth of the rated torque, at most a minute.
+    pub fn new(base: String) -> Self {
+        Wished {
+            base,
+            cycle: Duration::from_millis(1),
+            wheel_speed_rad_s: 0.5,
+            torque_per_mille: 100,
+            longest_s: 60.0,
+            key_s: [0.25, 1.0],
+        }
+    }
+}
+
+/// Why a set-up can't go on.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// The segment can't be opened.
+    #[error("{0}")]
+    Open(String),
+    /// The bus refuses.
+    #[error("{0}")]
+    Bus(String),
+    /// The port is broken.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// Other drives are there than when it was left.
+    #[error(
+        "when this set-up was left there was {expected} at position {position}, now there is {found}: begin a new one"
+    )]
+    Changed {
+        /// Position on the bus.
+        position: u16,
+        /// Who was there.
+        expected: String,
+        /// Who is.
+        found: String,
+    },
+    /// There are fewer drives than wheels.
+    #[error("the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402")]
+    TooFewDrives {
+        /// Wheels of the file.
+        wheels: usize,
+        /// Drives found.
+        drives: usize,
+    },
+    /// The file.
+    #[error(transparent)]
+    File(#[from] RobotFileError),
+}
+
+/// What became of a set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ended {
+    /// It is done: the robot's file.
+    File(String),
+    /// It was left, and can be taken up again from its record.
+    Left,
+}
+
+/// A way to the segment: link and clock, as often as it is asked for.
+pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
+
+/// The set-up of one robot.
+pub struct Guide<'a, C: Clock> {
+    pub(crate) wished: Wished,
+    pub(crate) plan: RobotPlan,
+    pub(crate) open: Open<'a, C>,
+    pub(crate) hand: &'a mut dyn Hand,
+    /// What was found and done so far.
+    pub record: Record,
+    /// Called with the record after each thing that was done.
+    pub(crate) keep: &'a mut dyn FnMut(&Record),
+}
+
+/// A step that was left half-way.
+pub(crate) struct Leave;
+
+impl<'a, C: Clock> Guide<'a, C> {
+    /// A set-up from the beginning, or from where `record` left it.
+    pub fn new(
+        wished: Wished,
+        record: Record,
+        open: Open<'a, C>,
+        (hand, keep): (&'a mut dyn Hand, &'a mut dyn FnMut(&Record)),
+    ) -> Result<Self, SetupError> {
+        let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
+        Ok(Guide { wished, plan, open, hand, record, keep })
+    }
+
+    /// Every step that isn't done yet.
+    pub fn run(&mut self) -> Result<Ended, SetupError> {
+        for step in Step::ALL {
+            if self.record.done.contains(&step) && step != Step::File {
+                self.hand.tell(&format!("done before: {}", step.words()));
+                // Who was there must be there still.
+                if step == Step::Find {
+                    self.compare()?;
+                }
+                continue;
+            }
+            self.hand.tell(&format!("step: {}", step.words()));
+            let done = match step {
+                Step::Find => self.find().map(|()| true)?,
+                Step::Jog => self.jog_all()?,
+                Step::Enable => self.enable_all()?,
+                Step::SafeTorqueOff => self.stop_all()?,
+                Step::Parameters => self.parameters()?,
+                Step::File => {
+                    let text =
+                        robot_file::write(&self.wished.base, &self.record, &Registry::with_built_in())?;
+                    self.finish(step);
+                    return Ok(Ended::File(text));
+                }
+            };
+            if !done {
+                (self.keep)(&self.record);
+                return Ok(Ended::Left);
+            }
+            self.finish(step);
+        }
+        Ok(Ended::Left)
+    }
+
+    fn finish(&mut self, step: Step) {
+        self.record.note(format!("done: {}", step.words()));
+        if !self.record.done.contains(&step) {
+            self.record.done.push(step);
+        }
+        (self.keep)(&self.record);
+    }
+
+    /// An answer among the choices, asked again until it is one; `Err` where somebody leaves.
+    pub(crate) fn choose(
+        &mut self,
+        (id, text): (String, String),
+        choices: &[String],
+    ) -> Result<String, Leave> {
+        let default = choices.first().cloned();
+        let question = Question { id, text, choices: choices.to_vec(), default };
+        loop {
+            match self.hand.ask(&question) {
+                Answer::Leave => return Err(Leave),
+                Answer::Said(said) if said.trim().is_empty() => {
+                    if let Some(default) = &question.default {
+                        return Ok(default.clone());
+                    }
+                }
+                Answer::Said(said) if choices.iter().any(|choice| choice == said.trim()) => {
+                    return Ok(said.trim().to_owned());
+                }
+                Answer::Said(said) => {
+                    self.hand.tell(&format!(
+                        "expected one of {}, found \"{}\"",
+                        choices.join(", "),
+                        said.trim()
+                    ));
+                }
+            }
+        }
+    }
+
+    /// A number above zero, asked again until it is one.
+    pub(crate) fn number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
+        let question = Question { id, text, choices: Vec::new(), default: Some(default.to_string()) };
+        loop {
+            match self.hand.ask(&question) {
+                Answer::Leave => return Err(Leave),
+                Answer::Said(said) if said.trim().is_empty() => return Ok(default),
+                Answer::Said(said) => match said.trim().parse::<f64>() {
+                    Ok(number) if number.is_finite() && number > 0.0 => return Ok(number),
+                    _ => self.hand.tell(&format!("expected a number above 0, found \"{}\"", said.trim())),
+                },
+            }
+        }
+    }
+
+    /// Counts per turn of a wheel as far as they are known: by the drive, else by the file.
+    pub(crate) fn expected_counts(&self, drive: &FoundDrive) -> f64 {
+        let scale = &self.plan.drives[0].scale;
+        let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
+        counts * drive.told_gear.unwrap_or(scale.gear_ratio)
+    }
+
+    /// Speed in the drive's units, of so many counts per second.
+    pub(crate) fn speed_units(&self, counts_s: f64, drive: &FoundDrive) -> i32 {
+        let scale = &self.plan.drives[0].scale;
+        let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
+        let units = match scale.speed_unit {
+            SpeedUnit::CountsS => counts_s,
+            SpeedUnit::Rpm => counts_s / counts * 60.0,
+            SpeedUnit::MilliRpm => counts_s / counts * 60_000.0,
+        };
+        (units.round() as i32).max(1)
+    }
+}

@@ -1,0 +1,374 @@
+//! What is done in OP: jog, first enable, emergency stop.
+
+use std::sync::atomic::AtomicBool;
+
+use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, Handover, TransitionOptions};
+use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
+
+use super::{Guide, Leave, SetupError};
+use crate::drive::DriveMap;
+use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
+use crate::record::{FoundDrive, Turned};
+use crate::turns::{is_seen_as, likely_resolution};
+
+/// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
+const ENABLED_S: f64 = 2.0;
+const STOPPED_WITHIN_S: f64 = 30.0;
+/// Over what time a jog comes to its speed, s: it begins at a 64th of it, for nobody knows the encoder yet.
+const RAMP_S: f64 = 5.0;
+/// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
+const CREEP_TURNS: f64 = 0.005;
+
+/// What a drive does while the key is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// It turns.
+    Turns,
+    /// It is enabled and stands, at most so long, s.
+    Stands(f64),
+}
+
+/// The segment in OP, every drive disabled.
+struct Operational<C: Clock> {
+    paced: PacedBus<Box<dyn Link>, C>,
+    image: ProcessImage,
+    maps: Vec<DriveMap>,
+}
+
+fn in_words(error: &dyn std::fmt::Display) -> SetupError {
+    SetupError::Bus(error.to_string())
+}
+
+impl<C: Clock> Guide<'_, C> {
+    /// To OP with the maps that the drives have, torques limited before anything else.
+    fn operational(&mut self) -> Result<Operational<C>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        let cycle_ns = self.wished.cycle.as_nanos() as u32;
+        let limit = SdoWrite {
+            object: ObjectAddress::new(0x6072, 0),
+            data: self.wished.torque_per_mille.to_le_bytes().to_vec(),
+            access: SdoAccess::Entry,
+            refusal: Refusal::IsError,
+            read_back: ReadBack::Compare,
+            origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
+        };
+        let config = |position: u16| {
+            let is_drive = self.record.drives.iter().any(|drive| drive.position == position);
+            let place = Some(Match::Position(position));
+            if !is_drive {
+                return SubDeviceConfig { place, ..SubDeviceConfig::default() };
+            }
+            SubDeviceConfig {
+                place,
+                sdos: vec![limit.clone()],
+                own_bytes: true,
+                dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
+                sync_mode: Some(SyncMode::Sync0),
+                ..SubDeviceConfig::default()
+            }
+        };
+        let configs: Vec<SubDeviceConfig> = (0..bus.subdevices().len() as u16).map(config).collect();
+        bus.configure(&configs).map_err(|error| in_words(&error))?;
+        let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
+        let Handover { bus, clock, subdevices } = handover;
+        let map = |drive: &FoundDrive| DriveMap::of(&subdevices[usize::from(drive.position)], bus.plan());
+        let maps = self
+            .record
+            .drives
+            .iter()
+            .map(map)
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| in_words(&error))?;
+        let mut image = bus.plan().image();
+        let timeout = self.wished.cycle * 9 / 10;
+        let pace =
+            Pace { cycle: self.wished.cycle, timeout, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
+        let mut paced = PacedBus::new(bus, clock, pace);
+        let never = AtomicBool::new(false);
+        paced
+            .reach(Goal::Op, TransitionOptions::default(), &never, |paced| {
+                paced.exchange(&mut image).map(drop)
+            })
+            .map_err(|error| in_words(&error))?;
+        Ok(Operational { paced, image, maps })
+    }
+
+    /// Turns one drive while its key is held.
+    fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
+        let mut operational = self.operational()?;
+        let drive = self.record.drives[number].clone();
+        let cycle_s = self.wished.cycle.as_secs_f64();
+        let counts_s = self.expected_counts(&drive) * self.wished.wheel_speed_rad_s / core::f64::consts::TAU;
+        let cycles = |seconds: f64| (seconds / cycle_s).ceil() as u32;
+        let plan = JogPlan {
+            speed_units: self.speed_units(counts_s, &drive),
+            counts_per_cycle: counts_s * cycle_s,
+            torque_per_mille: self.wished.torque_per_mille,
+            ramp_cycles: cycles(RAMP_S),
+            most_cycles: cycles(match motion {
+                Motion::Turns => self.wished.longest_s,
+                Motion::Stands(longest_s) => longest_s,
+            }),
+            key_cycles: self.wished.key_s.map(cycles),
+        };
+        self.hand.take_key(what);
+        let Operational { paced, image, maps } = &mut operational;
+        let mut jogger =
+            Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
+        let jog = match motion {
+            Motion::Turns => jogger.run(&plan, self.hand)?,
+            Motion::Stands(_) => jogger.hold(&plan, self.hand)?,
+        };
+        operational
+            .paced
+            .end(|paced| paced.exchange(&mut operational.image).map(drop))
+            .map_err(|error| in_words(&error))?;
+        self.record.note(format!(
+            "SubDevice {}: {what}: {:?}, {} counts, enabled for {} cycles, {} without a held key",
+            drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
+        ));
+        (self.keep)(&self.record);
+        Ok(jog)
+    }
+
+    /// Every drive until each wheel has one; `false` where it is left.
+    pub(super) fn jog_all(&mut self) -> Result<bool, SetupError> {
+        for number in 0..self.record.drives.len() {
+            while self.record.drives[number].wheel.is_none() {
+                match self.jog_one(number)? {
+                    Ok(true) => {}
+                    Ok(false) => break,
+                    Err(Leave) => return Ok(false),
+                }
+            }
+        }
+        let names: Vec<String> = self.plan.drives.iter().map(|plan| plan.name.clone()).collect();
+        for name in names {
+            let having: Vec<usize> = (0..self.record.drives.len())
+                .filter(|number| self.record.drives[*number].wheel.as_ref() == Some(&name))
+                .collect();
+            if having.len() > 1 {
+                self.record.found(format!(
+                    "{} drives were seen to turn {name}: they are jogged again",
+                    having.len()
+                ));
+                having.iter().for_each(|number| self.record.drives[*number].wheel = None);
+                return self.jog_all();
+            }
+            if having.is_empty() {
+                self.record.found(format!("no drive was seen to turn {name}"));
+                self.hand.tell(&format!(
+                    "no drive was seen to turn {name}: look at its cables and its drive, then go on"
+                ));
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// One drive, and what was seen; `Ok(false)` where it is left out.
+    fn jog_one(&mut self, number: usize) -> Result<Result<bool, Leave>, SetupError> {
+        let position = self.record.drives[number].position;
+        let what =
+            format!("hold the key: SubDevice {position} turns; let go after a whole turn of the wheel");
+        let jog = self.jog(number, Motion::Turns, &what)?;
+        let trouble = match &jog.end {
+            JogEnd::LetGo | JogEnd::Longest => None,
+            JogEnd::Runaway { told, seen } => Some(format!(
+                "its encoder counts against its motor ({seen:.1} counts a cycle where {told:.1} were told): change its \
+                 motor's phases or its encoder by the maker's tool; `direction` can't mend that"
+            )),
+            JogEnd::Drive(words) => Some(words.clone()),
+            JogEnd::Lost => Some("frames were lost: look at the cables".to_owned()),
+            JogEnd::Gone => return Ok(Err(Leave)),
+            JogEnd::NeverHeld => Some("the key wasn't held".to_owned()),
+        };
+        if let Some(trouble) = trouble {
+            let text = format!("SubDevice {position}: {trouble}");
+            self.hand.tell(&text);
+            if jog.end != JogEnd::NeverHeld {
+                self.record.found(text);
+            }
+            let choices = ["again", "leave it out"].map(str::to_owned);
+            let text = format!("SubDevice {position}: jog it again, or leave it out for now?");
+            return Ok(self
+                .choose((format!("again {position}"), text), &choices)
+                .map(|choice| choice == "again"));
+        }
+        Ok(self.seen(number, &jog))
+    }
+
+    /// Asks what was seen of a jog.
+    fn seen(&mut self, number: usize, jog: &Jog) -> Result<bool, Leave> {
+        let position = self.record.drives[number].position;
+        let mut wheels: Vec<String> = self.plan.drives.iter().map(|plan| plan.name.clone()).collect();
+        wheels.extend(["none", "again"].map(str::to_owned));
+        let wheel = self.choose((format!("wheel {position}"), "which wheel turned?".to_owned()), &wheels)?;
+        match wheel.as_str() {
+            "again" => return Ok(true),
+            "none" => {
+                self.record.found(format!("SubDevice {position}: no wheel was seen to turn"));
+                let choices = ["again", "leave it out"].map(str::to_owned);
+                let text = "jog it again, or leave it out (it drives no wheel)?".to_owned();
+                return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
+            }
+            _ => {}
+        }
+        let text = format!(
+            "which way did {wheel} turn? Forward: its lowest point moved against the way that `omnibase check` shows as `rolls deg`"
+        );
+        let way =
+            self.choose((format!("way {position}"), text), &["forward", "backward"].map(str::to_owned))?;
+        let turns =
+            self.number(format!("turns {position}"), format!("how many turns did {wheel} make?"), 1.0)?;
+        let counts = jog.travel_counts as f64;
+        let forward = (way == "forward") == (counts > 0.0);
+        let seen_counts = counts.abs() / turns;
+        let (counts_per_revolution, gear_ratio) = self.resolution(number, &wheel, seen_counts)?;
+        let drive = &mut self.record.drives[number];
+        drive.turned = Some(if forward { Turned::Forward } else { Turned::Backward });
+        drive.seen_counts = Some(seen_counts);
+        drive.counts_per_revolution = Some(counts_per_revolution);
+        drive.gear_ratio = Some(gear_ratio);
+        drive.wheel = Some(wheel.clone());
+        self.compare_with_file(number, &wheel);
+        (self.keep)(&self.record);
+        Ok(true)
+    }
+
+    /// Counts of the motor and gear: as known where what was seen fits, else as the gear's plate and the eye say.
+    fn resolution(&mut self, number: usize, wheel: &str, seen_counts: f64) -> Result<(u32, f64), Leave> {
+        let drive = self.record.drives[number].clone();
+        let scale =
+            self.plan.drives.iter().find(|plan| plan.name == wheel).unwrap_or(&self.plan.drives[0]).scale;
+        let told = (
+            drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution)),
+            drive.told_gear.unwrap_or(scale.gear_ratio),
+        );
+        if is_seen_as(told.0 * told.1, seen_counts) {
+            return Ok((told.0.round() as u32, told.1));
+        }
+        let position = drive.position;
+        self.record.found(format!(
+            "{wheel}: {seen_counts:.0} counts per turn were seen, {:.0} were expected ({} of the motor, gear {})",
+            told.0 * told.1, told.0, told.1
+        ));
+        let text = format!(
+            "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",
+            told.0 * told.1
+        );
+        let gear = self.number(format!("gear {position}"), text, told.1)?;
+        let of_motor = seen_counts / gear;
+        let likely = likely_resolution(of_motor).map_or(of_motor.round(), f64::from);
+        let text = format!(
+            "with it the motor has {of_motor:.0} counts per turn: how many exactly (the encoder's data sheet)?"
+        );
+        let counts = self.number(format!("counts {position}"), text, likely)?;
+        Ok((counts.round().clamp(1.0, f64::from(u32::MAX)) as u32, gear))
+    }
+
+    /// Notes what isn't as the file had it.
+    fn compare_with_file(&mut self, number: usize, wheel: &str) {
+        use omnibase_robot::config::{BusPlace, TurnDirection};
+        let drive = self.record.drives[number].clone();
+        let Some(plan) = self.plan.drives.iter().find(|plan| plan.name == wheel) else { return };
+        let mut differs = Vec::new();
+        if let BusPlace::Position(position) = plan.place
+            && position != drive.position
+        {
+            differs.push(format!(
+                "{wheel}: its drive is at position {}, the file says {position}",
+                drive.position
+            ));
+        }
+        let of_file =
+            if plan.scale.direction == TurnDirection::Forward { Turned::Forward } else { Turned::Backward };
+        if drive.turned != Some(of_file) {
+            differs.push(format!("{wheel}: it turns the other way than the file says"));
+        }
+        for text in differs {
+            self.hand.tell(&text);
+            self.record.found(text);
+        }
+    }
+
+    /// Each wheel's drive enabled without moving; `false` where it is left.
+    pub(super) fn enable_all(&mut self) -> Result<bool, SetupError> {
+        for number in 0..self.record.drives.len() {
+            let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            loop {
+                let jog = self.jog(
+                    number,
+                    Motion::Stands(ENABLED_S),
+                    &format!("hold the key: {wheel} gets stiff and mustn't move"),
+                )?;
+                let turn = self.record.drives[number].seen_counts.unwrap_or(1.0);
+                let turns = jog.travel_counts.abs() as f64 / turn;
+                match jog.end {
+                    JogEnd::Longest if turns <= CREEP_TURNS => break,
+                    JogEnd::Gone => return Ok(false),
+                    JogEnd::Longest => self
+                        .record
+                        .found(format!("{wheel}: enabled without a speed it moved {turns:.3} turns")),
+                    JogEnd::NeverHeld | JogEnd::LetGo => {}
+                    end => self.record.found(format!("{wheel}: enabling it: {end:?}")),
+                }
+                let text =
+                    format!("{wheel} wasn't enabled for {ENABLED_S} s at rest: again, or go on without?");
+                let choices = ["again", "go on"].map(str::to_owned);
+                match self.choose((format!("enable {number}"), text), &choices) {
+                    Ok(choice) if choice == "go on" => break,
+                    Ok(_) => {}
+                    Err(Leave) => return Ok(false),
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// The emergency stop while each drive is enabled; `false` where it is left.
+    pub(super) fn stop_all(&mut self) -> Result<bool, SetupError> {
+        for number in 0..self.record.drives.len() {
+            let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            loop {
+                let what =
+                    format!("hold the key and press the emergency stop: {wheel} must go free by itself");
+                let jog = self.jog(number, Motion::Stands(STOPPED_WITHIN_S), &what)?;
+                match &jog.end {
+                    JogEnd::Drive(words) if jog.enabled_cycles > 0 => {
+                        self.record.note(format!("{wheel}: the emergency stop took its torque: {words}"));
+                        break;
+                    }
+                    JogEnd::Gone => return Ok(false),
+                    _ => {
+                        self.record.found(format!(
+                            "{wheel}: the emergency stop didn't take its torque while it was enabled"
+                        ));
+                    }
+                }
+                let text = format!(
+                    "{wheel} wasn't stopped by the emergency stop: again, or go on without? Don't drive such a robot."
+                );
+                let choices = ["again", "go on"].map(str::to_owned);
+                match self.choose((format!("stop {number}"), text), &choices) {
+                    Ok(choice) if choice == "go on" => break,
+                    Ok(_) => {}
+                    Err(Leave) => return Ok(false),
+                }
+            }
+            let text = "release the emergency stop, and reset what your safety circuit asks for".to_owned();
+            let released = self.choose((format!("release {number}"), text), &["done".to_owned()]);
+            if released.is_err() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+}

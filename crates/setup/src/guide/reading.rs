@@ -1,0 +1,201 @@
+//! Who is on the bus, and parameters: what is done in PRE-OP.
+
+use omnibase_ethercat::start_up::SdoAccess;
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::{Clock, Link, sii};
+use omnibase_ethercat::{Bus, BusOptions};
+
+use super::{Guide, SetupError};
+use crate::record::FoundDrive;
+
+/// The profile of drives in 0x1000.
+const DRIVES: u32 = 402;
+/// "save" in 0x1010:01.
+const SAVE: u32 = 0x6576_6173;
+
+type AnyBus<C> = Bus<Box<dyn Link>, C>;
+
+fn in_words(error: &dyn std::fmt::Display) -> SetupError {
+    SetupError::Bus(error.to_string())
+}
+
+impl<C: Clock> Guide<'_, C> {
+    /// The segment in PRE-OP, each SubDevice as it describes itself.
+    fn bus(&mut self) -> Result<AnyBus<C>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        bus.configure(&[]).map_err(|error| in_words(&error))?;
+        Ok(bus)
+    }
+
+    fn drives_on(bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
+        let mut drives = Vec::new();
+        for position in 0..bus.subdevices().len() as u16 {
+            let one = &bus.subdevices()[usize::from(position)];
+            let mut found = FoundDrive {
+                position,
+                name: one.name.clone(),
+                vendor_id: one.identity.vendor_id,
+                product_code: one.identity.product_code,
+                revision: one.identity.revision,
+                serial: one.identity.serial,
+                alias: one.alias,
+                ..FoundDrive::default()
+            };
+            let speaks_coe = one.sii.header.mailbox_protocols & sii::PROTOCOL_COE != 0;
+            let mut read = |index, subindex| read_number(bus, position, ObjectAddress::new(index, subindex));
+            if !speaks_coe || read(0x1000, 0).is_none_or(|kind| kind & 0xFFFF != DRIVES) {
+                continue;
+            }
+            let mut ratio = |index| {
+                let (above, below) = (f64::from(read(index, 1)?), f64::from(read(index, 2)?));
+                (above > 0.0 && below > 0.0).then_some(above / below)
+            };
+            (found.told_counts, found.told_gear) = (ratio(0x608F), ratio(0x6091));
+            found.rated_torque_nm =
+                read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
+            drives.push(found);
+        }
+        drives
+    }
+
+    /// Finds the drives and notes what they say of themselves.
+    pub(super) fn find(&mut self) -> Result<(), SetupError> {
+        let mut bus = self.bus()?;
+        let others = bus.subdevices().len();
+        let drives = Self::drives_on(&mut bus);
+        let wheels = self.plan.drives.len();
+        for drive in &drives {
+            let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
+            let counts = drive.told_counts.map_or("not told".to_owned(), |counts| counts.to_string());
+            let text = format!(
+                "{} {}: vendor 0x{:08x}, product 0x{:08x}, serial {}, rated torque {rated}, counts per turn {counts}",
+                drive.position, drive.name, drive.vendor_id, drive.product_code, drive.serial
+            );
+            self.hand.tell(&text);
+            self.record.note(text);
+            let of_file = self.plan.drives[0].scale.rated_torque_nm;
+            if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {
+                self.record.found(format!(
+                    "SubDevice {}: it says that its motor's rated torque is {rated} N·m (0x6076), the file says {of_file}: look at the motor's plate",
+                    drive.position
+                ));
+            }
+        }
+        let identity = self.plan.drives[0].identity;
+        let device = self.plan.drives[0].device.clone();
+        for drive in &drives {
+            let differs = |wanted: Option<u32>, found: u32| wanted.is_some_and(|wanted| wanted != found);
+            if differs(identity.vendor_id, drive.vendor_id)
+                || differs(identity.product_code, drive.product_code)
+            {
+                self.record.found(format!(
+                    "SubDevice {}: the file's device `{device}` is another product than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
+                     right before it is driven (`omnibase scan --toml` shows them)",
+                    drive.position, drive.vendor_id, drive.product_code
+                ));
+            }
+        }
+        if drives.len() < wheels {
+            return Err(SetupError::TooFewDrives { wheels, drives: drives.len() });
+        }
+        self.record.note(format!("{} SubDevices, {} of them drives", others, drives.len()));
+        self.record.drives = drives;
+        Ok(())
+    }
+
+    /// The drives are those of when the set-up was left.
+    pub(super) fn compare(&mut self) -> Result<(), SetupError> {
+        let mut bus = self.bus()?;
+        let now = Self::drives_on(&mut bus);
+        for was in &self.record.drives {
+            let words = |one: &FoundDrive| {
+                format!(
+                    "vendor 0x{:08x} product 0x{:08x} serial {}",
+                    one.vendor_id, one.product_code, one.serial
+                )
+            };
+            let found =
+                now.iter().find(|one| one.position == was.position).map_or("no drive".to_owned(), words);
+            if found != words(was) {
+                return Err(SetupError::Changed { position: was.position, expected: words(was), found });
+            }
+        }
+        Ok(())
+    }
+
+    /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
+    pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
+        let mut bus = self.bus()?;
+        let drives = self.record.drives.clone();
+        for drive in drives.iter().filter(|drive| drive.wheel.is_some()) {
+            let wheel = drive.wheel.clone().unwrap_or_default();
+            let Some(plan) = self.plan.drives.iter().find(|plan| plan.name == wheel) else { continue };
+            let mut differing = Vec::new();
+            for parameter in plan.parameters.clone() {
+                let object = ObjectAddress::new(parameter.index, parameter.subindex);
+                let found = bus.sdo_read(drive.position, object, SdoAccess::Entry).ok();
+                if found.as_ref() == Some(&parameter.data) {
+                    continue;
+                }
+                let found = found.map_or("nothing that can be read".to_owned(), |found| number(&found));
+                let text = format!("{wheel}: {object} is {found}, the file says {}", number(&parameter.data));
+                self.hand.tell(&text);
+                self.record.note(text);
+                differing.push((object, parameter.data));
+            }
+            if differing.is_empty() {
+                self.hand.tell(&format!("{wheel}: all parameters are as the file says"));
+                continue;
+            }
+            let choices = ["write", "store", "leave them"].map(str::to_owned);
+            let text = format!(
+                "{wheel}: write {} parameters; or write and store them in the drive (0x1010)?",
+                differing.len()
+            );
+            let Ok(choice) = self.choose((format!("parameters {}", drive.position), text), &choices) else {
+                return Ok(false);
+            };
+            if choice == "leave them" {
+                continue;
+            }
+            for (object, data) in differing {
+                bus.sdo_write(drive.position, object, &data).map_err(|error| in_words(&error))?;
+                let back = bus
+                    .sdo_read(drive.position, object, SdoAccess::Entry)
+                    .map_err(|error| in_words(&error))?;
+                if back != data {
+                    self.record.found(format!(
+                        "{wheel}: {object} was written {} and reads back {}",
+                        number(&data),
+                        number(&back)
+                    ));
+                }
+                self.record.note(format!("{wheel}: {object} written: {}", number(&data)));
+            }
+            if choice == "store" {
+                match bus.sdo_write(drive.position, ObjectAddress::new(0x1010, 1), &SAVE.to_le_bytes()) {
+                    Ok(()) => self.record.note(format!("{wheel}: stored (0x1010)")),
+                    Err(error) => self.record.found(format!(
+                        "{wheel}: it doesn't store: {error}; the file writes them at each start"
+                    )),
+                }
+            }
+        }
+        Ok(true)
+    }
+}
+
+fn read_number<C: Clock>(bus: &mut AnyBus<C>, position: u16, object: ObjectAddress) -> Option<u32> {
+    let bytes = bus.sdo_read(position, object, SdoAccess::Entry).ok()?;
+    (bytes.len() <= 4).then(|| bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte)))
+}
+
+/// Little-endian bytes as people read numbers.
+fn number(bytes: &[u8]) -> String {
+    match bytes.len() {
+        1..=8 => bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte)).to_string(),
+        _ => format!("{bytes:02x?}"),
+    }
+}

@@ -1,0 +1,253 @@
+//! One drive turned slowly with little torque, while the key is held.
+
+use omnibase_cia402::{
+    DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets, Wanted,
+};
+use omnibase_ethercat::ProcessImage;
+use omnibase_ethercat::cyclic::Exchange;
+use omnibase_ethercat::paced::PacedBus;
+use omnibase_ethercat::wire::{Clock, Link, LinkError};
+
+use crate::dead_man::DeadMan;
+use crate::drive::DriveMap;
+use crate::hand::Hand;
+
+/// Cycles that a drive may take to be disabled again.
+const END_CYCLES: u32 = 1000;
+/// Cycles in which somebody may begin to hold the key: a minute at 1 ms.
+const WAITING_CYCLES: u32 = 60_000;
+/// Cycles over which speed is looked at: single ones show a count more or less.
+const WINDOW_CYCLES: usize = 50;
+/// Cycles without an answer after which nothing is moved any more.
+const LOST_CYCLES: u32 = 3;
+
+/// How a drive is turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JogPlan {
+    /// Speed in the drive's units; 0 enables it without moving.
+    pub speed_units: i32,
+    /// The same in counts per cycle, to watch over what comes back.
+    pub counts_per_cycle: f64,
+    /// Max torque, per mille of rated.
+    pub torque_per_mille: u16,
+    /// Cycles until the speed is reached. It begins at a 64th of it and doubles six times: where the encoder has fewer counts
+    /// than was thought the wheel turns that much faster, and whoever looks lets go in time.
+    pub ramp_cycles: u32,
+    /// The longest motion, cycles.
+    pub most_cycles: u32,
+    /// How long a beat of the key counts, and how far its first two may be apart, cycles.
+    pub key_cycles: [u32; 2],
+}
+
+/// How often the speed doubles until it is reached.
+const DOUBLINGS: f64 = 6.0;
+
+impl JogPlan {
+    /// The share of the speed after so many cycles.
+    fn share(&self, cycles: u32) -> f64 {
+        let done = f64::from(cycles) / f64::from(self.ramp_cycles.max(1));
+        (-DOUBLINGS * (1.0 - done.min(1.0))).exp2()
+    }
+}
+
+/// Why a jog ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JogEnd {
+    /// The key was let go.
+    LetGo,
+    /// The key was held as long as a motion may last.
+    Longest,
+    /// Whoever held the key is gone.
+    Gone,
+    /// The key was never held.
+    NeverHeld,
+    /// The encoder counts against the motor's turning: the drive drives it ever faster.
+    Runaway {
+        /// Counts per cycle that were told.
+        told: f64,
+        /// Counts per cycle that were seen.
+        seen: f64,
+    },
+    /// The drive didn't do as it was told, in its own words.
+    Drive(String),
+    /// Frames were lost.
+    Lost,
+}
+
+/// How a jog went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jog {
+    /// Why it ended.
+    pub end: JogEnd,
+    /// Counts from its beginning to its end.
+    pub travel_counts: i64,
+    /// Cycles in which the drive was enabled.
+    pub enabled_cycles: u32,
+    /// Cycles in which a speed was told.
+    pub moving_cycles: u32,
+    /// Cycles in which a speed was told though no key was held: always 0.
+    pub unheld_cycles: u32,
+}
+
+/// One drive of a bus that is in OP.
+pub struct Jogger<'a, L: Link, C: Clock> {
+    /// The bus.
+    pub paced: &'a mut PacedBus<L, C>,
+    /// Its image; outputs of other drives are zero, so they are disabled.
+    pub image: &'a mut ProcessImage,
+    /// Where the drive's objects stand.
+    pub map: &'a DriveMap,
+    /// The cycle, ns.
+    pub cycle_ns: u64,
+}
+
+/// What the drive said in a cycle.
+#[derive(Clone, Copy)]
+struct Said {
+    feedback: Feedback,
+    position: i32,
+}
+
+impl<L: Link, C: Clock> Jogger<'_, L, C> {
+    /// Turns the drive while `hand` holds its key; whatever happens, the drive is disabled in the end.
+    pub fn run(&mut self, plan: &JogPlan, hand: &mut dyn Hand) -> Result<Jog, LinkError> {
+        let mut key = DeadMan::new(plan.key_cycles[0], plan.key_cycles[1]);
+        let mut enabling = Enabling::new(Settings::default());
+        let mut jog = Jog {
+            end: JogEnd::NeverHeld,
+            travel_counts: 0,
+            enabled_cycles: 0,
+            moving_cycles: 0,
+            unheld_cycles: 0,
+        };
+        let mut speeds = [0.0; WINDOW_CYCLES];
+        let (mut lost, mut ramp, mut cycles, mut was_held) = (0, 0, 0u32, false);
+        let mut last = self.said().position;
+        let end = loop {
+            let held = key.cycle(hand.key());
+            cycles += 1;
+            was_held |= held;
+            if key.is_gone() {
+                break JogEnd::Gone;
+            }
+            if !held && (was_held || cycles > WAITING_CYCLES) {
+                break if was_held { JogEnd::LetGo } else { JogEnd::NeverHeld };
+            }
+            if jog.enabled_cycles >= plan.most_cycles {
+                break JogEnd::Longest;
+            }
+            let said = self.said();
+            let wanted = if held { Wanted::OperationEnabled } else { Wanted::SwitchOnDisabled };
+            let running = held && jog.enabled_cycles > 0;
+            ramp = if running { (ramp + 1).min(plan.ramp_cycles.max(1)) } else { 0 };
+            let share = if ramp == 0 { 0.0 } else { plan.share(ramp) };
+            let speed = (f64::from(plan.speed_units) * share).round() as i32;
+            let progress =
+                self.advance(&mut enabling, u64::from(cycles), (wanted, speed, plan.torque_per_mille), said);
+            match progress {
+                Progress::Running => {
+                    jog.enabled_cycles += 1;
+                    jog.moving_cycles += u32::from(speed != 0);
+                    jog.unheld_cycles += u32::from(speed != 0 && !held);
+                }
+                Progress::Stopped(problem) => break JogEnd::Drive(problem.to_string()),
+                _ => {}
+            }
+            lost = match self.paced.exchange(self.image)?.0 {
+                Exchange::Complete => 0,
+                _ => lost + 1,
+            };
+            if lost > LOST_CYCLES {
+                break JogEnd::Lost;
+            }
+            let position = self.said().position;
+            let step = i64::from(position.wrapping_sub(last));
+            last = position;
+            jog.travel_counts += step;
+            speeds[cycles as usize % WINDOW_CYCLES] = step as f64;
+            if let Some(seen) = runs_away(&speeds, plan.counts_per_cycle * share) {
+                break JogEnd::Runaway { told: plan.counts_per_cycle * share, seen };
+            }
+        };
+        jog.end = end;
+        jog.travel_counts += self.end(&mut enabling, cycles, last)?;
+        Ok(jog)
+    }
+
+    /// Enables the drive without moving it, as long as `hand` holds its key and at most as long as the plan says.
+    pub fn hold(&mut self, plan: &JogPlan, hand: &mut dyn Hand) -> Result<Jog, LinkError> {
+        self.run(&JogPlan { speed_units: 0, counts_per_cycle: 0.0, ..*plan }, hand)
+    }
+
+    fn said(&self) -> Said {
+        let inputs = &self.image.inputs;
+        let word = |range: &std::ops::Range<usize>| {
+            u16::from_le_bytes([inputs[range.start], inputs[range.start + 1]])
+        };
+        let map = self.map;
+        let at = map.position.start;
+        let position = i32::from_le_bytes([inputs[at], inputs[at + 1], inputs[at + 2], inputs[at + 3]]);
+        let feedback = Feedback {
+            status: StatusWord(word(&map.status)),
+            mode_code: map.mode_shown.as_ref().map(|range| inputs[range.start] as i8),
+            actual: Targets { position_counts: position, ..Targets::default() },
+            error: map.error.as_ref().map(|range| ErrorCode(word(range))),
+        };
+        Said { feedback, position }
+    }
+
+    fn advance(
+        &mut self,
+        enabling: &mut Enabling,
+        cycle: u64,
+        (wanted, speed, torque): (Wanted, i32, u16),
+        said: Said,
+    ) -> Progress {
+        let targets = Targets { velocity_units: speed, ..Targets::default() };
+        let request = DriveRequest { wanted, mode: Mode::CyclicSynchronousVelocity, targets };
+        let output = enabling.advance(cycle * self.cycle_ns, &said.feedback, &request);
+        let map = self.map;
+        let mut put = |range: &std::ops::Range<usize>, bytes: &[u8]| {
+            self.image.outputs[range.clone()].copy_from_slice(bytes);
+        };
+        put(&map.control, &output.control.0.to_le_bytes());
+        // What isn't running is told to stand, whatever fades.
+        let velocity = if output.progress == Progress::Running { output.targets.velocity_units } else { 0 };
+        put(&map.velocity, &velocity.to_le_bytes());
+        if let Some(mode) = &map.mode {
+            put(mode, &output.mode.code().to_le_bytes());
+        }
+        if let Some(limit) = &map.torque_limit {
+            put(limit, &torque.to_le_bytes());
+        }
+        output.progress
+    }
+
+    /// Until the drive is disabled; how many counts it went on.
+    fn end(&mut self, enabling: &mut Enabling, cycles: u32, mut last: i32) -> Result<i64, LinkError> {
+        let mut travel = 0;
+        for cycle in 1..=END_CYCLES {
+            let said = self.said();
+            travel += i64::from(said.position.wrapping_sub(last));
+            last = said.position;
+            let progress =
+                self.advance(enabling, u64::from(cycles + cycle), (Wanted::SwitchOnDisabled, 0, 0), said);
+            self.paced.exchange(self.image)?;
+            if cycle > WINDOW_CYCLES as u32 && matches!(progress, Progress::Holding(_) | Progress::Stopped(_))
+            {
+                break;
+            }
+        }
+        self.image.outputs.fill(0);
+        self.paced.exchange(self.image)?;
+        Ok(travel)
+    }
+}
+
+/// The counts per cycle of a drive that turns three times as fast as it is told, or as fast the other way.
+fn runs_away(speeds: &[f64; WINDOW_CYCLES], told: f64) -> Option<f64> {
+    let seen = speeds.iter().sum::<f64>() / WINDOW_CYCLES as f64;
+    let along = seen * told.signum();
+    let bound = told.abs().max(0.2);
+    (told != 0.0 && (along > 3.0 * bound || along < -bound)).then_some(seen)
+}

@@ -1,0 +1,121 @@
+//! What was found and done: the state that a set-up is taken up from, and the record in the end.
+
+use serde::{Deserialize, Serialize};
+
+/// A step of the set-up, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// Who is on the bus.
+    Find,
+    /// Which wheel each drive turns, which way, how many counts.
+    Jog,
+    /// Enabled without moving.
+    Enable,
+    /// The safety input takes the torque.
+    SafeTorqueOff,
+    /// Parameters compared, written, stored.
+    Parameters,
+    /// The robot's file.
+    File,
+}
+
+impl Step {
+    /// All, in order.
+    pub const ALL: [Step; 6] =
+        [Step::Find, Step::Jog, Step::Enable, Step::SafeTorqueOff, Step::Parameters, Step::File];
+
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Step::Find => "who is on the bus",
+            Step::Jog => "which wheel, which way, how far",
+            Step::Enable => "first enable, without moving",
+            Step::SafeTorqueOff => "emergency stop",
+            Step::Parameters => "parameters",
+            Step::File => "the robot's file",
+        }
+    }
+}
+
+/// Which way a wheel turned, seen against its positive way in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Turned {
+    /// The wheel's positive way.
+    Forward,
+    /// Against it.
+    Backward,
+}
+
+/// A drive that was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FoundDrive {
+    /// Position on the bus.
+    pub position: u16,
+    /// Its name by its EEPROM.
+    pub name: String,
+    /// Vendor.
+    pub vendor_id: u32,
+    /// Product.
+    pub product_code: u32,
+    /// Revision.
+    pub revision: u32,
+    /// Serial number; 0 where it has none.
+    pub serial: u32,
+    /// Alias; `None` where it has none.
+    pub alias: Option<u16>,
+    /// 0x6076, N·m, where it says it.
+    pub rated_torque_nm: Option<f64>,
+    /// Counts per turn of the motor by 0x608F, where it says it.
+    pub told_counts: Option<f64>,
+    /// Turns of the motor per turn of the shaft by 0x6091, where it says it.
+    pub told_gear: Option<f64>,
+    /// The wheel that it turned.
+    pub wheel: Option<String>,
+    /// The way in which the wheel turned with positive counts.
+    pub turned: Option<Turned>,
+    /// Counts per turn of the wheel, as seen.
+    pub seen_counts: Option<f64>,
+    /// Counts per turn of the motor, as the file will have them.
+    pub counts_per_revolution: Option<u32>,
+    /// Turns of the motor per turn of the wheel, as the file will have them.
+    pub gear_ratio: Option<f64>,
+}
+
+/// Everything that was found and done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Steps that are over.
+    pub done: Vec<Step>,
+    /// Drives, by position.
+    pub drives: Vec<FoundDrive>,
+    /// What was seen that isn't as the file had it, in words.
+    pub findings: Vec<String>,
+    /// What was done, in order, in words.
+    pub log: Vec<String>,
+}
+
+impl Record {
+    /// A record that was kept; an error says what of it can't be read.
+    pub fn from_json(text: &str) -> Result<Self, String> {
+        serde_json::from_str(text).map_err(|error| format!("expected the state of a set-up, found: {error}"))
+    }
+
+    /// The record to be kept.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_default()
+    }
+
+    /// Notes something that was done.
+    pub fn note(&mut self, text: impl Into<String>) {
+        self.log.push(text.into());
+    }
+
+    /// Notes something that isn't as it should be.
+    pub fn found(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        self.log.push(format!("FOUND: {text}"));
+        self.findings.push(text);
+    }
+}
