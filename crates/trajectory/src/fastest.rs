@@ -138,11 +138,10 @@ impl Grid {
     /// Lowers the paces between two places by a factor each, as they were before.
     fn slow(&mut self, [from, to]: [f64; 2], before: &[f64], factor: f64) {
         let first = self.sigma.partition_point(|at| *at <= from).saturating_sub(1);
-        for at in first..self.intervals.len() {
-            if self.sigma[at] > to {
-                break;
-            }
-            self.pace[at] = self.pace[at].min(before[at] / factor);
+        let places =
+            self.pace.iter_mut().zip(before).zip(&self.sigma).skip(first).take(self.intervals.len() - first);
+        for ((pace, before), _) in places.take_while(|(_, at)| **at <= to) {
+            *pace = pace.min(before / factor);
         }
     }
 
