@@ -22,7 +22,7 @@ pub struct ShortText {
 
 impl ShortText {
     /// The most bytes.
-    pub const LONGEST: usize = 39;
+    pub const LONGEST: usize = 23;
 
     /// The whole of `text`; `None` where it is too long.
     pub fn new(text: &str) -> Option<Self> {
