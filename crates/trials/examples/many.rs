@@ -15,9 +15,11 @@ fn main() {
         std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64).min(count.max(1));
     let began = Instant::now();
     let cycles: u64 = std::thread::scope(|scope| {
-        let share = |thread| count / threads + u64::from(thread < count % threads);
-        let started: Vec<_> =
-            (0..threads).map(|thread| scope.spawn(move || side_by_side(share(thread), seconds))).collect();
+        let mut started = Vec::new();
+        for thread in 0..threads {
+            let share = count / threads + u64::from(thread < count % threads);
+            started.push(scope.spawn(move || side_by_side(share, seconds)));
+        }
         started.into_iter().map(|thread| thread.join().expect("a thread that computes")).sum()
     });
     let took_s = began.elapsed().as_secs_f64();
