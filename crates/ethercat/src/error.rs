@@ -108,12 +108,6 @@ impl SetUpError {
     }
 }
 
-impl From<StartUpError> for SetUpError {
-    fn from(error: StartUpError) -> Self {
-        SetUpError::StartUp(Box::new(error))
-    }
-}
-
 /// Why a segment could not be set up.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetUpError {
@@ -249,7 +243,7 @@ pub enum SetUpError {
     },
     /// A step of a SubDevice's start-up failed.
     #[error(transparent)]
-    StartUp(Box<StartUpError>),
+    StartUp(#[from] StartUpError),
     /// A PDO map can't be used.
     #[error(transparent)]
     Mapping(#[from] MappingError),

@@ -24,6 +24,9 @@ const EPOCH_S: f64 = 5e-3;
 /// Milliseconds from one reading to the next of gyro, mice and poses.
 const EVERY: [u64; 4] = [1, 8, 8, 10];
 
+/// When, s, and what.
+type Heard = (f64, [f64; 3]);
+
 fn main() {
     let mut words = std::env::args().skip(1);
     let worlds: u64 = words.next().map_or(10, |text| text.parse().expect("how many worlds"));
@@ -91,7 +94,7 @@ fn drive(seed: u64) -> (String, Filter, Pose2) {
     // One epoch more, so that the last one is passed.
     for epoch in 0..=EPOCHS {
         let mut moved = Pose2::default();
-        let mut heard: [Vec<(f64, [f64; 3])>; 4] = Default::default();
+        let mut heard: [Vec<Heard>; 4] = Default::default();
         for cycle in 1..=CYCLES {
             let (truth, end_ns) = (world.truth, world.now_ns);
             let motion = world.step();
@@ -122,8 +125,7 @@ fn drive(seed: u64) -> (String, Filter, Pose2) {
         let _ = write!(table, "{x_m:e},{y_m:e},{angle_rad:e}");
         for readings in heard {
             let count = readings.len() as f64;
-            let mean =
-                |of: &dyn Fn(&(f64, [f64; 3])) -> f64| readings.iter().map(of).sum::<f64>() / count.max(1.0);
+            let mean = |of: &dyn Fn(&Heard) -> f64| readings.iter().map(of).sum::<f64>() / count.max(1.0);
             let values: [f64; 3] = std::array::from_fn(|n| mean(&|one| one.1[n]));
             let _ = write!(
                 table,

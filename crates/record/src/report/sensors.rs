@@ -148,6 +148,12 @@ fn innovations(times: &[f64], sensors: &[Sensor]) -> String {
     sensors.iter().map(chart).collect()
 }
 
+/// How far poses are from others, row by row.
+struct Off {
+    distance_m: Vec<f64>,
+    turned_rad: Vec<f64>,
+}
+
 /// How well the place in map was known, how wrong it was where the truth is known, and how far odom was off map.
 fn place(signals: &Signals<'_>, tracking: &Tracking) -> String {
     let times = &signals.times_s;
@@ -160,24 +166,24 @@ fn place(signals: &Signals<'_>, tracking: &Tracking) -> String {
     let sigmas = |variance: f64| SIGMAS * variance.max(0.0).sqrt();
     let known_m: Vec<f64> = xx.iter().zip(&yy).map(|(xx, yy)| sigmas(xx.max(*yy))).collect();
     let known_rad: Vec<f64> = hh.iter().map(|hh| sigmas(*hh)).collect();
-    let off = |other: &super::signals::Poses| -> (Vec<f64>, Vec<f64>) {
+    let off = |other: &super::signals::Poses| {
         let distance = |row: usize| (map.x[row] - other.x[row]).hypot(map.y[row] - other.y[row]);
         let turned = |row: usize| wrapped(map.heading[row] - other.heading[row]).abs();
         let rows = 0..map.x.len().min(other.x.len());
-        (rows.clone().map(distance).collect(), rows.map(turned).collect())
+        Off { distance_m: rows.clone().map(distance).collect(), turned_rad: rows.map(turned).collect() }
     };
     let truth = tracking.truth.as_ref().map(off);
     let odom = tracking.believed.as_ref().map(off);
     let mut html = String::new();
-    let lines = |known: &'_ [f64], pick: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| {
+    let lines = |known: &'_ [f64], pick: fn(&Off) -> &Vec<f64>| {
         let mut all = vec![("3 σ", "limit", known.to_vec())];
         all.extend(odom.as_ref().map(|odom| ("odom from map", "planned", pick(odom).clone())));
         all.extend(truth.as_ref().map(|truth| ("map from truth", "true", pick(truth).clone())));
         all
     };
     for (title, is_length, all) in [
-        ("Place in map: how well it was known", true, lines(&known_m, |pair| &pair.0)),
-        ("Heading in map: how well it was known", false, lines(&known_rad, |pair| &pair.1)),
+        ("Place in map: how well it was known", true, lines(&known_m, |off| &off.distance_m)),
+        ("Heading in map: how well it was known", false, lines(&known_rad, |off| &off.turned_rad)),
     ] {
         let (_, _, known) = &all[0];
         // Before the first pose nothing is known: what follows is what the unit is for.
