@@ -94,7 +94,8 @@ fn solved(m: [[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
     };
     let whole = determinant(&m);
     let size = m[0][0] * m[1][1] * m[2][2];
-    if !(whole.abs() > SINGULAR * size.abs()) {
+    let is_solvable = whole.abs() > SINGULAR * size.abs();
+    if !is_solvable {
         return None;
     }
     Some([0, 1, 2].map(|column| {
