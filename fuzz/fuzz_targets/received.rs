@@ -5,7 +5,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use libfuzzer_sys::fuzz_target;
 use omnibase_receive::datagram::DatagramHearing;
-use omnibase_receive::natnet::{NatNet, Said};
+use omnibase_receive::natnet::{NatNet, Outcome};
 use omnibase_robot::config::{BodyChoice, DatagramPlan, NatNetPlan, UpAxis};
 use omnibase_robot::signals::Heard;
 
@@ -47,7 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
             is_sound(&taken.heard, now_ns);
         }
         let headed = [message.get(..2).unwrap_or(&[7, 0]), &(message.len().saturating_sub(2) as u16).to_le_bytes(), message.get(2..).unwrap_or_default()];
-        if let Ok(Said::Pose(heard, _)) = talk.take(&headed.concat(), SERVER, now_ns) {
+        if let Ok(Outcome::Pose(heard, _)) = talk.take(&headed.concat(), SERVER, now_ns) {
             is_sound(&heard, now_ns);
         }
     }

@@ -1,5 +1,6 @@
 //! What can go wrong in set-up: each error names what was expected, what was found, and where.
 
+use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
 
@@ -105,6 +106,12 @@ impl SetUpError {
             SetUpError::Fmmu(error) => Some(error.position),
             _ => None,
         }
+    }
+}
+
+impl From<StartUpError> for SetUpError {
+    fn from(error: StartUpError) -> Self {
+        SetUpError::StartUp(Box::new(error))
     }
 }
 
@@ -243,7 +250,7 @@ pub enum SetUpError {
     },
     /// A step of a SubDevice's start-up failed.
     #[error(transparent)]
-    StartUp(#[from] StartUpError),
+    StartUp(Box<StartUpError>),
     /// A PDO map can't be used.
     #[error(transparent)]
     Mapping(#[from] MappingError),

@@ -47,7 +47,7 @@ impl RobotTable {
     }
 
     /// A line that nobody but a person can fill in.
-    pub fn to_fill(&mut self, line: &str, reason: &str) {
+    pub fn left_to_fill(&mut self, line: &str, reason: &str) {
         self.line(&format!("# {line}"), &format!("{TO_FILL}: {reason}"));
     }
 

@@ -187,9 +187,9 @@ impl PoseDatagram {
 
     /// Its bytes, as [`PoseDatagram::from_bytes`] reads them.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let flags = u8::from(self.covariance.is_some()) * HAS_COVARIANCE
-            | u8::from(self.echo.is_some()) * HAS_ECHO
-            | u8::from(self.answer == Answer::Wanted) * WANTS_ANSWER;
+        let flags = (u8::from(self.covariance.is_some()) * HAS_COVARIANCE)
+            | (u8::from(self.echo.is_some()) * HAS_ECHO)
+            | (u8::from(self.answer == Answer::Wanted) * WANTS_ANSWER);
         let mut bytes = MAGIC.to_vec();
         bytes.extend([VERSION, flags, 0, 0]);
         bytes.extend(self.sequence.to_le_bytes());

@@ -128,13 +128,13 @@ pub enum Refused {
 
 /// What a message came to.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Said {
+pub enum Outcome {
     /// Nothing that moves anything.
     Nothing,
     /// Who the server is.
     Server(String, Version),
     /// A pose, and how well its instant is known.
-    Pose(Heard, Mapped),
+    Pose(Box<Heard>, Mapped),
 }
 
 /// What is known of the server.
@@ -211,7 +211,7 @@ impl NatNet {
     ///
     /// # Errors
     /// Why it goes no further.
-    pub fn take(&mut self, bytes: &[u8], from: Ipv4Addr, now_ns: u64) -> Result<Said, Refused> {
+    pub fn take(&mut self, bytes: &[u8], from: Ipv4Addr, now_ns: u64) -> Result<Outcome, Refused> {
         if from != self.plan.server {
             return Err(Refused::Stranger { found: from, expected: self.plan.server });
         }
@@ -231,15 +231,15 @@ impl NatNet {
                 let short =
                     Refused::Short { what: "descriptions", found: body.len(), version: Some(server.version) };
                 self.names = body_names(body, server.version).ok_or(short)?;
-                Ok(Said::Nothing)
+                Ok(Outcome::Nothing)
             }
             sort::FRAME => self.frame(body, now_ns),
             sort::UNRECOGNISED => Err(Refused::Unrecognised),
-            _ => Ok(Said::Nothing),
+            _ => Ok(Outcome::Nothing),
         }
     }
 
-    fn server_info(&mut self, body: &[u8]) -> Result<Said, Refused> {
+    fn server_info(&mut self, body: &[u8]) -> Result<Outcome, Refused> {
         let short =
             Refused::Short { what: "what the server says of itself", found: body.len(), version: None };
         let mut at = Cursor::new(body);
@@ -257,11 +257,11 @@ impl NatNet {
         }
         self.server = Some(server);
         let name = name.split(|byte| *byte == 0).next().unwrap_or_default();
-        Ok(Said::Server(String::from_utf8_lossy(name).into_owned(), version))
+        Ok(Outcome::Server(String::from_utf8_lossy(name).into_owned(), version))
     }
 
     /// The server heard our question at an instant of its clock: between when it was sent and now.
-    fn echo(&mut self, body: &[u8], now_ns: u64) -> Option<Said> {
+    fn echo(&mut self, body: &[u8], now_ns: u64) -> Option<Outcome> {
         let mut at = Cursor::new(body);
         let (asked_ns, its_ticks) = (at.u64()?, at.u64()?);
         if let Some(its_ns) = self.ns(its_ticks)
@@ -270,7 +270,7 @@ impl NatNet {
             self.map.after(its_ns, asked_ns);
             self.map.before(its_ns, now_ns);
         }
-        Some(Said::Nothing)
+        Some(Outcome::Nothing)
     }
 
     /// Ticks of the server's clock in ns.
@@ -279,7 +279,7 @@ impl NatNet {
         u64::try_from(u128::from(ticks) * 1_000_000_000 / ticks_per_s).ok()
     }
 
-    fn frame(&mut self, body: &[u8], now_ns: u64) -> Result<Said, Refused> {
+    fn frame(&mut self, body: &[u8], now_ns: u64) -> Result<Outcome, Refused> {
         let version = self.server.ok_or(Refused::Unknown)?.version;
         let short = Refused::Short { what: "a frame", found: body.len(), version: Some(version) };
         let frame = Frame::from_bytes(body, version).ok_or(short)?;
@@ -303,7 +303,7 @@ impl NatNet {
         // How far its markers are from where they should be stands for the place.
         let variance_m2 = (body.error * self.plan.unit_m).powi(2);
         let covariance = [variance_m2, 0.0, 0.0, variance_m2, 0.0, 0.0];
-        Ok(Said::Pose(heard(mapped.ours_ns, pose, covariance), mapped))
+        Ok(Outcome::Pose(Box::new(heard(mapped.ours_ns, pose, covariance)), mapped))
     }
 
     fn body<'f>(&self, frame: &'f Frame) -> Result<&'f Body, Refused> {

@@ -13,7 +13,7 @@ use rustix::time::Timespec;
 
 use crate::datagram::{BYTES, DatagramHearing};
 use crate::mouse::{Happened, Mouse, MouseAt};
-use crate::natnet::{NatNet, Said};
+use crate::natnet::{NatNet, Outcome};
 
 /// No datagram is longer.
 const LONGEST: usize = 65_536;
@@ -198,11 +198,11 @@ impl Receiver for NatNetReceiver {
 
 fn take(talk: &mut NatNet, bytes: &[u8], from: Ipv4Addr, teller: &mut dyn Teller) {
     match talk.take(bytes, from, teller.now_ns()) {
-        Ok(Said::Nothing) => {}
-        Ok(Said::Server(name, version)) => {
+        Ok(Outcome::Nothing) => {}
+        Ok(Outcome::Server(name, version)) => {
             teller.say(&format!("{name} speaks NatNet {}.{}", version.major, version.minor));
         }
-        Ok(Said::Pose(heard, _)) => teller.hear(&heard),
+        Ok(Outcome::Pose(heard, _)) => teller.hear(&heard),
         Err(why) => teller.say(&why.to_string()),
     }
 }

@@ -105,6 +105,14 @@ pub struct Guide<'a, C: Clock> {
     pub(crate) keep: &'a mut dyn FnMut(&Record),
 }
 
+/// Who stands outside of a set-up.
+pub struct Outside<'a> {
+    /// Whoever answers, and holds the key.
+    pub hand: &'a mut dyn Hand,
+    /// Called with the record after each thing that was done.
+    pub keep: &'a mut dyn FnMut(&Record),
+}
+
 /// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
 const ATTEMPTS: u32 = 20;
 
@@ -117,7 +125,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         wished: Wished,
         record: Record,
         open: Open<'a, C>,
-        (hand, keep): (&'a mut dyn Hand, &'a mut dyn FnMut(&Record)),
+        Outside { hand, keep }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
         Ok(Guide { wished, plan, open, hand, record, keep })

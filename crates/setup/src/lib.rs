@@ -21,7 +21,7 @@ mod turns;
 
 pub use dead_man::DeadMan;
 pub use drive::{DriveMap, MapProblem};
-pub use guide::{Ended, Guide, Open, SetupError, Wished};
+pub use guide::{Ended, Guide, Open, Outside, SetupError, Wished};
 pub use hand::{Answer, Hand, Key, Question};
 pub use jog::{Jog, JogEnd, JogPlan};
 pub use record::{FoundDrive, Record, Step, Turned};

@@ -79,10 +79,8 @@ fn start_up(habit: Habit) -> (Result<(), SetUpError>, HostTime) {
 fn a_refusal_is_named_with_code_cause_and_what_was_programmed() {
     let (result, _) = start_up(Habit::Refuses(0x16));
     let error = result.unwrap_err();
-    let SetUpError::StartUp(StartUpError {
-        position: 0,
-        cause: StartUpFailure::State { error: state, programmed },
-    }) = &error
+    let SetUpError::StartUp(failed) = &error else { panic!("{error}") };
+    let StartUpError { position: 0, cause: StartUpFailure::State { error: state, programmed } } = &**failed
     else {
         panic!("{error}");
     };
@@ -101,11 +99,8 @@ fn a_refusal_is_named_with_code_cause_and_what_was_programmed() {
 #[test]
 fn a_state_that_is_never_reached_is_named_after_its_time() {
     let (result, at) = start_up(Habit::Ignores);
-    let SetUpError::StartUp(StartUpError { cause: StartUpFailure::State { error, .. }, .. }) =
-        result.unwrap_err()
-    else {
-        panic!("another error");
-    };
+    let SetUpError::StartUp(failed) = result.unwrap_err() else { panic!("another error") };
+    let StartUpFailure::State { error, .. } = failed.cause else { panic!("another error") };
     assert!(matches!(error.cause, StateFailure::Timeout(_)), "{error}");
     let seconds = at.0 as f64 * 1e-9;
     assert!((3.0..3.5).contains(&seconds), "after {seconds} s");

@@ -9,7 +9,7 @@ use crate::target::{AnyClock, Manners, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat::wire::Link;
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Ended, Guide, Hand, Record, Wished};
+use omnibase_setup::{Ended, Guide, Hand, Outside, Record, Wished};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -88,7 +88,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let mut keep = |record: &Record| kept = std::fs::write(&state, record.to_json());
     let mut hand: Box<dyn Hand> =
         if arguments.lines { Box::new(lines::Lines::new()) } else { Box::new(person::Person::new()) };
-    let mut guide = Guide::new(wished, record, &mut open, (hand.as_mut(), &mut keep))?;
+    let mut guide = Guide::new(wished, record, &mut open, Outside { hand: hand.as_mut(), keep: &mut keep })?;
     let ended = guide.run();
     let record = guide.record.clone();
     drop(hand);

@@ -3,7 +3,7 @@
 
 use std::net::Ipv4Addr;
 
-use omnibase_receive::natnet::{Frame, NatNet, Said, Version, body_names};
+use omnibase_receive::natnet::{Frame, NatNet, Outcome, Version, body_names};
 use omnibase_robot::config::{BodyChoice, NatNetPlan, UpAxis};
 
 #[test]
@@ -33,9 +33,9 @@ fn a_frame_of_motive_is_read_as_its_own_client_reads_it() {
         unit_m: 1.0,
     });
     let said = talk.take(&read("serverinfo_packet_v3.bin"), server, 1_000_000_000).unwrap();
-    assert_eq!(said, Said::Server("Motive".into(), Version { major: 3, minor: 0 }));
+    assert_eq!(said, Outcome::Server("Motive".into(), Version { major: 3, minor: 0 }));
     let said = talk.take(&bytes, server, 2_000_000_000).unwrap();
-    let Said::Pose(heard, _) = said else { panic!("{said:?}") };
+    let Outcome::Pose(heard, _) = said else { panic!("{said:?}") };
     // Both clocks began anywhere: the shutters were half open (18,204 ticks of 3,312,787 a second) 5.5 ms before it was sent.
     assert!((2_000_000_000 - heard.instant_ns).abs_diff(5_495_000) < 1000, "{}", heard.instant_ns);
     assert!((heard.values[0] - 0.174_446_6).abs() < 1e-6 && (heard.values[1] - 0.734_304_0).abs() < 1e-6);

@@ -76,7 +76,7 @@ pub fn frame([major, minor]: [u8; 2], (number, bodies): (u32, &[Sent]), ticks: [
     }
     all = all
         .raw(&section(&[labelled.clone(), labelled]))
-        .raw(&section(&[plate.clone()]))
+        .raw(&section(std::slice::from_ref(&plate)))
         .raw(&section(&[plate]));
     let [exposed, sent] = ticks;
     all = all.u32(0).u32(0).raw(&12.5_f64.to_le_bytes());

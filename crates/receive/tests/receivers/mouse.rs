@@ -57,8 +57,11 @@ fn played(events: impl IntoIterator<Item = (u64, RawEvent)>, pulled_ns: u64) -> 
     Played { description, events: events.into_iter().collect(), pulled_ns }
 }
 
+/// Something, and when, ms.
+type At<T> = (u64, T);
+
 /// Readings with their instants, ms, and what happened meanwhile, over so many ms.
-fn heard(shelf: Shelf, until_ms: u64) -> (Vec<(u64, [f64; 2])>, Vec<(u64, String)>) {
+fn heard(shelf: Shelf, until_ms: u64) -> (Vec<At<[f64; 2]>>, Vec<At<String>>) {
     let (mut mouse, mut readings, mut happenings) = (Mouse::new(shelf), Vec::new(), Vec::new());
     for ms in 0..until_ms {
         let (reading, happened) = mouse.turn(ms * MS);

@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use omnibase_receive::natnet::{NatNet, Refused, Said};
+use omnibase_receive::natnet::{NatNet, Outcome, Refused};
 use omnibase_robot::config::{BodyChoice, NatNetPlan, UpAxis};
 use proptest::prelude::*;
 
@@ -40,7 +40,7 @@ fn standing() -> Sent {
 fn met(version: [u8; 2], plan: &NatNetPlan) -> NatNet {
     let mut talk = NatNet::new(plan);
     let said = talk.take(&motive::server_info(version, TICKS_PER_S), SERVER, 4000 * MS).unwrap();
-    assert!(matches!(said, Said::Server(name, _) if name == "Motive"));
+    assert!(matches!(said, Outcome::Server(name, _) if name == "Motive"));
     talk
 }
 
@@ -61,7 +61,9 @@ fn each_version_is_read_and_its_instant_is_that_of_the_shutters() {
         let now_ns = 5000 * MS;
         let other = Sent { id: 3, ..standing() };
         let bytes = frame(version, 1, &[other, standing()], now_ns);
-        let Ok(Said::Pose(heard, mapped)) = talk.take(&bytes, SERVER, now_ns) else { panic!("{version:?}") };
+        let Ok(Outcome::Pose(heard, mapped)) = talk.take(&bytes, SERVER, now_ns) else {
+            panic!("{version:?}")
+        };
         near(&heard.values, [1.0, 2.0, std::f64::consts::FRAC_PI_2]);
         assert!((heard.values[3] - 1e-6).abs() < 1e-12, "the markers' error");
         // It was 1 ms on its way, which one side doesn't tell.
@@ -81,7 +83,8 @@ fn answers_with_its_clock_bound_the_instant() {
     // A millisecond there, two back.
     talk.take(&motive::echo(asked_ns, ticks(4001 * MS)), SERVER, 4003 * MS).unwrap();
     let now_ns = 4100 * MS;
-    let Ok(Said::Pose(heard, mapped)) = talk.take(&frame([4, 1], 1, &[standing()], now_ns), SERVER, now_ns)
+    let Ok(Outcome::Pose(heard, mapped)) =
+        talk.take(&frame([4, 1], 1, &[standing()], now_ns), SERVER, now_ns)
     else {
         panic!()
     };
@@ -101,7 +104,8 @@ fn axes_and_units_are_as_the_file_says() {
         ..standing()
     };
     let now_ns = 5000 * MS;
-    let Ok(Said::Pose(heard, _)) = met([3, 1], &mm).take(&frame([3, 1], 1, &[body], now_ns), SERVER, now_ns)
+    let Ok(Outcome::Pose(heard, _)) =
+        met([3, 1], &mm).take(&frame([3, 1], 1, &[body], now_ns), SERVER, now_ns)
     else {
         panic!()
     };
@@ -126,7 +130,7 @@ fn a_body_is_found_by_its_name_in_each_version() {
         let names = motive::descriptions(version, &[("cart", 3), ("robot", 7)]);
         talk.take(&names, SERVER, 4900 * MS).unwrap();
         let said = talk.take(&frame(version, 2, &[standing()], now_ns), SERVER, now_ns);
-        assert!(matches!(said, Ok(Said::Pose(..))), "{version:?}: {said:?}");
+        assert!(matches!(said, Ok(Outcome::Pose(..))), "{version:?}: {said:?}");
         for length in 4..names.len() {
             let cut = motive::message(5, &names[4..length]);
             let _ = talk.take(&cut, SERVER, now_ns);

@@ -33,7 +33,10 @@ impl Seat for Listening {
     }
 }
 
-fn started(receiver: ReceiverPlan) -> (Receivers, Inbox<(usize, Heard)>, Arc<Mutex<Vec<String>>>) {
+/// What was said, line by line.
+type Lines = Arc<Mutex<Vec<String>>>;
+
+fn started(receiver: ReceiverPlan) -> (Receivers, Inbox<(usize, Heard)>, Lines) {
     let (to, inbox) = channel();
     let said = Arc::default();
     let seat: Arc<dyn Seat> =

@@ -12,7 +12,7 @@ use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::run::{Progress, Setup};
 use omnibase_run::simulated;
-use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Question, Record, Wished, robot_file};
+use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file};
 
 /// What the person begins with: a robot's file whose platform is right.
 pub const BASE: &str = include_str!("../../../../robots/bmm.toml");
@@ -207,7 +207,7 @@ pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String>
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
         let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
         let mut keep = |record: &Record| kept = record.to_json();
-        let mut guide = Guide::new(wished, record, &mut open, (&mut person, &mut keep))
+        let mut guide = Guide::new(wished, record, &mut open, Outside { hand: &mut person, keep: &mut keep })
             .map_err(|error| error.to_string())?;
         let ended = guide.run().map_err(|error| error.to_string())?;
         let record = guide.record.clone();
@@ -233,8 +233,8 @@ pub fn set_up_with<H: Hand, T>(
     };
     let mut keep = |_: &Record| {};
     let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
-    let mut guide =
-        Guide::new(wished, Record::default(), &mut open, (hand, &mut keep)).expect("the base is right");
+    let mut guide = Guide::new(wished, Record::default(), &mut open, Outside { hand, keep: &mut keep })
+        .expect("the base is right");
     let ended = guide.run().map_err(|error| error.to_string());
     let record = guide.record.clone();
     drop(guide);

@@ -215,7 +215,7 @@ fn drive_lines(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
         ("rated_torque_nm = 7.0", "the motor's plate; 0x6076 in mN·m"),
         ("peak_torque_nm = 21.0", "the motor's data sheet"),
     ] {
-        table.to_fill(line, reason);
+        table.left_to_fill(line, reason);
     }
     let has = |map: &[Pdo], object: u16| {
         map.iter()

@@ -143,11 +143,11 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
                 "0x608F; confirm it: `omnibase setup` does",
             );
         }
-        Some((counts, turns)) => table.to_fill(
+        Some((counts, turns)) => table.left_to_fill(
             "counts_per_revolution = 1_048_576",
             &format!("0x608F says {counts} counts in {turns} turns, no whole number"),
         ),
-        None => table.to_fill(
+        None => table.left_to_fill(
             "counts_per_revolution = 1_048_576",
             "counts of 0x6064 in a turn of the motor; 0x608F doesn't tell",
         ),
@@ -169,7 +169,7 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
             &format!("rated_torque_nm = {:?}", f64::from(torque) / 1000.0),
             "0x6076: compare it with the motor's plate, for all torques are counted in it",
         ),
-        None => table.to_fill("rated_torque_nm = 7.0", "the motor's plate; 0x6076 doesn't tell"),
+        None => table.left_to_fill("rated_torque_nm = 7.0", "the motor's plate; 0x6076 doesn't tell"),
     }
     match (max_torque, rated_torque) {
         (Some(limit), Some(rated)) => {
@@ -179,7 +179,7 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
                 &format!("0x6072 is {limit} per mille: what it is set to now"),
             );
         }
-        _ => table.to_fill("peak_torque_nm = 21.0", "the motor's data sheet; default: the rated torque"),
+        _ => table.left_to_fill("peak_torque_nm = 21.0", "the motor's data sheet; default: the rated torque"),
     }
     for (current, object, what) in [(rated_current, "0x6075", "rated"), (max_current, "0x6073", "max")] {
         if let Some(current) = current {
