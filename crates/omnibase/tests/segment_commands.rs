@@ -155,6 +155,7 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         "wakeup_ns",
         "dc_phase_ns",
         "timing",
+        "pauses",
         "commands_used",
     ];
     let mut promised = promised.to_vec();

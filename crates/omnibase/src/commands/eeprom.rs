@@ -112,6 +112,8 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.file.display();
     let image = std::fs::read(&arguments.file).with_context(|| format!("reading `{path}`"))?;
+    // Whatever the file says of it.
+    let image = with_checksum(image);
     let (parsed, problems) = Image::parse(&image).with_context(|| format!("reading `{path}`"))?;
     ensure!(image.len().is_multiple_of(2), "`{path}` has {} bytes: an EEPROM has whole words", image.len());
     ensure!(

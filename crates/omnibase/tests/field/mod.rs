@@ -156,9 +156,9 @@ fn exchange_writes_the_watchdog_of_who_has_outputs() {
         assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
         let frames = std::fs::read(&path).unwrap();
         std::fs::remove_file(path).unwrap();
-        // Address 0x1001:0x0420, two bytes, no event; the value.
+        // Address 0x1001:0x0420, two bytes and more datagrams behind them, no event; the value.
         let [low, high] = steps.to_le_bytes();
-        let datagram = [0x01, 0x10, 0x20, 0x04, 0x02, 0x00, 0x00, 0x00, low, high];
+        let datagram = [0x01, 0x10, 0x20, 0x04, 0x02, 0x80, 0x00, 0x00, low, high];
         assert!(frames.windows(datagram.len()).any(|bytes| bytes == datagram), "{steps} steps");
     }
 }

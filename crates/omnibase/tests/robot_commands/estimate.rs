@@ -49,7 +49,8 @@ fn a_table_of_anybody_is_taken_and_what_it_lacks_is_said() {
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(told["fused"]["absolute_m"].as_f64() < told["wheels"]["absolute_m"].as_f64(), "{told}");
     let relative_m = told["wheels"]["relative_m"].as_f64().unwrap();
-    assert!((relative_m - 0.01).abs() < 1e-4, "{told}");
+    // Over a metre as it is believed, which is 1 % too long.
+    assert!((relative_m - 0.01 / 1.01).abs() < 1e-4, "{told}");
     std::fs::write(&table, text.replace("pose_x_m,pose_y_m,pose_heading_rad", "a,b,c")).unwrap();
     let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
     assert!(!output.status.success() && words(&output.stderr).contains("has no poses to compare with"));
