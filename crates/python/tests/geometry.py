@@ -55,7 +55,7 @@ class Geometry(unittest.TestCase):
             (([[0, 0, 0, 0]], 0.1), "point"),
             (([[0, 0, 0], [1, 1, 1]], 0.1), r"expected an array of shape \(2, 4\)"),
             ((points, 0.0), "period_s: expected a positive time"),
-            ((points, 0.1, "linear"), "expected cubic, quintic, spline or b_spline, found `linear`"),
+            ((points, 0.1, "linear"), "expected smooth, cubic, quintic, spline or b_spline, found `linear`"),
         ):
             with self.assertRaisesRegex(omnibase.Error, words):
                 omnibase.trajectory(*arguments)

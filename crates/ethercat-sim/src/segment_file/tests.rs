@@ -64,7 +64,7 @@ parent = "hub"
     assert_eq!(
         problems(text),
         [
-            r#"3:8: "sgvd" is no kind of subdevice; did you mean "sgdv"?; there are sgdv, servo, coupler, digital-io, sii"#,
+            r#"3:8: "sgvd" is no kind of subdevice; did you mean "sgdv"?; there are sgdv, servo, coupler, digital-io, sii, esi"#,
             r#"7:1: unknown key "alais"; did you mean "alias"?"#,
             r#"8:10: "serial" must be a whole number from 0 to 4294967295, found -1"#,
             r#"10:1: unknown key "inertia_kgm2"; did you mean "inertia_kg_m2"?"#,

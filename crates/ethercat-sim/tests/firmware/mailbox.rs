@@ -86,7 +86,8 @@ fn what_the_device_does_not_speak_is_refused() {
         assert_eq!((protocol, &data[..2]), (0, &[1, 0][..]));
         u16::from_le_bytes([data[2], data[3]])
     };
-    for protocol in [1, 2, 4, 5, 15, 7] {
+    assert_eq!(refused(4, &[0; 12]), 6, "no FoE message");
+    for protocol in [1, 2, 5, 15, 7] {
         assert_eq!(refused(protocol, &[0; 12]), 2, "protocol {protocol}");
     }
     assert_eq!(refused(3, &[0, 0x50, 0, 0]), 4, "a CoE service that a server doesn't have");

@@ -84,7 +84,7 @@ fn a_transition_takes_its_time() {
 
 #[test]
 fn skipped_unknown_and_unsupported_states_are_refused() {
-    for (request, code) in [(SAFE_OP, 0x11), (OP, 0x11), (5, 0x12), (BOOT, 0x13)] {
+    for (request, code) in [(SAFE_OP, 0x11), (OP, 0x11), (5, 0x12), (BOOT, 0x15)] {
         let mut rig = Rig::drive(DriveKind::Generic);
         assert_eq!(rig.request(FIRST, request), (INIT | ERROR, code), "INIT to {request}");
     }

@@ -101,7 +101,8 @@ fn a_wrong_working_counter_ends_as_a_named_error() {
     let mut transactor = transactor(|_, frame| vec![answered(frame, 2)]);
     let write = Access::write("the watchdog", target(7), register::WATCHDOG_DIVIDER, &[1, 0]);
     let error = transactor.perform_one(write).unwrap_err();
-    let expected = "SubDevice 7: the watchdog: working counter 2 where working counter 1 was expected \
+    let expected = "SubDevice 7: the watchdog: working counter 2 where 1 was expected: 2 SubDevices answer at one address, \
+                    so neither can be believed; take one of them off, or switch all off and on \
                     (FPWR, station 0x1008 register 0x0400, 4 attempts)";
     assert_eq!(error.to_string(), expected);
 }
