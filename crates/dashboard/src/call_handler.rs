@@ -102,6 +102,11 @@ impl CallHandler {
 
     fn try_take(&self, asker: Asker, call: Call) -> Result<Reply, String> {
         let robot = |kind| Ask::Robot(kind);
+        if call == Call::Pause {
+            // Before it is sent: what begins after a stop is refused, what begins after a pause isn't.
+            self.drive_to.stop_waiting(&self.live);
+        }
+        let stops = matches!(call, Call::Stop { .. } | Call::EmergencyStop);
         let ask = match call {
             Call::Enable => robot(RequestKind::Enable),
             Call::Acknowledge => robot(RequestKind::Acknowledge),
@@ -206,7 +211,12 @@ impl CallHandler {
             }
             Call::TeachEnd { name, tolerance_m } => return self.teach_end(asker, &name, tolerance_m),
         };
-        self.send(asker, ask, "done")
+        let reply = self.send(asker, ask, "done");
+        if stops {
+            // The stop itself waits for nothing.
+            self.drive_to.stop_waiting(&self.live);
+        }
+        reply
     }
 
     fn drive_to(&self, asker: Asker, pose: [f64; 3], best: Option<BestWay>) -> Result<Reply, String> {

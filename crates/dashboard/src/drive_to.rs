@@ -3,14 +3,15 @@
 //! What is planned is loaded and started as any other reference is; what looks after it only pauses it, and only by itself. Whoever stops the
 //! robot, or loads something else, ends it.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use omnibase_platform::Pose2;
-use omnibase_robot::RequestKind;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{Course, Phase, SafetyReason};
+use omnibase_robot::{Ability, RequestKind};
 use omnibase_run::live::{Answer, Ask, Asker, Live, Snapshot, Stamp};
 use omnibase_run::room::{Room, Way};
 use schemars::JsonSchema;
@@ -32,6 +33,8 @@ const AGAIN: Duration = Duration::from_millis(500);
 const SAME_M: f64 = 0.01;
 /// Nearer than this to the goal it is there, m and rad.
 const THERE: f64 = 0.02;
+/// Why something can't be sent.
+const FULL: &str = "too much was asked at once";
 
 type Point = [f64; 2];
 type Obstacles = [Option<Obstacle>; MAX_OBSTACLES];
@@ -39,11 +42,15 @@ type Obstacles = [Option<Obstacle>; MAX_OBSTACLES];
 /// A way that is under way.
 #[derive(Clone, Debug)]
 struct Drive {
+    /// Which of all that were asked for it is.
+    order: u64,
     asker: Asker,
     goal: Pose2,
     best: BestWay,
     /// Times that it was planned again.
     replans: u32,
+    /// The number of the reference that was loaded for it.
+    number: u32,
     stage: Stage,
     since: Instant,
 }
@@ -52,7 +59,6 @@ struct Drive {
 enum Stage {
     /// On its way.
     Driving {
-        number: u32,
         poses: Vec<Pose2>,
         obstacles: Box<Obstacles>,
         /// The walls' number.
@@ -80,6 +86,8 @@ pub struct WaySeen {
 #[derive(Debug, Default)]
 pub(crate) struct DriveTo {
     under_way: Mutex<Option<Drive>>,
+    /// The only one that may still begin or go on; changed with `under_way` locked.
+    latest: AtomicU64,
     seen: Mutex<Option<WaySeen>>,
     walls: Mutex<Walls>,
 }
@@ -162,17 +170,20 @@ impl DriveTo {
         }
         // It is as old as it is now, however long planning takes; a stop that comes meanwhile still counts.
         live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
+        // What waits to be planned again is over with it.
+        let order = self.supersede(live);
         let mut drive = Drive {
+            order,
             asker: asker.stamped(Stamp::Here),
             goal,
             best: best.unwrap_or(about.room.way),
             replans: 0,
+            number: snapshot.reference,
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
         };
-        let begun = drive.go((live, about), &snapshot, self.walls())?;
-        self.say(&drive, begun.text.clone());
-        *lock(&self.under_way) = Some(drive);
+        let begun = drive.go((live, about), &snapshot, self)?;
+        self.keep(drive, Some(begun.text.clone()));
         Ok(begun)
     }
 
@@ -180,14 +191,66 @@ impl DriveTo {
         lock(&self.walls).clone()
     }
 
-    fn say(&self, drive: &Drive, text: String) {
-        let goal = [drive.goal.x_m, drive.goal.y_m, drive.goal.heading_rad];
-        *lock(&self.seen) = Some(WaySeen { goal, text, under_way: true, failed: false });
+    /// Somebody stops the robot: what is planned, or waits to be planned again, doesn't begin. A way that is being driven is ended by
+    /// what the robot does.
+    pub(crate) fn stop_waiting(&self, live: &Live) {
+        let is_driving =
+            lock(&self.under_way).as_ref().is_some_and(|drive| matches!(drive.stage, Stage::Driving { .. }));
+        if !is_driving {
+            self.supersede(live);
+        }
     }
 
-    /// It is over, well or not.
+    /// Ends the one before, wherever it is; the order of the next.
+    fn supersede(&self, live: &Live) -> u64 {
+        let mut under_way = lock(&self.under_way);
+        let order = self.latest.fetch_add(1, Ordering::Relaxed) + 1;
+        let before = under_way.take();
+        drop(under_way);
+        if let Some(drive) = before {
+            self.tell_end(live, &drive, Err("it was stopped, or something else was asked"));
+        }
+        order
+    }
+
+    /// Goes on with a drive, unless it was ended meanwhile; what to say of it.
+    fn keep(&self, drive: Drive, text: Option<String>) {
+        let mut under_way = lock(&self.under_way);
+        if self.check_latest(&drive).is_err() {
+            return;
+        }
+        if let Some(text) = text {
+            let goal = [drive.goal.x_m, drive.goal.y_m, drive.goal.heading_rad];
+            *lock(&self.seen) = Some(WaySeen { goal, text, under_way: true, failed: false });
+        }
+        *under_way = Some(drive);
+    }
+
+    fn check_latest(&self, drive: &Drive) -> Result<(), String> {
+        if self.latest.load(Ordering::Relaxed) == drive.order {
+            return Ok(());
+        }
+        Err("it was stopped, or something else was asked, while it was planned".to_owned())
+    }
+
+    /// Lets the robot go, unless the drive was ended while it was planned: its ticket.
+    fn track(&self, live: &Live, drive: &Drive) -> Result<u64, String> {
+        let under_way = lock(&self.under_way);
+        self.check_latest(drive)?;
+        let ticket = live.send(drive.asker, Ask::Robot(RequestKind::Track));
+        drop(under_way);
+        ticket.ok_or_else(|| FULL.to_owned())
+    }
+
+    /// It is over, well or not; unless it was before.
     fn end(&self, live: &Live, drive: &Drive, how: Result<&str, &str>) {
-        *lock(&self.under_way) = None;
+        let ended = lock(&self.under_way).take_if(|other| other.order == drive.order);
+        if ended.is_some() {
+            self.tell_end(live, drive, how);
+        }
+    }
+
+    fn tell_end(&self, live: &Live, drive: &Drive, how: Result<&str, &str>) {
         let text = match how {
             Ok(text) => text.to_owned(),
             Err(why) => format!("drive_to was given up: {why}"),
@@ -205,8 +268,9 @@ impl DriveTo {
         let drive = lock(&self.under_way).clone()?;
         let snapshot = live.snapshot();
         match &drive.stage {
-            Stage::Driving { number, is_seen, .. } => {
-                let is_own = snapshot.reference == *number && snapshot.record.course == Course::Reference;
+            Stage::Driving { is_seen, .. } => {
+                let is_own =
+                    snapshot.reference == drive.number && snapshot.record.course == Course::Reference;
                 match snapshot.phase {
                     Phase::Tracking if is_own => self.watch(live, about, (drive, &snapshot)),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
@@ -222,7 +286,17 @@ impl DriveTo {
             }
             Stage::Blocked { tried } => {
                 let is_due = tried.is_none_or(|tried| tried.elapsed() >= AGAIN);
+                // Whoever leads it elsewhere, or loads something else, has it.
+                let is_led = snapshot.phase == Phase::Tracking && snapshot.record.course != Course::Reference;
                 match snapshot.phase {
+                    _ if is_led || snapshot.reference != drive.number => {
+                        self.end(live, &drive, Err("something else was asked of the robot"));
+                        None
+                    }
+                    Phase::Holding if is_there(&snapshot, &drive.goal) => {
+                        self.end(live, &drive, Ok("there"));
+                        None
+                    }
                     Phase::Holding if is_due => self.again((live, about), drive, &snapshot),
                     Phase::Holding | Phase::Tracking | Phase::Stopping => None,
                     _ => {
@@ -247,26 +321,24 @@ impl DriveTo {
             live.send(drive.asker, Ask::Robot(RequestKind::Pause));
             self.block(drive);
         } else {
-            *lock(&self.under_way) = Some(drive);
+            self.keep(drive, None);
         }
     }
 
     fn block(&self, mut drive: Drive) {
         (drive.stage, drive.since) = (Stage::Blocked { tried: None }, Instant::now());
-        self.say(&drive, "the way is blocked: it is planned again".to_owned());
-        *lock(&self.under_way) = Some(drive);
+        self.keep(drive, Some("the way is blocked: it is planned again".to_owned()));
     }
 
     /// Plans again from where the robot stands; gives up where there was no way for too long.
     fn again(&self, robot: (&Live, &RobotInfo), mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let give_up_s = robot.1.robot.plan.guard.give_up_s;
-        match drive.go(robot, snapshot, self.walls()) {
+        match drive.go(robot, snapshot, self) {
             Ok(begun) => {
                 drive.replans += 1;
                 let text = format!("{}; planned again {} times", begun.text, drive.replans);
                 robot.0.tell(&format!("drive_to: the way was blocked, another one of {}", begun.text), None);
-                self.say(&drive, text);
-                *lock(&self.under_way) = Some(drive);
+                self.keep(drive, Some(text));
                 Some(begun)
             }
             Err(why) if drive.since.elapsed().as_secs_f64() >= give_up_s => {
@@ -275,8 +347,7 @@ impl DriveTo {
             }
             Err(why) => {
                 drive.stage = Stage::Blocked { tried: Some(Instant::now()) };
-                self.say(&drive, format!("it waits: {why}"));
-                *lock(&self.under_way) = Some(drive);
+                self.keep(drive, Some(format!("it waits: {why}")));
                 None
             }
         }
@@ -289,24 +360,24 @@ impl Drive {
         &mut self,
         (live, about): (&Live, &RobotInfo),
         snapshot: &Snapshot,
-        walls: Walls,
+        drives: &DriveTo,
     ) -> Result<Begun, String> {
+        let walls = drives.walls();
         let obstacles: Vec<Obstacle> = snapshot.obstacles.iter().flatten().copied().collect();
         let from = snapshot.record.setpoint.odom_from_body;
         let way =
             Way { from, to: self.goal, obstacles: &obstacles, walls_m: &walls.polygons_m, best: self.best };
-        let limits = &about.robot.plan.limits;
-        let timed = about.room.timed(&way, limits, &about.registry).map_err(|error| error.to_string())?;
+        // With all that it can do, as its replay makes it again of the table.
+        let ability = Ability::of(&about.robot.plan);
+        let timed = about.room.timed(&way, &ability, &about.registry).map_err(|error| error.to_string())?;
         // What was looked at has been sampled; the robot gets one that begins anew.
-        let fresh = about
-            .registry
-            .make_reference(&timed.table, &omnibase_robot::Ability::from(limits))
-            .map_err(|error| error.to_string())?;
-        let full = "too much was asked at once";
-        let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(full)?;
-        let ticket = live.send(self.asker, Ask::Robot(RequestKind::Track)).ok_or(full)?;
+        let fresh = about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
+        // Nobody who stopped it finds another reference loaded.
+        drives.check_latest(self)?;
+        let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;
+        self.number = number;
+        let ticket = drives.track(live, self)?;
         self.stage = Stage::Driving {
-            number,
             poses: timed.plan.poses,
             obstacles: Box::new(snapshot.obstacles),
             walls: walls.number,

@@ -7,7 +7,7 @@ use crate::ridge;
 use crate::search::Search;
 use crate::smooth::{SPACING_M, divided, shortened, smooth, tightened};
 use crate::space::{Checker, Space};
-use crate::turning::{Place, Turning};
+use crate::turning::{MOST_TURNING_CELLS, Place, Turning};
 
 #[cfg(test)]
 mod tests;
@@ -117,6 +117,14 @@ pub enum PlanError {
     /// It would have to turn where it can't.
     #[error("there is no way: a passage is wide enough, but the robot can't turn so as to get through")]
     NoTurn,
+    /// Too many cells.
+    #[error(
+        "there is no way for a disc around the whole robot; to look where it could turn a map may have {MOST_TURNING_CELLS} cells at most, found {found}: larger cells are fewer"
+    )]
+    TooLarge {
+        /// The map's cells.
+        found: usize,
+    },
 }
 
 /// An end of a way.
@@ -220,8 +228,13 @@ impl<'a> Planner<'a> {
                     least?;
                 }
                 let mut coarse = self.checker.coarse(self.clearance_m);
-                let mut turning = Turning::new(space, &mut coarse, [outer_m, inner_m]);
-                let turning = turning.shortest(&self.ends[0], &self.ends[1]);
+                let turning = match Turning::new(space, &mut coarse, [outer_m, inner_m]) {
+                    Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
+                    None if disc.is_none() => {
+                        return Err(PlanError::TooLarge { found: space.clearance().len() });
+                    }
+                    None => None,
+                };
                 let turning = turning.map(|places| self.turned(&places));
                 match (disc, turning) {
                     (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {

@@ -119,7 +119,8 @@ impl<'a> Search<'a> {
             }
             // Close to something: the square that is being crossed must be open at all its corners.
             let Some(leaves) = self.crosses([px, py], [ux, uy]) else { return false };
-            done += leaves;
+            // In a very long map a small step could be rounded away.
+            done = (done + leaves).max(done.next_up());
         }
         self.is_open(to)
     }

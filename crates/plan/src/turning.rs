@@ -15,6 +15,12 @@ const TURN_COST: f64 = 0.3;
 const EAGER: f32 = 1.25;
 /// From one heading to the next the farthest corner moves by about so many cells.
 const CORNER_STEP: f64 = 1.5;
+/// Headings of a cell, at least and at most.
+const HEADINGS: [usize; 2] = [16, 96];
+/// Most places with headings, about 10 bytes each: a robot's process keeps all its memory locked.
+const MOST_STATES: usize = 1 << 27;
+/// Most cells of a map in which turning is looked at.
+pub(crate) const MOST_TURNING_CELLS: usize = MOST_STATES / HEADINGS[0];
 
 /// A place of a way, and its heading where it counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,21 +67,27 @@ pub struct Turning<'a, 'c> {
 }
 
 impl<'a, 'c> Turning<'a, 'c> {
-    /// For a footprint, whose outer and inner radius are in m with the room that is kept.
-    pub fn new(space: &'a Space, checker: &'c mut Checker<'a>, [outer_m, inner_m]: [f64; 2]) -> Self {
+    /// For a footprint, whose outer and inner radius are in m with the room that is kept; `None` where the map is too large.
+    pub fn new(space: &'a Space, checker: &'c mut Checker<'a>, [outer_m, inner_m]: [f64; 2]) -> Option<Self> {
+        let cells = space.clearance().len();
+        if cells > MOST_TURNING_CELLS {
+            return None;
+        }
         let outer_cells = outer_m / space.map.cell_m;
         let wanted = std::f64::consts::TAU * outer_cells / CORNER_STEP;
         // Right angles are among them.
-        let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(16, 96);
-        Turning {
+        let [least, most] = HEADINGS;
+        let most = (MOST_STATES / cells.max(1) / 8 * 8).min(most);
+        let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(least, most);
+        Some(Turning {
             checker,
             outer: Search::new(space, outer_m),
             inner: Search::new(space, inner_m),
             width: space.map.width,
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
-            looked: vec![0; space.clearance().len() * headings],
-        }
+            looked: vec![0; cells * headings],
+        })
     }
 
     fn heading_rad(&self, heading: usize) -> f64 {

@@ -35,6 +35,8 @@ pub struct Ability {
     pub bounds: PlatformBounds,
     /// The friction that its grip is planned with; `None`: nothing is known of the floor.
     pub friction: Option<f64>,
+    /// That friction where mass and inertia are told, too: else nobody knows what a wheel pushes for a turn.
+    pub(crate) sure_friction: Option<f64>,
     /// What each wheel pushes on a floor of friction 1, and the wrenches of all rollers.
     pushes: Vec<Push>,
     rollers: Vec<[f64; 3]>,
@@ -67,7 +69,14 @@ impl From<&Limits> for Ability {
             angular_acceleration_rad_s2: most.angular_acceleration_rad_s2 / ROOM.powi(2),
             angular_jerk_rad_s3: most.angular_jerk_rad_s3 / ROOM.powi(3),
         });
-        Ability { limits: *limits, bounds, friction: None, pushes: Vec::new(), rollers: Vec::new() }
+        Ability {
+            limits: *limits,
+            bounds,
+            friction: None,
+            sure_friction: None,
+            pushes: Vec::new(),
+            rollers: Vec::new(),
+        }
     }
 }
 
@@ -99,6 +108,7 @@ impl Ability {
             ability.add_grip(&footing, friction, &dynamics);
         }
         if controller.mass_kg.is_some() && controller.inertia_kg_m2.is_some() {
+            ability.sure_friction = ability.friction;
             ability.add_torques(&footing, kinematics, (drives, &dynamics));
         }
         ability

@@ -306,7 +306,7 @@ impl Tracked {
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        let planned_friction = ability.friction.filter(|_| table.timing == Some(Timing::Fastest));
+        let planned_friction = ability.sure_friction.filter(|_| table.timing == Some(Timing::Fastest));
         Ok(Tracked { placed, correction, duration_s, planned_friction, frame, first, last })
     }
 

@@ -254,13 +254,19 @@ impl Room {
         Ok(omnibase_plan::plan(&task)?)
     }
 
-    /// The best way in the shortest time that a robot's limits allow, looked at again as it will be driven.
-    pub fn timed(&self, way: &Way<'_>, limits: &Limits, registry: &Registry) -> Result<TimedWay, RoomError> {
+    /// The best way in the shortest time that a robot can do it in, looked at again as it will be driven. A replay makes its table
+    /// into a motion by all that the robot can do: whoever drives it does, too.
+    pub fn timed(
+        &self,
+        way: &Way<'_>,
+        ability: &Ability,
+        registry: &Registry,
+    ) -> Result<TimedWay, RoomError> {
         let space = self.space(way)?;
         let plan = self.plan(way, &space)?;
-        let table = table_of(&plan, limits);
+        let table = table_of(&plan, &ability.limits);
         let mut reference = registry
-            .make_reference(&table, &Ability::from(limits))
+            .make_reference(&table, ability)
             .map_err(|error| RoomError::Timing(error.to_string()))?;
         reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
         let duration_s = reference.duration_s().unwrap_or_default();

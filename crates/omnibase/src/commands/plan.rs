@@ -8,7 +8,7 @@ use crate::robot_file::{Changes, RobotSource};
 use anyhow::{Context, bail};
 use omnibase_platform::Pose2;
 use omnibase_robot::config::{BestWay, UnknownCells};
-use omnibase_robot::{Registry, RobotPlan};
+use omnibase_robot::{Ability, Registry, RobotPlan};
 use omnibase_run::room::{Room, TimedWay, Way, read_map};
 use picture::Driven;
 use serde_json::json;
@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let way = Way { from, to, obstacles: &robot.guard.obstacles, walls_m: &[], best };
     let begun = Instant::now();
-    let mut timed = match room.timed(&way, &robot.limits, registry) {
+    let mut timed = match room.timed(&way, &Ability::of(&robot), registry) {
         Ok(timed) => timed,
         Err(error) => return refused(arguments, &error.to_string(), output),
     };

@@ -86,6 +86,9 @@ impl Map {
                     crossings.push(from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]));
                 }
             }
+            if crossings.is_empty() && !blocks(false) {
+                continue;
+            }
             crossings.sort_by(f64::total_cmp);
             let mut passed = 0;
             for column in 0..self.width {
