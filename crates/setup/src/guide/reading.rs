@@ -5,7 +5,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, SetupError};
+use super::{Guide, SetupError, who};
 use crate::record::FoundDrive;
 
 /// The profile of drives in 0x1000.
@@ -110,12 +110,7 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = self.bus()?;
         let now = Self::drives_on(&mut bus);
         for was in &self.record.drives {
-            let words = |one: &FoundDrive| {
-                format!(
-                    "vendor 0x{:08x} product 0x{:08x} serial {}",
-                    one.vendor_id, one.product_code, one.serial
-                )
-            };
+            let words = |one: &FoundDrive| who(one.vendor_id, one.product_code, one.serial);
             let found =
                 now.iter().find(|one| one.position == was.position).map_or("no drive".to_owned(), words);
             if found != words(was) {
