@@ -27,11 +27,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// that is an error.
     pub fn present_states(&mut self) -> Result<Option<u16>, SetUpError> {
         let read = Access::broadcast_read("reading AL status", register::AL_STATUS, 2, Expect::Any);
-        match self.transactor.perform_one(read) {
-            Ok(Access { found: Found::WorkingCounter(1..), data, .. }) => Ok(Some(u16_at(&data, 0))),
-            Ok(_) => Ok(None),
-            Err(error) => Err(error),
-        }
+        let Access { found, data, .. } = self.transactor.perform_one(read)?;
+        Ok(matches!(found, Found::WorkingCounter(1..)).then(|| u16_at(&data, 0)))
     }
 
     /// The first `length` bytes of the EEPROM of the SubDevice at `position`, whatever size it announces.

@@ -238,6 +238,16 @@ impl<C: Clock> Guide<'_, C> {
             }
             _ => {}
         }
+        if jog.travel_counts == 0 {
+            let text = format!(
+                "SubDevice {position}: {wheel} was seen to turn, but its position (0x6064) didn't change"
+            );
+            self.hand.tell(&text);
+            self.record.found(text);
+            let choices = ["again", "leave it out"].map(str::to_owned);
+            let text = "look at its encoder; jog it again, or leave it out for now?".to_owned();
+            return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
+        }
         let text = format!(
             "which way did {wheel} turn? Forward: its lowest point moved against the way that `omnibase check` shows as `rolls deg`"
         );
