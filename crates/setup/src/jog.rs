@@ -85,7 +85,7 @@ pub struct Jog {
     pub enabled_cycles: u32,
     /// Cycles in which a speed was told.
     pub moving_cycles: u32,
-    /// Cycles in which a speed was told though no key was held: always 0.
+    /// Cycles in whose frames a speed left though no key was held, by the bytes themselves; must be 0.
     pub unheld_cycles: u32,
 }
 
@@ -149,11 +149,11 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                 Progress::Running => {
                     jog.enabled_cycles += 1;
                     jog.moving_cycles += u32::from(speed != 0);
-                    jog.unheld_cycles += u32::from(speed != 0 && !held);
                 }
                 Progress::Stopped(problem) => break JogEnd::Drive(problem.to_string()),
                 _ => {}
             }
+            jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);
             lost = match self.paced.exchange(self.image)?.0 {
                 Exchange::Complete => 0,
                 _ => lost + 1,
@@ -183,6 +183,12 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     /// Enables the drive without moving it, as long as `hand` holds its key and at most as long as the plan says.
     pub fn hold(&mut self, plan: &JogPlan, hand: &mut dyn Hand) -> Result<Jog, LinkError> {
         self.run(&JogPlan { speed_units: 0, ..*plan }, hand)
+    }
+
+    /// The speed that leaves in this cycle's frame.
+    fn told_units(&self) -> i32 {
+        let bytes = self.image.outputs[self.map.velocity.clone()].iter().rev();
+        bytes.fold(0u32, |units, byte| units << 8 | u32::from(*byte)) as i32
     }
 
     fn said(&self) -> Said {
