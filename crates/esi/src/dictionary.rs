@@ -12,6 +12,8 @@ use crate::xml::Element;
 const ENTRY_LIMIT: usize = 100_000;
 /// Bits of an entry: 8 KiB.
 const BIT_LIMIT: i64 = 1 << 16;
+/// Most items of a type that become entries: twice as many as there are subindices.
+const ITEM_LIMIT: usize = 512;
 
 /// Who may do what with an entry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -292,7 +294,7 @@ fn info(element: Element, notes: &mut Notes) -> (Vec<u8>, Vec<Vec<u8>>) {
 
 fn entries(types: &BTreeMap<String, Type>, record: &Type, own: ObjectRights) -> Vec<OdEntry> {
     let mut entries: Vec<OdEntry> = Vec::new();
-    for item in &record.items {
+    for item in record.items.iter().take(ITEM_LIMIT) {
         let rights = item.flags.unwrap_or(own);
         match item.subindex {
             Some(subindex) => {

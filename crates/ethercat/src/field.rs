@@ -23,14 +23,12 @@ pub const FILE_TIMEOUT: Duration = Duration::from_secs(30);
 impl<L: Link, C: Clock> Bus<L, C> {
     /// All SubDevices' AL statuses ORed, before anything is changed; `None` where nobody answers.
     ///
-    /// What shows OP or SAFE-OP here is driven by someone, or was until a moment ago.
+    /// What shows OP or SAFE-OP here is driven by someone, or was until a moment ago. Where the frames are lost nobody knows, and
+    /// that is an error.
     pub fn present_states(&mut self) -> Result<Option<u16>, SetUpError> {
         let read = Access::broadcast_read("reading AL status", register::AL_STATUS, 2, Expect::Any);
-        match self.transactor.perform_one(read) {
-            Ok(Access { found: Found::WorkingCounter(1..), data, .. }) => Ok(Some(u16_at(&data, 0))),
-            Ok(_) | Err(SetUpError::Access(_)) => Ok(None),
-            Err(other) => Err(other),
-        }
+        let Access { found, data, .. } = self.transactor.perform_one(read)?;
+        Ok(matches!(found, Found::WorkingCounter(1..)).then(|| u16_at(&data, 0)))
     }
 
     /// The first `length` bytes of the EEPROM of the SubDevice at `position`, whatever size it announces.

@@ -56,9 +56,10 @@ pub enum SetupError {
     /// The port is broken.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// Other drives are there than when it was left.
+    /// Other drives are there than were found.
     #[error(
-        "when this set-up was left there was {expected} at position {position}, now there is {found}: begin a new one"
+        "this set-up found {expected} at position {position}, now there is {found}: plug and power it as it was and take the \
+         set-up up again, or begin a new one"
     )]
     Changed {
         /// Position on the bus.
@@ -115,6 +116,11 @@ pub struct Outside<'a> {
 
 /// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
 const ATTEMPTS: u32 = 20;
+
+/// A device by the numbers that tell it from others.
+pub(crate) fn who(vendor_id: u32, product_code: u32, serial: u32) -> String {
+    format!("vendor 0x{vendor_id:08x} product 0x{product_code:08x} serial {serial}")
+}
 
 /// A step that was left half-way.
 pub(crate) struct Leave;

@@ -26,7 +26,7 @@ const LOST_CYCLES: u32 = 3;
 pub struct JogPlan {
     /// Speed in the drive's units; 0 enables it without moving.
     pub speed_units: i32,
-    /// The same in counts per cycle, to watch over what comes back.
+    /// That of a jog in counts per cycle, to watch over what comes back; also where the drive shall stand.
     pub counts_per_cycle: f64,
     /// Max torque, per mille of rated.
     pub torque_per_mille: u16,
@@ -85,7 +85,7 @@ pub struct Jog {
     pub enabled_cycles: u32,
     /// Cycles in which a speed was told.
     pub moving_cycles: u32,
-    /// Cycles in which a speed was told though no key was held: always 0.
+    /// Cycles in whose frames a speed left though no key was held, by the bytes themselves; must be 0.
     pub unheld_cycles: u32,
 }
 
@@ -109,7 +109,8 @@ struct Said {
 }
 
 impl<L: Link, C: Clock> Jogger<'_, L, C> {
-    /// Turns the drive while `hand` holds its key; whatever happens, the drive is disabled in the end.
+    /// Turns the drive while `hand` holds its key; however it ends the drive is disabled, but where the port itself fails: then
+    /// the drive's own watchdog does that.
     pub fn run(&mut self, plan: &JogPlan, hand: &mut dyn Hand) -> Result<Jog, LinkError> {
         let mut key = DeadMan::new(plan.key_cycles[0], plan.key_cycles[1]);
         let mut enabling = Enabling::new(Settings::default());
@@ -148,11 +149,11 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                 Progress::Running => {
                     jog.enabled_cycles += 1;
                     jog.moving_cycles += u32::from(speed != 0);
-                    jog.unheld_cycles += u32::from(speed != 0 && !held);
                 }
                 Progress::Stopped(problem) => break JogEnd::Drive(problem.to_string()),
                 _ => {}
             }
+            jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);
             lost = match self.paced.exchange(self.image)?.0 {
                 Exchange::Complete => 0,
                 _ => lost + 1,
@@ -165,8 +166,13 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             last = position;
             jog.travel_counts += step;
             speeds[cycles as usize % WINDOW_CYCLES] = step as f64;
-            if let Some(seen) = runs_away(&speeds, plan.counts_per_cycle * share) {
-                break JogEnd::Runaway { told: plan.counts_per_cycle * share, seen };
+            let told = if plan.speed_units == 0 { 0.0 } else { plan.counts_per_cycle * share };
+            let seen = runs_away(&speeds, told).or_else(|| {
+                let stands = running && told == 0.0;
+                stands.then(|| leaves_its_place(&speeds, plan.counts_per_cycle)).flatten()
+            });
+            if let Some(seen) = seen {
+                break JogEnd::Runaway { told, seen };
             }
         };
         jog.end = end;
@@ -176,7 +182,13 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
 
     /// Enables the drive without moving it, as long as `hand` holds its key and at most as long as the plan says.
     pub fn hold(&mut self, plan: &JogPlan, hand: &mut dyn Hand) -> Result<Jog, LinkError> {
-        self.run(&JogPlan { speed_units: 0, counts_per_cycle: 0.0, ..*plan }, hand)
+        self.run(&JogPlan { speed_units: 0, ..*plan }, hand)
+    }
+
+    /// The speed that leaves in this cycle's frame.
+    fn told_units(&self) -> i32 {
+        let bytes = self.image.outputs[self.map.velocity.clone()].iter().rev();
+        bytes.fold(0u32, |units, byte| units << 8 | u32::from(*byte)) as i32
     }
 
     fn said(&self) -> Said {
@@ -250,4 +262,31 @@ fn runs_away(speeds: &[f64; WINDOW_CYCLES], told: f64) -> Option<f64> {
     let along = seen * told.signum();
     let bound = told.abs().max(0.2);
     (told != 0.0 && (along > 3.0 * bound || along < -bound)).then_some(seen)
+}
+
+/// The counts per cycle of a drive that turns three times as fast as in a jog though it shall stand.
+fn leaves_its_place(speeds: &[f64; WINDOW_CYCLES], usual: f64) -> Option<f64> {
+    let seen = speeds.iter().sum::<f64>() / WINDOW_CYCLES as f64;
+    (seen.abs() > 3.0 * usual.abs().max(0.2)).then_some(seen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drive_that_shall_stand_runs_away_in_either_direction() {
+        for speed in [31.0, -31.0] {
+            assert_eq!(leaves_its_place(&[speed; WINDOW_CYCLES], 10.0), Some(speed));
+            assert_eq!(runs_away(&[speed; WINDOW_CYCLES], 0.0), None);
+        }
+        assert_eq!(leaves_its_place(&[-29.0; WINDOW_CYCLES], 10.0), None);
+    }
+
+    #[test]
+    fn a_drive_that_turns_runs_away_against_its_way_and_far_beyond_its_speed() {
+        assert_eq!(runs_away(&[-11.0; WINDOW_CYCLES], 10.0), Some(-11.0));
+        assert_eq!(runs_away(&[31.0; WINDOW_CYCLES], 10.0), Some(31.0));
+        assert_eq!(runs_away(&[29.0; WINDOW_CYCLES], 10.0), None);
+    }
 }

@@ -279,7 +279,10 @@ impl Procedure for SiiWriter {
                 return;
             }
         };
-        self.failures = 0;
+        // An interface that is free says nothing of whether orders reach it: their failures go on counting.
+        if self.stage != Stage::Free {
+            self.failures = 0;
+        }
         match self.stage {
             Stage::Write => self.stage = Stage::Written,
             Stage::Read => self.stage = Stage::Fetch,

@@ -5,7 +5,7 @@ use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
-use omnibase_ethercat::eeprom::with_checksum;
+use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
 use omnibase_ethercat::wire::AlState;
 use omnibase_ethercat::wire::sii::{HEADER, Image};
 use std::fs::File;
@@ -124,6 +124,11 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     ensure!(
         image.len() <= size,
         "`{path}` has {} bytes, but says that it is for an EEPROM of {size}: not written",
+        image.len()
+    );
+    ensure!(
+        image.len() <= MAX_BYTES,
+        "`{path}` has {} bytes, at most {MAX_BYTES} can be read back: not written",
         image.len()
     );
     let Place { position, .. } = arguments.place;

@@ -88,6 +88,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let WriteArguments { place, file, no_compare } = arguments;
     let content = std::fs::read(file).with_context(|| format!("reading `{}`", file.display()))?;
+    ensure!(!content.is_empty(), "`{}` is empty: not written", file.display());
     let access = place.access(file)?;
     let position = place.position;
     let mut bus = place.open()?;

@@ -10,7 +10,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 
-use super::{Guide, Leave, SetupError};
+use super::{Guide, Leave, SetupError, who};
 use crate::drive::DriveMap;
 use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
@@ -50,6 +50,7 @@ impl<C: Clock> Guide<'_, C> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
+        self.are_those_found(&bus)?;
         let cycle_ns = self.wished.cycle.as_nanos() as u32;
         let limit = SdoWrite {
             object: ObjectAddress::new(0x6072, 0),
@@ -98,6 +99,22 @@ impl<C: Clock> Guide<'_, C> {
             })
             .map_err(|error| in_words(&error))?;
         Ok(Operational { paced, image, maps })
+    }
+
+    /// Each drive is where it was found: another one in its place would be turned for it.
+    fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+        for was in &self.record.drives {
+            let one = bus.subdevices().get(usize::from(was.position));
+            let found = one.map_or("nobody".to_owned(), |one| {
+                let identity = &one.identity;
+                who(identity.vendor_id, identity.product_code, identity.serial)
+            });
+            let expected = who(was.vendor_id, was.product_code, was.serial);
+            if found != expected {
+                return Err(SetupError::Changed { position: was.position, expected, found });
+            }
+        }
+        Ok(())
     }
 
     /// Turns one drive while its key is held.
@@ -220,6 +237,16 @@ impl<C: Clock> Guide<'_, C> {
                 return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
             }
             _ => {}
+        }
+        if jog.travel_counts == 0 {
+            let text = format!(
+                "SubDevice {position}: {wheel} was seen to turn, but its position (0x6064) didn't change"
+            );
+            self.hand.tell(&text);
+            self.record.found(text);
+            let choices = ["again", "leave it out"].map(str::to_owned);
+            let text = "look at its encoder; jog it again, or leave it out for now?".to_owned();
+            return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
         }
         let text = format!(
             "which way did {wheel} turn? Forward: its lowest point moved against the way that `omnibase check` shows as `rolls deg`"

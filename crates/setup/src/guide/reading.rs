@@ -1,17 +1,24 @@
 //! Who is on the bus, and parameters: what is done in PRE-OP.
 
+use std::ops::RangeInclusive;
+
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, SetupError};
+use super::{Guide, SetupError, who};
 use crate::record::FoundDrive;
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
 /// "save" in 0x1010:01.
 const SAVE: u32 = 0x6576_6173;
+
+/// Counts per turn of a motor that are believed.
+const TOLD_COUNTS: RangeInclusive<f64> = 1.0..=268_435_456.0;
+/// Turns of a motor per turn of its shaft that are believed.
+const TOLD_GEAR: RangeInclusive<f64> = 0.001..=1000.0;
 
 type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
@@ -52,7 +59,9 @@ impl<C: Clock> Guide<'_, C> {
                 let (above, below) = (f64::from(read(index, 1)?), f64::from(read(index, 2)?));
                 (above > 0.0 && below > 0.0).then_some(above / below)
             };
-            (found.told_counts, found.told_gear) = (ratio(0x608F), ratio(0x6091));
+            // A jog's speed comes of them: what no motor has isn't believed.
+            found.told_counts = ratio(0x608F).filter(|counts| TOLD_COUNTS.contains(counts));
+            found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
             drives.push(found);
@@ -110,12 +119,7 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = self.bus()?;
         let now = Self::drives_on(&mut bus);
         for was in &self.record.drives {
-            let words = |one: &FoundDrive| {
-                format!(
-                    "vendor 0x{:08x} product 0x{:08x} serial {}",
-                    one.vendor_id, one.product_code, one.serial
-                )
-            };
+            let words = |one: &FoundDrive| who(one.vendor_id, one.product_code, one.serial);
             let found =
                 now.iter().find(|one| one.position == was.position).map_or("no drive".to_owned(), words);
             if found != words(was) {

@@ -109,6 +109,8 @@ impl Hand for Person {
         if enable_raw_mode().is_err() {
             heard.gone.store(true, Ordering::Relaxed);
         }
+        // Beats of a bar that was held before are none of this motion's.
+        while poll(Duration::ZERO).unwrap_or(false) && read().is_ok() {}
         let thread = {
             let heard = Arc::clone(&heard);
             std::thread::spawn(move || listen(&heard))
