@@ -77,12 +77,7 @@ impl Drop for Receivers {
     }
 }
 
-fn run(
-    receiver: Box<dyn Receiver>,
-    (place, plan): (usize, &SourcePlan),
-    seat: &dyn Seat,
-    ends: &AtomicBool,
-) {
+fn run(receiver: Box<dyn Receiver>, (place, plan): (usize, &SourcePlan), seat: &dyn Seat, ends: &AtomicBool) {
     let mut turn = Turn::new(place, &plan.name, seat);
     let mut receiver = Some(receiver);
     while !ends.load(Ordering::Relaxed) {

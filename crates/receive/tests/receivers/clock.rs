@@ -68,8 +68,7 @@ fn answers_do_not_hide_that_a_clock_jumped() {
         assert!(told(1000 * MS + n * 10 * MS, 6000 * MS + n * 10 * MS).0);
     }
     // What follows something of ours fits a clock that was set forward, but what was heard doesn't.
-    let after: Vec<_> =
-        (0..12).map(|n| told(900_000 * MS + n * 10 * MS, 7000 * MS + n * 10 * MS)).collect();
+    let after: Vec<_> = (0..12).map(|n| told(900_000 * MS + n * 10 * MS, 7000 * MS + n * 10 * MS)).collect();
     assert_eq!(after.iter().position(|(is_taken, _)| *is_taken), Some(9));
     assert_eq!(after[11].1, 7110 * MS);
 }
