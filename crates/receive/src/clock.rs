@@ -33,7 +33,8 @@ enum Side {
 pub struct ClockMap {
     least_ns: Bound,
     most_ns: Bound,
-    aside: u32,
+    /// How many in a row contradicted, of either side: what fits one of them says nothing of the other.
+    aside: [u32; 2],
 }
 
 /// The strictest bound of each of the last seconds.
@@ -92,13 +93,13 @@ impl ClockMap {
             Side::Least => self.offset().is_some_and(|(now_ns, _)| offset_ns > now_ns + JUMP_NS),
         };
         if contradicts {
-            self.aside += 1;
-            if self.aside < IN_A_ROW {
+            self.aside[side as usize] += 1;
+            if self.aside[side as usize] < IN_A_ROW {
                 return false;
             }
             *self = ClockMap::default();
         }
-        self.aside = 0;
+        self.aside[side as usize] = 0;
         match side {
             Side::Least => self.least_ns.put(bucket, offset_ns, side),
             Side::Most => self.most_ns.put(bucket, offset_ns, side),

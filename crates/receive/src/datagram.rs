@@ -28,6 +28,8 @@ pub const BYTES: [usize; 2] = [56, 56 + 48 + 16];
 const HELD_AT_MOST_NS: u64 = 60_000_000_000;
 /// No room is larger, m.
 const FARTHEST_M: f64 = 1e5;
+/// What rounding makes of a covariance that knows nothing in some direction, as a part of its variances' product.
+const ROUNDING: f64 = 1e-9;
 /// So many numbers before the last one are remembered.
 const REMEMBERED: u32 = 64;
 
@@ -207,14 +209,14 @@ impl PoseDatagram {
     }
 }
 
-/// A covariance is one: no variance is negative in any of the three planes.
+/// A covariance is one: no variance is negative in any direction.
 fn sound_covariance(all: &[f64]) -> Result<[f64; 6], Refused> {
     let [xx, xy, xh, yy, yh, hh] = *all else { return Err(Refused::Magic { found: all.len() }) };
     if let Some(found) = all.iter().find(|number| !number.is_finite()) {
         return Err(Refused::Number { what: "covariance", found: *found });
     }
     for variance in [xx, yy, hh] {
-        if variance < 0.0 {
+        if !(0.0..=FARTHEST_M * FARTHEST_M).contains(&variance) {
             return Err(Refused::Number { what: "a variance", found: variance });
         }
     }
@@ -222,6 +224,11 @@ fn sound_covariance(all: &[f64]) -> Result<[f64; 6], Refused> {
         if both * both > one * other {
             return Err(Refused::Number { what: "a covariance beside its variances", found: both });
         }
+    }
+    // Three pairs that can be need not be possible together.
+    let determinant = xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh);
+    if determinant < -ROUNDING * xx * yy * hh {
+        return Err(Refused::Number { what: "a covariance's determinant", found: determinant });
     }
     Ok([xx, xy, xh, yy, yh, hh])
 }

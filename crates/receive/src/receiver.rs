@@ -54,6 +54,8 @@ pub fn open(plan: &ReceiverPlan) -> io::Result<Option<Box<dyn Receiver>>> {
     })
 }
 
+/// Datagrams of a socket in a turn: a flood of them doesn't keep a receiver from its end.
+const AT_ONCE: usize = 64;
 /// The longest wait of a turn.
 const WAIT: Duration = Duration::from_millis(20);
 
@@ -114,7 +116,8 @@ impl Receiver for DatagramReceiver {
         wait(&[&self.socket])?;
         // One byte more than the longest: what is longer is seen to be.
         let mut buffer = [0; BYTES[1] + 1];
-        while let Some((length, from)) = received(&self.socket, &mut buffer)? {
+        for _ in 0..AT_ONCE {
+            let Some((length, from)) = received(&self.socket, &mut buffer)? else { break };
             match self.hearing.take(&buffer[..length], from.ip(), teller.now_ns()) {
                 Err(why) => teller.say(&format!("{from}: {why}")),
                 Ok(taken) => {
@@ -187,7 +190,8 @@ impl Receiver for NatNetReceiver {
         let sockets: Vec<&UdpSocket> = [&self.commands].into_iter().chain(&self.data).collect();
         wait(&sockets)?;
         for socket in sockets {
-            while let Some((length, from)) = received(socket, &mut self.buffer)? {
+            for _ in 0..AT_ONCE {
+                let Some((length, from)) = received(socket, &mut self.buffer)? else { break };
                 let IpAddr::V4(from) = from.ip() else { continue };
                 take(&mut self.talk, &self.buffer[..length], from, teller);
             }

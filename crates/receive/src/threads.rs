@@ -77,21 +77,23 @@ impl Drop for Receivers {
     }
 }
 
-fn run(
-    mut receiver: Box<dyn Receiver>,
-    (place, plan): (usize, &SourcePlan),
-    seat: &dyn Seat,
-    ends: &AtomicBool,
-) {
+fn run(receiver: Box<dyn Receiver>, (place, plan): (usize, &SourcePlan), seat: &dyn Seat, ends: &AtomicBool) {
     let mut turn = Turn::new(place, &plan.name, seat);
+    let mut receiver = Some(receiver);
     while !ends.load(Ordering::Relaxed) {
         turn.look_at_clock();
-        let Err(error) = receiver.turn(&mut turn) else { continue };
+        let Some(own) = &mut receiver else {
+            std::thread::sleep(OPENED_AGAIN);
+            match open(&plan.receiver) {
+                Ok(again) => receiver = again,
+                Err(error) => turn.say(&format!("not opened anew: {error}")),
+            }
+            continue;
+        };
+        let Err(error) = own.turn(&mut turn) else { continue };
         turn.say(&format!("{error}: opened anew"));
-        std::thread::sleep(OPENED_AGAIN);
-        if let Ok(Some(again)) = open(&plan.receiver) {
-            receiver = again;
-        }
+        // Its address is free before it is taken again.
+        receiver = None;
     }
 }
 

@@ -127,11 +127,15 @@ impl Keeper {
             self.incident = Some((words, now + BEHIND_NS));
         }
         let oldest = now.saturating_sub(self.keep.seconds.as_nanos() as u64);
-        while self.frames.front().is_some_and(|first| first.unix_ns < oldest) {
+        // A wall clock that was set back would let what came before stay for so long.
+        let newest = now.saturating_add(BEHIND_NS);
+        let is_over = |first: &Entry| first.unix_ns < oldest || first.unix_ns > newest;
+        while self.frames.front().is_some_and(is_over) {
             self.frames.pop_front();
         }
         self.frames.push_back(entry);
-        if let Some((words, _)) = self.incident.take_if(|(_, until)| now >= *until) {
+        let is_enough = |until: u64| now >= until || until - now > 2 * BEHIND_NS;
+        if let Some((words, _)) = self.incident.take_if(|(_, until)| is_enough(*until)) {
             self.write(words)?;
         }
         Ok(())
@@ -256,6 +260,22 @@ mod tests {
         }
         drop(sink);
         (frames.finish().unwrap(), path)
+    }
+
+    #[test]
+    fn a_wall_clock_that_is_set_back_lets_nothing_pile_up() {
+        let keep = KeepFrames {
+            path: PathBuf::from("unwritten.pcapng"),
+            interface: "eth1".into(),
+            seconds: Duration::from_secs(2),
+            when_full: WhenFull::Wait,
+        };
+        let mut keeper = Keeper::new(keep, Arc::default());
+        for number in (10_000..10_100_u64).chain(0..1000) {
+            let unix_ns = number * 10_000_000;
+            keeper.take(Entry { unix_ns, direction: Direction::Inbound, frame: frame(0, 3) }).unwrap();
+        }
+        assert_eq!(keeper.frames.len(), 201);
     }
 
     #[test]

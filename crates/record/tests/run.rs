@@ -95,6 +95,20 @@ fn a_file_that_was_cut_off_is_read_to_its_last_whole_chunk() {
 
 /// A count above 2⁵³ and a value, of which the words are the bits, beside a topic that changes in one row of a hundred.
 #[test]
+fn a_cycle_in_which_nothing_changed_is_a_cycle() {
+    let mut file = Cursor::new(Vec::new());
+    let mut run = McapRun::create(&mut file, &schema(), &BTreeMap::new()).unwrap();
+    for number in 0..5_u8 {
+        run.write_row(u64::from(number), &[1.0, -0.0, f64::NAN, 0.0, 5.0], &[number; 8]).unwrap();
+    }
+    run.finish().unwrap();
+    let run = RecordedRun::read(&file.into_inner()).unwrap();
+    assert_eq!(run.times_ns, [0, 1, 2, 3, 4]);
+    assert_eq!(run.raw, (0..5_u8).map(|number| vec![number; 8]).collect::<Vec<_>>());
+    assert_eq!(bits(&run.values), bits(&[1.0, -0.0, f64::NAN, 0.0, 5.0].repeat(5)));
+}
+
+#[test]
 fn what_does_not_change_is_told_once_and_the_words_come_back() {
     let mut schema = schema();
     schema.words = vec![Word::Count(3), Word::Bits(0), Word::Count(1)];

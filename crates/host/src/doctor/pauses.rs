@@ -11,11 +11,11 @@ const GOOD: Duration = Duration::from_micros(500);
 const BEARABLE: Duration = Duration::from_millis(2);
 /// Nobody sets a cycle or a tolerance by a pause like this.
 const HOPELESS: Duration = Duration::from_millis(20);
-/// Between two looks at the clock nothing happens: what passes beyond that was taken from this program.
 const CHECK: &str = "pauses";
 const WHY: &str = "whoever keeps the cycle, or simulates drives, loses every cycle that falls into a pause";
 
-/// Looks at the clock without a break for so long, and says which gaps there were.
+/// Looks at the clock without a break for so long, and says which gaps there were. Between two looks nothing happens: what passes
+/// beyond that was taken from this program.
 ///
 /// A CPU that is wanted by others too pauses this as it pauses a run without real time.
 pub fn pauses(duration: Duration) -> Finding {

@@ -56,3 +56,19 @@ fn a_clock_that_jumps_is_left_out_until_it_stays() {
     assert_eq!(taken.iter().position(|taken| *taken), Some(9));
     assert_eq!(map.map(900_000 * MS).unwrap().ours_ns, 7020 * MS);
 }
+
+#[test]
+fn answers_do_not_hide_that_a_clock_jumped() {
+    let mut map = ClockMap::default();
+    let mut told = |its_ns: u64, ours_ns: u64| {
+        map.after(its_ns, ours_ns - MS);
+        (map.before(its_ns, ours_ns + MS), map.map(its_ns).unwrap().ours_ns)
+    };
+    for n in 0..100 {
+        assert!(told(1000 * MS + n * 10 * MS, 6000 * MS + n * 10 * MS).0);
+    }
+    // What follows something of ours fits a clock that was set forward, but what was heard doesn't.
+    let after: Vec<_> = (0..12).map(|n| told(900_000 * MS + n * 10 * MS, 7000 * MS + n * 10 * MS)).collect();
+    assert_eq!(after.iter().position(|(is_taken, _)| *is_taken), Some(9));
+    assert_eq!(after[11].1, 7110 * MS);
+}

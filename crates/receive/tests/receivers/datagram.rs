@@ -151,3 +151,14 @@ fn what_a_sender_says_of_our_future_counts_for_nothing() {
     assert_eq!(taken.mapped.bound_ns, None);
     assert!(taken.heard.instant_ns <= arrives_ns(&lies));
 }
+
+#[test]
+fn a_covariance_whose_pairs_contradict_each_other_is_none() {
+    let read = |all: [f64; 6]| {
+        PoseDatagram::from_bytes(&PoseDatagram { covariance: Some(all), ..sent(1) }.to_bytes())
+    };
+    let told = read([1.0, 0.9, 0.9, 1.0, -0.9, 1.0]).unwrap_err().to_string();
+    assert!(told.contains("determinant is -2.88"), "{told}");
+    assert!(read([1e200, 0.0, 0.0, 1.0, 0.0, 1.0]).unwrap_err().to_string().contains("a variance"));
+    assert!(read([1.0, 2.0, 4.0, 4.0, 8.0, 16.0]).is_ok(), "known but for one direction");
+}

@@ -178,7 +178,7 @@ struct Reading<'a> {
     /// When the row is that isn't complete yet. Its values: a topic that isn't told again has those of the row before.
     row_ns: Option<u64>,
     values: Vec<f64>,
-    /// Topics that weren't told yet, and whether this row told any.
+    /// Topics that weren't told yet, and whether anything of this row was told.
     untold: usize,
     is_told: bool,
     /// The bytes that replay it, where they came.
@@ -306,7 +306,8 @@ impl<'a> Reading<'a> {
                         }
                     }
                     Some(Content::Raw) => {
-                        self.has_raw_of_row = true;
+                        // Where nothing changed, these bytes alone tell that there is a row.
+                        (self.has_raw_of_row, self.is_told) = (true, true);
                         if matches!(self.keep, Keep::All) {
                             let (values, words) = (&self.values, &self.run.schema.words);
                             match bytes_of(&data, 1) {
@@ -359,7 +360,8 @@ impl<'a> Reading<'a> {
     /// Ends a row: it is complete, or it doesn't count.
     fn end_row(&mut self) {
         let is_told = std::mem::take(&mut self.is_told) && self.untold == 0;
-        let is_complete = is_told && (std::mem::take(&mut self.has_raw_of_row) || !self.has_raw);
+        let has_raw = std::mem::take(&mut self.has_raw_of_row);
+        let is_complete = is_told && (has_raw || !self.has_raw);
         if let Some(time_ns) = self.row_ns.take()
             && is_complete
             && !self.is_enough
