@@ -371,7 +371,8 @@ impl Drive {
         let ability = Ability::of(&about.robot.plan);
         let timed = about.room.timed(&way, &ability, &about.registry).map_err(|error| error.to_string())?;
         // What was looked at has been sampled; the robot gets one that begins anew.
-        let fresh = about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
+        let fresh =
+            about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
         // Nobody who stopped it finds another reference loaded.
         drives.check_latest(self)?;
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;

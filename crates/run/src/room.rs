@@ -265,9 +265,8 @@ impl Room {
         let space = self.space(way)?;
         let plan = self.plan(way, &space)?;
         let table = table_of(&plan, &ability.limits);
-        let mut reference = registry
-            .make_reference(&table, ability)
-            .map_err(|error| RoomError::Timing(error.to_string()))?;
+        let mut reference =
+            registry.make_reference(&table, ability).map_err(|error| RoomError::Timing(error.to_string()))?;
         reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
         let duration_s = reference.duration_s().unwrap_or_default();
         let mut checker = space.checker(&self.footprint, 0.0);
