@@ -304,7 +304,7 @@ impl CallHandler {
             (Some(ms), _) if ms.is_finite() && ms >= 0.0 => (ms * NS_OF_MS as f64) as u64,
             (Some(ms), _) => return Err(format!("instant_ms: expected ms of the robot's clock, found {ms}")),
             (None, Stamp::Told(told_ns)) => told_ns,
-            (None, Stamp::Here | Stamp::Missing) => {
+            (None, Stamp::Here | Stamp::OnBehalf | Stamp::Missing) => {
                 return Err("expected `instant_ms`, or `stamp`: nobody knows how old it is".to_owned());
             }
         };

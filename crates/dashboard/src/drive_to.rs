@@ -174,7 +174,7 @@ impl DriveTo {
         let order = self.supersede(live);
         let mut drive = Drive {
             order,
-            asker: asker.stamped(Stamp::Here),
+            asker: asker.stamped(Stamp::OnBehalf),
             goal,
             best: best.unwrap_or(about.room.way),
             replans: 0,

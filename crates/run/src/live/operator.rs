@@ -24,7 +24,7 @@ use super::command::{
     Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins,
     begins_motion, is_of_a_leader, leads,
 };
-use super::stamp::BEGINNING_AGE_NS;
+use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 
 /// Requests that can wait for their cycle.
 const MOST_WAITING: usize = 64;
@@ -230,6 +230,13 @@ impl Operator {
                 return self.answer(ticket, Answer::Refused(refusal));
             }
         };
+        if stamp == Stamp::OnBehalf
+            && matches!(ask, Ask::Robot(_))
+            && begins_or_allows(&ask)
+            && !self.is_there(client)
+        {
+            return self.answer(ticket, Answer::Refused(Refusal::Stopped));
+        }
         if self.is_beside_plan && is_of_a_leader(&ask) {
             if let Ask::Load { reference, .. } = ask {
                 self.discard(reference);
@@ -335,6 +342,12 @@ impl Operator {
         }
         self.comeback = conductor.is_coming_back().then_some((client, conductor));
         Some(self.send(client, 0, kind?, u64::MAX))
+    }
+
+    /// Whether a page is there; who has no session always is.
+    fn is_there(&self, client: Client) -> bool {
+        let Client::Page(number) = client else { return true };
+        self.sessions.get(usize::from(number)).is_some_and(Option::is_some)
     }
 
     /// Whether the joystick is lost or blocked, or that of a page that is there.

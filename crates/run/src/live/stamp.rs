@@ -14,6 +14,8 @@ pub enum Stamp {
     /// At the robot's own computer, with no line between: when it is heard.
     #[default]
     Here,
+    /// By the robot itself, for somebody who asked before: it doesn't tell that they are still there.
+    OnBehalf,
     /// Over a line, by somebody to whom the robot's clock was last told like this, ns.
     Told(u64),
     /// Over a line, and nobody knows when.
@@ -44,7 +46,7 @@ impl Stamp {
     /// When it was asked, ns, where that is no longer ago than so many ns.
     pub(super) fn within(self, now_ns: u64, most_ns: u64) -> Result<u64, Refusal> {
         match self {
-            Stamp::Here => Ok(now_ns),
+            Stamp::Here | Stamp::OnBehalf => Ok(now_ns),
             Stamp::Missing => Err(Refusal::Unstamped),
             Stamp::Told(told_ns) => match now_ns.checked_sub(told_ns) {
                 None => Err(Refusal::OfAnotherRun),

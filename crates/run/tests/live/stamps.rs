@@ -205,6 +205,21 @@ fn a_page_whose_messages_are_old_is_gone_and_what_it_began_ends() {
 }
 
 #[test]
+fn what_the_robot_asks_on_behalf_of_a_page_that_is_gone_begins_nothing() {
+    for is_there in [true, false] {
+        let played = played(4.5, |hands| {
+            hands.send(0.3, Client::Command, robot(RequestKind::Enable));
+            hands.at(1.5, |live, _| _ = live.begin_session().unwrap());
+            if is_there {
+                hands.alive(1.6, 4.5, PAGE);
+            }
+            hands.at(3.5, |live, _| _ = live.send(live.asker(PAGE, Stamp::OnBehalf), go_to()).unwrap());
+        });
+        assert_eq!(distance_m(&played) > 0.05, is_there, "{} m", distance_m(&played));
+    }
+}
+
+#[test]
 fn what_was_asked_before_a_stop_and_sent_after_it_begins_nothing() {
     let answer = Rc::new(RefCell::new(None));
     let seen = answer.clone();

@@ -69,6 +69,7 @@ impl Operator {
     pub(super) fn hear_page(&mut self, now_ns: u64, client: Client, stamp: Stamp) {
         let spoke_ns = match stamp {
             Stamp::Here | Stamp::Missing => Some(now_ns),
+            Stamp::OnBehalf => None,
             Stamp::Told(_) => stamp.within(now_ns, self.ages.session_ns).ok(),
         };
         if let (Client::Page(number), Some(spoke_ns)) = (client, spoke_ns)
