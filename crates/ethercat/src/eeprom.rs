@@ -14,6 +14,7 @@ use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
 use crate::wire::register;
 use crate::wire::sii;
 
+pub(crate) use write::spoiled_checksum;
 pub use write::{EepromWriteError, SiiWriter, WordWrite, plan, with_checksum};
 
 /// The most that is ever read: the address space of the largest EEPROM that devices have.

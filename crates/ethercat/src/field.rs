@@ -62,12 +62,18 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let words = after.chunks_exact(2).zip(found.chunks_exact(2));
         match (0u32..).zip(words).find(|(_, (expected, found))| expected != found) {
             None => Ok(()),
-            Some((word, (expected, found))) => Err(SetUpError::EepromDiffers {
-                position: target.position,
-                word,
-                expected: u16_at(expected, 0),
-                found: u16_at(found, 0),
-            }),
+            Some((word, (expected, found))) => {
+                let differs = SetUpError::EepromDiffers {
+                    position: target.position,
+                    word,
+                    expected: u16_at(expected, 0),
+                    found: u16_at(found, 0),
+                };
+                // What isn't right isn't called good: its checksum is spoiled again. An error here would hide that one.
+                let spoil = SiiWriter::new(target, alloc::vec![eeprom::spoiled_checksum(after)]);
+                let _ = self.transactor.drive(&mut [spoil]);
+                Err(differs)
+            }
         }
     }
 

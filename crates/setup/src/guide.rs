@@ -179,21 +179,20 @@ impl<'a, C: Clock> Guide<'a, C> {
         (self.keep)(&self.record);
     }
 
-    /// An answer among the choices, asked again until it is one; `Err` where somebody leaves.
+    /// An answer among the choices, asked again until it is one; `Err` where somebody leaves. Nothing said is an answer only where
+    /// there is nothing to choose.
     pub(crate) fn choose(
         &mut self,
         (id, text): (String, String),
         choices: &[String],
     ) -> Result<String, Leave> {
-        let default = choices.first().cloned();
+        let default = choices.first().filter(|_| choices.len() == 1).cloned();
         let question = Question { id, text, choices: choices.to_vec(), default };
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
-                Answer::Said(said) if said.trim().is_empty() => {
-                    if let Some(default) = &question.default {
-                        return Ok(default.clone());
-                    }
+                Answer::Said(said) if said.trim().is_empty() && question.default.is_some() => {
+                    return Ok(question.default.unwrap_or_default());
                 }
                 Answer::Said(said) if choices.iter().any(|choice| choice == said.trim()) => {
                     return Ok(said.trim().to_owned());

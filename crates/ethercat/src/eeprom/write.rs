@@ -67,6 +67,11 @@ pub fn plan(before: &[u8], after: &[u8]) -> Vec<WordWrite> {
     steps
 }
 
+/// What makes the checksum of an image wrong.
+pub(crate) fn spoiled_checksum(image: &[u8]) -> WordWrite {
+    WordWrite { word: CHECKSUM, value: u16_at(image, CHECKSUM as usize * 2) ^ 0x00FF }
+}
+
 /// A checksum that is wrong before the first, between any two and behind the last of `writes`.
 fn spoiled(before: &[u8], writes: &[WordWrite]) -> u8 {
     let mut guarded = [0xFF; 14];

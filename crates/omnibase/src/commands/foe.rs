@@ -5,8 +5,9 @@ use crate::commands::eeprom::open_at_rest;
 use crate::progress::{bar, note, warn};
 use crate::target::{AnyBus, Target};
 use anyhow::{Context, ensure};
+use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
-use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest, Operation, ShortText};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
 use std::fs::File;
 use std::io::Write;
@@ -182,7 +183,9 @@ impl Place {
         let room = Vec::with_capacity(content.len() + 1);
         let found = match self.transfer(bus, Operation::ReadFile(access), room) {
             Ok(found) => found,
-            Err(error) => return Ok(Err(format!("{error:#}"))),
+            // Many devices take a file and give none back; whoever fell silent or gave more is another matter.
+            Err(error) if is_refusal(&error) => return Ok(Err(format!("{error:#}"))),
+            Err(error) => return Err(error.context("reading back what was written: write it again")),
         };
         let differs = found.iter().zip(content).position(|(found, written)| found != written);
         ensure!(
@@ -205,6 +208,12 @@ impl Place {
         }
         Ok(())
     }
+}
+
+/// Whether a device said that it won't.
+fn is_refusal(error: &anyhow::Error) -> bool {
+    let refused = |cause: &MailboxError| matches!(cause, MailboxError::FileRefused { .. });
+    matches!(error.downcast_ref(), Some(SetUpError::Request { cause, .. }) if refused(cause))
 }
 
 /// A number, decimal or hexadecimal with 0x.

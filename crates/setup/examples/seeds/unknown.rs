@@ -144,6 +144,7 @@ impl Hand for Person {
                 "again".to_owned()
             }
             "parameters" => "write".to_owned(),
+            "stopped" => "yes".to_owned(),
             // What the program thinks likely.
             _ => String::new(),
         };

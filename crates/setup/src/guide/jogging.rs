@@ -370,8 +370,21 @@ impl<C: Clock> Guide<'_, C> {
                 let jog = self.jog(number, Motion::Stands(STOPPED_WITHIN_S), &what)?;
                 match &jog.end {
                     JogEnd::Drive(words) if jog.enabled_cycles > 0 => {
-                        self.record.note(format!("{wheel}: the emergency stop took its torque: {words}"));
-                        break;
+                        // A drive that stops by a fault of its own looks the same from here.
+                        let text =
+                            format!("{wheel} lost its torque ({words}): did you press the emergency stop?");
+                        let choices = ["yes", "no"].map(str::to_owned);
+                        match self.choose((format!("stopped {number}"), text), &choices) {
+                            Ok(choice) if choice == "yes" => {
+                                self.record
+                                    .note(format!("{wheel}: the emergency stop took its torque: {words}"));
+                                break;
+                            }
+                            Ok(_) => self.record.found(format!(
+                                "{wheel} lost its torque without the emergency stop: {words}"
+                            )),
+                            Err(Leave) => return Ok(false),
+                        }
                     }
                     JogEnd::Gone => return Ok(false),
                     _ => {
