@@ -7,7 +7,7 @@
 //! - [`search`]: the shortest way of a disc at any angle; [`ridge`]: one that keeps to the middle, as a choice.
 //! - [`turning`]: the way of a footprint that has to turn to get through.
 //! - [`smooth`]: a way without kinks where there is room.
-//! - [`plan`]: [`plan()`] joins them.
+//! - [`mod@plan`]: [`plan()`] joins them.
 //!
 //! Poses are in the map's frame, lengths in m, angles in rad. Planning allocates; nothing here knows a clock.
 #![forbid(unsafe_code)]

@@ -44,7 +44,7 @@ pub struct KeepFrames {
     pub when_full: WhenFull,
 }
 
-/// Keeps the last frames; see the [module](self).
+/// Keeps the last frames.
 pub struct LastFrames {
     keeper: JoinHandle<io::Result<Kept>>,
     told: Arc<AtomicBool>,
