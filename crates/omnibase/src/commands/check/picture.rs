@@ -15,7 +15,7 @@ const WIDTH: f64 = 900.0;
 const FLOOR: [f64; 2] = [900.0, 520.0];
 /// Of the speed over time, and from the picture's left edge to it.
 const SPEED: [f64; 2] = [800.0, 150.0];
-const LEFT: f64 = 60.0;
+const LEFT: f64 = 80.0;
 const MARGIN: f64 = 30.0;
 const NONE: &str = "#9aa4ae";
 /// Points of a stroke at most this far apart over time are drawn, over the whole.
