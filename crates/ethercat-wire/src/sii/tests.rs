@@ -12,6 +12,33 @@ fn capture(name: &str) -> Option<Vec<u8>> {
 }
 
 #[test]
+fn more_pdos_than_one_category_holds_are_written_in_several() {
+    let pdo = |number: u16| Pdo {
+        index: 0x1A00 + number,
+        sync_manager: Some(3),
+        synchronization: 0,
+        name: 0,
+        flags: 0,
+        entries: vec![
+            PdoEntry {
+                object: ObjectAddress::new(0x6000, 1),
+                name: 0,
+                data_type: 5,
+                bit_length: 8,
+                flags: 0
+            };
+            255
+        ],
+    };
+    let mut image = Image { tx_pdos: (0..100).map(pdo).collect(), ..Image::default() };
+    image.header.raw = image.header.bytes();
+    let (read, problems) = Image::parse(&image.emit()).unwrap();
+    assert_eq!(read.tx_pdos.len(), 100);
+    assert_eq!(read.tx_pdos, image.tx_pdos);
+    assert!(problems.iter().all(|problem| problem.text.contains("checksum")), "{problems:?}");
+}
+
+#[test]
 fn real_images_are_read_without_a_problem_and_written_back_without_loss() {
     for (name, device, tx, rx) in [
         ("ek1100-sii.bin", "EK1100", 0, 0),

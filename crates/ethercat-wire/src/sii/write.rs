@@ -23,20 +23,11 @@ impl Image {
         if let Some(general) = &self.general {
             push_category(&mut bytes, CATEGORY_GENERAL, &general.bytes());
         }
-        let fmmus: Vec<u8> = self.fmmus.iter().map(|usage| usage.code()).collect();
-        let sync_managers: Vec<u8> = self.sync_managers.iter().flat_map(SyncManager::bytes).collect();
-        let dc_modes: Vec<u8> = self.dc_modes.iter().flat_map(DcMode::bytes).collect();
-        for (kind, data) in [
-            (CATEGORY_FMMU, fmmus),
-            (CATEGORY_SYNC_MANAGERS, sync_managers),
-            (CATEGORY_TX_PDO, pdo_bytes(&self.tx_pdos)),
-            (CATEGORY_RX_PDO, pdo_bytes(&self.rx_pdos)),
-            (CATEGORY_DC, dc_modes),
-        ] {
-            if !data.is_empty() {
-                push_category(&mut bytes, kind, &data);
-            }
-        }
+        push_records(&mut bytes, CATEGORY_FMMU, self.fmmus.iter().map(|usage| [usage.code()]));
+        push_records(&mut bytes, CATEGORY_SYNC_MANAGERS, self.sync_managers.iter().map(SyncManager::bytes));
+        push_records(&mut bytes, CATEGORY_TX_PDO, self.tx_pdos.iter().map(Pdo::bytes));
+        push_records(&mut bytes, CATEGORY_RX_PDO, self.rx_pdos.iter().map(Pdo::bytes));
+        push_records(&mut bytes, CATEGORY_DC, self.dc_modes.iter().map(DcMode::bytes));
         for category in &self.other {
             push_category(&mut bytes, category.kind, &category.data);
         }
@@ -60,25 +51,41 @@ fn push_category(bytes: &mut Vec<u8>, kind: u16, data: &[u8]) {
     }
 }
 
-fn pdo_bytes(pdos: &[Pdo]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for pdo in pdos {
-        let entries = &pdo.entries[..pdo.entries.len().min(255)];
-        bytes.extend_from_slice(&pdo.index.to_le_bytes());
+/// Appends records, those that one category can't hold in further ones of the same kind.
+fn push_records<R: AsRef<[u8]>>(bytes: &mut Vec<u8>, kind: u16, records: impl Iterator<Item = R>) {
+    let longest = usize::from(u16::MAX) * 2;
+    let mut data = Vec::new();
+    for record in records {
+        let record = record.as_ref();
+        if data.len() + record.len() > longest {
+            push_category(bytes, kind, &data);
+            data.clear();
+        }
+        data.extend_from_slice(record);
+    }
+    if !data.is_empty() {
+        push_category(bytes, kind, &data);
+    }
+}
+
+impl Pdo {
+    fn bytes(&self) -> Vec<u8> {
+        let entries = &self.entries[..self.entries.len().min(255)];
+        let mut bytes = self.index.to_le_bytes().to_vec();
         bytes.extend_from_slice(&[
             entries.len() as u8,
-            pdo.sync_manager.unwrap_or(0xFF),
-            pdo.synchronization,
-            pdo.name,
+            self.sync_manager.unwrap_or(0xFF),
+            self.synchronization,
+            self.name,
         ]);
-        bytes.extend_from_slice(&pdo.flags.to_le_bytes());
+        bytes.extend_from_slice(&self.flags.to_le_bytes());
         for entry in entries {
             bytes.extend_from_slice(&entry.object.index.to_le_bytes());
             bytes.extend_from_slice(&[entry.object.subindex, entry.name, entry.data_type, entry.bit_length]);
             bytes.extend_from_slice(&entry.flags.to_le_bytes());
         }
+        bytes
     }
-    bytes
 }
 
 impl Header {
