@@ -1,11 +1,13 @@
 //! SubDevices' EEPROM (the SII) through registers 0x0502 to 0x050F: reading, and writing word by word.
 
+mod interface;
 mod write;
 
 use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
 
+use self::interface::Interface;
 use crate::found::Found;
 use crate::found::Target;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
@@ -24,22 +26,8 @@ const LEAST_LIMIT: usize = 2048;
 /// Where the EEPROM's size stands, bytes.
 const SIZE_AT: usize = 0x3E * 2;
 
-const BUSY: u16 = 1 << 15;
-const WRITE_ENABLE_ERROR: u16 = 1 << 14;
-const NOT_ACKNOWLEDGED: u16 = 1 << 13;
 const READS_EIGHT_BYTES: u16 = 1 << 6;
 const COMMAND_READ: u16 = 1 << 8;
-
-/// The longest time that one read may keep the interface busy.
-const BUSY_LIMIT: Duration = Duration::from_secs(1);
-/// Pause before a busy interface is asked again.
-const BUSY_PAUSE: Duration = Duration::from_micros(100);
-/// Pause after the EEPROM did not acknowledge.
-const NACK_PAUSE: Duration = Duration::from_millis(1);
-/// Reads in a row that the EEPROM may leave unacknowledged.
-const NACK_LIMIT: u32 = 50;
-/// Datagrams in a row that may be lost or have a wrong working counter.
-const FAILURE_LIMIT: u32 = 4;
 
 /// How much is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,10 +130,7 @@ pub struct SiiReader {
     cursor: usize,
     part: Part,
     phase: Stage,
-    wait_until: Option<HostTime>,
-    busy_since: Option<HostTime>,
-    failures: u32,
-    nacks: u32,
+    interface: Interface,
     /// Bytes of the last read, and where they stand.
     fetched: (usize, [u8; 8], usize),
     outcome: Option<Result<(), EepromFailure>>,
@@ -166,10 +151,7 @@ impl SiiReader {
             cursor: 0,
             part: Part::Header,
             phase: Stage::Free,
-            wait_until: None,
-            busy_since: None,
-            failures: 0,
-            nacks: 0,
+            interface: Interface::default(),
             fetched: (0, [0; 8], 0),
             outcome: None,
         }
@@ -295,38 +277,22 @@ impl SiiReader {
         (self.cursor / 2) as u32
     }
 
-    fn take_status(&mut self, data: &[u8], now: HostTime) {
+    fn take_status(&mut self, data: &[u8], now: HostTime) -> Result<(), EepromFailure> {
         let status = u16_at(data, 0);
-        if status & BUSY != 0 {
-            let since = *self.busy_since.get_or_insert(now);
-            if now - since >= BUSY_LIMIT {
-                self.outcome = Some(Err(EepromFailure::Busy(BUSY_LIMIT)));
-            }
-            self.wait_until = Some(now + BUSY_PAUSE);
-            return;
+        if self.interface.is_busy(status, now)? {
+            return Ok(());
         }
-        self.busy_since = None;
-        if let Stage::Free = self.phase {
-            self.phase = Stage::Order;
-            return;
+        let has_read = matches!(self.phase, Stage::Fetch);
+        self.phase = Stage::Order;
+        if !has_read || !self.interface.is_acknowledged(status, (u32_at(data, 2), self.word()), now)? {
+            return Ok(());
         }
-        let address = u32_at(data, 2);
-        if status & (NOT_ACKNOWLEDGED | WRITE_ENABLE_ERROR) != 0 || address != self.word() {
-            self.nacks += 1;
-            if self.nacks >= NACK_LIMIT {
-                self.outcome = Some(Err(EepromFailure::NotAcknowledged { status }));
-            }
-            self.phase = Stage::Order;
-            self.wait_until = Some(now + NACK_PAUSE);
-            return;
-        }
-        self.nacks = 0;
         let length = if status & READS_EIGHT_BYTES != 0 { 8 } else { 4 };
         let mut bytes = [0; 8];
         bytes[..length].copy_from_slice(&data[6..6 + length]);
         self.fetched = (self.cursor, bytes, length);
-        self.phase = Stage::Order;
         self.take_fetched();
+        Ok(())
     }
 }
 
@@ -338,11 +304,8 @@ impl Procedure for SiiReader {
             let (position, word) = (self.target.position, self.word());
             return Next::Done(outcome.map_err(|cause| EepromError { position, word, cause }));
         }
-        if let Some(instant) = self.wait_until {
-            if now < instant {
-                return Next::WaitUntil(instant);
-            }
-            self.wait_until = None;
+        if let Some(instant) = self.interface.pause(now) {
+            return Next::WaitUntil(instant);
         }
         let station = self.target.station;
         Next::Send(match self.phase {
@@ -360,24 +323,21 @@ impl Procedure for SiiReader {
     }
 
     fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
-        let data = match answer.data(1) {
-            Ok(data) => data,
-            Err(found) => {
-                self.failures += 1;
-                if self.failures >= FAILURE_LIMIT {
-                    self.outcome = Some(Err(EepromFailure::NoAnswer(found)));
+        let taken = match answer.data(1) {
+            Err(found) => self.interface.lost(found, now),
+            Ok(data) => {
+                self.interface.answered();
+                match self.phase {
+                    Stage::Order => {
+                        self.phase = Stage::Fetch;
+                        Ok(())
+                    }
+                    Stage::Free | Stage::Fetch => self.take_status(data, now),
                 }
-                self.wait_until = Some(now + NACK_PAUSE);
-                return;
             }
         };
-        self.failures = 0;
-        match self.phase {
-            Stage::Order => self.phase = Stage::Fetch,
-            Stage::Free | Stage::Fetch => self.take_status(data, now),
+        if let Err(failure) = taken {
+            self.outcome = Some(Err(failure));
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -6,8 +6,8 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-use super::{BUSY, BUSY_LIMIT, BUSY_PAUSE, COMMAND_READ, FAILURE_LIMIT, NACK_LIMIT, NACK_PAUSE};
-use super::{EepromFailure, NOT_ACKNOWLEDGED, WRITE_ENABLE_ERROR};
+use super::interface::Interface;
+use super::{COMMAND_READ, EepromFailure};
 use crate::found::Target;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
@@ -144,10 +144,7 @@ pub struct SiiWriter {
     steps: Vec<WordWrite>,
     next: usize,
     stage: Stage,
-    wait_until: Option<HostTime>,
-    busy_since: Option<HostTime>,
-    failures: u32,
-    nacks: u32,
+    interface: Interface,
     attempts: u32,
     outcome: Option<Result<(), EepromFailure>>,
 }
@@ -161,10 +158,7 @@ impl SiiWriter {
             steps,
             next: 0,
             stage: Stage::Free,
-            wait_until: None,
-            busy_since: None,
-            failures: 0,
-            nacks: 0,
+            interface: Interface::default(),
             attempts: 0,
         }
     }
@@ -173,36 +167,25 @@ impl SiiWriter {
         self.steps.get(self.next).copied().unwrap_or(WordWrite { word: CHECKSUM, value: 0 })
     }
 
-    fn take_status(&mut self, data: &[u8], now: HostTime) {
+    fn take_status(&mut self, data: &[u8], now: HostTime) -> Result<(), EepromFailure> {
         let status = u16_at(data, 0);
-        if status & BUSY != 0 {
-            let since = *self.busy_since.get_or_insert(now);
-            if now - since >= BUSY_LIMIT {
-                self.outcome = Some(Err(EepromFailure::Busy(BUSY_LIMIT)));
-            }
-            self.wait_until = Some(now + BUSY_PAUSE);
-            return;
+        if self.interface.is_busy(status, now)? {
+            return Ok(());
         }
-        self.busy_since = None;
         if self.stage == Stage::Free {
             self.stage = Stage::Write;
-            return;
+            return Ok(());
         }
         let WordWrite { word, value } = self.step();
+        let was_written = self.stage == Stage::Written;
         // An EEPROM that is still storing the last word acknowledges nothing.
-        if status & (NOT_ACKNOWLEDGED | WRITE_ENABLE_ERROR) != 0 || u32_at(data, 2) != word {
-            self.nacks += 1;
-            if self.nacks >= NACK_LIMIT {
-                self.outcome = Some(Err(EepromFailure::NotAcknowledged { status }));
-            }
-            self.stage = if self.stage == Stage::Written { Stage::Write } else { Stage::Read };
-            self.wait_until = Some(now + NACK_PAUSE);
-            return;
+        if !self.interface.is_acknowledged(status, (u32_at(data, 2), word), now)? {
+            self.stage = if was_written { Stage::Write } else { Stage::Read };
+            return Ok(());
         }
-        self.nacks = 0;
-        if self.stage == Stage::Written {
+        if was_written {
             self.stage = Stage::Read;
-            return;
+            return Ok(());
         }
         let found = u16_at(data, 6);
         self.stage = Stage::Write;
@@ -212,13 +195,11 @@ impl SiiWriter {
             if self.next == self.steps.len() {
                 self.outcome = Some(Ok(()));
             }
-            return;
+            return Ok(());
         }
         self.attempts += 1;
-        if self.attempts >= ATTEMPTS {
-            self.outcome = Some(Err(EepromFailure::Differs { written: value, found }));
-        }
-        self.wait_until = Some(now + NACK_PAUSE);
+        self.interface.wait(now);
+        if self.attempts < ATTEMPTS { Ok(()) } else { Err(EepromFailure::Differs { written: value, found }) }
     }
 }
 
@@ -237,11 +218,8 @@ impl Procedure for SiiWriter {
                 cause,
             }));
         }
-        if let Some(instant) = self.wait_until {
-            if now < instant {
-                return Next::WaitUntil(instant);
-            }
-            self.wait_until = None;
+        if let Some(instant) = self.interface.pause(now) {
+            return Next::WaitUntil(instant);
         }
         let station = self.target.station;
         Next::Send(match self.stage {
@@ -269,29 +247,34 @@ impl Procedure for SiiWriter {
     }
 
     fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
-        let data = match answer.data(1) {
-            Ok(data) => data,
+        let taken = match answer.data(1) {
             Err(found) => {
-                self.failures += 1;
-                if self.failures >= FAILURE_LIMIT {
-                    self.outcome = Some(Err(EepromFailure::NoAnswer(found)));
-                }
-                self.wait_until = Some(now + NACK_PAUSE);
                 // Nobody knows whether an order was seen: the interface may be busy with it.
                 if matches!(self.stage, Stage::Write | Stage::Read) {
                     self.stage = Stage::Free;
                 }
-                return;
+                self.interface.lost(found, now)
+            }
+            Ok(data) => {
+                // An interface that is free says nothing of whether orders reach it: their failures go on counting.
+                if self.stage != Stage::Free {
+                    self.interface.answered();
+                }
+                match self.stage {
+                    Stage::Write => {
+                        self.stage = Stage::Written;
+                        Ok(())
+                    }
+                    Stage::Read => {
+                        self.stage = Stage::Fetch;
+                        Ok(())
+                    }
+                    Stage::Free | Stage::Written | Stage::Fetch => self.take_status(data, now),
+                }
             }
         };
-        // An interface that is free says nothing of whether orders reach it: their failures go on counting.
-        if self.stage != Stage::Free {
-            self.failures = 0;
-        }
-        match self.stage {
-            Stage::Write => self.stage = Stage::Written,
-            Stage::Read => self.stage = Stage::Fetch,
-            Stage::Free | Stage::Written | Stage::Fetch => self.take_status(data, now),
+        if let Err(failure) = taken {
+            self.outcome = Some(Err(failure));
         }
     }
 }
