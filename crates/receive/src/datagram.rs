@@ -7,6 +7,8 @@ use omnibase_robot::signals::Heard;
 
 use crate::clock::{ClockMap, Mapped};
 use crate::cursor::Cursor;
+use crate::moving::Moving;
+use crate::numbers::Numbers;
 
 /// What each datagram begins with.
 pub const MAGIC: [u8; 4] = *b"OBPS";
@@ -30,8 +32,6 @@ const HELD_AT_MOST_NS: u64 = 60_000_000_000;
 const FARTHEST_M: f64 = 1e5;
 /// What rounding makes of a covariance that knows nothing in some direction, as a part of its variances' product.
 const ROUNDING: f64 = 1e-9;
-/// So many numbers before the last one are remembered.
-const REMEMBERED: u32 = 64;
 
 /// A pose as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -233,14 +233,6 @@ fn sound_covariance(all: &[f64]) -> Result<[f64; 6], Refused> {
     Ok([xx, xy, xh, yy, yh, hh])
 }
 
-/// What was heard of a pose source: its nine values at their instant.
-pub(crate) fn heard(instant_ns: u64, pose: [f64; 3], covariance: [f64; 6]) -> Heard {
-    let mut heard = Heard { instant_ns, ..Heard::NOTHING };
-    heard.values[..3].copy_from_slice(&pose);
-    heard.values[3..9].copy_from_slice(&covariance);
-    heard
-}
-
 /// What became of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
@@ -257,14 +249,19 @@ pub struct Taken {
 pub struct DatagramHearing {
     peer: IpAddr,
     map: ClockMap,
-    /// The greatest number so far, and which of the 64 before it were heard.
-    seen: Option<(u32, u64)>,
+    numbers: Numbers,
+    moving: Moving,
 }
 
 impl DatagramHearing {
     /// Of whom a plan says.
     pub fn new(plan: &DatagramPlan) -> Self {
-        DatagramHearing { peer: plan.peer, map: ClockMap::default(), seen: None }
+        DatagramHearing {
+            peer: plan.peer,
+            map: ClockMap::default(),
+            numbers: Numbers::default(),
+            moving: Moving::default(),
+        }
     }
 
     /// Takes a datagram that came from somewhere at an instant of our clock.
@@ -276,7 +273,9 @@ impl DatagramHearing {
             return Err(Refused::Stranger { found: from, expected: self.peer });
         }
         let sent = PoseDatagram::from_bytes(bytes)?;
-        self.number(sent.sequence)?;
+        if !self.numbers.is_new(sent.sequence) {
+            return Err(Refused::Again { sequence: sent.sequence });
+        }
         // What somebody says of our clock counts where it can be: it is of before now.
         if let Some(echo) = sent.echo
             && let Some(after_ns) =
@@ -290,28 +289,8 @@ impl DatagramHearing {
         let mapped = self.map.map(sent.instant_ns).ok_or(Refused::Clock)?;
         let mapped = Mapped { ours_ns: mapped.ours_ns.min(now_ns), ..mapped };
         let answer = (sent.answer == Answer::Wanted).then(|| answer(sent.sequence, now_ns));
-        let heard = heard(mapped.ours_ns, sent.pose, sent.covariance.unwrap_or_default());
+        let heard = self.moving.heard(mapped, sent.pose, sent.covariance.unwrap_or_default());
         Ok(Taken { heard, mapped, answer })
-    }
-
-    /// Nothing counts twice. A number far before the last is that of a sender that began anew.
-    fn number(&mut self, sequence: u32) -> Result<(), Refused> {
-        let Some((last, seen)) = self.seen else {
-            self.seen = Some((sequence, 1));
-            return Ok(());
-        };
-        let (ahead, behind) = (sequence.wrapping_sub(last), last.wrapping_sub(sequence));
-        if behind < REMEMBERED {
-            if seen >> behind & 1 == 1 {
-                return Err(Refused::Again { sequence });
-            }
-            self.seen = Some((last, seen | 1 << behind));
-        } else if ahead < u32::MAX / 2 {
-            self.seen = Some((sequence, seen.checked_shl(ahead).unwrap_or(0) | 1));
-        } else {
-            self.seen = Some((sequence, 1));
-        }
-        Ok(())
     }
 }
 

@@ -15,7 +15,9 @@ pub mod clock;
 mod cursor;
 pub mod datagram;
 pub mod mouse;
+mod moving;
 pub mod natnet;
+mod numbers;
 pub mod receiver;
 pub mod threads;
 

@@ -15,7 +15,8 @@ use omnibase_robot::signals::Heard;
 
 use crate::clock::{ClockMap, Mapped};
 use crate::cursor::Cursor;
-use crate::datagram::heard;
+use crate::moving::Moving;
+use crate::numbers::Numbers;
 
 pub use description::body_names;
 pub use frame::{Body, Frame};
@@ -152,7 +153,8 @@ pub struct NatNet {
     map: ClockMap,
     /// Ids by name.
     names: BTreeMap<String, u32>,
-    frame: Option<u32>,
+    frames: Numbers,
+    moving: Moving,
     asked_ns: Option<u64>,
     names_asked_ns: Option<u64>,
     alive_ns: Option<u64>,
@@ -167,7 +169,8 @@ impl NatNet {
             server: None,
             map: ClockMap::default(),
             names: BTreeMap::new(),
-            frame: None,
+            frames: Numbers::default(),
+            moving: Moving::default(),
             asked_ns: None,
             names_asked_ns: None,
             alive_ns: None,
@@ -253,7 +256,7 @@ impl NatNet {
         let ticks_per_s = at.u64().filter(|ticks| *ticks > 0).ok_or(short)?;
         let server = Server { version, ticks_per_s };
         if self.server != Some(server) {
-            (self.map, self.frame) = (ClockMap::default(), None);
+            (self.map, self.frames) = (ClockMap::default(), Numbers::default());
         }
         self.server = Some(server);
         let name = name.split(|byte| *byte == 0).next().unwrap_or_default();
@@ -283,7 +286,7 @@ impl NatNet {
         let version = self.server.ok_or(Refused::Unknown)?.version;
         let short = Refused::Short { what: "a frame", found: body.len(), version: Some(version) };
         let frame = Frame::from_bytes(body, version).ok_or(short)?;
-        if self.frame.replace(frame.number) == Some(frame.number) {
+        if !self.frames.is_new(frame.number) {
             return Err(Refused::Again(frame.number));
         }
         // Frames without stamps are those of a recording that is played.
@@ -303,7 +306,7 @@ impl NatNet {
         // How far its markers are from where they should be stands for the place.
         let variance_m2 = (body.error * self.plan.unit_m).powi(2);
         let covariance = [variance_m2, 0.0, 0.0, variance_m2, 0.0, 0.0];
-        Ok(Outcome::Pose(Box::new(heard(mapped.ours_ns, pose, covariance)), mapped))
+        Ok(Outcome::Pose(Box::new(self.moving.heard(mapped, pose, covariance)), mapped))
     }
 
     fn body<'f>(&self, frame: &'f Frame) -> Result<&'f Body, Refused> {

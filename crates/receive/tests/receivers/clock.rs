@@ -72,3 +72,41 @@ fn answers_do_not_hide_that_a_clock_jumped() {
     assert_eq!(after.iter().position(|(is_taken, _)| *is_taken), Some(9));
     assert_eq!(after[11].1, 7110 * MS);
 }
+
+#[test]
+fn what_a_silence_held_up_is_as_old_as_it_is() {
+    let mut map = ClockMap::default();
+    for n in 0..300 {
+        let ours_ns = 6000 * MS + n * 10 * MS;
+        map.before(foreign_ns(ours_ns, 0.0), ours_ns + MS);
+    }
+    // A cable is out for a minute, and what was sent in its last 2 s comes at once.
+    let back_ns = 69_000 * MS;
+    for n in 0..200 {
+        let was_ns = back_ns - 2000 * MS + n * 10 * MS;
+        assert!(map.before(foreign_ns(was_ns, 0.0), back_ns + n));
+        let mapped_ns = map.map(foreign_ns(was_ns, 0.0)).unwrap().ours_ns;
+        assert!(mapped_ns.abs_diff(was_ns) < 8 * MS, "of {was_ns}: {mapped_ns}");
+    }
+}
+
+#[test]
+fn a_clock_that_was_set_a_little_is_known_anew_and_never_better_than_it_can_be() {
+    let mut map = ClockMap::default();
+    let mut told = |its_ns: u64, ours_ns: u64| {
+        map.after(its_ns, ours_ns - MS / 10);
+        map.before(its_ns, ours_ns + MS / 10);
+        map.map(its_ns).unwrap()
+    };
+    for n in 0..100 {
+        told(1000 * MS + n * 10 * MS, 6000 * MS + n * 10 * MS);
+    }
+    // Set by 5 ms, less than counts as a jump: the bounds of before and of now contradict each other.
+    for n in 100..110 {
+        let ours_ns = 6000 * MS + n * 10 * MS;
+        let mapped = told(1005 * MS + n * 10 * MS, ours_ns);
+        let off_ns = mapped.ours_ns.abs_diff(ours_ns);
+        assert!(mapped.bound_ns.is_none_or(|bound_ns| off_ns <= bound_ns), "{n}: {off_ns} of {mapped:?}");
+        assert!(n < 102 || mapped.bound_ns.is_some_and(|bound_ns| bound_ns < MS), "{n}: {mapped:?}");
+    }
+}

@@ -124,6 +124,34 @@ fn who_answers_is_told_how_well_it_is_known() {
 }
 
 #[test]
+fn an_instant_that_is_not_known_blurs_the_pose_of_who_moves() {
+    let covariance = |speed_m_s: f64| {
+        let mut hearing = hearing();
+        let mut told_ns = None;
+        let mut last = None;
+        for sequence in 1..20 {
+            let mut one = PoseDatagram {
+                echo: told_ns.map(|told_ns| Echo { told_ns, held_ns: 6 * MS }),
+                answer: Answer::Wanted,
+                ..sent(sequence)
+            };
+            one.pose[1] += speed_m_s * f64::from(sequence) * 0.01;
+            let taken = hearing.take(&one.to_bytes(), PEER, arrives_ns(&one)).unwrap();
+            told_ns = taken.answer.map(|answer| u64::from_le_bytes(answer[12..].try_into().unwrap()));
+            last = Some(taken);
+        }
+        let taken = last.unwrap();
+        (taken.heard.values[3..9].to_vec(), taken.mapped.bound_ns.unwrap() as f64 * 1e-9)
+    };
+    let told = [1e-6, 0.0, 0.0, 4e-6, 0.0, 1e-5];
+    assert_eq!(covariance(0.0).0, told, "who rests");
+    let (blurred, bound_s) = covariance(2.0);
+    let expected_m2 = 4e-6 + (2.0 * bound_s).powi(2) / 3.0;
+    assert!((blurred[3] / expected_m2 - 1.0).abs() < 1e-6 && blurred[3] > 5e-6, "{blurred:?}, {bound_s} s");
+    assert_eq!((blurred[0], blurred[5]), (told[0], told[5]), "along its way alone");
+}
+
+#[test]
 fn strangers_and_repeats_are_refused_and_who_begins_anew_is_heard() {
     let mut hearing = hearing();
     let mut take = |sequence: u32, from: IpAddr| {

@@ -69,6 +69,13 @@ fn each_version_is_read_and_its_instant_is_that_of_the_shutters() {
         // It was 1 ms on its way, which one side doesn't tell.
         assert_eq!((heard.instant_ns, mapped.bound_ns), (now_ns - 7 * MS, None));
         assert_eq!(talk.take(&bytes, SERVER, now_ns), Err(Refused::Again(1)));
+        let next = frame(version, 2, &[standing()], now_ns + 10 * MS);
+        talk.take(&next, SERVER, now_ns + 10 * MS).unwrap();
+        assert_eq!(
+            talk.take(&bytes, SERVER, now_ns + 11 * MS),
+            Err(Refused::Again(1)),
+            "behind the next, too"
+        );
     }
 }
 
