@@ -1,11 +1,12 @@
-//! What treads of unit creep would have slipped.
+//! How treads that creep share out what wheels contradict each other by, and what they slip of themselves.
 //!
 //! A contact with force `f` under load `N` slips at `c·|v|·f/N` against the direction of `f` (Carter's law for small forces,
-//! K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. The forces accelerate the platform,
+//! K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. Wheels that say different
+//! things are therefore believed by N/|v| each: that is how much a tread resists. The forces accelerate the platform,
 //! a disc that reaches out to its wheels with its centre of mass over the origin of base, and they overcome the resistance of
 //! rollers, a share of their loads. All of that is in proportion to the mass, so that no mass is needed.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use omnibase_platform::{Kinematics, PerWheel, Twist2, Wheel, Wrench2};
 
 use crate::dataset::Run;
@@ -16,8 +17,20 @@ const ROLLERS_TURN_M_S: f64 = 1e-3;
 /// Speeds are compared over so long for an acceleration, s.
 const GAIN_OVER_S: f64 = 0.04;
 
-/// For each step of a run the angle that each wheel turned in vain, rad, per unit of creep.
-pub fn slips_rad(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> Vec<PerWheel> {
+/// A hub that is slower counts as this fast, m/s: one that stands would be believed without end.
+const HUBS_STAND_M_S: f64 = 1e-6;
+
+/// What treads make of a step of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct Tread {
+    /// How much each wheel is believed where they contradict each other.
+    pub weights: PerWheel,
+    /// What the platform's way lacks per unit of creep: x, y in m and the turn in rad, along base.
+    pub lacking: Vector3<f64>,
+}
+
+/// For each step of a run what treads make of it.
+pub fn treads(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> Vec<Tread> {
     let wheels = kinematics.wheels();
     let count = wheels.len();
     let loads_m_s2 = loads(wheels).map(|share| share * GRAVITY_M_S2);
@@ -36,7 +49,7 @@ pub fn slips_rad(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> 
         })
         .collect();
     let (mut first, mut last) = (0, 0);
-    let slip = |(number, &(middle_s, period_s, twist)): (usize, &(f64, f64, Twist2))| {
+    let tread = |(number, &(middle_s, period_s, twist)): (usize, &(f64, f64, Twist2))| {
         while moved[first].0 < middle_s - 0.5 * GAIN_OVER_S && first < number {
             first += 1;
         }
@@ -66,16 +79,23 @@ pub fn slips_rad(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> 
             wrench.fy_n += resisted * across[1];
             wrench.torque_nm += resisted * (x_m * across[1] - y_m * across[0]);
         }
-        let torques = kinematics.wheel_torques_nm(wrench);
-        PerWheel::from_fn(count, |at| {
-            let wheel = &wheels[at];
-            let lever_m = wheel.radius_m * signed_rim_share(wheel);
-            let [x_m, y_m] = wheel.position_m;
-            let travel_m_s = (vx_m_s - w_rad_s * y_m).hypot(vy_m_s + w_rad_s * x_m);
-            travel_m_s * period_s * torques[at] / (lever_m * lever_m * loads_m_s2[at])
-        })
+        let weights = PerWheel::from_fn(count, |at| {
+            let [x_m, y_m] = wheels[at].position_m;
+            let travel_m_s = (vx_m_s - w_rad_s * y_m).hypot(vy_m_s + w_rad_s * x_m).max(HUBS_STAND_M_S);
+            signed_rim_share(&wheels[at]).powi(2) * loads_m_s2[at] / travel_m_s
+        });
+        let wrench = Vector3::new(wrench.fx_n, wrench.fy_n, wrench.torque_nm);
+        let resists = resistance(kinematics.matrix(), &weights);
+        let lacking = resists.try_inverse().map_or_else(Vector3::zeros, |gives| gives * wrench * period_s);
+        Tread { weights, lacking }
     };
-    moved.iter().enumerate().map(slip).collect()
+    moved.iter().enumerate().map(tread).collect()
+}
+
+/// How much wheels with these rows and weights resist a motion of the platform, each axis.
+pub(crate) fn resistance(rows: &[[f64; 3]], weights: &PerWheel) -> Matrix3<f64> {
+    let each = rows.iter().zip(weights.iter());
+    each.map(|(row, weight)| Vector3::from(*row) * Vector3::from(*row).transpose() * *weight).sum()
 }
 
 /// Cosine between rolling and force direction.

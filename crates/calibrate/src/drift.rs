@@ -21,8 +21,8 @@ impl Drift {
     /// Reckons a run's wheels by a build.
     pub fn of(run: &Run, fit: &RunFit, build: &Build) -> Result<Drift, LayoutError> {
         let kinematics = Kinematics::new(build.wheels.clone())?;
-        let slips_rad = creep::slips_rad(run, &kinematics, build.roller_resistance);
-        let ways = Steps::new(build, build, &[])?.ways(run, &slips_rad, &fit.instants_s);
+        let treads = creep::treads(run, &kinematics, build.roller_resistance);
+        let ways = Steps::new(build, build, &[])?.ways(run, &treads, &fit.instants_s);
         let mut reckoned = fit.world_from_base.first().copied().unwrap_or_default();
         let mut drift = Drift::default();
         for (number, (instant_s, truth)) in fit.instants_s.iter().zip(&fit.world_from_base).enumerate() {

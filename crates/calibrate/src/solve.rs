@@ -8,11 +8,11 @@
 mod factors;
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use omnibase_platform::{Kinematics, LayoutError, PerWheel, Pose2};
+use omnibase_platform::{Kinematics, LayoutError, Pose2};
 
 use crate::build::{Build, Tolerances};
 use crate::chain::Shared;
-use crate::creep;
+use crate::creep::{self, Tread};
 use crate::dataset::{Dataset, DatasetError, Run};
 use crate::unknown::{Asked, Unknown, build_at, moved_frame};
 use crate::way::{Steps, Way};
@@ -152,7 +152,7 @@ impl Solution {
 /// A run with what is computed of it once.
 pub(crate) struct Prepared<'a> {
     pub(crate) run: &'a Run,
-    pub(crate) slips_rad: Vec<PerWheel>,
+    pub(crate) treads: Vec<Tread>,
     pub(crate) turned: Option<Turned>,
     pub(crate) knots: Knots,
     pub(crate) bias: Option<usize>,
@@ -229,7 +229,7 @@ impl<'a> Problem<'a> {
         }
         let prepared = dataset.runs.iter().enumerate().map(|(number, run)| Prepared {
             run,
-            slips_rad: creep::slips_rad(run, &kinematics, expected.roller_resistance),
+            treads: creep::treads(run, &kinematics, expected.roller_resistance),
             turned: Turned::of(run),
             knots: Knots::of(run, expected.sensor.delay_s),
             bias: unknowns.iter().position(|unknown| *unknown == Unknown::GyroBias(number)),
@@ -279,7 +279,7 @@ impl<'a> Problem<'a> {
         let ways = self
             .runs
             .iter()
-            .map(|run| steps.ways(run.run, &run.slips_rad, &run.knots.instants_s(build.sensor.delay_s)));
+            .map(|run| steps.ways(run.run, &run.treads, &run.knots.instants_s(build.sensor.delay_s)));
         let ways: Vec<Vec<Way>> = ways.collect();
         Ok(Moment { linear: self.linear(state, &build, &ways), ways })
     }

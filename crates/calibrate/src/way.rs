@@ -1,22 +1,19 @@
 //! The way of the platform between two instants, and how it changes with each unknown.
 
 use nalgebra::{Matrix3, Vector3};
-use omnibase_platform::{BodyStep, Kinematics, LayoutError, MAX_WHEELS, PerWheel, Pose2, wrap_angle_rad};
+use omnibase_platform::{BodyStep, Kinematics, LayoutError, PerWheel, Pose2, wrap_angle_rad};
 
 use crate::build::Build;
+use crate::creep::Tread;
 use crate::dataset::Run;
 use crate::unknown::Unknown;
 
 /// By how much a wheel is changed to see what that does: far above rounding, far below where squares count.
 const NUDGE: f64 = 1e-5;
 
-/// The body's step per rad of each wheel.
-type PerRad = [Vector3<f64>; MAX_WHEELS];
-
 /// What a build makes of turns of its wheels.
 pub(crate) struct Steps {
-    wheels: usize,
-    per_rad: PerRad,
+    wheels: Vec<Rolling>,
     creep: f64,
     /// What changes steps: each with its place among the unknowns.
     changes: Vec<(usize, Change)>,
@@ -24,11 +21,30 @@ pub(crate) struct Steps {
     delay: Option<usize>,
 }
 
+/// A wheel's equation: what its rim rolls, radius times turn, is its row times the platform's motion.
+#[derive(Clone, Copy)]
+struct Rolling {
+    radius_m: f64,
+    row: Vector3<f64>,
+}
+
 enum Change {
-    /// The change of the step per rad by one of it.
-    Wheels(Box<PerRad>),
+    /// The change of one wheel's equation by one of it.
+    Wheel(usize, Rolling),
     Creep,
 }
+
+/// A step of the platform: x, y in m and the turn in rad, along base, and how it comes about.
+struct Stepped {
+    step: Vector3<f64>,
+    /// Without creep.
+    rolled: Vector3<f64>,
+    /// What gives way to a force of each axis.
+    gives: Matrix3<f64>,
+}
+
+/// Turns of the wheels, rad, on what treads, and for which share of a step.
+type Part<'a> = (&'a PerWheel, &'a Tread, f64);
 
 /// The way from one instant to another.
 pub(crate) struct Way {
@@ -41,17 +57,10 @@ pub(crate) struct Way {
     pub(crate) turned_rad: f64,
 }
 
-fn per_rad(build: &Build) -> Result<PerRad, LayoutError> {
+fn rolling(build: &Build) -> Result<Vec<Rolling>, LayoutError> {
     let kinematics = Kinematics::new(build.wheels.clone())?;
-    let count = kinematics.wheel_count();
-    Ok(std::array::from_fn(|wheel| {
-        let alone = PerWheel::from_fn(count, |at| if at == wheel { 1.0 } else { 0.0 });
-        vector(kinematics.body_step(&alone).0)
-    }))
-}
-
-fn vector(step: BodyStep) -> Vector3<f64> {
-    Vector3::new(step.x_m, step.y_m, step.angle_rad)
+    let each = kinematics.wheels().iter().zip(kinematics.matrix());
+    Ok(each.map(|(wheel, row)| Rolling { radius_m: wheel.radius_m, row: Vector3::from(*row) }).collect())
 }
 
 /// How a small motion in a frame looks in the frame that stands at `pose` in it: Ad of the inverse.
@@ -83,48 +92,73 @@ impl Steps {
         let mut changes = Vec::new();
         for (place, unknown) in unknowns.iter().enumerate() {
             match unknown {
-                Unknown::Radius(_) | Unknown::Direction(_) | Unknown::Across(_) => {
+                Unknown::Radius(wheel) | Unknown::Direction(wheel) | Unknown::Across(wheel) => {
                     let nudged = |amount: f64| {
                         let mut nudged = build.clone();
                         unknown.add_to(&mut nudged, expected, amount);
-                        per_rad(&nudged)
+                        Ok(rolling(&nudged)?[*wheel])
                     };
                     let [above, below] = [nudged(NUDGE)?, nudged(-NUDGE)?];
-                    let change = std::array::from_fn(|at| (above[at] - below[at]) / (2.0 * NUDGE));
-                    changes.push((place, Change::Wheels(Box::new(change))));
+                    let change = Rolling {
+                        radius_m: (above.radius_m - below.radius_m) / (2.0 * NUDGE),
+                        row: (above.row - below.row) / (2.0 * NUDGE),
+                    };
+                    changes.push((place, Change::Wheel(*wheel, change)));
                 }
                 Unknown::Creep => changes.push((place, Change::Creep)),
                 _ => {}
             }
         }
         Ok(Steps {
-            wheels: build.wheels.len(),
-            per_rad: per_rad(build)?,
+            wheels: rolling(build)?,
             creep: build.creep,
             changes,
             delay: unknowns.iter().position(|unknown| *unknown == Unknown::Delay),
         })
     }
 
-    fn step(&self, per_rad: &PerRad, turned_rad: &PerWheel) -> Vector3<f64> {
-        let mut sum = Vector3::zeros();
-        for (per_rad, turned) in per_rad.iter().zip(turned_rad.iter()) {
-            sum += per_rad * *turned;
+    /// The step of turns in rad; `share` of what a whole step lacks by creep is lacking.
+    fn step(&self, turned_rad: &PerWheel, tread: &Tread, share: f64) -> Stepped {
+        let (mut resists, mut pushes) = (Matrix3::zeros(), Vector3::zeros());
+        for (at, wheel) in self.wheels.iter().enumerate() {
+            let weighted = wheel.row * tread.weights[at];
+            resists += weighted * wheel.row.transpose();
+            pushes += weighted * (wheel.radius_m * turned_rad[at]);
         }
-        sum
+        let gives = resists.try_inverse().unwrap_or_default();
+        let rolled = gives * pushes;
+        Stepped { step: rolled - tread.lacking * (self.creep * share), rolled, gives }
+    }
+
+    /// The change of a step by one of an unknown: that of the weighted least squares.
+    fn change(
+        &self,
+        change: &Change,
+        (turned_rad, tread, share): Part<'_>,
+        stepped: &Stepped,
+    ) -> Vector3<f64> {
+        match change {
+            Change::Creep => -tread.lacking * share,
+            Change::Wheel(at, change) => {
+                let (wheel, turned) = (&self.wheels[*at], turned_rad[*at]);
+                let left = wheel.radius_m * turned - wheel.row.dot(&stepped.rolled);
+                let more = change.radius_m * turned - change.row.dot(&stepped.rolled);
+                stepped.gives * (wheel.row * more + change.row * left) * tread.weights[*at]
+            }
+        }
     }
 
     /// The ways between instants that don't run back; what lies beyond the run's steps stands still.
-    pub(crate) fn ways(&self, run: &Run, slips_rad: &[PerWheel], instants_s: &[f64]) -> Vec<Way> {
+    pub(crate) fn ways(&self, run: &Run, treads: &[Tread], instants_s: &[f64]) -> Vec<Way> {
         let mut ways = Vec::with_capacity(instants_s.len().saturating_sub(1));
         let mut cursor = Cursor { run, at: 0, from_s: run.begin_s };
         if let Some(first_s) = instants_s.first() {
             cursor.go_to(*first_s);
         }
-        let mut speed_at_start = self.speed(run, slips_rad, &cursor);
+        let mut speed_at_start = self.speed(run, treads, &cursor);
         for to_s in instants_s.iter().skip(1) {
-            let way = self.way(slips_rad, &mut cursor, *to_s);
-            let speed_at_end = self.speed(run, slips_rad, &cursor);
+            let way = self.way(treads, &mut cursor, *to_s);
+            let speed_at_end = self.speed(run, treads, &cursor);
             let way = self.with_delay(way, speed_at_start, speed_at_end);
             speed_at_start = speed_at_end;
             ways.push(way);
@@ -132,7 +166,7 @@ impl Steps {
         ways
     }
 
-    fn way(&self, slips_rad: &[PerWheel], cursor: &mut Cursor<'_>, to_s: f64) -> Way {
+    fn way(&self, treads: &[Tread], cursor: &mut Cursor<'_>, to_s: f64) -> Way {
         let mut way = Way {
             moved: Pose2::default(),
             per_unknown: self.changes.iter().map(|(place, _)| (*place, Vector3::zeros())).collect(),
@@ -140,23 +174,16 @@ impl Steps {
             turned_rad: 0.0,
         };
         while let Some((at, share)) = cursor.next_part(to_s) {
-            let slipped = &slips_rad[at];
-            let counted = cursor.run.steps[at].turned_rad;
-            let turned = PerWheel::from_fn(self.wheels, |wheel| {
-                share * (counted[wheel] - self.creep * slipped[wheel])
-            });
-            let step = self.step(&self.per_rad, &turned);
-            let step_body = BodyStep::new(step[0], step[1], step[2]);
+            let tread = &treads[at];
+            let turned = cursor.run.steps[at].turned_rad.map(|turned| share * turned);
+            let stepped = self.step(&turned, tread, share);
+            let step_body = BodyStep::new(stepped.step[0], stepped.step[1], stepped.step[2]);
             way.moved = way.moved.moved_by(step_body);
             way.length_m += step_body.distance_m();
-            way.turned_rad += step[2].abs();
+            way.turned_rad += stepped.step[2].abs();
             let back = carried_back(step_body.exp());
             for ((_, change), (_, so_far)) in self.changes.iter().zip(&mut way.per_unknown) {
-                let changed = match change {
-                    Change::Wheels(per_rad) => self.step(per_rad, &turned),
-                    Change::Creep => -share * self.step(&self.per_rad, slipped),
-                };
-                *so_far = back * *so_far + changed;
+                *so_far = back * *so_far + self.change(change, (&turned, tread, share), &stepped);
             }
         }
         way
@@ -171,14 +198,12 @@ impl Steps {
     }
 
     /// The body's twist at the cursor.
-    fn speed(&self, run: &Run, slips_rad: &[PerWheel], cursor: &Cursor<'_>) -> Vector3<f64> {
+    fn speed(&self, run: &Run, treads: &[Tread], cursor: &Cursor<'_>) -> Vector3<f64> {
         let at = cursor.at.min(run.steps.len() - 1);
         let begin_s = if at == 0 { run.begin_s } else { run.steps[at - 1].end_s };
         let inside = cursor.from_s >= run.begin_s && cursor.at < run.steps.len();
         let period_s = if inside { run.steps[at].end_s - begin_s } else { f64::INFINITY };
-        let (counted, slipped) = (run.steps[at].turned_rad, &slips_rad[at]);
-        let turned = PerWheel::from_fn(self.wheels, |wheel| counted[wheel] - self.creep * slipped[wheel]);
-        self.step(&self.per_rad, &turned) / period_s
+        self.step(&run.steps[at].turned_rad, &treads[at], 1.0).step / period_s
     }
 }
 

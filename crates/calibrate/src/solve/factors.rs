@@ -107,7 +107,7 @@ pub(crate) fn shifted(pose: Pose2, step: &Vector3<f64>) -> Pose2 {
 /// Where the poses of a run are before anything is solved: dead reckoning, put where the measurements are.
 pub(crate) fn first_poses(prepared: &Prepared<'_>, steps: &Steps, expected: &Build) -> Vec<Pose2> {
     let Prepared { run, knots, .. } = prepared;
-    let ways = steps.ways(run, &prepared.slips_rad, &knots.instants_s(expected.sensor.delay_s));
+    let ways = steps.ways(run, &prepared.treads, &knots.instants_s(expected.sensor.delay_s));
     let mut reckoned = vec![Pose2::default(); knots.stated_s.len().min(1)];
     for way in &ways {
         let last = reckoned.last().copied().unwrap_or_default();
