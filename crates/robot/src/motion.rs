@@ -13,7 +13,7 @@ use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
-pub(crate) use foothold::Carried;
+pub(crate) use foothold::{Asked, Carried};
 use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
@@ -22,6 +22,8 @@ use room::{Ahead, LOOK_STEP_S, RoomHad};
 const ROOM: f64 = 1.05;
 /// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
 const ON_PATH: f64 = 1e-4;
+/// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
+const WITH_PLAN: f64 = 0.02;
 /// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
 const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
@@ -46,6 +48,10 @@ pub(crate) struct Motion {
     /// What the floor carries.
     carried: Carried,
     foothold: Foothold,
+    /// The platform was led as a plan goes, since it began or since that needed no exemption.
+    is_on_plan: bool,
+    /// The greatest rate of a plan by how warm the motors were when it began.
+    warm_rate: f64,
     ahead: Ahead,
     room_had: RoomHad,
     /// How much more room to the fence than it must its place leaves, m.
@@ -155,6 +161,8 @@ impl Motion {
             rate_limits,
             carried: Carried::ALL,
             foothold: Foothold::NEW,
+            is_on_plan: false,
+            warm_rate: 1.0,
             ahead: Ahead::from(0.0),
             room_had: RoomHad::default(),
             spare_room_m: f64::INFINITY,
@@ -179,19 +187,37 @@ impl Motion {
         self.carried = carried;
     }
 
-    /// Whether what is followed was planned for the floor as it is, so that nothing more holds it back.
+    /// Whether the platform goes as a plan for this floor and this mass says, so that nothing more holds it back.
     pub(crate) fn is_planned(&self) -> bool {
         self.course == Course::Reference
-            && self.carried.of_planned(self.reference.planned_friction()) == Some(1.0)
+            && self.is_on_plan
+            && self.reference.planned_for().is_some_and(|plan| self.carried.carries(&plan))
+    }
+
+    /// Whether a plan brakes already with all that it was planned with: to be slowed down as well would be too much.
+    fn brakes_as_planned(&self) -> bool {
+        let [v, a] = &self.own;
+        self.is_planned()
+            && self.carried.asked > Asked::AsPlanned
+            && v.vx_m_s * a.vx_m_s + v.vy_m_s * a.vy_m_s < 0.0
     }
 
     /// The greatest rate of the reference from here on.
     fn foothold(&mut self) -> f64 {
-        if let Some(part) = self.carried.of_planned(self.reference.planned_friction()) {
-            return part.sqrt().max(LEAST_RATE);
+        if self.is_planned() {
+            return self.planned_rate();
         }
         let time_s = self.time_s();
-        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share))
+        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share)).min(self.warm_rate)
+    }
+
+    /// The rate of a plan that is gone along: it rises no further where wheels give all that was planned already.
+    fn planned_rate(&self) -> f64 {
+        if self.carried.asked == Asked::AsPlanned {
+            self.warm_rate
+        } else {
+            self.warm_rate.min(self.rate_now)
+        }
     }
 
     pub(crate) fn course(&self) -> Course {
@@ -295,13 +321,14 @@ impl Motion {
 
     fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
         self.foothold = Foothold::NEW;
+        (self.course, self.is_on_plan) = (Course::Reference, true);
+        self.warm_rate = self.reference.planned_for().map_or(1.0, |plan| self.carried.warm_rate(&plan));
         let rate = rate.min(self.foothold());
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
         self.ahead = Ahead::from(self.time_s());
         (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
         self.headway.begin();
-        (self.pausing, self.begun, self.course, self.now_ns) =
-            (Pausing::No, true, Course::Reference, time.now_ns);
+        (self.pausing, self.begun, self.now_ns) = (Pausing::No, true, time.now_ns);
     }
 
     /// The straight way to a pose, at the rate that the settings allow at its greatest speed.
@@ -417,6 +444,7 @@ impl Motion {
             Pausing::Yes | Pausing::AtFence => 0.0,
             Pausing::No => settings.rate(self.planned).min(self.foothold()),
         };
+        let rate = if self.brakes_as_planned() { rate.max(self.rate_now) } else { rate };
         let left_s = self.reference.duration_s().map_or(f64::INFINITY, |end_s| end_s - self.time_s());
         self.time_ns += self.advance(time, [rate, guard.pace()], left_s);
         let own = self.reference.sample(self.time_s());
@@ -461,11 +489,17 @@ impl Motion {
         self.headway.bound(&self.step.speed)
     }
 
-    /// What became of a cycle's wish.
-    pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint) {
+    /// What became of a cycle's wish, and whether fence or obstacles changed it.
+    pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint, is_hindered: bool) {
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);
         }
+        let (plan, here) = (&wished.twist_in_odom, &setpoint.twist_in_odom);
+        let goes_with = headway::is_there(&wished.odom_from_body, &setpoint.odom_from_body)
+            && (plan.vx_m_s - here.vx_m_s).hypot(plan.vy_m_s - here.vy_m_s) <= WITH_PLAN
+            && (plan.w_rad_s - here.w_rad_s).abs() <= WITH_PLAN;
+        // Who was off comes back where the floor carries the plan at its full rate in whatever direction.
+        self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.warm_rate);
     }
 
     /// Whether obstacles let the plan make no headway for too long.
