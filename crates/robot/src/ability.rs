@@ -8,23 +8,21 @@ use std::fmt;
 use omnibase_platform::Kinematics;
 use omnibase_trajectory::PlatformBounds;
 use omnibase_trajectory::fastest::{Heat, Limit};
-use omnibase_trajectory::reach::{Plane, resisting};
+use omnibase_trajectory::reach::Plane;
 
 use crate::config::{ControllerTable, DrivePlan, GripPlan, Limits, RobotPlan, motion_limits};
-use crate::controllers::axes;
 use crate::grip::FirstEstimates;
 use crate::signals::{Dynamics, Setpoint};
-use crate::traction::{Footing, Push, Traction};
+use crate::stages::PlannedFor;
+use crate::traction::{Footing, Traction};
 
 /// A motion without times of its own keeps this far from the limits, in time, so that catching up has room: without it a setpoint
 /// that lags while all brake overshoots.
 pub(crate) const ROOM: f64 = 1.02;
-/// No wheel is taken to bear less, N.
-const LEAST_N: f64 = 1e-3;
 /// Part of a wheel's greatest torque that motions are planned with; the rest is the control law's, and what rubs.
 const PLANNED_TORQUE: f64 = 0.9;
 /// A motor bears its rated torque for ever; a motion may ask for this much of it, as the root of the mean square over a window, s.
-const HEAT_WINDOW_S: f64 = 30.0;
+pub(crate) const HEAT_WINDOW_S: f64 = 30.0;
 
 /// What a platform can do.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,11 +33,10 @@ pub struct Ability {
     pub bounds: PlatformBounds,
     /// The friction that its grip is planned with; `None`: nothing is known of the floor.
     pub friction: Option<f64>,
-    /// That friction where mass and inertia are told, too: else nobody knows what a wheel pushes for a turn.
-    pub(crate) sure_friction: Option<f64>,
-    /// What each wheel pushes on a floor of friction 1, and the wrenches of all rollers.
-    pushes: Vec<Push>,
-    rollers: Vec<[f64; 3]>,
+    /// Floor and mass where both are told: else nobody knows what a wheel pushes for a turn.
+    pub(crate) sure: Option<PlannedFor>,
+    /// The wheels on their floor, and what they move; `None` where nothing is known of them.
+    stance: Option<(Footing, Dynamics)>,
 }
 
 /// The parts of a robot's file that say what its wheels can do.
@@ -69,14 +66,7 @@ impl From<&Limits> for Ability {
             angular_acceleration_rad_s2: most.angular_acceleration_rad_s2 / ROOM.powi(2),
             angular_jerk_rad_s3: most.angular_jerk_rad_s3 / ROOM.powi(3),
         });
-        Ability {
-            limits: *limits,
-            bounds,
-            friction: None,
-            sure_friction: None,
-            pushes: Vec::new(),
-            rollers: Vec::new(),
-        }
+        Ability { limits: *limits, bounds, friction: None, sure: None, stance: None }
     }
 }
 
@@ -100,40 +90,27 @@ impl Ability {
         let dynamics =
             Dynamics { mass_kg: first.mass.0, inertia_kg_m2: first.inertia.0, ..Dynamics::default() };
         let footing = Footing::new(kinematics, grip.height_m);
-        ability.pushes =
-            (0..footing.wheel_count()).map(|wheel| footing.push(wheel, 1.0, &dynamics)).collect();
-        ability.rollers = footing.roller_wrenches(&dynamics);
         ability.friction = Traction::planned_friction(grip);
         if let Some(friction) = ability.friction {
             ability.add_grip(&footing, friction, &dynamics);
         }
         if controller.mass_kg.is_some() && controller.inertia_kg_m2.is_some() {
-            ability.sure_friction = ability.friction;
+            let mass_kg = dynamics.mass_kg;
+            ability.sure = ability.friction.map(|friction| PlannedFor { friction, mass_kg, heat: 0.0 });
             ability.add_torques(&footing, kinematics, (drives, &dynamics));
         }
+        ability.stance = Some((footing, dynamics));
         ability
     }
 
     /// The friction of a floor on which every wheel grips in a moment of a motion; 0 where nothing is known of the wheels.
     pub fn friction_needed(&self, setpoint: &Setpoint) -> f64 {
-        let turn_rad = -setpoint.odom_from_body.heading_rad;
-        let [twist, [x, y, turn]] = [setpoint.twist_in_odom, setpoint.acceleration_in_odom]
-            .map(|twist| axes(&twist.rotated(turn_rad)));
-        let resistance = resisting(&self.rollers, &twist);
-        let of_wheel = |push: &Push| {
-            let resisted: f64 = push.resisted.iter().zip(resistance).map(|(part, of)| part * of).sum();
-            let force_n = push.force[0] * x + push.force[1] * y + push.force[2] * turn;
-            let load_n = push.given_n - push.lighter[0] * x - push.lighter[1] * y;
-            // What resists helps to brake, but isn't counted on.
-            let needed_n = force_n.abs() + (resisted * force_n.signum()).max(0.0);
-            needed_n / load_n.max(LEAST_N)
-        };
-        self.pushes.iter().map(of_wheel).fold(0.0, f64::max)
+        self.stance.as_ref().map_or(0.0, |(footing, dynamics)| footing.needs(setpoint, dynamics).friction)
     }
 
     /// Every wheel pushes at most what the floor gives it, with its load as the acceleration shifts it.
     fn add_grip(&mut self, footing: &Footing, friction: f64, dynamics: &Dynamics) {
-        self.bounds.resistance.clone_from(&self.rollers);
+        self.bounds.resistance = footing.roller_wrenches(dynamics);
         for wheel in 0..footing.wheel_count() {
             let push = footing.push(wheel, friction, dynamics);
             for sign in [1.0, -1.0] {

@@ -270,8 +270,9 @@ impl Robot {
     fn carry(&mut self) {
         let record = &mut self.record;
         record.traction = self.traction.look(&record.time, &record.grip, &record.state);
-        self.motion.keep_to(self.traction.carried());
-        // A motion whose every wheel was planned to grip may do more than is carried in whatever direction.
+        self.traction.warm(&record.time, &record.measurements);
+        self.motion.keep_to(self.traction.carried(&record.setpoint, &record.grip));
+        // A motion that goes as its every wheel was planned to grip may do more than is carried in whatever direction.
         let carried = self.traction.limits();
         let followed = if self.motion.is_planned() { self.traction.told_limits() } else { carried };
         self.guard.keep_to(&carried, &followed);

@@ -69,6 +69,8 @@ pub struct DryRun {
     pub fence_room_m: Option<(f64, f64)>,
     /// Likewise.
     pub obstacle_room_m: Option<(f64, f64)>,
+    /// What of their heat the motors take that begin cold, over what they bear; `None` where it wasn't planned by that.
+    pub heat: Option<f64>,
 }
 
 impl DryRun {
@@ -88,6 +90,7 @@ impl DryRun {
             friction: (0.0, 0.0),
             fence_room_m: None,
             obstacle_room_m: None,
+            heat: reference.planned_for().map(|plan| plan.heat),
         };
         let outline = Outline::new(&plan.guard.footprint_m);
         let fence = plan.guard.fence.as_ref().map(|fence| Fence::new(&fence.corners_m));
@@ -219,6 +222,7 @@ mod tests {
         let mut reference = registry.make_reference(&plan.reference, &Ability::of(&plan)).unwrap();
         let run = DryRun::of(&plan, &mut *reference).unwrap();
         assert!((0.36..0.405).contains(&run.friction.0), "{:?}", run.friction);
+        assert!(run.heat.is_some_and(|heat| (0.05..1.0).contains(&heat)), "{:?}", run.heat);
         assert!(
             run.asked.iter().any(|asked| asked.limit == Limit::Grip && asked.share > 0.3),
             "{:?}",
@@ -227,7 +231,7 @@ mod tests {
         // Told of no floor it keeps to the platform's limits alone.
         let untold = RobotPlan::from_toml(&text.replace("friction = 0.5", ""), &registry, &no_files).unwrap();
         let mut reference = registry.make_reference(&untold.reference, &Ability::of(&untold)).unwrap();
-        assert_eq!(reference.planned_friction(), None);
+        assert_eq!(reference.planned_for(), None);
         let run = DryRun::of(&untold, &mut *reference).unwrap();
         assert!(run.friction.0 > 0.5, "{:?}", run.friction);
     }

@@ -369,6 +369,7 @@ impl Grip {
     fn report(&self) -> GripReport {
         GripReport {
             dynamics: self.identification.dynamics(),
+            mass_sigma_kg: self.identification.mass_sigma_kg(),
             slip_m_s: self.wheels.map(|wheel| wheel.ahead_m_s),
             slipped_m: self.wheels.map(|wheel| if wheel.slips { wheel.way_m } else { 0.0 }),
             friction: self.floor.map(|floor| floor.coefficient),

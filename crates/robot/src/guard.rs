@@ -284,6 +284,7 @@ impl Guard {
         }
         let now = self.now(&here, state);
         let (shaped, cause) = self.shape(&here, drive, (wish, &now));
+        let is_unhindered = cause == LimitedBy::Nothing;
         if let Drive::Follow(wished, _) = drive {
             self.pace = self.pace_of(&here, wished, &now);
         }
@@ -298,7 +299,8 @@ impl Guard {
                 continue;
             }
             let mut tried = limiter.clone();
-            tried.set_limits(&driven);
+            // Only the plan itself was planned: a way around it keeps to what every direction carries.
+            tried.set_limits(if is_unhindered && number == 0 { &driven } else { &self.limits });
             let next = tried.toward(candidate);
             // The stop after it.
             tried.set_limits(&self.limits);

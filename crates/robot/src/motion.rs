@@ -5,15 +5,15 @@ mod headway;
 mod room;
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_trajectory::{LimitsError, TwistLimiter};
+use omnibase_trajectory::{LimitsError, PointToPoint, TwistLimiter};
 
-use crate::config::{GuardPlan, Limits, SafetyPlan};
+use crate::config::{GuardPlan, Limits, SafetyPlan, motion_limits};
 use crate::guard::Guard;
 use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
-pub(crate) use foothold::Carried;
+pub(crate) use foothold::{Asked, Carried};
 use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
@@ -22,8 +22,8 @@ use room::{Ahead, LOOK_STEP_S, RoomHad};
 const ROOM: f64 = 1.05;
 /// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
 const ON_PATH: f64 = 1e-4;
-/// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
-const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
+/// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
+const WITH_PLAN: f64 = 0.02;
 
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
@@ -46,6 +46,10 @@ pub(crate) struct Motion {
     /// What the floor carries.
     carried: Carried,
     foothold: Foothold,
+    /// The platform was led as a plan goes, since it began or since that needed no exemption.
+    is_on_plan: bool,
+    /// The greatest rate of a plan by how warm the motors were when it began.
+    warm_rate: f64,
     ahead: Ahead,
     room_had: RoomHad,
     /// How much more room to the fence than it must its place leaves, m.
@@ -72,14 +76,13 @@ enum Pausing {
     AtFence,
 }
 
-/// A straight way from rest to rest, by a quintic in time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// A straight way from rest to rest in the shortest time.
+#[derive(Debug, Default)]
 struct StraightMotion {
-    from: Pose2,
+    motion: PointToPoint,
     to: Pose2,
     /// Its own time, ns.
     time_ns: f64,
-    duration_s: f64,
     goes_on: bool,
 }
 
@@ -96,38 +99,36 @@ pub(crate) enum CantBegin {
     Blocked,
 }
 
+/// Limits at which every motion takes `factor` times as long.
+fn slowed(limits: &omnibase_trajectory::Limits, factor: f64) -> omnibase_trajectory::Limits {
+    omnibase_trajectory::Limits {
+        speed_m_s: limits.speed_m_s / factor,
+        acceleration_m_s2: limits.acceleration_m_s2 / factor.powi(2),
+        jerk_m_s3: limits.jerk_m_s3 / factor.powi(3),
+        rate_rad_s: limits.rate_rad_s / factor,
+        angular_acceleration_rad_s2: limits.angular_acceleration_rad_s2 / factor.powi(2),
+        angular_jerk_rad_s3: limits.angular_jerk_rad_s3 / factor.powi(3),
+    }
+}
+
 impl StraightMotion {
-    /// All of it, as a speed would be that took a second.
-    fn length(&self) -> Twist2 {
-        let (from, to) = (&self.from, &self.to);
-        Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad)
+    fn left_s(&self) -> f64 {
+        self.motion.duration_s() - self.time_ns * 1e-9
     }
 
     fn is_over(&self) -> bool {
-        self.time_ns * 1e-9 >= self.duration_s
+        self.left_s() <= 0.0
     }
 
     /// The place at its own time.
     fn sample(&self) -> Setpoint {
-        let StraightMotion { from, to, time_ns, duration_s, goes_on } = *self;
-        if self.is_over() {
-            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
-            return Setpoint { status, ..Setpoint::at_rest(to) };
-        }
-        let u = time_ns * 1e-9 / duration_s;
-        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
-        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
-        let all = self.length();
+        let now = self.motion.sample(self.time_ns * 1e-9);
+        let is_finished = self.is_over() && !self.goes_on;
         Setpoint {
-            odom_from_body: Pose2 {
-                x_m: from.x_m + part * all.vx_m_s,
-                y_m: from.y_m + part * all.vy_m_s,
-                heading_rad: from.heading_rad + part * all.w_rad_s,
-            },
-            twist_in_odom: all.scaled(speed),
-            acceleration_in_odom: all.scaled(bend),
-            status: ReferenceStatus::Moving,
+            odom_from_body: now.odom_from_base,
+            twist_in_odom: now.twist_in_odom,
+            acceleration_in_odom: now.acceleration_in_odom,
+            status: if is_finished { ReferenceStatus::Finished } else { ReferenceStatus::Moving },
         }
     }
 }
@@ -155,6 +156,8 @@ impl Motion {
             rate_limits,
             carried: Carried::ALL,
             foothold: Foothold::NEW,
+            is_on_plan: false,
+            warm_rate: 1.0,
             ahead: Ahead::from(0.0),
             room_had: RoomHad::default(),
             spare_room_m: f64::INFINITY,
@@ -179,19 +182,37 @@ impl Motion {
         self.carried = carried;
     }
 
-    /// Whether what is followed was planned for the floor as it is, so that nothing more holds it back.
+    /// Whether the platform goes as a plan for this floor and this mass says, so that nothing more holds it back.
     pub(crate) fn is_planned(&self) -> bool {
         self.course == Course::Reference
-            && self.carried.of_planned(self.reference.planned_friction()) == Some(1.0)
+            && self.is_on_plan
+            && self.reference.planned_for().is_some_and(|plan| self.carried.carries(&plan))
+    }
+
+    /// Whether a plan brakes already with all that it was planned with: to be slowed down as well would be too much.
+    fn brakes_as_planned(&self) -> bool {
+        let [v, a] = &self.own;
+        self.is_planned()
+            && self.carried.asked > Asked::AsPlanned
+            && v.vx_m_s * a.vx_m_s + v.vy_m_s * a.vy_m_s < 0.0
     }
 
     /// The greatest rate of the reference from here on.
     fn foothold(&mut self) -> f64 {
-        if let Some(part) = self.carried.of_planned(self.reference.planned_friction()) {
-            return part.sqrt().max(LEAST_RATE);
+        if self.is_planned() {
+            return self.planned_rate();
         }
         let time_s = self.time_s();
-        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share))
+        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share)).min(self.warm_rate)
+    }
+
+    /// The rate of a plan that is gone along: it rises no further where wheels give all that was planned already.
+    fn planned_rate(&self) -> f64 {
+        if self.carried.asked == Asked::AsPlanned {
+            self.warm_rate
+        } else {
+            self.warm_rate.min(self.rate_now)
+        }
     }
 
     pub(crate) fn course(&self) -> Course {
@@ -287,7 +308,7 @@ impl Motion {
         }
         self.begin_reference(time, 0.0);
         if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
-            self.go(time, (here, left), settings);
+            self.go(time, (here, left), settings)?;
             self.way.goes_on = true;
         }
         Ok(())
@@ -295,33 +316,35 @@ impl Motion {
 
     fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
         self.foothold = Foothold::NEW;
+        (self.course, self.is_on_plan) = (Course::Reference, true);
+        self.warm_rate = self.reference.planned_for().map_or(1.0, |plan| self.carried.warm_rate(&plan));
         let rate = rate.min(self.foothold());
         self.rate.restart(Twist2::new(rate, 0.0, 0.0));
         self.ahead = Ahead::from(self.time_s());
         (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
         self.headway.begin();
-        (self.pausing, self.begun, self.course, self.now_ns) =
-            (Pausing::No, true, Course::Reference, time.now_ns);
+        (self.pausing, self.begun, self.now_ns) = (Pausing::No, true, time.now_ns);
     }
 
     /// The straight way to a pose, at the rate that the settings allow at its greatest speed.
-    pub(crate) fn go(&mut self, time: &CycleTime, (from, to): (Pose2, Pose2), settings: &Settings) {
-        let limits = &self.limits;
-        let needed_s = |length: f64, most: [f64; 3]| {
-            let [v, a, j] = QUINTIC_PEAKS;
-            (v * length / most[0]).max((a * length / most[1]).sqrt()).max((j * length / most[2]).cbrt())
-        };
-        let straight = [limits.speed_m_s, limits.acceleration_m_s2, limits.jerk_m_s3];
-        let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
-        let turn_rad = (to.heading_rad - from.heading_rad).abs();
-        let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
-        self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
-        self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
+    pub(crate) fn go(
+        &mut self,
+        time: &CycleTime,
+        (from, to): (Pose2, Pose2),
+        settings: &Settings,
+    ) -> Result<(), CantBegin> {
+        let [from, end] = [from, to].map(omnibase_trajectory::Setpoint::at_rest);
+        let limits = slowed(&motion_limits(&self.limits), ROOM);
+        self.way.motion.plan(&from, &end, &limits).map_err(|_| CantBegin::Nothing)?;
+        (self.way.to, self.way.time_ns, self.way.goes_on) = (to, 0.0, false);
+        // From rest to rest it is fastest in the middle.
+        self.planned = self.way.motion.sample(0.5 * self.way.motion.duration_s()).twist_in_odom;
         self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
         self.own = Default::default();
         self.headway.begin();
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
+        Ok(())
     }
 
     /// From a place with so much room to the fence, m.
@@ -386,7 +409,7 @@ impl Motion {
         let wished = match self.course {
             Course::Way => {
                 let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
-                let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
+                let left_s = self.way.left_s();
                 self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
                 let own = self.way.sample();
                 self.at_rate(own)
@@ -417,6 +440,7 @@ impl Motion {
             Pausing::Yes | Pausing::AtFence => 0.0,
             Pausing::No => settings.rate(self.planned).min(self.foothold()),
         };
+        let rate = if self.brakes_as_planned() { rate.max(self.rate_now) } else { rate };
         let left_s = self.reference.duration_s().map_or(f64::INFINITY, |end_s| end_s - self.time_s());
         self.time_ns += self.advance(time, [rate, guard.pace()], left_s);
         let own = self.reference.sample(self.time_s());
@@ -461,11 +485,17 @@ impl Motion {
         self.headway.bound(&self.step.speed)
     }
 
-    /// What became of a cycle's wish.
-    pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint) {
+    /// What became of a cycle's wish, and whether fence or obstacles changed it.
+    pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint, is_hindered: bool) {
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);
         }
+        let (plan, here) = (&wished.twist_in_odom, &setpoint.twist_in_odom);
+        let goes_with = headway::is_there(&wished.odom_from_body, &setpoint.odom_from_body)
+            && (plan.vx_m_s - here.vx_m_s).hypot(plan.vy_m_s - here.vy_m_s) <= WITH_PLAN
+            && (plan.w_rad_s - here.w_rad_s).abs() <= WITH_PLAN;
+        // Who was off comes back where the floor carries the plan at its full rate in whatever direction.
+        self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.warm_rate);
     }
 
     /// Whether obstacles let the plan make no headway for too long.

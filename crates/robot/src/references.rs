@@ -15,7 +15,7 @@ use crate::config::{
 };
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
-use crate::stages::Reference;
+use crate::stages::{PlannedFor, Reference};
 
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
@@ -287,7 +287,7 @@ struct Tracked {
     /// What is in it of repeats.
     correction: Option<Correction>,
     duration_s: f64,
-    planned_friction: Option<f64>,
+    planned_for: Option<PlannedFor>,
     frame: PathFrame,
     /// The trajectory's own first and last pose; without an end it has no last.
     first: Pose2,
@@ -303,11 +303,15 @@ impl Tracked {
             Some(correction) => Box::new(Corrected::new(trajectory, correction.clone())),
             None => trajectory,
         };
+        let sure = ability.sure.filter(|_| table.timing == Some(Timing::Fastest));
+        let planned_for = sure.map(|sure| PlannedFor {
+            heat: ability.bounds.heat.as_ref().map_or(0.0, |heat| heat.most(&trajectory)),
+            ..sure
+        });
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        let planned_friction = ability.sure_friction.filter(|_| table.timing == Some(Timing::Fastest));
-        Ok(Tracked { placed, correction, duration_s, planned_friction, frame, first, last })
+        Ok(Tracked { placed, correction, duration_s, planned_for, frame, first, last })
     }
 
     /// Where it begins from a pose.
@@ -355,8 +359,8 @@ impl Reference for Tracked {
         self.duration_s.is_finite().then_some(self.duration_s)
     }
 
-    fn planned_friction(&self) -> Option<f64> {
-        self.planned_friction
+    fn planned_for(&self) -> Option<PlannedFor> {
+        self.planned_for
     }
 
     fn start_pose(&self) -> Option<Pose2> {

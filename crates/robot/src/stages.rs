@@ -194,6 +194,17 @@ pub trait Estimator: Send {
     }
 }
 
+/// What a motion counts on whose every wheel grips and whose every motor bears it, as it was planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannedFor {
+    /// The floor's friction.
+    pub friction: f64,
+    /// The platform's mass, with the wheels, kg.
+    pub mass_kg: f64,
+    /// The root of the mean square of the warmest motor's torque over what it bears for ever, in the worst window of 30 s.
+    pub heat: f64,
+}
+
 /// A wished motion.
 pub trait Reference: Send {
     /// Begins at a pose at rest; paths are laid from there.
@@ -228,8 +239,8 @@ pub trait Reference: Send {
         None
     }
 
-    /// The friction of a floor on which every wheel grips all along the motion, as it was planned; `None` where it wasn't planned so.
-    fn planned_friction(&self) -> Option<f64> {
+    /// What it was planned for; `None` where it wasn't planned by what wheels, motors and floor bear.
+    fn planned_for(&self) -> Option<PlannedFor> {
         None
     }
 

@@ -16,21 +16,31 @@
 mod footing;
 mod reliance;
 mod sharing;
+mod warmth;
 
 use omnibase_platform::{MAX_WHEELS, length};
 
 use crate::config::{GripPlan, Limits, RobotPlan};
 use crate::grip::{FirstEstimates, GRAVITY_M_S2};
-use crate::motion::Carried;
-use crate::signals::{Commands, CycleTime, GripReport, PlatformState, Quantity, Setpoint, TractionReport};
+use crate::motion::{Asked, Carried};
+use crate::signals::{
+    Commands, CycleTime, GripReport, Measurements, PlatformState, Quantity, Setpoint, TractionReport,
+};
+pub(crate) use footing::Footing;
 use footing::LEAST_LOAD;
-pub(crate) use footing::{Footing, Push};
+use footing::Push;
 use reliance::Reliance;
 use sharing::Rims;
+use warmth::Warmth;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and
 /// what rubs.
 const PLANNED: f64 = 0.8;
+/// The part of it that a plan that is slowed down or caught up with may take; what is planned with exactly is no more for rounding.
+const TAKEN: f64 = 0.9;
+const ROUNDING: f64 = 1.01;
+/// A mass is known to be more than was told once so many standard deviations say so.
+const MASS_SIGMAS: f64 = 3.0;
 /// A wheel whose rim is further ahead spins, m/s: that is no doubt of an estimate.
 const SPINS_M_S: f64 = 0.2;
 /// After torques were held back, or a wheel slipped, the platform counts as behind for so long, s: what waits for it must not swing
@@ -53,6 +63,7 @@ pub(crate) struct Traction {
     told_kg: f64,
     limits: Limits,
     reliance: Reliance,
+    warmth: Warmth,
     /// For how long the platform still counts as behind, s.
     behind_s: f64,
     report: TractionReport,
@@ -69,6 +80,7 @@ impl Traction {
             told_kg: FirstEstimates::of(&plan.controller).mass.0,
             limits: plan.limits,
             reliance: Reliance::new(&plan.grip),
+            warmth: Warmth::new(&plan.drives),
             behind_s: 0.0,
             report: TractionReport::default(),
             slips_m_s: [0.0; MAX_WHEELS],
@@ -96,10 +108,33 @@ impl Traction {
         self.report
     }
 
-    /// What a motion that is followed has to keep to.
-    pub(crate) fn carried(&self) -> Carried {
-        let friction = self.report.friction.map(|friction| PLANNED * friction);
-        Carried { share: self.report.share, friction, is_behind: self.behind_s > 0.0 }
+    /// What the motors' torques warmed in a cycle.
+    pub(crate) fn warm(&mut self, time: &CycleTime, measurements: &Measurements) {
+        self.warmth.take(time, measurements);
+    }
+
+    /// What a motion that is followed has to keep to, after a setpoint that it led to.
+    pub(crate) fn carried(&self, setpoint: &Setpoint, grip: &GripReport) -> Carried {
+        Carried {
+            share: self.report.share,
+            friction: self.report.friction.map(|friction| PLANNED * friction),
+            mass_kg: grip.dynamics.mass_kg - MASS_SIGMAS * grip.mass_sigma_kg,
+            asked: self.report.friction.map_or(Asked::AsPlanned, |friction| {
+                let needs = self.footing.needs(setpoint, &grip.dynamics);
+                let is_given = |part: f64| {
+                    setpoint.is_finite()
+                        && needs.friction <= part * friction
+                        && needs.torque_nm <= self.limits.wheel_torque_nm
+                };
+                match (is_given(ROUNDING * PLANNED), is_given(TAKEN)) {
+                    (true, _) => Asked::AsPlanned,
+                    (false, true) => Asked::More,
+                    (false, false) => Asked::TooMuch,
+                }
+            }),
+            warmth: self.warmth.most(),
+            is_behind: self.behind_s > 0.0,
+        }
     }
 
     /// The friction that motions are planned with before the robot moves.

@@ -8,6 +8,7 @@
 //! - [`corrected`]: [`Corrected`], a motion with what repeats taught added to it.
 //! - [`geometry`]: ways without times ([`GeometricPath`]): smooth through points, corners cut within a tolerance.
 //! - [`fastest`]: a way in the shortest time ([`FastestTrajectory`]); [`reach`] below it.
+//! - [`point_to_point`]: [`PointToPoint`], from any state to any in the shortest time.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
 //! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
 //! - [`playback`]: [`Playback`] pauses, resumes and reverses a trajectory without leaving its path or its limits.
@@ -25,6 +26,7 @@ pub mod limits;
 pub mod path_points;
 pub mod platform_axes;
 pub mod playback;
+pub mod point_to_point;
 pub mod polynomial;
 pub mod reach;
 pub mod shape;
@@ -39,5 +41,6 @@ pub use limits::{Limits, LimitsError, Peaks, Refusal};
 pub use path_points::{PathPoint, PathPoints, PathPointsError};
 pub use platform_axes::InPlatformAxes;
 pub use playback::{Playback, PlaybackError};
+pub use point_to_point::{NoMotion, PointToPoint};
 pub use shape::{Heading, Shape, ShapeError, ShapeTrajectory};
 pub use trajectory::{LONGEST_S, Placed, Setpoint, Trajectory};

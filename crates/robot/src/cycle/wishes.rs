@@ -76,7 +76,8 @@ impl Robot {
             }
             Phase::Tracking => {
                 let followed = guarded(Drive::Follow(&wished, self.motion.bound()));
-                self.motion.note(&wished, &followed);
+                let is_hindered = self.guard.limited_by() != LimitedBy::Nothing;
+                self.motion.note(&wished, &followed, is_hindered);
                 followed
             }
             // A robot that nobody leads stays, whatever comes near it: it gives way to nothing by itself.

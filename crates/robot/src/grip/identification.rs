@@ -113,6 +113,13 @@ impl Identification {
         Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
     }
 
+    /// How uncertain the mass is, one standard deviation, kg.
+    pub(super) fn mass_sigma_kg(&self) -> f64 {
+        let mut row = [0.0; BODY];
+        row[0] = 1.0;
+        self.estimate.spread(&row).0.max(0.0).sqrt()
+    }
+
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
     /// has nothing to lose.
     pub(super) fn doubts_n(&self, motion: &Motion) -> [f64; 3] {

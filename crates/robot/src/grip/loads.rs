@@ -7,7 +7,7 @@ use omnibase_platform::{Kinematics, MAX_WHEELS};
 const LEAST_LOAD: f64 = 0.1;
 
 /// The wheels' loads over the mean: exact for three wheels, and for more those that differ least (a stiff body on equal springs).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Loads {
     /// What a wheel has at all, and by metres of the centre of mass in x and y.
     shares: [[f64; 3]; MAX_WHEELS],

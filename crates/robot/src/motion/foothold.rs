@@ -6,13 +6,18 @@ use omnibase_platform::Twist2;
 
 use crate::config::{Limits, motion_limits};
 use crate::signals::Setpoint;
-use crate::stages::Reference;
+use crate::stages::{PlannedFor, Reference};
 
 /// Between two looks on the path, s of the reference's time, and how many are kept.
 const STEP_S: f64 = 0.05;
 const LOOKS: u64 = 40;
 /// Part of the acceleration and jerk limits that slowing a reference down may take; the rest is the path's own.
 const SHARE_OF_LIMITS: f64 = 0.5;
+/// What is known of a mass to a twentieth is as it was planned with, and so is a payload that is no more of it: torques are planned with
+/// nine tenths.
+const SAME_MASS: f64 = 1.05;
+/// A plan that warm motors hold back keeps this part of its rate: a sixteenth of its heat.
+const LEAST_WARM_RATE: f64 = 0.5;
 /// Part of what the floor carries that the path's own acceleration may take; the rest slows it down and catches up.
 const SHARE_OF_PATH: f64 = 0.9;
 /// Frictions that differ by less are one, over themselves.
@@ -22,6 +27,17 @@ const LEAST_SPEED: f64 = 1e-6;
 /// No reference goes slower than that.
 pub(super) const LEAST_RATE: f64 = 0.05;
 
+/// How near a setpoint is to what wheels and floor bear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Asked {
+    /// No more than motions are planned with.
+    AsPlanned,
+    /// More, and every wheel grips still.
+    More,
+    /// A wheel may slip, or can't give its torque.
+    TooMuch,
+}
+
 /// What the floor carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Carried {
@@ -29,18 +45,41 @@ pub(crate) struct Carried {
     pub(crate) share: f64,
     /// The friction that plans may count on; `None` where nothing is known of the floor.
     pub(crate) friction: Option<f64>,
+    /// What the platform surely weighs, kg.
+    pub(crate) mass_kg: f64,
+    /// What the last setpoint asked of the wheels.
+    pub(crate) asked: Asked,
+    /// The root of the mean square of the warmest motor's torque over what it bears for ever, so far.
+    pub(crate) warmth: f64,
     /// A wheel slips, or torques are held back so that none does: the platform doesn't keep up with its wish yet.
     pub(crate) is_behind: bool,
 }
 
 impl Carried {
-    pub(super) const ALL: Carried = Carried { share: 1.0, friction: None, is_behind: false };
+    pub(super) const ALL: Carried = Carried {
+        share: 1.0,
+        friction: None,
+        mass_kg: 0.0,
+        asked: Asked::AsPlanned,
+        warmth: 0.0,
+        is_behind: false,
+    };
 
-    /// What is carried of a plan whose every wheel grips on a floor of a friction, over what it asks for; `None` where it wasn't
-    /// planned so, or nothing is known of the floor.
-    pub(super) fn of_planned(&self, planned: Option<f64>) -> Option<f64> {
-        let (planned, carried) = (planned?, self.friction?);
-        Some(if carried >= planned * (1.0 - ROUNDING) { 1.0 } else { SHARE_OF_PATH * carried / planned })
+    /// Whether floor and mass are as a plan counts on, and what was asked last grips.
+    pub(super) fn carries(&self, plan: &PlannedFor) -> bool {
+        self.friction.is_some_and(|carried| carried >= plan.friction * (1.0 - ROUNDING))
+            && self.mass_kg <= SAME_MASS * plan.mass_kg
+            && self.asked < Asked::TooMuch
+    }
+
+    /// The rate at which motors that are warm already bear a plan that counts on cold ones: its heat goes with the rate's fourth power.
+    pub(super) fn warm_rate(&self, plan: &PlannedFor) -> f64 {
+        let left = (1.0 - self.warmth.powi(2)).max(0.0);
+        if plan.heat.powi(2) <= left {
+            1.0
+        } else {
+            (left / plan.heat.powi(2)).powf(0.25).max(LEAST_WARM_RATE)
+        }
     }
 
     /// The fastest change of a rate, 1/s, at which a plan's place speeds up no more than the floor carries, and not at all while the
@@ -166,7 +205,7 @@ mod tests {
     fn a_plan_speeds_up_no_more_than_the_floor_carries_and_not_at_all_for_a_platform_that_is_behind() {
         let plan = |vx, ax, w, gain| [Twist2::new(vx, 0.0, w), Twist2::new(ax, 0.0, gain)];
         let change = |share, is_behind, plan: [Twist2; 2]| {
-            Carried { share, friction: None, is_behind }.rate_change(0.8, plan, &LIMITS)
+            Carried { share, is_behind, ..Carried::ALL }.rate_change(0.8, plan, &LIMITS)
         };
         // At the rate 0.8 the place gains 0.64·1.5 + 0.5·r' m/s²; carried are 0.9·0.2·2.
         let speeds_up = plan(0.5, 1.5, 0.0, 0.0);

@@ -48,6 +48,12 @@ fn apart_m(one: &Pose2, other: &Pose2) -> f64 {
     one.distance_m(*other) + wrap_angle_rad(one.heading_rad - other.heading_rad).abs()
 }
 
+/// Whether a place is caught up with.
+pub(super) fn is_there(place: &Pose2, here: &Pose2) -> bool {
+    place.distance_m(*here) <= CAUGHT_UP
+        && wrap_angle_rad(place.heading_rad - here.heading_rad).abs() <= CAUGHT_UP
+}
+
 impl Headway {
     pub(super) fn new(plan: &GuardPlan) -> Self {
         Headway {
@@ -73,8 +79,7 @@ impl Headway {
         let moved_m = self.place.replace(*place).map_or(lag_m, |before| apart_m(&before, place));
         let reached_m = self.nearest_m + moved_m;
         self.nearest_m = reached_m.min(lag_m);
-        let is_there = place.distance_m(*here) <= CAUGHT_UP
-            && wrap_angle_rad(place.heading_rad - here.heading_rad).abs() <= CAUGHT_UP;
+        let is_there = is_there(place, here);
         self.own = if is_there { step.speed } else { self.own.greater(&step.speed) };
         if is_there && step.passed_s > 0.0 {
             self.without_s = 0.0;

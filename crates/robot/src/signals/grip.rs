@@ -48,6 +48,8 @@ impl Dynamics {
 pub struct GripReport {
     /// Mass, inertia and friction.
     pub dynamics: Dynamics,
+    /// The standard deviation of the mass, kg.
+    pub mass_sigma_kg: f64,
     /// By how much each wheel's rim is faster than the floor under it, as forces tell, m/s.
     pub slip_m_s: [f64; MAX_WHEELS],
     /// How far each wheel slipped lately, m, this time and within two seconds before; 0 where it grips.

@@ -1,21 +1,25 @@
 //! How a platform's wheels stand on the floor: what each pushes for an acceleration, and what the floor gives it.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
+use omnibase_trajectory::reach::resisting;
 
+use crate::controllers::axes;
 use crate::grip::GRAVITY_M_S2;
 use crate::grip::friction::WheelFriction;
 use crate::grip::loads::Loads;
-use crate::signals::Dynamics;
+use crate::signals::{Dynamics, Setpoint};
 
 /// What rollers take of what wheels push, over a wheel's load, before more is learnt; and of what the floor gives at most.
 const ROLLERS: f64 = 0.03;
 const MOST_ROLLERS: f64 = 0.5;
+/// No wheel is taken to bear less, N.
+const LEAST_N: f64 = 1e-3;
 /// A wheel bears this part of the mean load at least at rest: where a slope is taken for a centre of mass near one side, the wheels
 /// beyond it would hold back all others until none brakes.
 pub(super) const LEAST_LOAD: f64 = 0.5;
 
 /// The wheels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Footing {
     /// The force at each rim for 1 N along x and y, and 1 N·m.
     per_wrench: [[f64; 3]; MAX_WHEELS],
@@ -29,6 +33,15 @@ pub(crate) struct Footing {
     pub(super) wheels: usize,
     pub(super) loads: Loads,
     pub(super) height_m: f64,
+}
+
+/// What a moment of a motion asks of the wheel that it asks most of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Needs {
+    /// The friction on which it grips.
+    pub(crate) friction: f64,
+    /// Its torque, N·m.
+    pub(crate) torque_nm: f64,
 }
 
 /// What a wheel pushes for an acceleration in base_link (m/s², m/s², rad/s²), and what it may.
@@ -87,6 +100,31 @@ impl Footing {
     pub(crate) fn roller_wrenches(&self, dynamics: &Dynamics) -> Vec<[f64; 3]> {
         let roller_n = self.roller_n(dynamics);
         self.rollers.iter().map(|roller| roller.map(|part| roller_n * part)).collect()
+    }
+
+    /// What a moment of a motion asks of the wheels.
+    pub(crate) fn needs(&self, setpoint: &Setpoint, dynamics: &Dynamics) -> Needs {
+        let turn_rad = -setpoint.odom_from_body.heading_rad;
+        let [twist, [x, y, turn]] = [setpoint.twist_in_odom, setpoint.acceleration_in_odom]
+            .map(|twist| axes(&twist.rotated(turn_rad)));
+        let roller_n = self.roller_n(dynamics);
+        let mut rollers = [[0.0; 3]; MAX_WHEELS];
+        for (row, roller) in rollers.iter_mut().zip(&self.rollers) {
+            *row = roller.map(|part| roller_n * part);
+        }
+        let resistance = resisting(&rollers[..self.rollers.len()], &twist);
+        let mut needs = Needs::default();
+        for wheel in 0..self.wheels {
+            let push = self.push(wheel, 1.0, dynamics);
+            let resisted: f64 = push.resisted.iter().zip(resistance).map(|(part, of)| part * of).sum();
+            let force_n = push.force[0] * x + push.force[1] * y + push.force[2] * turn;
+            let load_n = push.given_n - push.lighter[0] * x - push.lighter[1] * y;
+            // What resists helps to brake, but isn't counted on.
+            let needed_n = force_n.abs() + (resisted * force_n.signum()).max(0.0);
+            needs.friction = needs.friction.max(needed_n / load_n.max(LEAST_N));
+            needs.torque_nm = needs.torque_nm.max(self.radius_m[wheel] * force_n.abs());
+        }
+        needs
     }
 
     /// What a wheel's rollers take, N.

@@ -10,6 +10,7 @@ mod inwards;
 mod lifecycle;
 mod oscillation;
 mod place;
+mod planned;
 mod poison;
 mod promises;
 mod reasons;

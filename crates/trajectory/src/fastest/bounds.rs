@@ -134,6 +134,11 @@ pub(super) struct Warming {
 }
 
 impl Heat {
+    /// The root of the mean square of the warmest motor's torque in the worst window of a motion that begins cold.
+    pub fn most(&self, motion: &impl Trajectory) -> f64 {
+        self.warming(motion, &motion.breaks_s()).windows().map(|(_, load)| load).fold(0.0, f64::max)
+    }
+
     /// That of a motion whose acceleration is smooth between times.
     pub(super) fn warming(&self, motion: &impl Trajectory, times_s: &[f64]) -> Warming {
         let mut sums = vec![Vec::with_capacity(times_s.len()); self.torques.len()];

@@ -36,6 +36,13 @@ pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
     writeln!(output, "\nThe motion, planned dry")?;
     writeln!(output, "  time                 {duration_s:.3} s for {way_m:.3} m")?;
     writeln!(output, "  grip needed          friction {:.3}, at {:.3} s", friction.0, friction.1)?;
+    if let Some(heat) = run.heat {
+        let percent = 100.0 * heat;
+        writeln!(
+            output,
+            "  motors' heat         {percent:.0} % of what they bear, begun cold; it goes slower where they are warm"
+        )?;
+    }
     for (what, room) in [("room to the fence", run.fence_room_m), ("room to obstacles", run.obstacle_room_m)]
     {
         if let Some((room_m, time_s)) = room {
@@ -65,7 +72,7 @@ pub(super) fn json(run: &DryRun) -> Value {
         .collect();
     json!({
         "duration_s": run.duration_s, "way_m": run.way_m,
-        "friction": run.friction.0, "friction_time_s": run.friction.1,
+        "heat": run.heat, "friction": run.friction.0, "friction_time_s": run.friction.1,
         "fence": room(run.fence_room_m), "obstacles": room(run.obstacle_room_m), "limits": limits,
     })
 }
