@@ -194,7 +194,8 @@ fn path(table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
     match table.timing {
         Some(Timing::Fastest) => {
             let poses: Vec<Pose2> = points.as_slice().iter().map(|point| point.odom_from_base).collect();
-            return fastest_through(&poses, table, ability);
+            let radius_m = limits.speed_m_s / limits.turn_speed_rad_s;
+            return fastest_through(&poses, radius_m, table, ability);
         }
         Some(Timing::Stretched) => {
             let path = in_frame(PointTrajectory::new(&points, interpolation), table)?;
@@ -234,13 +235,14 @@ fn correction(duration_s: f64, table: &ReferenceTable) -> Made<Option<Correction
     Ok(Some(correction.map_err(|error| Problem::refused("correction", error))?))
 }
 
-/// A way through poses in the shortest time that the limits allow.
-fn fastest_through(poses: &[Pose2], table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
-    let joining = Joining {
-        radius_m: ability.limits.speed_m_s / ability.limits.turn_speed_rad_s,
-        corner_rad: CORNER_RAD,
-        tolerance_m: table.corner_m.unwrap_or(0.0),
-    };
+/// A way through poses in the shortest time that the limits allow; a turn by one radian counts as so much of the way.
+fn fastest_through(
+    poses: &[Pose2],
+    radius_m: f64,
+    table: &ReferenceTable,
+    ability: &Ability,
+) -> Made<AnyTrajectory> {
+    let joining = Joining { radius_m, corner_rad: CORNER_RAD, tolerance_m: table.corner_m.unwrap_or(0.0) };
     let reason = "all of them are the same pose: there is no way to go fast along";
     let way = PiecewisePath::through(poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
     fastest(way, table, ability)

@@ -12,6 +12,9 @@ use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, fastest_through};
 /// Without a degree a spline bends smoothly.
 const CUBIC: u32 = 3;
 
+/// What a turn by one radian counts on the way: so little that a heading whose rate jumps, where a bend begins, is no corner.
+const TURN_COUNTS_M: f64 = 0.02;
+
 /// Registers them.
 pub(super) fn register(registry: &mut Registry) {
     let further = ["heading", "timing", "corner_m", "frame"];
@@ -57,7 +60,7 @@ fn tracked(curves: &[Nurbs], table: &ReferenceTable, ability: &Ability) -> Made<
         let first_rad = poses[0].heading_rad;
         poses.iter_mut().for_each(|pose| pose.heading_rad = first_rad);
     }
-    let trajectory: AnyTrajectory = fastest_through(&poses, &table, ability)?;
+    let trajectory: AnyTrajectory = fastest_through(&poses, TURN_COUNTS_M, &table, ability)?;
     Tracked::new(trajectory, &table, ability)
 }
 
@@ -166,6 +169,15 @@ mod tests {
         [pose.x_m, pose.y_m, pose.heading_rad]
     }
 
+    /// The least speed between a tenth and nine tenths of the time.
+    fn least_speed_m_s(lines: &str) -> f64 {
+        let mut reference = made(lines).unwrap();
+        reference.start(&crate::signals::Setpoint::default());
+        let duration_s = reference.duration_s().unwrap();
+        let speed = |at: u32| reference.sample(duration_s * f64::from(at) / 1000.0).twist_in_odom.speed_m_s();
+        (100..=900).map(speed).fold(f64::INFINITY, f64::min)
+    }
+
     fn is_near(found: [f64; 3], expected: [f64; 3]) {
         assert!(
             found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6),
@@ -194,6 +206,11 @@ mod tests {
             end(&format!("{drawing}heading = \"follows_tangent\"")),
             [1.2, -0.7, -std::f64::consts::FRAC_PI_2],
         );
+        // It doesn't stop where the bend begins, but at a corner.
+        let bend = format!("{drawing}heading = \"follows_tangent\"");
+        assert!(least_speed_m_s(&bend) > 0.05, "{}", least_speed_m_s(&bend));
+        let corner = "kind = \"drawing\"\nunit_m = 0.01\ndrawing = \"m 0 0 h 100 v 100\"\n";
+        assert!(least_speed_m_s(&format!("{corner}heading = \"follows_tangent\"")) < 0.02);
         for (data, expected) in [
             ("M 0 0 L 1 x", "Invalid"),
             ("M 0 0 L 1 0 M 2 0 L 3 0", "more than one go"),
