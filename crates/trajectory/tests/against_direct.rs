@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const PATHS: usize = 4;
+const PATHS: usize = 2;
 /// By so much both times may differ, over themselves.
 const DIFFERENCE: f64 = 0.01;
 

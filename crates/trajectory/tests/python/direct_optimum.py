@@ -9,7 +9,7 @@ import sys
 
 import casadi as ca
 
-PARTS = 80
+PARTS = 100
 
 
 def place(waves, sigma):
