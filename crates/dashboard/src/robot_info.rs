@@ -213,8 +213,8 @@ impl RobotInfo {
             self.robot.plan.check_reference(source, &self.registry, read_file).map_err(|problems| {
                 problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
             })?;
-        // Its points are in the table: nobody needs the file any more.
-        Ok((ReferenceTable { points_file: None, correction_file: None, ..table }, made))
+        // What files said is in the table: nobody needs them any more.
+        Ok((ReferenceTable { points_file: None, correction_file: None, drawing_file: None, ..table }, made))
     }
 
     /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.

@@ -6,6 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::Duration;
 
 /// What a line on the standard error is about, the gravest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
@@ -69,6 +70,9 @@ pub fn pass_on(line: String) {
     say(level, &line);
 }
 
+/// Between two signs of life.
+const LOOK: Duration = Duration::from_millis(200);
+
 /// A bar of `total` steps; nothing is drawn where the standard error is no terminal.
 pub fn bar(total: u64, what: &str) -> ProgressBar {
     if !is_shown(LogLevel::Info) {
@@ -80,4 +84,17 @@ pub fn bar(total: u64, what: &str) -> ProgressBar {
     }
     bar.set_message(what.to_owned());
     bar
+}
+
+/// Says that something is under way, and for how long, while it is; nothing is drawn where the standard error is no terminal.
+pub fn meanwhile<T>(what: &str, work: impl FnOnce() -> T) -> T {
+    let spinner = if is_shown(LogLevel::Info) { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+        spinner.set_style(style);
+    }
+    spinner.set_message(what.to_owned());
+    spinner.enable_steady_tick(LOOK);
+    let done = work();
+    spinner.finish_and_clear();
+    done
 }

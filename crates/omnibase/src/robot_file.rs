@@ -1,5 +1,6 @@
 //! Robot files as commands read them, and their problems as a person reads them.
 
+use crate::progress;
 use anyhow::Context;
 use omnibase_robot::{Problem, Registry};
 use omnibase_run::{LoadedRobot, RobotText};
@@ -64,7 +65,7 @@ impl RobotSource {
 
     /// Checks it: the robot, or every problem at once.
     pub fn load(&self, registry: &Registry) -> Result<LoadedRobot, Vec<Problem>> {
-        self.text.load(registry)
+        progress::meanwhile("checking the robot and its motion", || self.text.load(registry))
     }
 
     /// As [`RobotSource::load`], with all problems as one error.

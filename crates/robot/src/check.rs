@@ -381,27 +381,42 @@ impl Check {
         let kinds = &registry.references;
         let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
         table.kind = Some(kind.name.to_owned());
-        for (lines, file, [key, file_key]) in [
-            (&mut table.points, &table.points_file, ["points", "points_file"]),
-            (&mut table.correction, &table.correction_file, ["correction", "correction_file"]),
-        ] {
-            let Some(name) = file.as_ref().filter(|_| kind.reads(file_key)) else { continue };
-            let setting = format!("reference.{file_key}");
-            if lines.is_some() {
-                let reason = format!("give `{key}` or `{file_key}`, not both");
-                self.report(ProblemKind::Contradiction, &setting, reason);
-            }
-            match read_file(name).and_then(|text| crate::references::read_points(&text)) {
-                Ok(read) => *lines = Some(read),
-                Err(reason) => {
-                    let problem = self.report(ProblemKind::File, &setting, reason);
-                    problem.value = Some(format!("\"{name}\""));
-                    return None;
-                }
-            }
-        }
+        let ReferenceTable {
+            points, points_file, correction, correction_file, drawing, drawing_file, ..
+        } = &mut table;
+        let of =
+            |file: &Option<String>, key| file.clone().filter(|_| kind.reads(key)).map(|name| (name, key));
+        let read_points = |name: &str| crate::references::read_points(&read_file(name)?);
+        self.read_in_place((points, "points"), of(points_file, "points_file"), read_points)?;
+        self.read_in_place((correction, "correction"), of(correction_file, "correction_file"), read_points)?;
+        let read_drawing = |name: &str| crate::references::read_drawing(&read_file(name)?);
+        self.read_in_place((drawing, "drawing"), of(drawing_file, "drawing_file"), read_drawing)?;
         self.keys(kind, &Given::of(&table), &kinds.sort);
         Some(table)
+    }
+
+    /// A key of the reference from the file that stands in its place; `None` where that can't be read.
+    fn read_in_place<T>(
+        &mut self,
+        (value, key): (&mut Option<T>, &str),
+        file: Option<(String, &str)>,
+        read: impl Fn(&str) -> Result<T, String>,
+    ) -> Option<()> {
+        let Some((name, file_key)) = file else { return Some(()) };
+        let setting = format!("reference.{file_key}");
+        if value.is_some() {
+            let reason = format!("give `{key}` or `{file_key}`, not both");
+            self.report(ProblemKind::Contradiction, &setting, reason);
+        }
+        match read(&name) {
+            Ok(read) => *value = Some(read),
+            Err(reason) => {
+                let problem = self.report(ProblemKind::File, &setting, reason);
+                problem.value = Some(format!("\"{name}\""));
+                return None;
+            }
+        }
+        Some(())
     }
 
     /// What the limits don't let the platform reach in its time is refused beforehand.
@@ -415,7 +430,11 @@ impl Check {
             return None;
         }
         let mut made = registry.make_reference(table, ability);
-        for (file, key) in [(&table.points_file, "points"), (&table.correction_file, "correction")] {
+        for (file, key) in [
+            (&table.points_file, "points"),
+            (&table.correction_file, "correction"),
+            (&table.drawing_file, "drawing"),
+        ] {
             let (Err(error), Some(file)) = (&mut made, file) else { continue };
             let of_it = format!("reference.{key}");
             for problem in error.0.iter_mut().filter(|problem| problem.setting.starts_with(&of_it)) {

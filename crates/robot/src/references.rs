@@ -1,5 +1,7 @@
 //! References: wished motions that begin where the platform stands, and begin and end at rest.
 
+mod curves;
+
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
@@ -7,6 +9,8 @@ use omnibase_trajectory::{
     PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PointTrajectory, Shape, ShapeError,
     ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
+
+pub(crate) use curves::read_drawing;
 
 use crate::ability::{Ability, ROOM};
 use crate::config::{
@@ -110,6 +114,7 @@ pub fn register(registry: &mut Registry) {
         },
         |table, ability| Tracked::new(path(table, ability)?, table, ability),
     );
+    curves::register(registry);
 }
 
 impl ShapeKind {
@@ -189,15 +194,8 @@ fn path(table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
     match table.timing {
         Some(Timing::Fastest) => {
             let poses: Vec<Pose2> = points.as_slice().iter().map(|point| point.odom_from_base).collect();
-            let joining = Joining {
-                radius_m: limits.speed_m_s / limits.turn_speed_rad_s,
-                corner_rad: CORNER_RAD,
-                tolerance_m: table.corner_m.unwrap_or(0.0),
-            };
-            let reason = "all of them are the same pose: there is no way to go fast along";
-            let way =
-                PiecewisePath::through(&poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
-            return fastest(way, table, ability);
+            let radius_m = limits.speed_m_s / limits.turn_speed_rad_s;
+            return fastest_through(&poses, radius_m, table, ability);
         }
         Some(Timing::Stretched) => {
             let path = in_frame(PointTrajectory::new(&points, interpolation), table)?;
@@ -235,6 +233,19 @@ fn correction(duration_s: f64, table: &ReferenceTable) -> Made<Option<Correction
     let controls = points_of(lines).map_err(|error| Problem::refused("correction", error))?;
     let correction = Correction::new(duration_s, &controls);
     Ok(Some(correction.map_err(|error| Problem::refused("correction", error))?))
+}
+
+/// A way through poses in the shortest time that the limits allow; a turn by one radian counts as so much of the way.
+fn fastest_through(
+    poses: &[Pose2],
+    radius_m: f64,
+    table: &ReferenceTable,
+    ability: &Ability,
+) -> Made<AnyTrajectory> {
+    let joining = Joining { radius_m, corner_rad: CORNER_RAD, tolerance_m: table.corner_m.unwrap_or(0.0) };
+    let reason = "all of them are the same pose: there is no way to go fast along";
+    let way = PiecewisePath::through(poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
+    fastest(way, table, ability)
 }
 
 /// A way in the shortest time that the limits allow.

@@ -144,7 +144,8 @@ pub fn read_reference(text: &str, name: &str, folder: &Path) -> Source<Reference
     let beside = |name: String| {
         std::path::absolute(folder.join(&name)).map_or(name, |path| path.to_string_lossy().into_owned())
     };
-    for file in [&mut source.file.points_file, &mut source.file.correction_file] {
+    let ReferenceTable { points_file, correction_file, drawing_file, .. } = &mut source.file;
+    for file in [points_file, correction_file, drawing_file] {
         *file = file.take().map(beside);
     }
     source

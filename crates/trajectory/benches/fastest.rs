@@ -2,8 +2,6 @@
 //!
 //! `cargo bench -p omnibase-trajectory`
 
-use std::time::Instant;
-
 use omnibase_platform::Pose2;
 use omnibase_trajectory::fastest::{Heat, Limit};
 use omnibase_trajectory::limits;
@@ -50,25 +48,28 @@ fn wheels() -> PlatformBounds {
     bounds
 }
 
-/// The quickest of some runs, ms.
-fn quickest_ms(runs: usize, mut run: impl FnMut()) -> f64 {
-    let once = |run: &mut dyn FnMut()| {
-        let begun = Instant::now();
-        run();
-        begun.elapsed().as_secs_f64() * 1e3
-    };
-    (0..runs).map(|_| once(&mut run)).fold(f64::INFINITY, f64::min)
+/// CPU time of this thread, ms: what else the machine does doesn't count.
+fn cpu_ms() -> f64 {
+    let words = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+    words.split(' ').next().unwrap().parse::<f64>().unwrap() / 1e6
+}
+
+/// What one of some runs takes, ms.
+fn mean_ms(runs: usize, mut run: impl FnMut()) -> f64 {
+    let begun_ms = cpu_ms();
+    (0..runs).for_each(|_| run());
+    (cpu_ms() - begun_ms) / runs as f64
 }
 
 fn main() {
-    println!("| what | points | limits | ms | motion s |\n|---|---|---|---|---|");
+    println!("| what | points | limits | CPU ms | motion s |\n|---|---|---|---|---|");
     let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
     for (name, bounds) in [("platform", PlatformBounds::new(LIMITS)), ("wheels, grip, heat", wheels())] {
         for count in [20, 80, 1000, 10_000, 100_000] {
             let poses: Vec<Pose2> = (0..count).map(pose).collect();
             let mut duration_s = 0.0;
-            let runs = if count > 1000 { 1 } else { 20 };
-            let ms = quickest_ms(runs, || {
+            let runs = (20_000 / count).max(1);
+            let ms = mean_ms(runs, || {
                 let path = PiecewisePath::through(&poses, joining).unwrap();
                 duration_s = FastestTrajectory::new(path, &bounds).unwrap().duration_s();
             });
@@ -80,8 +81,8 @@ fn main() {
         let points = PathPoints::new((0..count).map(point).collect()).unwrap();
         for (name, interpolation) in [("smooth", Interpolation::Smooth), ("quintic", Interpolation::Quintic)]
         {
-            let runs = if count > 1000 { 1 } else { 20 };
-            let ms = quickest_ms(runs, || assert!(limits::plan(&points, interpolation, &LIMITS).is_ok()));
+            let runs = (20_000 / count).max(1);
+            let ms = mean_ms(runs, || assert!(limits::plan(&points, interpolation, &LIMITS).is_ok()));
             println!("| as given, {name} | {count} | platform | {ms:.2} | {count} |");
         }
     }

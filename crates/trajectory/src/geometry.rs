@@ -15,8 +15,31 @@ pub trait GeometricPath {
     /// `side` says which of two pieces counts at their joint: below 0 the one before it.
     fn sample(&self, sigma: f64, side: f64) -> [[f64; 4]; 3];
 
+    /// The same, looked for first in a piece and the one behind it; which one it was is kept for the next.
+    fn sample_near(&self, sigma: f64, side: f64, _piece: &mut usize) -> [[f64; 4]; 3] {
+        self.sample(sigma, side)
+    }
+
     /// The joints of its pieces with beginning and end, rising: only there may derivatives jump.
     fn breaks(&self) -> Vec<f64>;
+}
+
+impl<T: GeometricPath + ?Sized> GeometricPath for &T {
+    fn length(&self) -> f64 {
+        (**self).length()
+    }
+
+    fn sample(&self, sigma: f64, side: f64) -> [[f64; 4]; 3] {
+        (**self).sample(sigma, side)
+    }
+
+    fn sample_near(&self, sigma: f64, side: f64, piece: &mut usize) -> [[f64; 4]; 3] {
+        (**self).sample_near(sigma, side, piece)
+    }
+
+    fn breaks(&self) -> Vec<f64> {
+        (**self).breaks()
+    }
 }
 
 impl<T: GeometricPath + ?Sized> GeometricPath for Box<T> {
@@ -26,6 +49,10 @@ impl<T: GeometricPath + ?Sized> GeometricPath for Box<T> {
 
     fn sample(&self, sigma: f64, side: f64) -> [[f64; 4]; 3] {
         (**self).sample(sigma, side)
+    }
+
+    fn sample_near(&self, sigma: f64, side: f64, piece: &mut usize) -> [[f64; 4]; 3] {
+        (**self).sample_near(sigma, side, piece)
     }
 
     fn breaks(&self) -> Vec<f64> {
@@ -128,9 +155,22 @@ impl GeometricPath for PiecewisePath {
     }
 
     fn sample(&self, sigma: f64, side: f64) -> [[f64; 4]; 3] {
+        self.sample_near(sigma, side, &mut 0)
+    }
+
+    fn sample_near(&self, sigma: f64, side: f64, piece: &mut usize) -> [[f64; 4]; 3] {
         let begun = |begin: &f64| if side < 0.0 { *begin < sigma } else { *begin <= sigma };
-        let piece = self.breaks.partition_point(begun).clamp(1, self.pieces.len()) - 1;
-        self.pieces[piece].each_ref().map(|polynomial| polynomial.derivatives(sigma - self.breaks[piece]))
+        let last = self.pieces.len() - 1;
+        let is_in = |piece: usize| {
+            piece <= last && begun(&self.breaks[piece]) && (piece == last || !begun(&self.breaks[piece + 1]))
+        };
+        if !is_in(*piece) {
+            let next = *piece + 1;
+            let found = || self.breaks.partition_point(begun).clamp(1, last + 1) - 1;
+            *piece = if is_in(next) { next } else { found() };
+        }
+        let since = sigma - self.breaks[*piece];
+        self.pieces[*piece].each_ref().map(|polynomial| polynomial.derivatives(since))
     }
 
     fn breaks(&self) -> Vec<f64> {

@@ -7,6 +7,7 @@
 //! - [`platform_axes`]: a motion whose velocity is in the platform's own axes.
 //! - [`corrected`]: [`Corrected`], a motion with what repeats taught added to it.
 //! - [`geometry`]: ways without times ([`GeometricPath`]): smooth through points, corners cut within a tolerance.
+//! - [`curve`]: B-splines of any degree with weights ([`Nurbs`]), as points of a way.
 //! - [`fastest`]: a way in the shortest time ([`FastestTrajectory`]); [`reach`] below it.
 //! - [`point_to_point`]: [`PointToPoint`], from any state to any in the shortest time.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
@@ -18,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod corrected;
+pub mod curve;
 pub mod fastest;
 pub mod geometry;
 pub mod interpolation;
@@ -33,6 +35,7 @@ pub mod shape;
 pub mod trajectory;
 
 pub use corrected::{Corrected, Correction, CorrectionError};
+pub use curve::{CurveHeading, Nurbs, NurbsError};
 pub use fastest::{FastestError, FastestTrajectory, PlatformBounds};
 pub use geometry::{GeometricPath, Joining, PiecewisePath, ShapePath};
 pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};

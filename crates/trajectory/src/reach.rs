@@ -125,6 +125,25 @@ impl Reached {
         self.changed[interval.saturating_sub(1)..=(interval + 1).min(last)].fill(true);
     }
 
+    /// Each interval was split into so many parts.
+    pub fn split(&mut self, parts: &[usize]) {
+        let old = std::mem::replace(self, Reached::new(parts.iter().sum()));
+        let mut to = 0;
+        for (at, count) in parts.iter().enumerate() {
+            self.copy_point(&old, at, to);
+            if *count == 1 {
+                self.changed[to] = old.changed[at];
+            }
+            to += count;
+        }
+        self.copy_point(&old, parts.len(), to);
+    }
+
+    fn copy_point(&mut self, old: &Reached, from: usize, to: usize) {
+        (self.x[to], self.is_new[to]) = (old.x[from], old.is_new[from]);
+        (self.reach[to], self.reach_is_new[to]) = (old.reach[from], old.reach_is_new[from]);
+    }
+
     /// Solves where something changed; the arguments are those of [`fastest`], the same ones but for what was changed.
     pub fn solve(
         &mut self,
@@ -163,7 +182,6 @@ impl Reached {
                 continue;
             }
             scene.look(interval, bounds);
-            scene.target = None;
             let u = scene.upper(x).at.max(scene.lower(x).at);
             let [low, high] = self.reach[at + 1];
             x = (x + 2.0 * interval.length * u).clamp(low, high);
@@ -171,6 +189,34 @@ impl Reached {
         }
         self.changed.fill(false);
         Ok(())
+    }
+}
+
+/// What an interval would allow half way if it were halved.
+#[derive(Debug, Default)]
+pub struct Middle {
+    scene: Scene,
+}
+
+impl Middle {
+    /// The greatest x there between those at the interval's ends; `middle` is the path there, and x at most by limits on speed.
+    pub fn highest(
+        &mut self,
+        interval: &Interval,
+        (bend, most): (&Bend, f64),
+        ends: [f64; 2],
+        bounds: &AccelerationBounds,
+    ) -> f64 {
+        let [first, second] = &interval.ends;
+        let after = ends[0] + interval.length * self.at(first, interval, bounds).upper(ends[0]).at;
+        let before = ends[1] - interval.length * self.at(second, interval, bounds).lower(ends[1]).at;
+        self.at(bend, interval, bounds).highest(most).unwrap_or(0.0).min(after).min(before)
+    }
+
+    fn at(&mut self, bend: &Bend, interval: &Interval, bounds: &AccelerationBounds) -> &Scene {
+        self.scene.clear();
+        self.scene.add((bend, bend.rate), bounds, interval.share);
+        &self.scene
     }
 }
 
@@ -253,35 +299,44 @@ impl Disk {
 impl Scene {
     /// Takes the limits of an interval.
     fn look(&mut self, interval: &Interval, bounds: &AccelerationBounds) {
-        let Interval { length, ends: [first, second], share } = *interval;
+        let Interval { length, ends: [first, second], share } = interval;
+        self.clear();
+        self.add((first, first.rate), bounds, *share);
+        // At the end x is greater by 2·length·u.
+        let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
+        self.add((second, at_end), bounds, *share);
+    }
+
+    fn clear(&mut self) {
         self.rows.clear();
         self.disks.clear();
         self.ceiling = f64::INFINITY;
-        // At the end x is greater by 2·length·u.
-        let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
-        for (p, r, rate) in [(first.rate, first.curve, first.rate), (at_end, second.curve, second.rate)] {
-            let resistance = resisting(&bounds.resistance, &rate);
-            for plane in &bounds.planes {
-                let n = plane.normal;
-                let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
-                let most = plane.left(&resistance) * share;
-                if a.abs() > FLAT * b.abs() {
-                    self.rows.push([a, b, most]);
-                } else if b > 0.0 {
-                    self.ceiling = self.ceiling.min(most / b);
-                }
+        self.target = None;
+    }
+
+    /// Takes the limits at a place where u makes an acceleration of p·u, and x one of the path's curve.
+    fn add(&mut self, (bend, p): (&Bend, [f64; 3]), bounds: &AccelerationBounds, share: f64) {
+        let r = bend.curve;
+        let resistance = resisting(&bounds.resistance, &bend.rate);
+        for plane in &bounds.planes {
+            let n = plane.normal;
+            let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
+            let most = plane.left(&resistance) * share;
+            if a.abs() > FLAT * b.abs() {
+                self.rows.push([a, b, most]);
+            } else if b > 0.0 {
+                self.ceiling = self.ceiling.min(most / b);
             }
-            if let Some(most) = bounds.length {
-                let disk = Disk { p: [p[0], p[1]], r: [r[0], r[1]], most: most * share };
-                let (pp, _, det) = disk.products();
-                let rr = r[0] * r[0] + r[1] * r[1];
-                if pp > FLAT * FLAT * rr {
-                    self.ceiling = self.ceiling.min(disk.most * (pp / det).sqrt());
-                    self.disks.push(disk);
-                } else if rr > 0.0 {
-                    self.ceiling = self.ceiling.min(disk.most / rr.sqrt());
-                }
-            }
+        }
+        let Some(most) = bounds.length else { return };
+        let disk = Disk { p: [p[0], p[1]], r: [r[0], r[1]], most: most * share };
+        let (pp, _, det) = disk.products();
+        let rr = r[0] * r[0] + r[1] * r[1];
+        if pp > FLAT * FLAT * rr {
+            self.ceiling = self.ceiling.min(disk.most * (pp / det).sqrt());
+            self.disks.push(disk);
+        } else if rr > 0.0 {
+            self.ceiling = self.ceiling.min(disk.most / rr.sqrt());
         }
     }
 

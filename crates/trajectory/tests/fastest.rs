@@ -159,6 +159,76 @@ fn every_limit_is_kept_and_the_time_is_short() {
     }
 }
 
+/// A path told in many pieces, so that the first grid is as fine.
+struct InPieces<'a>(&'a PiecewisePath, usize);
+
+impl GeometricPath for InPieces<'_> {
+    fn length(&self) -> f64 {
+        self.0.length()
+    }
+
+    fn sample(&self, sigma: f64, side: f64) -> [[f64; 4]; 3] {
+        self.0.sample(sigma, side)
+    }
+
+    fn breaks(&self) -> Vec<f64> {
+        let parts = |pair: &[f64]| {
+            (0..self.1)
+                .map(|at| at as f64 / self.1 as f64)
+                .map(|part| pair[0] + part * (pair[1] - pair[0]))
+                .collect::<Vec<_>>()
+        };
+        self.0.breaks().windows(2).flat_map(parts).chain([self.length()]).collect()
+    }
+}
+
+#[test]
+fn the_grid_costs_less_than_half_a_percent() {
+    let mut wheels =
+        PlatformBounds::new(Limits { speed_m_s: 1.5, acceleration_m_s2: 6.0, jerk_m_s3: 400.0, ..LIMITS });
+    for wheel in 0..3 {
+        let (sin, cos) = (2.1 * f64::from(wheel)).sin_cos();
+        wheels.wheel_speeds.push([-sin, cos, 0.4].map(|part| part / 1.5));
+        for sign in [1.0, -1.0] {
+            let normal = [sign * -sin * 47.0 + 18.0 * cos, sign * cos * 47.0 + 18.0 * sin, sign * 5.8];
+            wheels.planes.push((Limit::Grip, Plane { normal, most: 91.0, ..Plane::default() }));
+        }
+    }
+    let round = |count: usize, step: f64| -> Vec<Pose2> {
+        let phi = |at: usize| step * at as f64;
+        let pose = |phi: f64| Pose2::new(2.0 * phi.sin(), 1.5 * (1.3 * phi).cos(), 0.4 * (0.7 * phi).sin());
+        (0..count).map(|at| pose(phi(at))).collect()
+    };
+    let stops = Joining { tolerance_m: 0.0, ..JOINING };
+    let legs: Vec<Pose2> =
+        (0..60).map(|at| Pose2::new(f64::from(at % 2), 0.1 * f64::from(at), 0.0)).collect();
+    let ways = [
+        ("square", PiecewisePath::through(&square(), stops)),
+        ("blended", PiecewisePath::through(&square(), JOINING)),
+        ("20 points", PiecewisePath::through(&round(20, 0.1), JOINING)),
+        ("sharp points", PiecewisePath::through(&round(20, 0.8), Joining { corner_rad: 3.0, ..JOINING })),
+        ("100 points", PiecewisePath::through(&round(100, 0.02), JOINING)),
+        ("60 legs with stops", PiecewisePath::through(&legs, stops)),
+        ("60 legs", PiecewisePath::through(&legs, JOINING)),
+    ];
+    for (name, way) in ways {
+        let way = way.unwrap();
+        let parts = 4000 / way.breaks().len();
+        for (floor, bounds) in [("platform", PlatformBounds::new(LIMITS)), ("wheels", wheels.clone())] {
+            let own_s = FastestTrajectory::new(&way, &bounds).unwrap().duration_s();
+            let fine_s = FastestTrajectory::new(InPieces(&way, parts), &bounds).unwrap().duration_s();
+            println!(
+                "{name}, {floor}: {own_s:.4} s, {fine_s:.4} s on a fine grid: {:.3} %",
+                100.0 * (own_s / fine_s - 1.0)
+            );
+            assert!(
+                (own_s / fine_s - 1.0).abs() < 0.005,
+                "{name}, {floor}: {own_s} s, {fine_s} s on a fine grid"
+            );
+        }
+    }
+}
+
 #[test]
 fn wheels_bind_where_the_platform_does_not() {
     let mut bounds = PlatformBounds::new(LIMITS);

@@ -6,6 +6,7 @@ mod picture;
 
 use super::run::reference::ReferenceChoice;
 use crate::Outcome;
+use crate::progress;
 use crate::robot_file::{Changes, RobotSource, plural};
 use anyhow::Context;
 use omnibase_description::Body;
@@ -71,7 +72,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     source.text.reference = arguments.reference.chosen(registry)?;
     match source.load(registry) {
         Ok(robot) => {
-            let motion = arguments.motion(&robot, registry)?;
+            let motion =
+                progress::meanwhile("planning the motion dry", || arguments.motion(&robot, registry))?;
             if arguments.json {
                 let mut plan = plan_json(&robot.plan);
                 if let Some(motion) = &motion {

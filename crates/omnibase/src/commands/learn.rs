@@ -213,8 +213,12 @@ fn driven(
     std::fs::create_dir_all(folder).with_context(|| format!("creating `{}`", folder.display()))?;
     let name = |ending: &str| folder.join(format!("repeat-{}.{ending}", number + 1));
     let (path, recording) = (name("toml"), name("mcap"));
-    let table =
-        ReferenceTable { points_file: None, correction: Some(learner.next()), ..plan.reference.clone() };
+    let table = ReferenceTable {
+        points_file: None,
+        drawing_file: None,
+        correction: Some(learner.next()),
+        ..plan.reference.clone()
+    };
     let text = toml::to_string(&table).context("the motion as a reference")?;
     std::fs::write(&path, text).with_context(|| format!("writing `{}`", path.display()))?;
     note(format_args!("repeat {}", number + 1));

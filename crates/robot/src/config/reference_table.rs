@@ -25,7 +25,7 @@ pub struct ReferenceTable {
     /// Turns, or `endless`: until somebody stops it; default: 1.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub turns: Option<Turns>,
-    /// How the heading goes along; default: the motion's own.
+    /// How the heading goes along; default: the motion's own, which of control points is theirs.
     pub heading: Option<HeadingName>,
     /// Semi-axis along x, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
@@ -50,7 +50,23 @@ pub struct ReferenceTable {
     pub correction: Option<Vec<[f64; 4]>>,
     /// A file of lines `(t, x, y, θ)` in place of `correction`.
     pub correction_file: Option<String>,
-    /// How fast it is gone along; default: `as_given`.
+    /// Control points `[x, y, θ]`, SI.
+    pub controls: Option<Vec<[f64; 3]>>,
+    /// Degree of the curve, from 1, straight lines, to one less than there are control points; default: 3.
+    #[schemars(extend("minimum" = 1))]
+    pub degree: Option<u32>,
+    /// How strongly each control point draws the curve; default: 1.
+    pub weights: Option<Vec<f64>>,
+    /// Knots, not falling, `degree` + 1 more than control points; default: equally spaced, from the first control point to the last.
+    pub knots: Option<Vec<f64>>,
+    /// Path data as SVG has them (the attribute `d`), in one go.
+    pub drawing: Option<String>,
+    /// An SVG file with one `path` in place of `drawing`.
+    pub drawing_file: Option<String>,
+    /// What one unit of the drawing is, m; its x is forward, its y, which points down, to the right.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub unit_m: Option<f64>,
+    /// How fast it is gone along; default: `as_given`, of curves `fastest`.
     pub timing: Option<Timing>,
     /// How far the fastest way through points may cut their corners, m; default: 0, it stops at them.
     #[schemars(extend("minimum" = 0.0))]
@@ -133,7 +149,7 @@ pub enum Timing {
     Fastest,
 }
 
-/// How the heading goes along a shape.
+/// How the heading goes along a shape or a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HeadingName {

@@ -20,6 +20,11 @@ pub enum Limit {
     Heat,
 }
 
+/// How much the direction may change along an interval of the grid, over itself.
+const TURN_OF_WAY: f64 = 0.2;
+/// And how much the acceleration may, over what it may be.
+const TURN: f64 = 0.11;
+
 /// What motors bear: the root of the mean square of their torques over a window of time; before the motion they rested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heat {
@@ -88,7 +93,7 @@ impl PlatformBounds {
     pub fn loads<'a>(&'a self, setpoint: &Setpoint) -> impl Iterator<Item = (Limit, f64)> + use<'a> {
         let setpoint = *setpoint;
         let [twist, acceleration] =
-            [setpoint.twist_in_odom, setpoint.acceleration_in_odom].map(|twist| in_base(&setpoint, twist));
+            in_base(&setpoint, [setpoint.twist_in_odom, setpoint.acceleration_in_odom]);
         let own = Quantity::ALL.into_iter().map(move |quantity| {
             (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
         });
@@ -102,24 +107,48 @@ impl PlatformBounds {
         own.chain(speeds).chain(planes)
     }
 
-    /// How many times as long the motion must take at a moment to keep every limit.
+    /// How many times as long the motion must take at a moment to keep every limit, at least 1.
     pub(super) fn pace(&self, setpoint: &Setpoint) -> f64 {
-        self.loads(setpoint).map(|(limit, load)| limit.stretch(load)).fold(0.0, f64::max)
+        // Most moments are within all limits: only what exceeds one is worth a root.
+        let exceeded = self.loads(setpoint).filter(|(_, load)| *load > 1.0 || load.is_nan());
+        exceeded.map(|(limit, load)| limit.stretch(load)).fold(1.0, f64::max)
+    }
+
+    /// By how many times what it may the way turns along an interval, or the acceleration on it does, from x at its beginning to
+    /// that at its end.
+    pub(super) fn turn(&self, interval: &Interval, x: [f64; 2]) -> f64 {
+        let Limits { acceleration_m_s2, angular_acceleration_rad_s2, .. } = self.limits;
+        let size = |[x, y, turn]: [f64; 3]| {
+            (x.hypot(y) / acceleration_m_s2).max(turn.abs() / angular_acceleration_rad_s2)
+        };
+        let [first, second] = &interval.ends;
+        let change = |along: &dyn Fn(&Bend, f64, usize) -> f64| {
+            [0, 1, 2].map(|axis| along(second, x[1], axis) - along(first, x[0], axis))
+        };
+        let way = size(change(&|bend, _, axis| bend.rate[axis])) / size(first.rate).min(size(second.rate));
+        let u = (x[1] - x[0]) / (2.0 * interval.length);
+        let change = change(&|bend, x, axis| bend.rate[axis] * u + bend.curve[axis] * x);
+        let planes = self.planes.iter().map(|(_, plane)| dot(&plane.normal, &change).abs() / plane.most);
+        (way / TURN_OF_WAY).max(planes.fold(size(change), f64::max) / TURN)
     }
 
     /// A window whose mean keeps the jerk where a motion speeds up from rest or turns from speeding up to braking, s.
     pub(super) fn first_window_s(&self, intervals: &[Interval], x: &[f64]) -> f64 {
         let Limits { jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
-        let mut before = [0.0; 3];
+        let mut before = 0.0;
         let mut most_s: f64 = 0.0;
         for (interval, pair) in intervals.iter().zip(x.windows(2)) {
             let u = (pair[1] - pair[0]) / (2.0 * interval.length);
-            let along = interval.ends[0].rate.map(|rate| rate * u);
-            for step in [before, [0.0; 3]].map(|other| [0, 1, 2].map(|axis| along[axis] - other[axis])) {
+            // At rest it waits.
+            if pair[0] <= 0.0 {
+                before = 0.0;
+            }
+            for change in [u - before, u] {
+                let step = interval.ends[0].rate.map(|rate| rate * change);
                 most_s =
                     most_s.max(step[0].hypot(step[1]) / jerk_m_s3).max(step[2].abs() / angular_jerk_rad_s3);
             }
-            before = along;
+            before = u;
         }
         most_s
     }
@@ -136,11 +165,19 @@ pub(super) struct Warming {
 impl Heat {
     /// The root of the mean square of the warmest motor's torque in the worst window of a motion that begins cold.
     pub fn most(&self, motion: &impl Trajectory) -> f64 {
-        self.warming(motion, &motion.breaks_s()).windows().map(|(_, load)| load).fold(0.0, f64::max)
+        let times_s = motion.breaks_s();
+        let inside = |piece: usize, part: f64| {
+            motion.sample(times_s[piece] + part * (times_s[piece + 1] - times_s[piece]))
+        };
+        self.warming(&times_s, inside).windows().map(|(_, load)| load).fold(0.0, f64::max)
     }
 
-    /// That of a motion whose acceleration is smooth between times.
-    pub(super) fn warming(&self, motion: &impl Trajectory, times_s: &[f64]) -> Warming {
+    /// That of a motion whose acceleration is smooth between times, by its setpoint after a part of the piece behind each.
+    pub(super) fn warming(
+        &self,
+        times_s: &[f64],
+        mut setpoint: impl FnMut(usize, f64) -> Setpoint,
+    ) -> Warming {
         let mut sums = vec![Vec::with_capacity(times_s.len()); self.torques.len()];
         let mut totals = vec![0.0; self.torques.len()];
         for (at, time_s) in times_s.iter().enumerate() {
@@ -148,8 +185,8 @@ impl Heat {
                 let width_s = time_s - times_s[at - 1];
                 // Gauss and Legendre's rule of two points: exact where an acceleration is linear in time.
                 for part in [0.211_324_865_405_187_1, 0.788_675_134_594_812_9] {
-                    let setpoint = motion.sample(times_s[at - 1] + part * width_s);
-                    let acceleration = in_base(&setpoint, setpoint.acceleration_in_odom);
+                    let setpoint = setpoint(at - 1, part);
+                    let [acceleration] = in_base(&setpoint, [setpoint.acceleration_in_odom]);
                     for (total, row) in totals.iter_mut().zip(&self.torques) {
                         *total += 0.5 * width_s * dot(row, &acceleration).powi(2);
                     }
@@ -187,10 +224,12 @@ impl Limit {
     }
 }
 
-/// A twist of a setpoint in the axes of its base.
-fn in_base(setpoint: &Setpoint, twist_in_odom: Twist2) -> [f64; 3] {
-    let turned = twist_in_odom.rotated(-setpoint.odom_from_base.heading_rad);
-    [turned.vx_m_s, turned.vy_m_s, turned.w_rad_s]
+/// Twists of a setpoint in the axes of its base.
+fn in_base<const N: usize>(setpoint: &Setpoint, twists_in_odom: [Twist2; N]) -> [[f64; 3]; N] {
+    let (sin, cos) = setpoint.odom_from_base.heading_rad.sin_cos();
+    twists_in_odom.map(|Twist2 { vx_m_s, vy_m_s, w_rad_s }| {
+        [cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s, w_rad_s]
+    })
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {

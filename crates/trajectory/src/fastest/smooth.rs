@@ -63,13 +63,19 @@ impl Progress {
         self.times_s.last().copied().unwrap_or_default()
     }
 
-    pub(super) fn times_s(&self) -> Vec<f64> {
-        self.times_s.clone()
+    pub(super) fn times_s(&self) -> &[f64] {
+        &self.times_s
     }
 
-    /// The times between which it is one cubic, and σ at the first of them.
-    pub(super) fn pieces(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
-        self.times_s.windows(2).zip(&self.values).map(|(pair, values)| ([pair[0], pair[1]], values[0]))
+    /// How many cubics it has.
+    pub(super) fn piece_count(&self) -> usize {
+        self.times_s.len().saturating_sub(1)
+    }
+
+    /// A time within a piece, from 0 to 1 of it, and σ there with its derivatives.
+    pub(super) fn in_piece(&self, piece: usize, part: f64) -> (f64, [f64; 4]) {
+        let since_s = part * (self.times_s[piece + 1] - self.times_s[piece]);
+        (self.times_s[piece] + since_s, ahead(self.values[piece], since_s))
     }
 
     /// Takes `factor` times as long.

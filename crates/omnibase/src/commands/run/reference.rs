@@ -139,7 +139,8 @@ fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
         lines += &change.map_err(|error| anyhow::anyhow!("{}: {error}", wanted()))?;
         lines.push('\n');
     }
-    let Source { file, problems, .. } = Source::read_reference(&lines, "");
+    // Files are named from where the command is given.
+    let Source { file, problems, .. } = read_reference(&lines, "", Path::new(""));
     if problems.is_empty() {
         return Ok(file.into());
     }
@@ -156,6 +157,13 @@ mod tests {
     fn read(kind: &str, keys: &str) -> anyhow::Result<ReferenceTable> {
         let registry = Registry::with_built_in();
         Ok(shape(&registry.references.find(Some(kind))?.0, keys)?.file)
+    }
+
+    #[test]
+    fn a_drawing_is_named_from_where_the_command_is_given() {
+        let table = read("drawing", "drawing_file=way.svg,unit_m=0.02").unwrap();
+        let expected = std::path::absolute("way.svg").unwrap();
+        assert_eq!(table.drawing_file.as_deref(), expected.to_str());
     }
 
     #[test]

@@ -1,0 +1,125 @@
+//! The shortest time against a direct optimum over time by `casadi` and Ipopt, with and without a limit on the jerk.
+
+#[path = "../../omnibase/tests/python_tools/mod.rs"]
+mod python_tools;
+
+use omnibase_trajectory::{FastestTrajectory, GeometricPath, Limits, PlatformBounds, Trajectory};
+use python_tools::python;
+use serde_json::json;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const PATHS: usize = 2;
+/// By so much both times may differ, over themselves.
+const DIFFERENCE: f64 = 0.01;
+
+/// Sums of sines over σ from 0 to 1: each with its size, its rate and its phase.
+#[derive(Clone, Debug)]
+struct Waves([Vec<[f64; 3]>; 3]);
+
+impl Waves {
+    fn new(number: usize) -> Waves {
+        // As different as they are: fractions of multiples of square roots.
+        let part = |at: usize| ((number * 31 + at + 1) as f64 * 2.0_f64.sqrt()).fract();
+        let axis = |axis: usize| {
+            let size = [1.5, 1.0, 0.5][axis];
+            let wave = |at: usize| {
+                let nth = 9 * axis + 3 * at;
+                let rate = (2.0 + 2.0 * part(nth)) * (at + 1) as f64;
+                [size * (0.4 + part(nth + 1)) / (at + 1) as f64, rate, std::f64::consts::TAU * part(nth + 2)]
+            };
+            (0..3).map(wave).collect()
+        };
+        Waves(std::array::from_fn(axis))
+    }
+}
+
+impl GeometricPath for Waves {
+    fn length(&self) -> f64 {
+        1.0
+    }
+
+    fn sample(&self, sigma: f64, _: f64) -> [[f64; 4]; 3] {
+        let sum = |waves: &Vec<[f64; 3]>| {
+            let mut found = [0.0; 4];
+            for [size, rate, phase] in waves {
+                let (sin, cos) = (rate * sigma + phase).sin_cos();
+                for (found, part) in
+                    found.iter_mut().zip([sin, rate * cos, -rate.powi(2) * sin, -rate.powi(3) * cos])
+                {
+                    *found += size * part;
+                }
+            }
+            found
+        };
+        self.0.each_ref().map(sum)
+    }
+
+    fn breaks(&self) -> Vec<f64> {
+        vec![0.0, 1.0]
+    }
+}
+
+/// The times of all paths, by both.
+fn compared(jerk: Option<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
+    let python = match python("python-casadi", &["casadi==3.8.2"], "import casadi") {
+        Ok(python) => python,
+        Err(why) => {
+            eprintln!("SKIPPED: no Python with casadi: {why}");
+            return None;
+        }
+    };
+    // Without a limit one that is far away.
+    let [jerk_m_s3, angular_jerk_rad_s3] = jerk.unwrap_or([1e5, 1e5]);
+    let limits = Limits {
+        speed_m_s: 1.0,
+        acceleration_m_s2: 1.5,
+        jerk_m_s3,
+        rate_rad_s: 1.5,
+        angular_acceleration_rad_s2: 3.0,
+        angular_jerk_rad_s3,
+    };
+    let bounds = PlatformBounds::new(limits);
+    let ways: Vec<Waves> = (0..PATHS).map(Waves::new).collect();
+    let own_s: Vec<f64> =
+        ways.iter().map(|way| FastestTrajectory::new(way, &bounds).unwrap().duration_s()).collect();
+    let rows = [
+        [Some(limits.speed_m_s), Some(limits.rate_rad_s)],
+        [Some(limits.acceleration_m_s2), Some(limits.angular_acceleration_rad_s2)],
+        jerk.map_or([None; 2], |jerk| jerk.map(Some)),
+    ];
+    let lines: Vec<String> = ways
+        .iter()
+        .zip(&own_s)
+        .map(|(way, own_s)| json!({"waves": way.0, "limits": rows, "guess_s": own_s}).to_string())
+        .collect();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/direct_optimum.py");
+    let mut child =
+        Command::new(python).arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    writeln!(stdin, "{}", lines.join("\n")).unwrap();
+    drop(stdin);
+    let output = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
+    let found: Vec<f64> = output.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(found.len(), PATHS, "{output}");
+    Some(own_s.into_iter().zip(found).map(|(own_s, found_s)| [own_s, found_s]).collect())
+}
+
+fn differ_little(times_s: Option<Vec<[f64; 2]>>) {
+    for (at, [own_s, found_s]) in times_s.into_iter().flatten().enumerate() {
+        let more = own_s / found_s - 1.0;
+        println!("path {at}: {own_s:.4} s, directly {found_s:.4} s: {:+.2} %", 100.0 * more);
+        assert!(more.abs() < DIFFERENCE, "path {at}: {own_s} s, directly {found_s} s");
+    }
+}
+
+#[test]
+fn without_a_limit_on_jerk_the_time_is_the_optimum() {
+    differ_little(compared(None));
+}
+
+#[test]
+fn with_a_limit_on_jerk_the_time_is_the_optimum() {
+    differ_little(compared(Some([40.0, 80.0])));
+}
