@@ -32,7 +32,7 @@ fuzz_target!(|bytes: &[u8]| {
     for cost in [Cost::Shortest, Cost::Ridge] {
         let task = Task { space: &space, footprint: &footprint, from, to, clearance_m: 0.05 * cell_m, cost, until: Until::default() };
         if let Ok(way) = plan(&task) {
-            assert!(way.length_m.is_finite() && way.poses.iter().all(Pose2::is_finite));
+            assert!(way.length_m.is_finite() && way.poses.iter().all(|pose| pose.is_finite()));
         }
     }
 });
