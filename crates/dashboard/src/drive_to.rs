@@ -35,7 +35,7 @@ const AGAIN: Duration = Duration::from_millis(500);
 const SAME_M: f64 = 0.01;
 /// Nearer than this to the goal it is there, m and rad.
 const THERE: f64 = 0.02;
-/// A way is looked for so long, and whoever asked for it is told by then.
+/// A way is looked for with so much of a processor: who asked is told by then, later only where others have the processor.
 const LONGEST: Duration = Duration::from_secs(1);
 /// Whoever asked so long ago may have given up: nothing begins for them.
 const TOO_LATE: Duration = Duration::from_millis(3500);
@@ -368,9 +368,12 @@ impl Drive {
         (snapshot, waiting): (&Snapshot, &Waiting),
         drives: &DriveTo,
     ) -> Result<Begun, String> {
-        let begun = Instant::now();
-        let is_over =
-            || begun.elapsed() >= LONGEST || waiting.is_over() || drives.check_latest(self).is_err();
+        let begun = computed();
+        let is_over = || {
+            computed().saturating_sub(begun) >= LONGEST
+                || is_too_late(waiting)
+                || drives.check_latest(self).is_err()
+        };
         let walls = drives.walls();
         let obstacles: Vec<Obstacle> = snapshot.obstacles.iter().flatten().copied().collect();
         let from = snapshot.record.setpoint.odom_from_body;
@@ -396,7 +399,7 @@ impl Drive {
             about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
         // Nobody who stopped it finds another reference loaded, and nothing moves for somebody who has gone away.
         drives.check_latest(self)?;
-        if waiting.is_over() || waiting.elapsed() > TOO_LATE {
+        if is_too_late(waiting) {
             return Err("whoever asked for it waits no more".to_owned());
         }
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;
@@ -412,6 +415,17 @@ impl Drive {
         let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s);
         Ok(Begun { ticket, text, number, table: timed.table })
     }
+}
+
+/// Whoever asked waits no more, or perhaps no more.
+fn is_too_late(waiting: &Waiting) -> bool {
+    waiting.is_over() || waiting.elapsed() > TOO_LATE
+}
+
+/// What this thread has had of a processor.
+fn computed() -> Duration {
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(used).unwrap_or_default()
 }
 
 /// Obstacles that aren't where they were when the way was planned; those that move by themselves are the guard's.
