@@ -42,6 +42,12 @@ pub enum Call {
         /// Closed polygons, each a list of corners x and y in odom, m.
         polygons_m: Vec<Vec<[f64; 2]>>,
     },
+    /// Take another fence, which the guard keeps from now on; only while the platform stands, and never one in which it hasn't the room that
+    /// must be kept. The robot's file stays as it is.
+    SetFence {
+        /// Its corners in order, x and y in odom, m; 3 to 32, and its sides don't cross.
+        corners_m: Vec<[f64; 2]>,
+    },
     /// Say where the platform stands, in odom: x m, y m, heading rad; only while it stands.
     SetPose {
         /// The pose.
@@ -315,6 +321,7 @@ impl Call {
             | Call::Teach { .. }
             | Call::TeachPoint
             | Call::SetWalls { .. }
+            | Call::SetFence { .. }
             | Call::SetPose { .. }
             | Call::Alive => false,
         }

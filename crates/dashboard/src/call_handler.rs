@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{AxisMode, AxisPlan, BestWay, DriveMode, Limits, ReferenceTable, Source};
-use omnibase_robot::guard::Obstacle;
+use omnibase_robot::guard::{Obstacle, check_fence};
 use omnibase_robot::signals::{AxisAsk, Heard};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{RequestKind, RobotPlan};
@@ -22,6 +22,7 @@ use crate::drive_to::DriveTo;
 use crate::planned::{Drawn, Planned};
 use crate::robot_info::RobotInfo;
 use crate::status::NS_OF_MS;
+use crate::work::Waiting;
 
 /// Drawings of references that are kept: the robot's own, and those that were loaded last.
 const MOST_DRAWN: usize = 8;
@@ -93,14 +94,14 @@ impl CallHandler {
     }
 
     /// Carries a call out, as far as that needs no answer of the robot.
-    pub(crate) fn take(&self, asker: Asker, call: Call) -> Reply {
-        match self.try_take(asker, call) {
+    pub(crate) fn take(&self, asker: Asker, call: Call, waiting: &Waiting) -> Reply {
+        match self.try_take(asker, call, waiting) {
             Ok(reply) => reply,
             Err(why) => Reply::CallResult(CallResult::refused(why)),
         }
     }
 
-    fn try_take(&self, asker: Asker, call: Call) -> Result<Reply, String> {
+    fn try_take(&self, asker: Asker, call: Call, waiting: &Waiting) -> Result<Reply, String> {
         let robot = |kind| Ask::Robot(kind);
         if call == Call::Pause {
             // Before it is sent: what begins after a stop is refused, what begins after a pause isn't.
@@ -116,11 +117,12 @@ impl CallHandler {
             Call::GoTo { pose: [x_m, y_m, heading_rad] } => {
                 robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
             }
-            Call::DriveTo { pose, best } => return self.drive_to(asker, pose, best),
+            Call::DriveTo { pose, best } => return self.drive_to((asker, waiting), pose, best),
             Call::SetWalls { polygons_m } => {
                 let text = self.drive_to.draw_walls(polygons_m)?;
                 return Ok(Reply::CallResult(CallResult::done(text)));
             }
+            Call::SetFence { corners_m } => return self.set_fence(asker, &corners_m),
             Call::SetPose { pose: [x_m, y_m, heading_rad], sigma_m, sigma_rad } => {
                 robot(RequestKind::SetPose {
                     odom_from_body: Pose2 { x_m, y_m, heading_rad },
@@ -219,17 +221,29 @@ impl CallHandler {
         reply
     }
 
-    fn drive_to(&self, asker: Asker, pose: [f64; 3], best: Option<BestWay>) -> Result<Reply, String> {
+    fn drive_to(
+        &self,
+        asked: (Asker, &Waiting),
+        pose: [f64; 3],
+        best: Option<BestWay>,
+    ) -> Result<Reply, String> {
         if let Some(wrong) = pose.iter().find(|part| !part.is_finite() || part.abs() > GREATEST) {
             return Err(format!("pose: expected numbers from -{GREATEST} to {GREATEST}, found {wrong}"));
         }
         let [x_m, y_m, heading_rad] = pose;
         let goal = (Pose2 { x_m, y_m, heading_rad }, best);
-        let begun = self.drive_to.begin((&self.live, &self.about), asker, goal)?;
+        let begun = self.drive_to.begin((&self.live, &self.about), asked, goal)?;
         if let Ok(drawn) = self.about.drawn(&begun.table) {
             self.keep(begun.number, drawn);
         }
         Ok(Reply::Ticket(begun.ticket, format!("on the way: {}", begun.text)))
+    }
+
+    /// What is wrong with a fence is told here in words; the cycle looks again, and at where the platform stands.
+    fn set_fence(&self, asker: Asker, corners_m: &[[f64; 2]]) -> Result<Reply, String> {
+        check_fence(corners_m).map_err(|wrong| format!("corners_m: {wrong}"))?;
+        let ticket = self.live.set_fence(asker, corners_m).ok_or("too much was asked at once")?;
+        Ok(Reply::Ticket(ticket, format!("the fence has {} corners now", corners_m.len())))
     }
 
     /// Looks after a way to a pose that is under way.

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
@@ -18,6 +19,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::robot_info::RobotInfo;
+use crate::work::Waiting;
 
 /// Most walls that are drawn, and most corners of one.
 const MOST: usize = 100;
@@ -33,6 +35,10 @@ const AGAIN: Duration = Duration::from_millis(500);
 const SAME_M: f64 = 0.01;
 /// Nearer than this to the goal it is there, m and rad.
 const THERE: f64 = 0.02;
+/// A way is looked for with so much of a processor: who asked is told by then, later only where others have the processor.
+const LONGEST: Duration = Duration::from_secs(1);
+/// Whoever asked so long ago may have given up: nothing begins for them.
+const TOO_LATE: Duration = Duration::from_millis(3500);
 /// Why something can't be sent.
 const FULL: &str = "too much was asked at once";
 
@@ -161,7 +167,7 @@ impl DriveTo {
     pub(crate) fn begin(
         &self,
         (live, about): (&Live, &RobotInfo),
-        asker: Asker,
+        (asker, waiting): (Asker, &Waiting),
         (goal, best): (Pose2, Option<BestWay>),
     ) -> Result<Begun, String> {
         let snapshot = live.snapshot();
@@ -182,7 +188,7 @@ impl DriveTo {
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
         };
-        let begun = drive.go((live, about), &snapshot, self)?;
+        let begun = drive.go((live, about), (&snapshot, waiting), self)?;
         self.keep(drive, Some(begun.text.clone()));
         Ok(begun)
     }
@@ -333,7 +339,7 @@ impl DriveTo {
     /// Plans again from where the robot stands; gives up where there was no way for too long.
     fn again(&self, robot: (&Live, &RobotInfo), mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let give_up_s = robot.1.robot.plan.guard.give_up_s;
-        match drive.go(robot, snapshot, self) {
+        match drive.go(robot, (snapshot, &Waiting::here()), self) {
             Ok(begun) => {
                 drive.replans += 1;
                 let text = format!("{}; planned again {} times", begun.text, drive.replans);
@@ -359,22 +365,43 @@ impl Drive {
     fn go(
         &mut self,
         (live, about): (&Live, &RobotInfo),
-        snapshot: &Snapshot,
+        (snapshot, waiting): (&Snapshot, &Waiting),
         drives: &DriveTo,
     ) -> Result<Begun, String> {
+        let begun = computed();
+        let is_over = || {
+            computed().saturating_sub(begun) >= LONGEST
+                || is_too_late(waiting)
+                || drives.check_latest(self).is_err()
+        };
         let walls = drives.walls();
         let obstacles: Vec<Obstacle> = snapshot.obstacles.iter().flatten().copied().collect();
         let from = snapshot.record.setpoint.odom_from_body;
-        let way =
-            Way { from, to: self.goal, obstacles: &obstacles, walls_m: &walls.polygons_m, best: self.best };
+        let way = Way {
+            from,
+            to: self.goal,
+            obstacles: &obstacles,
+            fence_m: snapshot.fence.corners_m(),
+            walls_m: &walls.polygons_m,
+            best: self.best,
+            until: Until::over(&is_over),
+        };
         // With all that it can do, as its replay makes it again of the table.
         let ability = Ability::of(&about.robot.plan);
-        let timed = about.room.timed(&way, &ability, &about.registry).map_err(|error| error.to_string())?;
+        let timed = about.room.timed(&way, &ability, &about.registry).map_err(|error| {
+            match drives.check_latest(self) {
+                Err(stopped) => stopped,
+                Ok(()) => error.to_string(),
+            }
+        })?;
         // What was looked at has been sampled; the robot gets one that begins anew.
         let fresh =
             about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
-        // Nobody who stopped it finds another reference loaded.
+        // Nobody who stopped it finds another reference loaded, and nothing moves for somebody who has gone away.
         drives.check_latest(self)?;
+        if is_too_late(waiting) {
+            return Err("whoever asked for it waits no more".to_owned());
+        }
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;
         self.number = number;
         let ticket = drives.track(live, self)?;
@@ -388,6 +415,17 @@ impl Drive {
         let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s);
         Ok(Begun { ticket, text, number, table: timed.table })
     }
+}
+
+/// Whoever asked waits no more, or perhaps no more.
+fn is_too_late(waiting: &Waiting) -> bool {
+    waiting.is_over() || waiting.elapsed() > TOO_LATE
+}
+
+/// What this thread has had of a processor.
+fn computed() -> Duration {
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(used).unwrap_or_default()
 }
 
 /// Obstacles that aren't where they were when the way was planned; those that move by themselves are the guard's.

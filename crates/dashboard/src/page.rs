@@ -15,6 +15,7 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
     ("obstacles.js", "text/javascript; charset=utf-8", include_str!("page/obstacles.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
+    ("shapes.js", "text/javascript; charset=utf-8", include_str!("page/shapes.js")),
     ("settings.js", "text/javascript; charset=utf-8", include_str!("page/settings.js")),
     ("stick.js", "text/javascript; charset=utf-8", include_str!("page/stick.js")),
     ("stop.js", "text/javascript; charset=utf-8", include_str!("page/stop.js")),

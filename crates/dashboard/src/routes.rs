@@ -27,7 +27,7 @@ use crate::shared::{SaidNow, Shared, Underway, stamp_of};
 use crate::socket;
 use crate::states::{self, Chosen, Wanted};
 use crate::status::{Counters, EventSeen, StatusMessage};
-use crate::work::{Busy, For};
+use crate::work::{Busy, For, Waiting};
 
 /// The longest body of a request, such as a path.
 const LONGEST_BODY: usize = 256 * 1024;
@@ -241,7 +241,7 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
         && (call.stops() || right_to_stop == Right::Command)
     {
         // Not after anything: neither a turn of others, nor how much its address asked.
-        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), call);
+        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), call, &Waiting::here());
         return said(shared.finish(reply).await);
     }
     tokio::task::yield_now().await;

@@ -245,8 +245,7 @@ async fn look_after_drives(shared: Shared) {
         interval.tick().await;
         if shared.desk.drive_to.is_under_way() {
             let desk = shared.desk.clone();
-            // Where all who compute are busy the next look will do.
-            let _ = shared.work.run(For::Commander, move || desk.look_after_drive()).await;
+            let _ = shared.work.run(For::Drive, move || desk.look_after_drive()).await;
         }
     }
 }

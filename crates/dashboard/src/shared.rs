@@ -18,7 +18,7 @@ use crate::routes::Peer;
 use crate::states::Followers;
 use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage, unfit};
 use crate::strangers::{Strangers, TooMuch};
-use crate::work::{For, Work};
+use crate::work::{For, Waiting, Work};
 
 /// The longest wait for the robot's answer.
 const ANSWER: Duration = Duration::from_secs(2);
@@ -145,10 +145,14 @@ impl Shared {
     /// Carries a call out, elsewhere where that takes more than a moment.
     pub(crate) async fn take(&self, asker: Asker, call: Call) -> Reply {
         if !call.computes() {
-            return self.desk.take(asker, call);
+            return self.desk.take(asker, call, &Waiting::here());
         }
         let desk = self.desk.clone();
-        let taken = self.work.run(For::Commander, move || desk.take(asker, call)).await;
+        // Who no longer waits has this dropped.
+        let waits = Arc::new(());
+        let waiting = Waiting::of(&waits);
+        let taken = self.work.run(For::Commander, move || desk.take(asker, call, &waiting)).await;
+        drop(waits);
         taken.unwrap_or_else(|busy| Reply::CallResult(CallResult::refused(busy)))
     }
 

@@ -16,7 +16,7 @@ use crate::routes::READ_AT_ONCE;
 use crate::shared::{Shared, stamp_of};
 use crate::status::Counters;
 use crate::strangers::Allowance;
-use crate::work::For;
+use crate::work::{For, Waiting};
 
 /// Messages over that after which the connection ends.
 const MOST_DROPPED: u32 = 5000;
@@ -343,7 +343,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
     }
     let is_next = lane.is_free() && !message.call.computes();
     if is_next || message.call.goes_first() {
-        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), message.call);
+        let reply = shared.desk.take(asker.stamped(stamp_of(stamp_ms)), message.call, &Waiting::here());
         tell(number, reply, shared, &lane.answers);
     } else {
         lane.push(Job { caller, asker, what: What::Read(message) });

@@ -83,6 +83,8 @@ pub struct StatusMessage {
     pub settings: Vec<Setting>,
     /// Obstacles that are there.
     pub obstacles: Vec<ObstacleSeen>,
+    /// The fence's corners in odom, m; none without a fence.
+    pub fence: Vec<[f64; 2]>,
     /// What held the motion back: nothing, `fence` or `obstacle`.
     pub limited_by: &'static str,
     /// Every value, in the order of the robot's columns.
@@ -244,6 +246,7 @@ impl StatusMessage {
             drives: drives(record, &snapshot.drive_errors),
             settings: settings.collect(),
             obstacles: obstacles.collect(),
+            fence: snapshot.fence.corners_m().to_vec(),
             limited_by: match record.guard.limited_by {
                 LimitedBy::Nothing => "",
                 LimitedBy::Fence => "fence",

@@ -7,8 +7,8 @@ use omnibase_plan::search::Search;
 use omnibase_plan::{Map, Space};
 
 fn used_ms() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ').next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    used.tv_sec as f64 * 1e3 + used.tv_nsec as f64 * 1e-6
 }
 
 /// The map of a text, its rows from below.
@@ -60,7 +60,7 @@ fn main() -> std::io::Result<()> {
         let Some(map) = read(&std::fs::read_to_string(path)?) else { continue };
         let space = Space::new(map);
         // Half a cell: any free cell takes the disc.
-        let search = Search::new(&space, 0.5);
+        let search = Search::new(&space, space.clearance(), 0.5);
         let (mut ratios, mut times_ms, mut missing, mut touching) = (Vec::new(), Vec::new(), 0, 0);
         for line in scenarios.lines().skip(1) {
             let words: Vec<&str> = line.split_whitespace().collect();

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use omnibase_plan::plan::By;
-use omnibase_plan::{Cost, Footprint, Map, Plan, PlanError, Point, Space, Task, plan};
+use omnibase_plan::{Cost, Footprint, Map, Plan, PlanError, Point, Space, Task, Until, plan};
 use omnibase_platform::Pose2;
 
 const ROOM_M: [f64; 2] = [8.0, 6.0];
@@ -19,8 +19,8 @@ const GRAPHS: usize = 25;
 
 /// What this thread has had of a processor, ms: others at work on this machine don't count.
 fn used_ms() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ').next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    used.tv_sec as f64 * 1e3 + used.tv_nsec as f64 * 1e-6
 }
 
 struct Random(u64);
@@ -192,6 +192,8 @@ struct Row {
     none: usize,
     touched: usize,
     times_ms: Vec<f64>,
+    /// The longest until it was said that there is no way, ms.
+    none_ms: f64,
     ratios: Vec<f64>,
     missed: usize,
 }
@@ -214,7 +216,7 @@ fn main() {
     ];
     let mut dumped = String::new();
     println!(
-        "{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>34}",
+        "{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>10} {:>34}",
         "robot",
         "plans",
         "straight",
@@ -223,6 +225,7 @@ fn main() {
         "no way",
         "touched",
         "ms half / 99 % / most",
+        "no way ms",
         "length over best: mean / 99 % / most"
     );
     for (name, footprint, is_disc) in &robots {
@@ -261,14 +264,15 @@ fn main() {
             )
         };
         println!(
-            "{name:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {lengths:>34}",
+            "{name:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>10} {lengths:>34}",
             row.asked,
             row.found[0],
             row.found[1],
             row.found[2],
             row.none,
             row.touched,
-            format!("{:.2} / {:.1} / {:.0}", ms(0.5), ms(0.99), ms(1.0))
+            format!("{:.2} / {:.1} / {:.0}", ms(0.5), ms(0.99), ms(1.0)),
+            format!("{:.0}", row.none_ms)
         );
         if row.missed > 0 {
             println!("  {} ways of the visibility graph were not found", row.missed);
@@ -307,6 +311,7 @@ fn cold() {
             to,
             clearance_m: CLEARANCE_M,
             cost: Cost::Shortest,
+            until: Until::default(),
         };
         match plan(&task) {
             Ok(_) => times_ms.push(used_ms() - begun_ms),
@@ -342,10 +347,19 @@ fn ask(
         (0..200).map(|_| draw()).find(|pose| checker.is_free(pose)).unwrap_or_default()
     };
     let (from, to) = (free(), free());
-    let task = Task { space, footprint, from, to, clearance_m: CLEARANCE_M, cost: Cost::Shortest };
+    let task = Task {
+        space,
+        footprint,
+        from,
+        to,
+        clearance_m: CLEARANCE_M,
+        cost: Cost::Shortest,
+        until: Until::default(),
+    };
     let begun_ms = used_ms();
     let planned = plan(&task);
-    row.times_ms.push(used_ms() - begun_ms);
+    let took_ms = used_ms() - begun_ms;
+    row.times_ms.push(took_ms);
     row.asked += 1;
     let best = graph.and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
     match planned {
@@ -379,6 +393,7 @@ fn ask(
         Err(PlanError::Blocked { .. } | PlanError::Outside { .. }) => row.asked -= 1,
         Err(_) => {
             row.none += 1;
+            row.none_ms = row.none_ms.max(took_ms);
             row.missed += usize::from(best.is_some());
         }
     }

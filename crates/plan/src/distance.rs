@@ -19,17 +19,21 @@ pub enum Between {
 pub fn squares(blocked: &[bool], width: usize, between: Between) -> Vec<f64> {
     let height = blocked.len() / width.max(1);
     let mut columns = column_distances(blocked, width, height, between);
-    let mut envelope = Envelope::new(2 * width);
+    let mut envelope = Envelope::new(width + 1);
     let mut row_before = vec![0.0; width];
     for row in columns.chunks_exact_mut(width) {
         row_before.copy_from_slice(row);
         envelope.clear();
-        for (at, height) in row_before.iter().enumerate() {
-            match between {
-                Between::Centres => envelope.add(at as f64, *height),
-                Between::CentreAndSquare => {
-                    envelope.add(at as f64 - 0.5, *height);
-                    envelope.add(at as f64 + 0.5, *height);
+        match between {
+            Between::Centres => {
+                row_before.iter().enumerate().for_each(|(at, height)| envelope.add(at as f64, *height));
+            }
+            // Squares side by side share a side: the lower one has it.
+            Between::CentreAndSquare => {
+                let mut before = NONE;
+                for (at, height) in row_before.iter().copied().chain([NONE]).enumerate() {
+                    envelope.add(at as f64 - 0.5, height.min(before));
+                    before = height;
                 }
             }
         }

@@ -5,8 +5,10 @@
 //! - [`footprint`]: [`Footprint`], the robot's outline, and what of the floor it covers at a pose.
 //! - [`space`]: [`Space`], a map in which footprints are looked for: whether a pose, or a motion, touches anything.
 //! - [`search`]: the shortest way of a disc at any angle; [`ridge`]: one that keeps to the middle, as a choice.
+//! - [`sweep`]: [`Sweep`], whether a whole motion touches anything.
 //! - [`turning`]: the way of a footprint that has to turn to get through.
 //! - [`smooth`]: a way without kinks where there is room.
+//! - [`until`]: a search that whoever waits for it can end.
 //! - [`mod@plan`]: [`plan()`] joins them.
 //!
 //! Poses are in the map's frame, lengths in m, angles in rad. Planning allocates; nothing here knows a clock.
@@ -20,12 +22,16 @@ pub mod ridge;
 pub mod search;
 pub mod smooth;
 pub mod space;
+pub mod sweep;
 pub mod turning;
+pub mod until;
 
 pub use footprint::{Footprint, FootprintError};
 pub use map::{Map, MapError};
 pub use plan::{Cost, Plan, PlanError, Task, plan};
 pub use space::Space;
+pub use sweep::Sweep;
+pub use until::Until;
 
 /// A place on the floor: x and y, m.
 pub type Point = [f64; 2];

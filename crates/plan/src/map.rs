@@ -2,13 +2,16 @@
 
 mod image;
 mod polygons;
+mod rectangles;
 mod settings;
+mod solid;
 
 use omnibase_platform::Pose2;
 
 use crate::Point;
 pub use image::{Image, ImageError};
 pub use settings::{Mode, Settings, SettingsError};
+pub(crate) use solid::Solid;
 
 #[cfg(test)]
 mod tests;
@@ -38,8 +41,10 @@ pub struct Map {
     pub cell_m: f64,
     /// Where the outer corner of the first cell lies, and how the rows are turned.
     pub map_from_grid: Pose2,
-    /// Which cells are in the way.
+    /// Which cells are in the way, beside the polygons.
     pub blocked: Vec<bool>,
+    /// Polygons that are in the way, exactly.
+    pub(crate) solids: Vec<Solid>,
 }
 
 /// Why a map was refused.
@@ -99,7 +104,7 @@ impl Map {
             return Err(size("cells", format!("1 to {MOST_CELLS}"), found));
         };
         let map_from_grid = Pose2::default();
-        Ok(Map { width, height, cell_m, map_from_grid, blocked: vec![false; count] })
+        Ok(Map { width, height, cell_m, map_from_grid, blocked: vec![false; count], solids: Vec::new() })
     }
 
     /// A map of ROS's map_server: its YAML file, and a reader for the image that it names.

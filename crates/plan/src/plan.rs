@@ -7,7 +7,9 @@ use crate::ridge;
 use crate::search::Search;
 use crate::smooth::{SPACING_M, divided, shortened, smooth, tightened};
 use crate::space::{Checker, Space};
+use crate::sweep::Sweep;
 use crate::turning::{MOST_TURNING_CELLS, Place, Turning};
+use crate::until::Until;
 
 #[cfg(test)]
 mod tests;
@@ -23,10 +25,13 @@ pub struct Task<'a> {
     pub from: Pose2,
     /// Where it shall stand.
     pub to: Pose2,
-    /// What the footprint keeps from everything, m; where it stands, or shall stand, nearer than this, it keeps nothing.
+    /// What the footprint keeps from everything, m. Where it stands, or shall stand, nearer than this, a straight piece leads from there
+    /// to where it has it; where none does, less is kept.
     pub clearance_m: f64,
     /// What is the best way.
     pub cost: Cost,
+    /// How long it is looked for.
+    pub until: Until<'a>,
 }
 
 /// What is the best way.
@@ -46,9 +51,9 @@ pub struct Plan {
     pub poses: Vec<Pose2>,
     /// Its length, m.
     pub length_m: f64,
-    /// What is kept from everything, m.
+    /// What is kept from everything, but for straight pieces at ends that stand nearer, m.
     pub clearance_m: f64,
-    /// At each pose the room of base_link to the nearest thing in the way, m.
+    /// At each pose the room of base_link to the nearest thing in the way, at least, m.
     pub room_m: Vec<f64>,
     /// How it was found.
     pub by: By,
@@ -117,6 +122,9 @@ pub enum PlanError {
     /// It would have to turn where it can't.
     #[error("there is no way: a passage is wide enough, but the robot can't turn so as to get through")]
     NoTurn,
+    /// Whoever waited ended it.
+    #[error("no way was found in the time that was given for it")]
+    Ended,
     /// Too many cells.
     #[error(
         "there is no way for a disc around the whole robot; to look where it could turn a map may have {MOST_TURNING_CELLS} cells at most, found {found}: larger cells are fewer"
@@ -151,20 +159,50 @@ const LONGER: f64 = 1.15;
 const NEARLY_DISC: f64 = 0.1;
 /// A disc keeps this beside the clearance, so that its way can be bent, m.
 const ROOM_M: f64 = 0.005;
+/// Parts of the clearance that are tried, where an end stands in too narrow a place for all of it.
+const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
+/// Directions in which a way out is looked for.
+const DIRECTIONS: u32 = 32;
 /// How far from a pose a cell may be where the search begins, in cells.
 const NEAR: isize = 2;
 
 /// The way from one pose to another.
 pub fn plan(task: &Task<'_>) -> Result<Plan, PlanError> {
-    Planner::new(task)?.plan()
+    let found = Planner::new(task)?.plan();
+    // A search that was ended found nothing either.
+    if found.is_err() && task.until.is_over() { Err(PlanError::Ended) } else { found }
+}
+
+/// For both ends the nearest pose where the footprint has a clearance, and to which it gets straight; `None` where there is none.
+fn ways_out(task: &Task<'_>, clearance_m: f64) -> Option<[Pose2; 2]> {
+    let mut checker = task.space.checker(task.footprint, clearance_m);
+    let mut sweep = Sweep::new(task.space, task.footprint);
+    let step_m = 0.5 * task.space.map.cell_m;
+    let farthest_m = 2.0 * clearance_m + 4.0 * task.space.map.cell_m;
+    let mut out = |end: Pose2| {
+        let rings = 1..=(farthest_m / step_m).ceil() as u32;
+        let around = rings.flat_map(|ring| (0..DIRECTIONS).map(move |number| (ring, number)));
+        let places = around.map(|(ring, number)| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / f64::from(DIRECTIONS)).sin_cos();
+            let far_m = f64::from(ring) * step_m;
+            Pose2 { x_m: end.x_m + far_m * cos, y_m: end.y_m + far_m * sin, ..end }
+        });
+        let fits = |pose: &Pose2| {
+            checker.is_free(pose) && (*pose == end || sweep.passes([&end, pose], task.footprint))
+        };
+        std::iter::once(end).chain(places).find(fits)
+    };
+    Some([out(task.from)?, out(task.to)?])
 }
 
 struct Planner<'a> {
     task: Task<'a>,
     checker: Checker<'a>,
     clearance_m: f64,
-    /// Both ends, in cells.
+    /// Both ends of what keeps the clearance, in cells.
     ends: [Pose2; 2],
+    /// Where it stands, and shall stand, where that is nearer to something, in cells.
+    tips: [Option<Pose2>; 2],
 }
 
 impl<'a> Planner<'a> {
@@ -173,7 +211,6 @@ impl<'a> Planner<'a> {
             return Err(PlanError::Clearance { found_m: task.clearance_m });
         }
         let ends = [(End::Start, task.from), (End::Goal, task.to)];
-        let mut clearance_m = task.clearance_m;
         for (end, pose) in ends {
             if !pose.is_finite() {
                 return Err(PlanError::NotFinite { end, pose });
@@ -191,14 +228,20 @@ impl<'a> Planner<'a> {
                     PlanError::Blocked { end, pose }
                 });
             }
-            if !task.space.checker(task.footprint, clearance_m).is_free(&pose) {
-                clearance_m = 0.0;
-            }
         }
+        let least = (0.0, [task.from, task.to]);
+        let mut kept = SHARES.iter().map(|share| share * task.clearance_m);
+        let (clearance_m, outs) =
+            kept.find_map(|kept_m| Some((kept_m, ways_out(task, kept_m)?))).unwrap_or(least);
         let checker = task.space.checker(task.footprint, clearance_m);
-        let mut ends = [task.from, task.to].map(|pose| checker.in_cells(&pose));
+        let mut ends = outs.map(|pose| checker.in_cells(&pose));
         ends[1].heading_rad = ends[0].heading_rad + wrap_angle_rad(ends[1].heading_rad - ends[0].heading_rad);
-        Ok(Planner { task: *task, checker, clearance_m, ends })
+        let tip = |number: usize, asked: Pose2| {
+            let heading_rad = ends[number].heading_rad;
+            (outs[number] != asked).then(|| Pose2 { heading_rad, ..checker.in_cells(&asked) })
+        };
+        let tips = [tip(0, task.from), tip(1, task.to)];
+        Ok(Planner { task: *task, checker, clearance_m, ends, tips })
     }
 
     fn plan(mut self) -> Result<Plan, PlanError> {
@@ -209,16 +252,17 @@ impl<'a> Planner<'a> {
         let space = self.task.space;
         let outer_m = self.task.footprint.outer_radius_m() + self.clearance_m;
         let inner_m = self.task.footprint.inner_radius_m() + self.clearance_m;
-        let disc = self
-            .disc_way(&Search::new(space, outer_m + ROOM_M))
-            .or_else(|| self.disc_way(&Search::new(space, outer_m)));
+        let range = [inner_m, outer_m + ROOM_M].map(|radius_m| radius_m / space.map.cell_m);
+        let (clearance, until) = (space.sharpened(range), self.task.until);
+        let search = |radius_m| Search::new(space, &clearance, radius_m).until(until);
+        let disc = self.disc_way(&search(outer_m + ROOM_M)).or_else(|| self.disc_way(&search(outer_m)));
         if let Some(way) =
             disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, [outer_m, inner_m]))
         {
             return Ok(self.finished(way.clone(), By::Disc));
         }
         // No way is shorter than that of the disc which every heading covers.
-        let least = self.least_way(&Search::new(space, inner_m), inner_m);
+        let least = self.least_way(&search(inner_m), inner_m);
         match disc {
             Some(way) if least.as_ref().is_ok_and(|least| length(&way) <= LONGER * least + 1.0) => {
                 Ok(self.finished(way, By::Disc))
@@ -228,13 +272,15 @@ impl<'a> Planner<'a> {
                     least?;
                 }
                 let mut coarse = self.checker.coarse(self.clearance_m);
-                let turning = match Turning::new(space, &mut coarse, [outer_m, inner_m]) {
-                    Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
-                    None if disc.is_none() => {
-                        return Err(PlanError::TooLarge { found: space.clearance().len() });
-                    }
-                    None => None,
-                };
+                let turning =
+                    match Turning::new((space, &clearance), &mut coarse, [outer_m, inner_m], self.task.until)
+                    {
+                        Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
+                        None if disc.is_none() => {
+                            return Err(PlanError::TooLarge { found: space.clearance().len() });
+                        }
+                        None => None,
+                    };
                 let turning = turning.map(|places| self.turned(&places));
                 match (disc, turning) {
                     (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {
@@ -288,18 +334,22 @@ impl<'a> Planner<'a> {
             Cost::Ridge => search.cheapest(cells, &ridge::field(self.task.space))?,
         };
         let [from, to] = self.ends;
-        let mut poses = vec![from];
-        poses.extend(way.iter().map(|cell| {
-            let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
-            Pose2::new(x, y, 0.0)
-        }));
-        poses.push(to);
+        let mut poses: Vec<Pose2> = way
+            .iter()
+            .map(|cell| {
+                let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
+                Pose2::new(x, y, from.heading_rad)
+            })
+            .collect();
         let whole = length(&poses).max(f64::MIN_POSITIVE);
         let mut done = 0.0;
-        for at in 1..poses.len() - 1 {
+        for at in 1..poses.len() {
             done += poses[at].distance_m(poses[at - 1]);
-            poses[at].heading_rad = from.heading_rad + (to.heading_rad - from.heading_rad) * done / whole;
+            poses[at].heading_rad += (to.heading_rad - from.heading_rad) * done / whole;
         }
+        // To the first cell and from the last one the disc may not fit: there it doesn't turn.
+        let last = poses.last().map(|last| Pose2 { heading_rad: to.heading_rad, ..*last });
+        let poses: Vec<Pose2> = [from].into_iter().chain(poses).chain(last).chain([to]).collect();
         Some(poses)
     }
 
@@ -392,6 +442,8 @@ impl<'a> Planner<'a> {
         };
         let mut points = divided(&way, SPACING_M / cell_m, turn_length);
         smooth(&mut points, &mut self.checker);
+        let [first, last] = self.tips;
+        let points: Vec<Pose2> = first.into_iter().chain(points).chain(last).collect();
         let map = &space.map;
         let room_m = points.iter().map(|point| space.room(point) * cell_m).collect();
         let mut poses: Vec<Pose2> = points

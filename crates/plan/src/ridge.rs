@@ -4,7 +4,7 @@
 //! Dolgov, Thrun, Montemerlo, Diebel, Path Planning for Autonomous Vehicles in Unknown Semi-structured Environments (2010).
 
 use crate::distance::{self, Between};
-use crate::search::{Queue, Search};
+use crate::search::Search;
 use crate::space::Space;
 
 /// Walls farther away than this cost nothing, m.
@@ -52,7 +52,7 @@ impl Search<'_> {
         let mut parent = vec![u32::MAX; field.len()];
         let mut done = vec![false; field.len()];
         cost[from] = 0.0;
-        let mut queue = Queue::default();
+        let mut queue = self.queue();
         queue.add(0.0, from);
         while let Some(at) = queue.next() {
             if std::mem::replace(&mut done[at], true) {

@@ -5,6 +5,7 @@
 //! millimetre.
 
 use crate::space::Space;
+use crate::until::Until;
 
 /// Keys of the queue in a cell.
 const FINE: f32 = 4.0;
@@ -15,15 +16,36 @@ const NOBODY: u32 = u32::MAX;
 pub struct Search<'a> {
     width: usize,
     height: usize,
+    /// One over the width.
+    per_width: f64,
     clearance: &'a [f32],
     radius: f32,
+    until: Until<'a>,
 }
 
 impl<'a> Search<'a> {
-    /// For a disc of a radius, m.
-    pub fn new(space: &'a Space, radius_m: f64) -> Self {
+    /// For a disc of a radius, m, by each cell's clearance, in cells.
+    pub fn new(space: &Space, clearance: &'a [f32], radius_m: f64) -> Self {
         let radius = (radius_m / space.map.cell_m) as f32;
-        Search { width: space.map.width, height: space.map.height, clearance: space.clearance(), radius }
+        let (width, height) = (space.map.width, space.map.height);
+        let per_width = 1.0 / width as f64;
+        Search { width, height, per_width, clearance, radius, until: Until::default() }
+    }
+
+    /// The same, which finds nothing more once it is over.
+    #[must_use]
+    pub fn until(self, until: Until<'a>) -> Self {
+        Search { until, ..self }
+    }
+
+    pub(crate) fn queue(&self) -> Queue<'a> {
+        Queue { until: self.until, ..Queue::default() }
+    }
+
+    /// Column and row. A product is several times as fast as a division, and exact: half a cell is far more than its rounding.
+    fn split(&self, at: usize) -> (usize, usize) {
+        let row = ((at as f64 + 0.5) * self.per_width) as usize;
+        (at - row * self.width, row)
     }
 
     /// Whether the disc fits at a cell's centre.
@@ -37,7 +59,7 @@ impl<'a> Search<'a> {
 
     /// A cell, or one beside it, where the disc fits.
     pub(crate) fn open_near(&self, at: usize) -> Option<usize> {
-        let (column, row) = (at % self.width, at / self.width);
+        let (column, row) = self.split(at);
         let columns = column.saturating_sub(1)..(column + 2).min(self.width);
         let rows = row.saturating_sub(1)..(row + 2).min(self.height);
         let cells = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
@@ -63,17 +85,17 @@ impl<'a> Search<'a> {
     }
 
     pub(crate) fn place(&self, at: usize) -> [f32; 2] {
-        [(at % self.width) as f32, (at / self.width) as f32]
+        let (column, row) = self.split(at);
+        [column as f32, row as f32]
     }
 
     pub(crate) fn apart(&self, a: usize, b: usize) -> f32 {
-        let ([ax, ay], [bx, by]) = (self.place(a), self.place(b));
-        ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
+        distance(self.place(a), self.place(b))
     }
 
     /// The neighbours that one step leads to.
     pub(crate) fn neighbours(&self, at: usize) -> ([usize; 8], usize) {
-        let (column, row) = (at % self.width, at / self.width);
+        let (column, row) = self.split(at);
         let (left, right) = (column > 0, column + 1 < self.width);
         let (below, above) = (row > 0, row + 1 < self.height);
         let open = |is_there: bool, to: usize| is_there && self.is_open(to);
@@ -110,7 +132,8 @@ impl<'a> Search<'a> {
         let mut done = 0.0_f32;
         while done < length {
             let (px, py) = (x + done * ux, y + done * uy);
-            let (near_x, near_y) = (px.round(), py.round());
+            // Places are never below 0: a cast cuts as `floor` does, at once.
+            let (near_x, near_y) = ((px + 0.5) as usize as f32, (py + 0.5) as usize as f32);
             let off = ((px - near_x) * (px - near_x) + (py - near_y) * (py - near_y)).sqrt();
             let spare = self.clearance[near_y as usize * self.width + near_x as usize] - self.radius - off;
             if spare >= 1.0 {
@@ -154,7 +177,8 @@ impl<'a> Search<'a> {
         }
         let mut tree = Tree::new(self.clearance.len());
         tree.reach(from, NOBODY, 0.0);
-        let mut queue = Queue::default();
+        let goal = self.place(to);
+        let mut queue = self.queue();
         queue.add(self.apart(from, to), from);
         while let Some(at) = queue.next() {
             if tree.done[at] {
@@ -171,15 +195,17 @@ impl<'a> Search<'a> {
                 NOBODY => at,
                 parent => parent as usize,
             };
+            let (turn, so_far) = (self.place(parent), tree.length[parent]);
             let (neighbours, count) = self.neighbours(at);
             for next in &neighbours[..count] {
                 if tree.done[*next] {
                     continue;
                 }
-                let length = tree.length[parent] + self.apart(parent, *next);
+                let place = self.place(*next);
+                let length = so_far + distance(turn, place);
                 if length < tree.length[*next] {
                     tree.reach(*next, parent as u32, length);
-                    queue.add(length + self.apart(*next, to), *next);
+                    queue.add(length + distance(place, goal), *next);
                 }
             }
         }
@@ -249,7 +275,7 @@ impl<'a> Search<'a> {
         best[from] = self.clearance[from];
         // Keys rise where room falls.
         let most = self.clearance.iter().copied().fold(0.0, f32::max);
-        let mut queue = Queue::default();
+        let mut queue = self.queue();
         queue.add(most - best[from], from);
         while let Some(at) = queue.next() {
             if at == to {
@@ -267,6 +293,10 @@ impl<'a> Search<'a> {
         }
         best[to].max(0.0)
     }
+}
+
+fn distance([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
+    ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
 }
 
 /// Rounds of pulling.
@@ -301,12 +331,14 @@ impl Tree {
 
 /// A queue by keys that all but rise, in buckets.
 #[derive(Default)]
-pub(crate) struct Queue {
+pub(crate) struct Queue<'a> {
     buckets: Vec<Vec<u32>>,
     at: usize,
+    taken: u32,
+    until: Until<'a>,
 }
 
-impl Queue {
+impl Queue<'_> {
     pub(crate) fn add(&mut self, key: f32, cell: usize) {
         let bucket = (key * FINE).max(0.0) as usize;
         if bucket >= self.buckets.len() {
@@ -316,7 +348,12 @@ impl Queue {
         self.buckets[bucket].push(cell as u32);
     }
 
+    /// The next one; `None` where there is none, or whoever waits ends it.
     pub(crate) fn next(&mut self) -> Option<usize> {
+        if self.until.is_over_at(self.taken) {
+            return None;
+        }
+        self.taken = self.taken.wrapping_add(1);
         while let Some(bucket) = self.buckets.get_mut(self.at) {
             if let Some(cell) = bucket.pop() {
                 return Some(cell as usize);

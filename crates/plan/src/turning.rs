@@ -7,6 +7,7 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::search::{Queue, Search};
 use crate::space::{Checker, Space};
+use crate::until::Until;
 
 const NOBODY: u32 = u32::MAX;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
@@ -34,14 +35,14 @@ pub struct Place {
 }
 
 /// How each state is reached.
-struct Tree {
+struct Tree<'a> {
     cost: Vec<f32>,
     parent: Vec<u32>,
     done: Vec<bool>,
-    queue: Queue,
+    queue: Queue<'a>,
 }
 
-impl Tree {
+impl Tree<'_> {
     fn reach(&mut self, [from, to]: [usize; 2], step: f32, left: f32) {
         let found = self.cost[from] + step;
         if !self.done[to] && (self.cost[to] == 0.0 || found < self.cost[to]) {
@@ -56,9 +57,9 @@ impl Tree {
 pub struct Turning<'a, 'c> {
     checker: &'c mut Checker<'a>,
     /// Where every heading fits.
-    outer: Search<'a>,
+    outer: Search<'c>,
     /// Where one may fit.
-    inner: Search<'a>,
+    inner: Search<'c>,
     width: usize,
     headings: usize,
     turn_cost: f32,
@@ -68,8 +69,13 @@ pub struct Turning<'a, 'c> {
 
 impl<'a, 'c> Turning<'a, 'c> {
     /// For a footprint, whose outer and inner radius are in m with the room that is kept; `None` where the map is too large.
-    pub fn new(space: &'a Space, checker: &'c mut Checker<'a>, [outer_m, inner_m]: [f64; 2]) -> Option<Self> {
-        let cells = space.clearance().len();
+    pub fn new(
+        (space, clearance): (&Space, &'c [f32]),
+        checker: &'c mut Checker<'a>,
+        [outer_m, inner_m]: [f64; 2],
+        until: Until<'c>,
+    ) -> Option<Self> {
+        let cells = clearance.len();
         if cells > MOST_TURNING_CELLS {
             return None;
         }
@@ -81,8 +87,8 @@ impl<'a, 'c> Turning<'a, 'c> {
         let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(least, most);
         Some(Turning {
             checker,
-            outer: Search::new(space, outer_m),
-            inner: Search::new(space, inner_m),
+            outer: Search::new(space, clearance, outer_m).until(until),
+            inner: Search::new(space, clearance, inner_m).until(until),
             width: space.map.width,
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
@@ -129,7 +135,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     fn ways_to(&self, goal: usize) -> Vec<f32> {
         let mut length = vec![f32::INFINITY; self.looked.len() / self.headings];
         length[goal] = 0.0;
-        let mut queue = Queue::default();
+        let mut queue = self.inner.queue();
         queue.add(0.0, goal);
         while let Some(at) = queue.next() {
             let (neighbours, count) = self.inner.neighbours(at);
@@ -180,7 +186,7 @@ impl<'a, 'c> Turning<'a, 'c> {
             cost: vec![0.0; states],
             parent: vec![0; states],
             done: vec![false; states],
-            queue: Queue::default(),
+            queue: self.outer.queue(),
         };
         let is_end: Vec<usize> = ends.iter().map(|(cell, heading)| self.state(*cell, *heading)).collect();
         let estimate = |cell: usize| EAGER * (left[cell] - slack).max(0.0);

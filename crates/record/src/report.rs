@@ -21,7 +21,8 @@
 //!
 //! # Description
 //! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the body's
-//! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform.
+//! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform;
+//! `fence_m` (as the footprint, in odom), `walls_m` (several such: `x y; … | x y; …`) and `obstacles_m` (`x y radius; …`) the room.
 //! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm`,
 //! `sensor_gates` (`name chi²-per-number; …`) says beyond what readings were left out. `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
 //! `records_dropped` and `realtime_factor` stand in the summary, and [`MEASURED`] beside it. All of them may be missing.
@@ -34,6 +35,7 @@ mod curve;
 mod curves;
 mod histogram;
 mod overhead;
+mod room;
 mod scale;
 mod sections;
 mod sensors;

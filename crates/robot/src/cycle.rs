@@ -202,6 +202,11 @@ impl Robot {
         self.guard.obstacles()
     }
 
+    /// The fence's corners in odom, m; none without a fence.
+    pub fn fence_m(&self) -> &[[f64; 2]] {
+        self.guard.fence_m()
+    }
+
     /// Puts a reference in waiting for [`RequestKind::UseReference`]; gives back the one that waited, or that was
     /// replaced last, so that it can be dropped elsewhere. It is for the cycle: nothing is allocated.
     pub fn offer_reference(

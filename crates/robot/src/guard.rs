@@ -8,6 +8,7 @@
 //! to suffice.
 
 mod braking;
+mod draft;
 pub(crate) mod fence;
 pub(crate) mod outline;
 mod retreat;
@@ -24,9 +25,12 @@ use crate::limiter::{Limiter, SpeedBound};
 pub use crate::obstacle::{MAX_OBSTACLES, Obstacle};
 use crate::signals::{CycleTime, GuardReport, LimitedBy, PlatformState, Setpoint};
 use braking::{Braking, Sweep};
+use draft::Draft;
+pub use draft::check_fence;
 use fence::Fence;
 use outline::{Body, Outline, Place};
 use retreat::Retreat;
+pub use shape::MAX_FENCE_CORNERS;
 use shape::{Patch, length, plus};
 use shaping::Detour;
 use spread::{Spread, WayLeft};
@@ -106,6 +110,8 @@ impl Now {
 pub(crate) struct Guard {
     outline: Outline,
     fence: Option<(FencePlan, Fence)>,
+    /// One that is being told while the robot runs.
+    draft: Draft,
     braking: Braking,
     limits: Limits,
     /// Those of a plan that is followed.
@@ -135,6 +141,7 @@ impl Guard {
         Guard {
             outline: Outline::new(&plan.footprint_m),
             fence: plan.fence.as_ref().map(|plan| (plan.clone(), Fence::new(&plan.corners_m))),
+            draft: Draft::new(),
             braking: Braking::new(limits, period_s),
             limits: *limits,
             followed: *limits,

@@ -3,9 +3,14 @@
 use std::collections::BTreeMap;
 
 use omnibase_robot::config::{ReferenceTable, SensorPlan};
+use omnibase_robot::guard::Obstacle;
 
 use crate::robot_text::LoadedRobot;
+use crate::room::Room;
 use crate::simulated;
+
+/// Rectangles of a map that are told at most.
+const MOST_RECTANGLES: usize = 2000;
 
 /// The key of a reference that was loaded while the robot ran: its table as TOML.
 pub fn reference_key(number: u32) -> String {
@@ -40,12 +45,37 @@ pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     tell("simulation.mass_kg", (machine.body.mass_kg + machine.payload.mass_kg).to_string());
     let inertia = machine.body.yaw_inertia_kg_m2 + machine.payload.yaw_inertia_kg_m2;
     tell("simulation.inertia_kg_m2", inertia.to_string());
+    if let Some(fence) = &plan.guard.fence {
+        tell("fence_m", corners(&fence.corners_m));
+    }
+    if !plan.guard.obstacles.is_empty() {
+        let circle = |Obstacle { centre_m: [x, y], radius_m, .. }: &Obstacle| format!("{x} {y} {radius_m}");
+        tell("obstacles_m", plan.guard.obstacles.iter().map(circle).collect::<Vec<_>>().join("; "));
+    }
     if !plan.sensors.is_empty() {
         let gate =
             |sensor: &SensorPlan| format!("{} {}", sensor.name, omnibase_fusion::gate(sensor.sensor.kind));
         tell("sensor_gates", plan.sensors.iter().map(gate).collect::<Vec<_>>().join("; "));
     }
     all
+}
+
+/// What stands in a room, for the picture of a report: its map's cells as rectangles, larger ones than they are where there are many.
+pub fn of_room(room: &Room) -> Option<(String, String)> {
+    let cells = room.map().map(|map| map.rectangles(MOST_RECTANGLES)).unwrap_or_default();
+    let walls: Vec<String> = room
+        .blocked_m()
+        .iter()
+        .map(Vec::as_slice)
+        .chain(cells.iter().map(<[_; 4]>::as_slice))
+        .map(corners)
+        .collect();
+    (!walls.is_empty()).then(|| ("walls_m".to_owned(), walls.join(" | ")))
+}
+
+fn corners(corners_m: &[[f64; 2]]) -> String {
+    // A millimetre is less than a line is wide.
+    corners_m.iter().map(|[x, y]| format!("{x:.3} {y:.3}")).collect::<Vec<_>>().join("; ")
 }
 
 /// A reference in a few words, such as `circle, radius 0.5 m, duration 10 s`: its kind, and its keys that are numbers or

@@ -33,7 +33,7 @@ pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use points::NotRemembered;
 pub use sdo::{EntryType, SdoError, SdoPlace, SubDeviceSeen};
-pub use snapshot::Snapshot;
+pub use snapshot::{FenceSeen, Snapshot};
 pub use sources::{NotHeard, SourceCounts};
 pub use stamp::Stamp;
 pub use trace::{TRACE_KEPT_S, TraceGap, TracePoint};

@@ -1,12 +1,13 @@
 //! The room of a robot's file, and ways through it.
 
+use std::io::Read;
 use std::path::Path;
 
 use omnibase_plan::map::Unknown;
-use omnibase_plan::{Cost, Footprint, Map, MapError, Plan, PlanError, Point, Space, Task};
+use omnibase_plan::{Cost, Footprint, Map, MapError, Plan, PlanError, Point, Space, Sweep, Task, Until};
 use omnibase_platform::Pose2;
 use omnibase_robot::config::{
-    BestWay, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells,
+    BestWay, FencePlan, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells,
 };
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::stages::Reference;
@@ -20,10 +21,13 @@ const CLEARANCE_M: f64 = 0.05;
 const BESIDE_GUARD_M: f64 = 0.05;
 /// Where there is neither map nor fence, the floor goes so far beyond both ends of a way and all obstacles, m.
 const OPEN_M: f64 = 5.0;
+/// The longest YAML file of a map, and the longest image, bytes.
+const LONGEST_YAML: u64 = 64 * 1024;
+const LONGEST_IMAGE: u64 = 128 * 1024 * 1024;
 /// A kink that couldn't be bent is cut by at most this, m.
 const CORNER_M: f64 = 0.01;
-/// A way's timing is looked at so often, s.
-const LOOK_S: f64 = 0.02;
+/// Rounding of a speed.
+const SPEED_ROUNDING: f64 = 1.001;
 /// Nearer points than this are one for the timing, m and rad.
 const SAME: f64 = 1e-3;
 
@@ -51,10 +55,14 @@ pub struct Way<'a> {
     pub to: Pose2,
     /// Obstacles as they are now.
     pub obstacles: &'a [Obstacle],
+    /// The fence as it is now, in odom, m; no corners where there is none.
+    pub fence_m: &'a [Point],
     /// Walls that were drawn, in odom, m.
     pub walls_m: &'a [Vec<Point>],
     /// Which way is the best one.
     pub best: BestWay,
+    /// How long it is looked for.
+    pub until: Until<'a>,
 }
 
 /// A way with its times.
@@ -92,7 +100,7 @@ pub enum RoomError {
     /// Its timing.
     #[error("the way was found, but it can't be timed: {0}")]
     Timing(String),
-    /// The timed motion isn't quite the way.
+    /// The timed motion isn't quite the way, or it can't be known beforehand.
     #[error("the way was found, but the motion along it touches what is in the way at x {:.3} m, y {:.3} m", at.x_m, at.y_m)]
     Touches {
         /// Where.
@@ -104,14 +112,25 @@ pub enum RoomError {
 pub fn read_map(path: &Path, unknown: UnknownCells) -> Result<Map, RoomError> {
     let name = path.display().to_string();
     let wrong = |why: String| RoomError::File { name: name.clone(), why };
-    let yaml = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+    let bytes = read_up_to(path, LONGEST_YAML).map_err(&wrong)?;
+    let yaml = String::from_utf8(bytes)
+        .map_err(|error| wrong(format!("byte {}: expected UTF-8", error.utf8_error().valid_up_to())))?;
     let unknown = match unknown {
         UnknownCells::Blocked => Unknown::Blocked,
         UnknownCells::Free => Unknown::Free,
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let image = |image: &str| std::fs::read(folder.join(image)).map_err(|error| error.to_string());
+    let image = |image: &str| read_up_to(&folder.join(image), LONGEST_IMAGE);
     Map::read(&yaml, unknown, image).map_err(|error| wrong(error.to_string()))
+}
+
+/// A file's bytes; one that is longer is refused before it is all in memory.
+fn read_up_to(path: &Path, most: u64) -> Result<Vec<u8>, String> {
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    file.take(most + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    let is_too_long = bytes.len() as u64 > most;
+    if is_too_long { Err(format!("expected at most {most} bytes, found more")) } else { Ok(bytes) }
 }
 
 impl Room {
@@ -129,7 +148,10 @@ impl Room {
             plan.map.clone().unwrap_or_default();
         let [x_m, y_m, heading_rad] = odom_from_map.unwrap_or_default();
         let odom_from_map = Pose2::new(x_m, y_m, heading_rad);
-        let map = map.map(|map| Map { map_from_grid: odom_from_map.then(map.map_from_grid), ..map });
+        let map = map.map(|mut map| {
+            map.map_from_grid = odom_from_map.then(map.map_from_grid);
+            map
+        });
         Ok(Room {
             map,
             blocked_m: blocked_m.unwrap_or_default(),
@@ -169,18 +191,19 @@ impl Room {
 
     /// Everything that is in the way of a way.
     pub fn space(&self, way: &Way<'_>) -> Result<Space, RoomError> {
-        let mut map = match (&self.map, &self.guard.fence) {
+        let mut map = match (&self.map, way.fence_m) {
             (Some(map), _) => map.clone(),
-            (None, Some(fence)) => Map::of_room(&fence.corners_m, self.cell_m)?,
-            (None, None) => self.open_floor(way)?,
+            (None, []) => self.open_floor(way)?,
+            (None, fence_m) => Map::of_room(fence_m, self.cell_m)?,
         };
         for polygon in self.blocked_m().iter().chain(way.walls_m) {
             map.block_polygon(polygon);
         }
         let beside_m = BESIDE_GUARD_M - self.clearance_m;
-        if let Some(fence) = &self.guard.fence {
-            map.keep_inside(&fence.corners_m);
-            map.block_sides(&fence.corners_m, fence.margin_m + beside_m);
+        if !way.fence_m.is_empty() {
+            let margin_m = self.guard.fence.as_ref().map_or(FencePlan::NONE.margin_m, |fence| fence.margin_m);
+            map.keep_inside(way.fence_m);
+            map.block_sides(way.fence_m, margin_m + beside_m);
         }
         for obstacle in way.obstacles {
             // Nobody could begin inside what is kept.
@@ -250,6 +273,7 @@ impl Room {
             to: way.to,
             clearance_m: self.clearance_m,
             cost,
+            until: way.until,
         };
         Ok(omnibase_plan::plan(&task)?)
     }
@@ -269,13 +293,20 @@ impl Room {
             registry.make_reference(&table, ability).map_err(|error| RoomError::Timing(error.to_string()))?;
         reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
         let duration_s = reference.duration_s().unwrap_or_default();
-        let mut checker = space.checker(&self.footprint, 0.0);
-        let looks = (duration_s / LOOK_S).ceil() as u32;
-        for look in 0..=looks {
-            let at = reference.sample(duration_s.min(f64::from(look) * LOOK_S)).odom_from_body;
-            if !checker.is_free(&at) {
-                return Err(RoomError::Touches { at });
-            }
+        let limits = &ability.limits;
+        let fastest_m_s =
+            SPEED_ROUNDING * (limits.speed_m_s + self.footprint.outer_radius_m() * limits.turn_speed_rad_s);
+        // Where it can't be known beforehand, nothing is known of it.
+        let pose = |time_s: f64| {
+            let nowhere = Pose2 { x_m: f64::NAN, ..Pose2::default() };
+            reference.preview(time_s).map_or(nowhere, |setpoint| setpoint.odom_from_body)
+        };
+        let mut sweep = Sweep::new(&space, &self.footprint);
+        if let Some(at) = sweep.touches([0.0, duration_s], fastest_m_s, &pose) {
+            return Err(RoomError::Touches { at });
+        }
+        if way.until.is_over() {
+            return Err(PlanError::Ended.into());
         }
         Ok(TimedWay { plan, table, reference, duration_s })
     }
@@ -304,5 +335,33 @@ fn table_of(plan: &Plan, limits: &Limits) -> ReferenceTable {
         corner_m: Some(CORNER_M),
         frame: Some(PathFrame::Odom),
         ..ReferenceTable::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn maps_that_are_too_long_are_refused_with_what_was_expected_and_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.yaml");
+        let read = |yaml: &[u8]| {
+            std::fs::write(&path, yaml).unwrap();
+            let text = read_map(&path, UnknownCells::Free).unwrap_err().to_string();
+            text.replace(&folder.path().display().to_string(), "")
+        };
+        assert_eq!(
+            read(&vec![b'#'; 64 * 1024 + 1]),
+            "map.file /map.yaml: expected at most 65536 bytes, found more"
+        );
+        assert_eq!(read(b"image: \xff"), "map.file /map.yaml: byte 7: expected UTF-8");
+        // As long as it may be for the disk, which stores nothing of it.
+        let image = std::fs::File::create(folder.path().join("map.pgm")).unwrap();
+        image.set_len(LONGEST_IMAGE + 1).unwrap();
+        assert_eq!(
+            read(b"image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"),
+            "map.file /map.yaml: map.pgm: expected at most 134217728 bytes, found more"
+        );
     }
 }

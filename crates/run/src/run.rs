@@ -17,7 +17,7 @@ use crate::channels::{CycleExtras, Rows};
 use crate::conductor::{Conductor, Wish};
 use crate::drive_errors::DriveErrors;
 use crate::live::operator::{Note, Turn};
-use crate::live::{Client, LiveEnd, Snapshot, SubDeviceFacts};
+use crate::live::{Client, FenceSeen, LiveEnd, Snapshot, SubDeviceFacts};
 use crate::simulated::{Script, Sensors};
 use omnibase_measure::events::{Event, Watch};
 use omnibase_measure::pauses::Pauses;
@@ -383,6 +383,7 @@ impl<'a> Cycle<'a> {
             settings,
             joystick: self.robot.joystick_shape(),
             obstacles: *self.robot.obstacles(),
+            fence: FenceSeen::of(self.robot.fence_m()),
             timing: self.timing.seen(),
             cycles: self.cycles,
             lost_frames: self.lost_frames,

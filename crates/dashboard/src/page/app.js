@@ -7,6 +7,7 @@ import { showActions } from "./actions.js";
 import { Obstacles } from "./obstacles.js";
 import { Plots } from "./plots.js";
 import { Settings } from "./settings.js";
+import { Shapes } from "./shapes.js";
 import { Sticks } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { View } from "./view.js";
@@ -97,7 +98,7 @@ by("file").onchange = async () => {
 function picking(button, then) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
-    if (by("wall").getAttribute("aria-pressed") === "true") by("wall").click();
+    if (view.edit) shapes.close();
     for (const other of [by("go"), by("drive-to"), by("obstacle")]) other.setAttribute("aria-pressed", other === button && on);
     view.onPick = on ? (place, pressed_ms) => (button.click(), then(place, pressed_ms)) : null;
     view.canvas.style.cursor = on ? "crosshair" : "";
@@ -110,18 +111,12 @@ picking(by("go"), ([x, y], pressed_ms) => {
 picking(by("drive-to"), ([x, y], pressed_ms) => {
   ask({ do: "drive_to", pose: [x, y, last ? value("state/pose_heading_rad") : 0] }, pressed_ms);
 });
-by("wall").onclick = () => {
-  const on = by("wall").getAttribute("aria-pressed") !== "true", corners = view.draft;
+const shapes = new Shapes(view, by("shape-bar"), { ask, refuse, buttons: { fence: by("fence"), wall: by("wall") } });
+shapes.onOpen = () => {
   for (const other of [by("go"), by("drive-to"), by("obstacle")]) other.setAttribute("aria-pressed", "false");
-  by("wall").setAttribute("aria-pressed", on);
-  by("wall").textContent = on ? "Close wall" : "Draw wall…";
-  view.onPick = on ? (place) => (view.draft.push(place), view.draw()) : null;
-  view.canvas.style.cursor = on ? "crosshair" : "";
-  if (!on && corners.length > 2) ask({ do: "set_walls", polygons_m: [...view.drawn, corners] });
-  else if (!on && corners.length) refuse("a wall has at least three corners");
-  view.draft = [];
+  view.onPick = null;
+  obstacles.select(null);
 };
-view.onRemoveWall = (wall) => ask({ do: "set_walls", polygons_m: view.drawn.filter((_, n) => n !== wall) });
 picking(by("obstacle"), (place) => obstacles.put(place, facts.obstacle_places));
 const obstacles = new Obstacles(view, by("obstacle-bar"), { ask, send: (call) => link.send(call), refuse });
 
@@ -178,13 +173,14 @@ async function begin() {
   columns = new Map(facts.columns.map((name, n) => [name, n]));
   beside.build(facts.devices);
   for (const element of document.querySelectorAll("button, .panel input, .panel select")) {
-    if (!element.closest(".tools, .plots") || ["go", "drive-to", "obstacle", "wall"].includes(element.id)) element.disabled = !me;
+    if (!element.closest(".tools, .plots") || ["go", "drive-to", "obstacle", "wall", "fence"].includes(element.id)) element.disabled = !me;
   }
   // Whoever sees the robot may stop it.
   const stops = document.querySelectorAll("[data-stop], [data-stops-axis]");
   for (const button of [by("stop"), by("give-up"), ...stops]) button.disabled = false;
   by("controller").replaceChildren(...facts.controllers.map((name) => new Option(name, name)));
   view.robot(facts);
+  shapes.file = facts.fence;
   view.room(map);
   walls = null;
   savedPaths(facts.saved_paths);
@@ -227,6 +223,9 @@ async function drawPlanned(seen) {
   planned = await read("planned");
   view.planned = planned.poses;
   view.speeds = planned.speeds_m_s;
+  const most = Math.max(0, ...planned.speeds_m_s);
+  by("speed-key").hidden = most <= 0;
+  by("speed-most").textContent = `${most.toFixed(2)} m/s`;
 }
 
 /** Every message counts, but only the latest is drawn: a page that draws slowly must not see ever older ones. */
@@ -261,6 +260,8 @@ function draw() {
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   obstacles.show(seen.obstacles);
   view.goal = seen.goal;
+  view.fence = seen.fence;
+  if (!view.edit) by("fence").textContent = seen.fence.length ? "Edit fence…" : "Draw fence…";
   view.kept = value("guard/fence_kept_m");
   by("view").dataset.obstacles = seen.obstacles.length;
   const here = pose("state"), metres = here?.slice(0, 2).map((place) => `${fixed(place, 1)} m`);

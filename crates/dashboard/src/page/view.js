@@ -3,6 +3,11 @@
 const TRAIL = 6000;
 const COLOURS = ["planned", "believed", "truth", "grid", "line", "ink", "dim", "bad", "card", "warn"];
 
+/** What keys do in the view: steps along x and y, and by how much it grows. */
+const KEYS = {
+  ArrowLeft: [-1, 0, 1], ArrowRight: [1, 0, 1], ArrowUp: [0, 1, 1], ArrowDown: [0, -1, 1], "+": [0, 0, 1.25], "=": [0, 0, 1.25], "-": [0, 0, 0.8],
+};
+
 export class View {
   constructor(canvas) {
     this.canvas = canvas;
@@ -16,9 +21,10 @@ export class View {
     /** The room: a picture of its cells, and where that lies. */
     this.map = null;
     this.walls = [];
-    /** Walls that were drawn here, and the one that is being drawn. */
+    /** Walls that were drawn here. */
     this.drawn = [];
-    this.draft = [];
+    /** The fence or wall that is being drawn or changed: its corners, which of them is chosen, and who is told. */
+    this.edit = null;
     /** Where it goes by the straight way. */
     this.goal = null;
     this.trail = [];
@@ -131,11 +137,18 @@ export class View {
       const [x, y] = this.toWorld(...at(event));
       return this.obstacles.find((o) => Math.hypot(o.x - x, o.y - y) <= Math.max(o.radius, 12 / this.scale));
     };
+    const corner = (event) => {
+      const [x, y] = at(event), reach = event.pointerType === "touch" ? 24 : 12;
+      const far = (this.edit?.corners ?? []).map((place) => Math.hypot(...this.toScreen(place).map((v, n) => v - [x, y][n])));
+      const nearest = far.indexOf(Math.min(...far));
+      return far[nearest] <= reach ? nearest : null;
+    };
     this.canvas.addEventListener("pointerdown", (event) => {
       this.canvas.setPointerCapture(event.pointerId);
       this.pointers.set(event.pointerId, at(event));
       this.moved = false;
-      this.dragged = this.pointers.size === 1 ? touched(event) : null;
+      this.held = this.pointers.size === 1 ? corner(event) : null;
+      this.dragged = this.pointers.size === 1 && !this.edit ? touched(event) : null;
     });
     this.canvas.addEventListener("pointermove", (event) => {
       const before = this.pointers.get(event.pointerId);
@@ -143,7 +156,9 @@ export class View {
       const now = at(event);
       if (Math.hypot(now[0] - before[0], now[1] - before[1]) > 3) this.moved = true;
       if (!this.moved) return;
-      if (this.dragged) {
+      if (this.held !== null && this.edit) {
+        this.edit.onMove(this.held, this.toWorld(...now));
+      } else if (this.dragged) {
         [this.dragged.x, this.dragged.y] = this.toWorld(...now);
         this.onDrag?.(this.dragged);
       } else if (this.pointers.size === 1) {
@@ -161,21 +176,37 @@ export class View {
     const end = (event) => {
       if (!this.pointers.delete(event.pointerId)) return;
       if (this.dragged && event.type === "pointerup") (this.moved ? this.onDrop : this.onSelect)?.(this.dragged);
-      if (event.type === "pointerup" && !this.moved && !this.dragged) this.onPick?.(this.toWorld(...at(event)), event.timeStamp);
-      this.dragged = null;
+      if (event.type === "pointerup" && !this.moved && !this.dragged) this.tap(at(event), event.timeStamp);
+      this.dragged = this.held = null;
     };
     this.canvas.addEventListener("pointerup", end);
     this.canvas.addEventListener("pointercancel", end);
     this.canvas.addEventListener("dblclick", (event) => {
-      const obstacle = touched(event);
-      if (obstacle) return this.onRemove?.(obstacle);
-      const place = this.toWorld(...at(event)), wall = this.drawn.findIndex((corners) => holds(corners, place));
-      if (wall >= 0 && !this.draft.length) this.onRemoveWall?.(wall);
+      const obstacle = this.edit ? null : touched(event);
+      if (obstacle) this.onRemove?.(obstacle);
+    });
+    this.canvas.addEventListener("keydown", (event) => {
+      const step = 40 / this.scale;
+      const [x, y, by] = KEYS[event.key] ?? [];
+      if (by === undefined) return;
+      event.preventDefault();
+      this.centre = [this.centre[0] + x * step, this.centre[1] + y * step];
+      this.setFollow(false);
+      this.zoom(by);
     });
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.zoom(Math.exp(-event.deltaY * 0.0015));
     }, { passive: false });
+  }
+
+  /** A tap that isn't on an obstacle. */
+  tap(at, pressed_ms) {
+    const place = this.toWorld(...at);
+    if (this.edit) return this.held !== null ? this.edit.onChoose(this.held) : this.edit.onAdd(place);
+    if (this.onPick) return this.onPick(place, pressed_ms);
+    const wall = this.drawn.findIndex((corners) => holds(corners, place));
+    if (wall >= 0) this.onSelectWall?.(wall);
   }
 
   zoom(by) {
@@ -205,8 +236,6 @@ export class View {
     g.setLineDash([]);
     this.drawSpeeds(g);
     g.setLineDash([7, 5]);
-    if (this.draft.length) this.drawLine(g, [...this.draft, this.draft[0]], c.ink, 2);
-    for (const corner of this.draft) g.fillRect(...this.toScreen(corner).map((at) => at - 3), 6, 6);
     if (this.goal && this.pose) this.drawLine(g, [this.pose, this.goal], c.planned, 2);
     g.setLineDash([]);
     if (this.goal) this.drawGoal(g, c);
@@ -228,6 +257,24 @@ export class View {
     }
     if (this.truth) this.drawRobot(g, this.truth, c.truth, c);
     if (this.pose) this.drawRobot(g, this.pose, c.believed, c);
+    if (this.edit) this.drawEdit(g, c);
+  }
+
+  /** What is being drawn or changed: its sides, its corners to hold, the chosen one filled. */
+  drawEdit(g, c) {
+    const { corners, chosen } = this.edit;
+    g.setLineDash([7, 5]);
+    if (corners.length) this.drawLine(g, [...corners, corners[0]], c.ink, 2);
+    g.setLineDash([]);
+    for (const [n, corner] of corners.entries()) {
+      g.beginPath();
+      g.arc(...this.toScreen(corner), 7, 0, 2 * Math.PI);
+      g.fillStyle = n === chosen ? c.believed : c.card;
+      g.fill();
+      g.strokeStyle = c.ink;
+      g.lineWidth = 2;
+      g.stroke();
+    }
   }
 
   mapCorners() {

@@ -92,6 +92,8 @@ pub struct Set {
   teach, teach_end name=round              remember where it is driven; save it as a path
   teach by=points, teach_point             remember single poses; then teach_end
   load_saved name=round
+  set_fence corners_m=[[-3,-3],[3,-3],[3,3],[-3,3]]
+                                           the guard keeps it from now on; only while the robot stands, and inside
   set_obstacle index=0 centre_m=[1.5,0.2] radius_m=0.3 velocity_m_s=[0,-0.1]
   remove_obstacle index=0
   send_inputs source=gate values={\"open\":1} what a program knows, as a `[[source]]`; `omnibase send` does so many times a second

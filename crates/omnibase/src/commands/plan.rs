@@ -6,6 +6,7 @@ use crate::Outcome;
 use crate::progress::note;
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::{Context, bail};
+use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::{BestWay, UnknownCells};
 use omnibase_robot::{Ability, Registry, RobotPlan};
@@ -75,7 +76,9 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         Some(_) => BestWay::Shortest,
         None => room.way,
     };
-    let way = Way { from, to, obstacles: &robot.guard.obstacles, walls_m: &[], best };
+    let fence_m = robot.guard.fence.as_ref().map_or(&[][..], |fence| &fence.corners_m);
+    let obstacles = &robot.guard.obstacles;
+    let way = Way { from, to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
     let begun = Instant::now();
     let mut timed = match room.timed(&way, &Ability::of(&robot), registry) {
         Ok(timed) => timed,

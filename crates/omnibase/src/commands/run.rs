@@ -156,7 +156,7 @@ pub fn run(
         note(endless(files.as_ref()));
     }
     let mut page = arguments.page(files.as_ref())?;
-    let (recorder, recording) = arguments.recorder(&robot, known, files, page.as_ref())?.unzip();
+    let (recorder, recording) = arguments.recorder((&robot, &room), known, files, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
@@ -382,7 +382,7 @@ impl Arguments {
 
     fn recorder(
         &self,
-        robot: &LoadedRobot,
+        (robot, room): (&LoadedRobot, &Room),
         known: Known,
         files: Option<RunFiles>,
         page: Option<&Page>,
@@ -391,6 +391,7 @@ impl Arguments {
         files.mcap = files.mcap.or_else(|| page.map(|page| page.recording().to_owned()));
         let rows = Rows::new(&robot.plan.record_layout(), known);
         files.description = omnibase_run::describe::description(robot);
+        files.description.extend(omnibase_run::describe::of_room(room));
         files.description.extend(page::first_words());
         anyhow::ensure!(
             !files.selection.columns(rows.schema()).is_empty(),

@@ -10,6 +10,7 @@ mod old;
 mod reach;
 mod robot;
 mod seat;
+mod shapes;
 mod socket;
 mod sources;
 mod stop;

@@ -1,6 +1,8 @@
-//! Polygons and circles on a map: every cell that they touch is in the way.
+//! Polygons and circles on a map.
 
-use super::Map;
+use std::borrow::Cow;
+
+use super::{Map, Solid};
 use crate::Point;
 
 impl Map {
@@ -21,7 +23,7 @@ impl Map {
         }
     }
 
-    /// Blocks every cell within a distance of the sides of a closed polygon, m.
+    /// Blocks what is within a distance of the sides of a closed polygon, m.
     pub fn block_sides(&mut self, corners_m: &[Point], distance_m: f64) {
         for (number, from) in corners_m.iter().enumerate() {
             let to = corners_m[(number + 1) % corners_m.len()];
@@ -37,11 +39,22 @@ impl Map {
         }
     }
 
-    /// Blocks every cell that a closed polygon touches, its inside too.
+    /// Puts a closed polygon in the way, exactly.
     pub fn block_polygon(&mut self, corners_m: &[Point]) {
-        let corners: Vec<Point> = corners_m.iter().map(|corner| self.grid_cells(*corner)).collect();
-        self.mark_sides(&corners);
-        self.mark_rows(&corners, |is_inside| is_inside);
+        self.solids.push(Solid::new(corners_m.iter().map(|corner| self.grid_cells(*corner)).collect()));
+    }
+
+    /// Which cells are in the way, those that a polygon touches too.
+    pub fn touched(&self) -> Cow<'_, [bool]> {
+        if self.solids.is_empty() {
+            return Cow::Borrowed(&self.blocked);
+        }
+        let mut all = self.clone();
+        for solid in &self.solids {
+            all.mark_sides(solid.corners());
+            all.mark_rows(solid.corners(), |is_inside| is_inside);
+        }
+        Cow::Owned(all.blocked)
     }
 
     /// Blocks every cell that isn't wholly inside a closed polygon.
@@ -86,18 +99,16 @@ impl Map {
                     crossings.push(from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]));
                 }
             }
-            if crossings.is_empty() && !blocks(false) {
-                continue;
-            }
             crossings.sort_by(f64::total_cmp);
-            let mut passed = 0;
-            for column in 0..self.width {
-                while crossings.get(passed).is_some_and(|x| *x <= column as f64 + 0.5) {
-                    passed += 1;
+            // Whose centre lies at a crossing or behind it is beyond it.
+            let ends = crossings.iter().map(|x| (x - 0.5).ceil().clamp(0.0, self.width as f64) as usize);
+            let row = &mut self.blocked[row * self.width..(row + 1) * self.width];
+            let (mut begin, mut is_inside) = (0, false);
+            for end in ends.chain([row.len()]) {
+                if blocks(is_inside) && end > begin {
+                    row[begin..end].fill(true);
                 }
-                if blocks(passed % 2 == 1) {
-                    self.blocked[row * self.width + column] = true;
-                }
+                (begin, is_inside) = (end, !is_inside);
             }
         }
     }

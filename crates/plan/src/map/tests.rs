@@ -144,6 +144,7 @@ fn circles_and_polygons_block_each_cell_that_they_touch() {
     let mut polygon = empty.clone();
     let corners = [[0.31, 0.27], [2.2, 0.4], [1.1, 0.93], [1.9, 1.7]];
     polygon.block_polygon(&corners);
+    let polygon = polygon.touched().into_owned();
     let mut room = empty.clone();
     room.keep_inside(&corners);
     let is_inside = |[x, y]: Point| {
@@ -155,15 +156,15 @@ fn circles_and_polygons_block_each_cell_that_they_touch() {
         (0..4).filter(|number| crosses(*number)).count() % 2 == 1
     };
     let mut wrong = 0;
-    for at in 0..empty.blocked.len() {
+    for (at, polygon) in polygon.iter().enumerate() {
         // Dense looking misses what only just touches: it must never see more.
         let seen = touches(&empty, at, |[x, y]| (x - 1.23).hypot(y - 0.71) <= 0.34);
         assert!(circle.blocked[at] || !seen, "circle, cell {at}");
         wrong += usize::from(circle.blocked[at] && !seen);
         let (inside, outside) =
             (touches(&empty, at, is_inside), touches(&empty, at, |place| !is_inside(place)));
-        assert!(polygon.blocked[at] || !inside, "polygon, cell {at}");
-        wrong += usize::from(polygon.blocked[at] && !inside);
+        assert!(*polygon || !inside, "polygon, cell {at}");
+        wrong += usize::from(*polygon && !inside);
         assert!(room.blocked[at] || !outside, "room, cell {at}");
         wrong += usize::from(room.blocked[at] && !outside);
     }
@@ -177,4 +178,28 @@ fn a_room_of_whole_cells_is_free_up_to_its_walls() {
     assert_eq!((map.width, map.height, free), (22, 12, 200));
     let [x_m, y_m] = map.centre_m(1, 1);
     assert!((x_m + 0.95).abs() < 1e-9 && (y_m + 0.45).abs() < 1e-9);
+}
+
+#[test]
+fn rectangles_are_all_occupied_cells_and_where_they_would_be_many_larger_ones_that_hold_them() {
+    let mut map = Map::empty([37, 23], 0.5).unwrap();
+    map.map_from_grid = Pose2::new(-3.0, 2.0, 0.0);
+    map.block_circle([5.0, 8.0], 2.3);
+    map.block_circle([1.0, 3.2], 0.8);
+    let covers = |rectangles: &[[Point; 4]], at: usize| {
+        let [x, y] = map.centre_m(at % map.width, at / map.width);
+        rectangles
+            .iter()
+            .filter(|[low, _, high, _]| (low[0]..high[0]).contains(&x) && (low[1]..high[1]).contains(&y))
+            .count()
+    };
+    let all = map.rectangles(1000);
+    assert!(all.len() < 40, "{}", all.len());
+    let few = map.rectangles(6);
+    assert!((1..=6).contains(&few.len()));
+    for at in 0..map.blocked.len() {
+        assert_eq!(covers(&all, at), usize::from(map.blocked[at]), "cell {at}");
+        assert!(covers(&few, at) <= 1 && (covers(&few, at) == 1 || !map.blocked[at]), "cell {at}");
+    }
+    assert!(Map::empty([5, 5], 0.1).unwrap().rectangles(10).is_empty());
 }

@@ -15,7 +15,15 @@ fn long() -> Footprint {
 
 fn ask<'a>(space: &'a Space, footprint: &'a Footprint, [from, to]: [[f64; 3]; 2]) -> Task<'a> {
     let pose = |[x, y, heading]: [f64; 3]| Pose2::new(x, y, heading);
-    Task { space, footprint, from: pose(from), to: pose(to), clearance_m: 0.03, cost: Cost::Shortest }
+    Task {
+        space,
+        footprint,
+        from: pose(from),
+        to: pose(to),
+        clearance_m: 0.03,
+        cost: Cost::Shortest,
+        until: Until::default(),
+    }
 }
 
 /// Whether a place lies in a footprint, a look of its own.
@@ -104,6 +112,54 @@ fn the_ridge_keeps_to_the_middle() {
     };
     assert!(least(&short) < 0.5 && least(&ridge) > 1.2, "{} {}", least(&short), least(&ridge));
     assert_eq!(touched(&ridge, &footprint, &walls), None);
+}
+
+#[test]
+fn an_end_near_a_wall_takes_the_clearance_from_nothing_else() {
+    // It stands 10 mm before a wall; the way leads around the end of another one.
+    let walls = [[3.9, 0.0, 4.1, 4.0]];
+    let (space, footprint) = (room(&walls), Footprint::disc(0.4).unwrap());
+    let near_m = footprint.outer_radius_m() + 0.01;
+    let plan = plan(&ask(&space, &footprint, [[near_m, 2.0, 0.0], [6.0, 2.0, 0.0]])).unwrap();
+    assert_eq!((plan.clearance_m, touched(&plan, &footprint, &walls)), (0.03, None));
+    assert!(plan.poses[0].distance_m(Pose2::new(near_m, 2.0, 0.0)) < 1e-9);
+    let beside =
+        |pose: &Pose2| (3.9 - pose.x_m).max(pose.x_m - 4.1).max(0.0).hypot((pose.y_m - 4.0).max(0.0));
+    let least_m = plan.poses.iter().map(beside).fold(f64::INFINITY, f64::min);
+    assert!((0.4 + 0.75 * 0.03..0.45).contains(&least_m), "{least_m}");
+    // In a passage with 17 mm on both sides less is kept.
+    let passage = [[0.0, 0.0, 8.0, 1.0], [0.0, 1.85, 8.0, 6.0]];
+    let (space, footprint) = (room(&passage), Footprint::disc(0.4).unwrap());
+    let narrow = super::plan(&ask(&space, &footprint, [[1.0, 1.425, 0.0], [6.0, 1.425, 0.0]])).unwrap();
+    assert_eq!((narrow.clearance_m, touched(&narrow, &footprint, &passage)), (0.5 * 0.03, None));
+}
+
+#[test]
+fn beside_a_wall_it_turns_only_where_the_whole_disc_fits() {
+    let walls = [[0.0, 0.0, 8.0, 1.0]];
+    let space = room(&walls);
+    let footprint = Footprint::new(vec![[-0.35, -0.25], [0.35, -0.25], [0.35, 0.25], [-0.35, 0.25]]).unwrap();
+    let plan = plan(&ask(&space, &footprint, [[4.0, 1.375, 0.0], [4.0, 1.375, 3.1]])).unwrap();
+    assert_eq!((plan.by, touched(&plan, &footprint, &walls)), (By::Disc, None));
+}
+
+#[test]
+fn a_search_ends_where_nobody_waits_for_it() {
+    // Around a wall for the disc, and through a door for the long one that has to turn.
+    let door = [[4.0, 0.0, 4.2, 2.65], [4.0, 3.35, 4.2, 6.0]];
+    let disc = Footprint::disc(0.3).unwrap();
+    let ends = [[1.5, 1.5, 1.57], [6.5, 4.5, 1.57]];
+    for footprint in [long(), disc] {
+        let space = room(&door);
+        let asked = std::cell::Cell::new(0);
+        let is_over = || {
+            asked.set(asked.get() + 1);
+            asked.get() > 1
+        };
+        let task = Task { until: Until::over(&is_over), ..ask(&space, &footprint, ends) };
+        assert_eq!(plan(&task).unwrap_err(), PlanError::Ended);
+        assert!(asked.get() < 20, "{} questions after it was over", asked.get());
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::chart::{self, Axes, Figure, HEIGHT, WIDTH};
 use super::curve;
+use super::room::Room;
 use super::scale::Span;
 use super::signals::{Poses, Signals};
 use super::text::{self, Unit};
@@ -76,25 +77,32 @@ struct Path<'a> {
 }
 
 /// The rectangle of the floor that is shown, m.
-struct Floor {
+pub(super) struct Floor {
     x: Span,
     y: Span,
 }
 
 impl Floor {
     /// A place on the floor in units of the drawing.
-    fn place(&self, x: f64, y: f64) -> (f64, f64) {
+    pub(super) fn place(&self, x: f64, y: f64) -> (f64, f64) {
         (WIDTH * self.x.part(x), HEIGHT * (1.0 - self.y.part(y)))
     }
 
-    /// The floor that holds all paths and platforms; `None` where there is no finite point.
-    fn around(paths: &[Path<'_>], platforms: &[(f64, f64, f64)], reach: f64) -> Option<Floor> {
+    /// The floor that holds all paths, platforms and places of a room; `None` where there is no finite point.
+    fn around(
+        paths: &[Path<'_>],
+        (platforms, reach): (&[(f64, f64, f64)], f64),
+        room: Option<&Room>,
+    ) -> Option<Floor> {
         let axis = |values: &mut dyn Iterator<Item = f64>| Span::of(values);
         let mut x = axis(&mut paths.iter().flat_map(|path| path.x.iter().copied()))?;
         let mut y = axis(&mut paths.iter().flat_map(|path| path.y.iter().copied()))?;
         for (px, py, _) in platforms {
             x = x.including(px - reach).including(px + reach);
             y = y.including(py - reach).including(py + reach);
+        }
+        for [px, py] in room.into_iter().flat_map(Room::places) {
+            (x, y) = (x.including(px), y.including(py));
         }
         // A straight path is given some floor beside it, and a single point too.
         let least = 0.3 * x.width().max(y.width()).max(1e-6);
@@ -146,17 +154,17 @@ impl Floor {
 }
 
 /// The path from above; `None` where no pose was recorded.
-pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape) -> Option<String> {
+pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape, room: &Room) -> Option<String> {
     let paths: Vec<Path<'_>> = paths(tracking);
     let shown = tracking.truth.as_ref().or(tracking.believed.as_ref()).or(tracking.planned.as_ref())?;
     let rows = platforms(shown, shape.reach());
     let poses: Vec<_> = rows.iter().map(|&row| (shown.x[row], shown.y[row], shown.heading[row])).collect();
-    let floor = Floor::around(&paths, &poses, shape.reach())?;
-    let (mut inner, mut labels) = (String::new(), String::new());
+    let floor = Floor::around(&paths, (&poses, shape.reach()), Some(room))?;
+    let (mut inner, mut labels, mut legend) = (String::new(), String::new(), String::new());
+    room.draw(&floor, &mut inner, &mut legend);
     for pose in &poses {
         draw_platform(&mut inner, &floor, shape, *pose);
     }
-    let mut legend = String::new();
     for path in &paths {
         let _ = write!(inner, "<path class=\"{}\" d=\"{}\"/>", path.class, floor.path_data(path));
         legend.push_str(&chart::key(path.class, "line", path.name));
@@ -284,7 +292,7 @@ fn magnified(tracking: &Tracking, floor: &Floor) -> Option<String> {
     for (name, scaled) in [("true", &truth), ("believed", &believed)] {
         paths.extend(scaled.as_ref().map(|(x, y)| Path { name, class: name, x, y }));
     }
-    let floor = Floor::around(&paths, &[], 0.0)?;
+    let floor = Floor::around(&paths, (&[], 0.0), None)?;
     let (mut inner, mut legend) = (String::new(), String::new());
     for path in &paths {
         let _ = write!(inner, "<path class=\"{}\" d=\"{}\"/>", path.class, floor.path_data(path));

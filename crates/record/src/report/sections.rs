@@ -5,6 +5,7 @@ use super::beside;
 use super::chart::{Line, Marked, TimeChart};
 use super::histogram::{self, Quantiles};
 use super::overhead::{self, Shape};
+use super::room::Room;
 use super::scale::Span;
 use super::sensors;
 use super::signals::Signals;
@@ -53,7 +54,7 @@ impl<'a> Page<'a> {
     /// The path from above.
     pub(super) fn path(&self) -> String {
         let shape = Shape::of(self.signals);
-        let html = overhead::html(self.tracking, self.times(), &shape);
+        let html = overhead::html(self.tracking, self.times(), &shape, &Room::of(self.signals));
         let html = html.unwrap_or_else(|| absent("Path", "the run has no poses"));
         section("path", "Path", &html)
     }

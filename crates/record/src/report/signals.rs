@@ -274,13 +274,21 @@ impl<'a> Signals<'a> {
 
     /// The tuples of numbers that the description has under `key`: `x y; x y`.
     pub(super) fn tuples<const N: usize>(&self, key: &str) -> Vec<[f64; N]> {
-        let tuples = self.text(key).unwrap_or_default().split(';').map(|tuple| {
-            let numbers =
-                tuple.split_whitespace().map(|word| word.parse().ok().filter(|n: &f64| n.is_finite()));
-            numbers.collect::<Option<Vec<f64>>>().and_then(|numbers| numbers.try_into().ok())
-        });
-        tuples.collect::<Option<Vec<_>>>().unwrap_or_default()
+        tuples(self.text(key).unwrap_or_default())
     }
+
+    /// Lists of such tuples: `x y; x y | x y; x y`.
+    pub(super) fn lists<const N: usize>(&self, key: &str) -> Vec<Vec<[f64; N]>> {
+        self.text(key).unwrap_or_default().split('|').map(tuples).collect()
+    }
+}
+
+fn tuples<const N: usize>(text: &str) -> Vec<[f64; N]> {
+    let tuples = text.split(';').map(|tuple| {
+        let numbers = tuple.split_whitespace().map(|word| word.parse().ok().filter(|n: &f64| n.is_finite()));
+        numbers.collect::<Option<Vec<f64>>>().and_then(|numbers| numbers.try_into().ok())
+    });
+    tuples.collect::<Option<Vec<_>>>().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ fn curve(html: &str, caption: &str, class: &str) -> Vec<(f64, f64)> {
     let path = data.split(&format!("<path class=\"{class}\" d=\"")).nth(1).expect("the curve");
     let path = path.split('"').next().unwrap();
     let numbers: Vec<f64> = path
-        .split(|c: char| "MLHVh ".contains(c))
+        .split(|c: char| "MLHVhZ ".contains(c))
         .filter(|word| !word.is_empty())
         .map(|word| word.parse().unwrap())
         .collect();
@@ -48,6 +48,38 @@ fn figures_are_those_of_the_run() {
     let n = 16_000.0_f64;
     close(figures.rms_error_m.truth, TRUE_OFF_M * ((n - 1.0) * (2.0 * n - 1.0) / 6.0).sqrt() / n);
     close(figures.max_error_m.truth, TRUE_OFF_M * (n - 1.0) / n);
+}
+
+#[test]
+fn walls_fence_and_obstacles_lie_where_the_description_says() {
+    let mut run = square(3, LAP);
+    let bare = html(&run);
+    for (key, text) in [
+        ("fence_m", "-3 -3; 3 -3; 3 3; -3 3"),
+        ("walls_m", "1 1; 2 1; 2 1.5 | -2 0; -1 0; -1 3; -2 3"),
+        ("obstacles_m", "0 1.5 0.3"),
+    ] {
+        run.description.insert(key.to_owned(), text.to_owned());
+    }
+    let page = html(&run);
+    let fence = curve(&page, "Path from above", "fence");
+    // From the drawing to the floor: two opposite corners of the fence.
+    let [(left, low), (right, high)] = [fence[0], fence[2]];
+    let floor = |(x, y): (f64, f64)| {
+        [-3.0 + 6.0 * (x - left) / (right - left), -3.0 + 6.0 * (y - low) / (high - low)]
+    };
+    let expected = [[1.0, 1.0], [2.0, 1.0], [2.0, 1.5], [-2.0, 0.0], [-1.0, 0.0], [-1.0, 3.0], [-2.0, 3.0]];
+    let walls = curve(&page, "Path from above", "wall");
+    assert_eq!(walls.len(), expected.len());
+    for (wall, [x, y]) in walls.into_iter().map(floor).zip(expected) {
+        assert!((wall[0] - x).abs() < 0.01 && (wall[1] - y).abs() < 0.01, "{wall:?} for {x} {y}");
+    }
+    for [x, y] in curve(&page, "Path from above", "obstacle").into_iter().map(floor) {
+        assert!((x.hypot(y - 1.5) - 0.3).abs() < 0.01, "{x} {y}");
+    }
+    for word in ["walls", "fence", "obstacles"] {
+        assert!(words(&page).contains(word) && !words(&bare).contains(word), "{word}");
+    }
 }
 
 #[test]

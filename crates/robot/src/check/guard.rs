@@ -12,8 +12,6 @@ use crate::obstacle::{GREATEST, MAX_OBSTACLES, Obstacle};
 #[cfg(test)]
 mod tests;
 
-/// What a footprint keeps from the fence, m.
-const FENCE_MARGIN_M: f64 = 0.05;
 /// What it keeps from an obstacle, m.
 const OBSTACLE_DISTANCE_M: f64 = 0.1;
 /// Coefficient of the circular speed, 1/s.
@@ -150,7 +148,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
         check.report(ProblemKind::Contradiction, setting, reason);
         return None;
     }
-    let margin_m = table.margin_m.unwrap_or(FENCE_MARGIN_M);
+    let margin_m = table.margin_m.unwrap_or(FencePlan::NONE.margin_m);
     let outline = Outline::new(footprint?);
     let room_m = Fence::new(&corners_m).room_m(&outline.placed(&Pose2::default()));
     if room_m < margin_m {
@@ -160,7 +158,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
         problem.limit = Some(format!("at least fence.margin_m = {margin_m}"));
         return None;
     }
-    Some(FencePlan { corners_m, margin_m, sigmas: table.sigmas.unwrap_or(SIGMAS) })
+    Some(FencePlan { corners_m, margin_m, sigmas: table.sigmas.unwrap_or(FencePlan::NONE.sigmas) })
 }
 
 fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {

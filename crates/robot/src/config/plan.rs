@@ -141,6 +141,11 @@ pub struct FencePlan {
     pub sigmas: f64,
 }
 
+impl FencePlan {
+    /// What is kept where the file says nothing else, from a fence that isn't there yet.
+    pub const NONE: FencePlan = FencePlan { corners_m: Vec::new(), margin_m: 0.05, sigmas: 3.0 };
+}
+
 /// The bus and its cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusPlan {

@@ -122,9 +122,7 @@ impl Robot {
 
     /// Somebody says where the platform stands.
     pub(super) fn set_pose(&mut self, pose: Pose2, [sigma_m, sigma_rad]: [f64; 2]) -> RequestAnswer {
-        let rests = matches!(self.lifecycle.phase(), Phase::Disabled | Phase::Holding | Phase::Fault);
-        let stands = self.record.measurements.present().iter().all(DriveMeasurement::stands);
-        if !(rests && stands && self.record.exchange == Exchange::Complete) {
+        if !self.stands() {
             return RequestAnswer::WrongPhase;
         }
         let is_sigma = |sigma: f64, greatest: f64| (0.0..=greatest).contains(&sigma);
@@ -151,6 +149,13 @@ impl Robot {
         self.limiter.reset(odom_from_body);
         self.record.wished = Setpoint::at_rest(odom_from_body);
         RequestAnswer::Taken
+    }
+
+    /// Nothing is followed, and no wheel turns, by what all drives said in this cycle.
+    pub(super) fn stands(&self) -> bool {
+        let rests = matches!(self.lifecycle.phase(), Phase::Disabled | Phase::Holding | Phase::Fault);
+        let stands = self.record.measurements.present().iter().all(DriveMeasurement::stands);
+        rests && stands && self.record.exchange == Exchange::Complete
     }
 
     /// A person's wish, reduced where nobody knows the platform's place.

@@ -5,7 +5,7 @@ use crate::guard::Obstacle;
 use crate::lifecycle::Change;
 use crate::motion::CantBegin;
 use crate::safety::input_forbids;
-use crate::signals::{Phase, Request, RequestAnswer, RequestKind, SafetyReason};
+use crate::signals::{Batch, Phase, Request, RequestAnswer, RequestKind, SafetyReason};
 
 impl Robot {
     /// What is asked of the robot in this cycle.
@@ -54,6 +54,7 @@ impl Robot {
             | RequestKind::UseReference { .. } => return self.lead(request.kind),
             RequestKind::SetObstacle { index, obstacle } => return self.put(index, Some(obstacle)),
             RequestKind::RemoveObstacle { index } => return self.put(index, None),
+            RequestKind::SetFence { corner_m, batch } => return self.put_fence(corner_m, batch),
             RequestKind::SetPose { odom_from_body, sigma_m, sigma_rad } => {
                 return self.set_pose(odom_from_body, [sigma_m, sigma_rad]);
             }
@@ -90,6 +91,15 @@ impl Robot {
             Ok(()) => RequestAnswer::Taken,
             Err(()) => RequestAnswer::Refused,
         }
+    }
+
+    /// The fence changes only where that can't take away the room for a stop: while nothing moves.
+    fn put_fence(&mut self, corner_m: [f64; 2], batch: Batch) -> RequestAnswer {
+        if !(self.stands() && self.record.state.pose_known) {
+            return RequestAnswer::WrongPhase;
+        }
+        let poses = [self.limiter.setpoint().odom_from_body, self.record.state.odom_from_body];
+        self.guard.put_fence(corner_m, batch, poses)
     }
 
     /// A request about what is followed.

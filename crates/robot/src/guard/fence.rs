@@ -4,7 +4,7 @@
 //! nearest line's foot lies on the fence. Else every side that may be near is looked at for itself.
 
 use super::outline::{Body, Side};
-use super::shape::{Patch, Point, cross, double_area, is_inside, length, plus, square};
+use super::shape::{MAX_FENCE_CORNERS, Patch, Point, cross, double_area, is_inside, length, plus, square};
 
 /// A closed polygon, and what of it never changes.
 #[derive(Clone, Debug)]
@@ -26,6 +26,17 @@ pub(super) struct Wall {
 
 impl Fence {
     pub(crate) fn new(corners_m: &[Point]) -> Self {
+        let mut fence = Fence {
+            corners_m: Vec::with_capacity(MAX_FENCE_CORNERS),
+            sides: Vec::with_capacity(MAX_FENCE_CORNERS),
+            is_convex: true,
+        };
+        fence.become_one_of(corners_m);
+        fence
+    }
+
+    /// Another one in its place; up to [`MAX_FENCE_CORNERS`] corners allocate nothing.
+    pub(super) fn become_one_of(&mut self, corners_m: &[Point]) {
         let count = corners_m.len();
         let out = if double_area(corners_m) > 0.0 { 1.0 } else { -1.0 };
         let wall = |number: usize| {
@@ -34,9 +45,15 @@ impl Fence {
             let turn = out * cross(plus(from, before, -1.0), side.along);
             Wall { side, outward: side.right.map(|part| out * part), points_inwards: turn < 0.0 }
         };
-        let sides: Vec<Wall> = (0..count).map(wall).collect();
-        let is_convex = sides.iter().all(|wall| !wall.points_inwards);
-        Fence { corners_m: corners_m.to_vec(), sides, is_convex }
+        self.sides.clear();
+        self.sides.extend((0..count).map(wall));
+        self.is_convex = self.sides.iter().all(|wall| !wall.points_inwards);
+        self.corners_m.clear();
+        self.corners_m.extend_from_slice(corners_m);
+    }
+
+    pub(super) fn corners_m(&self) -> &[Point] {
+        &self.corners_m
     }
 
     pub(super) fn walls(&self) -> &[Wall] {

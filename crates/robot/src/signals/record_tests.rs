@@ -110,6 +110,7 @@ fn every_request_comes_back() {
         RequestKind::Axis { device: 1, ask: AxisAsk::Run { speed: 0.25 } },
         RequestKind::SetObstacle { index: 15, obstacle: OBSTACLE },
         RequestKind::RemoveObstacle { index: 3 },
+        RequestKind::SetFence { corner_m: [1.5, -2.0], batch: Batch::new(7, 4).unwrap() },
     ];
     for kind in kinds {
         let request = Some(Request::lasting(kind));

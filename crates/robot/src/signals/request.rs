@@ -83,6 +83,14 @@ pub enum RequestKind {
         /// Its place.
         index: u32,
     },
+    /// Put a corner of another fence, in odom, m; the fence takes the old one's place with the last corner of its batch, only while the
+    /// platform stands, and inside it.
+    SetFence {
+        /// The corner; its place is that in the batch.
+        corner_m: [f64; 2],
+        /// With which others.
+        batch: Batch,
+    },
     /// Say where the platform stands; only while it stands.
     SetPose {
         /// The pose, its heading in any turn.
@@ -139,6 +147,7 @@ pub enum RequestSort {
     StopAxis,
     RunAxis,
     SetDriveMode,
+    SetFence,
 }
 
 coded!(RequestSort {
@@ -164,6 +173,7 @@ coded!(RequestSort {
     StopAxis = 19,
     RunAxis = 20,
     SetDriveMode = 21,
+    SetFence = 22,
 });
 
 /// Which changes of settings belong together: they act in the cycle of the last one, all of them or none.
@@ -257,6 +267,10 @@ impl Request {
                 let Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] } = obstacle;
                 (RequestSort::SetObstacle, index.into(), [x, y, radius_m, vx, vy, 0.0])
             }
+            RequestKind::SetFence { corner_m: [x, y], batch } => {
+                let [number, place, size] = batch.codes();
+                (RequestSort::SetFence, 0, [x, y, number, place, size, 0.0])
+            }
             RequestKind::RemoveObstacle { index } => (RequestSort::RemoveObstacle, index.into(), [0.0; 6]),
             RequestKind::SetPose { odom_from_body: Pose2 { x_m, y_m, heading_rad }, sigma_m, sigma_rad } => {
                 (RequestSort::SetPose, 0, [x_m, y_m, heading_rad, sigma_m, sigma_rad, 0.0])
@@ -327,6 +341,10 @@ impl Request {
                     obstacle: Obstacle { centre_m: [x, y], radius_m, velocity_m_s: [vx, vy] },
                 }
             }
+            RequestSort::SetFence => RequestKind::SetFence {
+                corner_m: [values[0], values[1]],
+                batch: Batch::from_codes([values[2], values[3], values[4]])?,
+            },
             RequestSort::RemoveObstacle => RequestKind::RemoveObstacle { index: argument.try_into().ok()? },
             RequestSort::SetPose => {
                 let [x_m, y_m, heading_rad, sigma_m, sigma_rad, _] = values;

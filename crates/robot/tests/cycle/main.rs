@@ -4,6 +4,7 @@ mod axes;
 mod blocked;
 mod counts;
 mod courses;
+mod fence;
 mod heedless;
 mod inputs;
 mod inwards;

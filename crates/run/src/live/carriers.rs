@@ -291,7 +291,22 @@ impl Live {
     /// Sends settings, by their index, that are to act in one cycle, all of them or none; the ticket of their answer,
     /// or `None` where the cycle takes no more, or there are none or too many of them.
     pub fn set(&self, asker: impl Into<Asker>, values: &[(u32, f64)]) -> Option<u64> {
-        let Asker { client, stamp, .. } = asker.into();
+        let set = |batch, &(index, value): &(u32, f64)| RequestKind::Set { index, value, batch };
+        self.send_batch(asker.into(), values, set)
+    }
+
+    /// Sends another fence's corners in odom, m, which is in force with the last one; as settings are sent.
+    pub fn set_fence(&self, asker: impl Into<Asker>, corners_m: &[[f64; 2]]) -> Option<u64> {
+        let set = |batch, corner_m: &[f64; 2]| RequestKind::SetFence { corner_m: *corner_m, batch };
+        self.send_batch(asker.into(), corners_m, set)
+    }
+
+    fn send_batch<T>(
+        &self,
+        Asker { client, stamp, .. }: Asker,
+        values: &[T],
+        kind: impl Fn(Batch, &T) -> RequestKind,
+    ) -> Option<u64> {
         let number = self.shared.next_batch.fetch_add(1, Ordering::Relaxed);
         // Nobody's command comes between them.
         let commands = &mut lock(&self.shared.commands).commands;
@@ -300,8 +315,8 @@ impl Live {
         }
         let mut batch = Some(Batch::new(number, values.len().try_into().ok()?)?);
         let mut ticket = 0;
-        for &(index, value) in values {
-            let ask = Ask::Robot(RequestKind::Set { index, value, batch: batch? });
+        for value in values {
+            let ask = Ask::Robot(kind(batch?, value));
             batch = batch?.next();
             // The last one's answer is that of all.
             ticket = if batch.is_none() { self.ticket() } else { 0 };

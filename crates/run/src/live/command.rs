@@ -327,6 +327,7 @@ pub(super) fn leads(kind: &RequestKind) -> bool {
         RequestKind::Set { .. }
             | RequestKind::SetObstacle { .. }
             | RequestKind::RemoveObstacle { .. }
+            | RequestKind::SetFence { .. }
             | RequestKind::SetOutput { .. }
             | RequestKind::ResetOutput { .. }
             | RequestKind::Axis { .. }

@@ -1,7 +1,7 @@
 //! The latest of everything, for whoever looks at a running robot.
 
 use omnibase_platform::Pose2;
-use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
+use omnibase_robot::guard::{MAX_FENCE_CORNERS, MAX_OBSTACLES, Obstacle};
 use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
 use omnibase_robot::stages::Gain;
 use omnibase_robot::{JoystickShape, MOST_SETTINGS};
@@ -30,6 +30,8 @@ pub struct Snapshot {
     pub joystick: JoystickShape,
     /// Obstacles that are there, where they are now.
     pub obstacles: [Option<Obstacle>; MAX_OBSTACLES],
+    /// The fence.
+    pub fence: FenceSeen,
     /// The number of the reference that is followed; 0 for the robot file's own.
     pub reference: u32,
     /// Where that began when it was last started.
@@ -44,6 +46,27 @@ pub struct Snapshot {
     pub lost_frames: u64,
     /// Cycles left out.
     pub overruns: u64,
+}
+
+/// The corners of a fence, of which there may be none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FenceSeen {
+    corners_m: [[f64; 2]; MAX_FENCE_CORNERS],
+    count: usize,
+}
+
+impl FenceSeen {
+    /// Of its corners in odom, m.
+    pub fn of(corners_m: &[[f64; 2]]) -> Self {
+        let mut seen = FenceSeen { count: corners_m.len().min(MAX_FENCE_CORNERS), ..FenceSeen::default() };
+        seen.corners_m.iter_mut().zip(corners_m).for_each(|(kept, corner)| *kept = *corner);
+        seen
+    }
+
+    /// Its corners in odom, m.
+    pub fn corners_m(&self) -> &[[f64; 2]] {
+        &self.corners_m[..self.count]
+    }
 }
 
 impl Snapshot {
@@ -65,6 +88,7 @@ impl Default for Snapshot {
             settings: [None; MOST_SETTINGS],
             joystick: JoystickShape::default(),
             obstacles: Default::default(),
+            fence: FenceSeen::default(),
             reference: 0,
             reference_start: None,
             goal: None,

@@ -79,6 +79,7 @@ fn counts(ask: &Ask) -> Counts {
             | RequestKind::SwitchController { .. }
             | RequestKind::SetDriveMode { .. }
             | RequestKind::SetObstacle { .. }
+            | RequestKind::SetFence { .. }
             | RequestKind::RemoveObstacle { .. } => Counts::WhereKnown,
             RequestKind::Stop(_)
             | RequestKind::Pause

@@ -117,7 +117,7 @@ pub(super) fn draw(
 fn blocked(svg: &mut String, space: &Space, sheet: &Sheet) {
     let map = &space.map;
     let mut path = String::new();
-    for (row, cells) in map.blocked.chunks_exact(map.width).enumerate() {
+    for (row, cells) in map.touched().chunks_exact(map.width).enumerate() {
         let mut at = 0;
         while at < cells.len() {
             let end = at + cells[at..].iter().take_while(|cell| **cell == cells[at]).count();

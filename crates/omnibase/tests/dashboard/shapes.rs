@@ -1,0 +1,151 @@
+//! Fence and walls drawn and changed on the page.
+
+use serde_json::{Value, json};
+
+use crate::browser::Browser;
+use crate::robot::Robot;
+use crate::{HIT, browser, opened, until};
+
+const FENCE: &str = "fence.rectangle_m=[-1.2, -1.2, 1.6, 1.2]";
+
+/// From places of odom to the screen, before the view is moved: its centre is the origin, however the page is scrolled.
+struct Screen {
+    scale: f64,
+}
+
+impl Screen {
+    fn of(page: &mut Browser, robot: &Robot) -> Screen {
+        let footprint = robot.read("robot")["footprint"].clone();
+        let corners = footprint.as_array().unwrap().iter();
+        let reach_m = corners.fold(0.2, |reach: f64, corner| {
+            reach.max(corner[0].as_f64().unwrap().hypot(corner[1].as_f64().unwrap()))
+        });
+        let size =
+            "(({ clientWidth: w, clientHeight: h }) => Math.min(w, h))(document.getElementById('view'))";
+        let side = page.value(size).as_f64().unwrap();
+        Screen { scale: side / (8.0 * reach_m) }
+    }
+
+    fn place(&self, page: &mut Browser, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+        let middle = page.middle("#view");
+        [middle[0] + x_m * self.scale, middle[1] - y_m * self.scale]
+    }
+
+    fn click(&self, page: &mut Browser, at_m: [f64; 2]) {
+        let at = self.place(page, at_m);
+        page.mouse("mousePressed", at);
+        page.mouse("mouseReleased", at);
+    }
+}
+
+/// Writes a number into a field of the bar, as by the keyboard.
+fn write(page: &mut Browser, field: &str, value: f64) {
+    page.value(&format!(
+        "(() => {{ const field = document.getElementById('shape-bar').elements.{field}; field.focus(); \
+         field.value = {value}; field.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
+    ));
+}
+
+fn fence(robot: &Robot) -> Value {
+    robot.read("now")["fence"].clone()
+}
+
+#[test]
+fn a_fence_is_changed_by_mouse_and_keyboard_and_none_is_taken_that_leaves_the_robot_outside() {
+    let Some(mut page) = browser(1400, 1000) else { return };
+    let robot = Robot::start(&["--set", FENCE, "--set", "map.blocked_m=[[[1.2,0.3],[1.5,0.3],[1.4,0.9]]]"]);
+    page.open(&robot.url());
+    opened(&mut page);
+    let screen = Screen::of(&mut page, &robot);
+    page.click("#fence");
+    page.wait("!document.getElementById('shape-bar').hidden && document.getElementById('shape-bar').elements.corner.length === 4");
+    // By the mouse: a corner is dragged, and a click on a side's middle makes another one.
+    let [from, to] = [[1.6, 1.2], [1.4, 1.1]].map(|at| screen.place(&mut page, at));
+    page.mouse("mousePressed", from);
+    page.mouse("mouseMoved", [from[0] - 10.0, from[1] + 4.0]);
+    page.mouse("mouseMoved", to);
+    page.mouse("mouseReleased", to);
+    screen.click(&mut page, [0.3, 1.15]);
+    page.wait("document.getElementById('shape-bar').elements.corner.length === 5");
+    // By the keyboard: where the new one lies.
+    write(&mut page, "x", 0.3);
+    write(&mut page, "y", 1.0);
+    page.wait("document.querySelector('#shape-bar .diff').textContent.includes('+polygon_m = ')");
+    page.picture("fence");
+    assert_eq!(fence(&robot)[2], json!([1.6, 1.2]), "nothing is taken by itself");
+    until(&mut page, "the fence is taken", |page| {
+        page.click("#shape-bar [name=take]");
+        robot.is_true_within(|robot| fence(robot).as_array().unwrap().len() == 5, HIT)
+    });
+    let taken = fence(&robot);
+    assert_eq!((&taken[0], &taken[3]), (&json!([-1.2, -1.2]), &json!([0.3, 1.0])), "{taken}");
+    let dragged = [0, 1].map(|axis| taken[2][axis].as_f64().unwrap());
+    assert!((dragged[0] - 1.4).abs() < 0.02 && (dragged[1] - 1.1).abs() < 0.02, "{taken}");
+    page.wait("document.getElementById('shape-bar').hidden");
+    // One that leaves the robot outside is refused, and the one before stays.
+    page.click("#fence");
+    page.wait("!document.getElementById('shape-bar').hidden");
+    page.value("(() => { const { corner } = document.getElementById('shape-bar').elements; corner.value = 0; corner.onchange(); })()");
+    write(&mut page, "x", 1.0);
+    write(&mut page, "y", 0.6);
+    until(&mut page, "it is refused", |page| {
+        page.click("#shape-bar [name=take]");
+        page.is_true_within("document.getElementById('said').textContent.includes('fence')", HIT)
+    });
+    assert_eq!(fence(&robot), taken);
+    for (width, height) in [(390, 844), (320, 640)] {
+        page.resize(width, height);
+        let is_wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth";
+        assert_eq!(page.value(is_wide), json!(false), "{width} px: it is wider than the window");
+        page.middle("#view");
+        page.picture(&format!("fence-{width}"));
+    }
+    page.resize(1400, 1000);
+    let dark = json!({"features": [{"name": "prefers-color-scheme", "value": "dark"}]});
+    page.ask("Emulation.setEmulatedMedia", dark);
+    page.picture("fence-dark");
+    page.click("#shape-bar [name=close]");
+    a_wall_is_drawn_changed_and_removed(&mut page, &robot, &screen);
+    robot.end();
+}
+
+fn a_wall_is_drawn_changed_and_removed(page: &mut Browser, robot: &Robot, screen: &Screen) {
+    page.click("#wall");
+    for corner in [[0.7, -1.0], [1.3, -1.0], [1.3, -0.5]] {
+        screen.click(page, corner);
+    }
+    page.wait("document.getElementById('shape-bar').elements.corner.length === 3");
+    page.click("#shape-bar [name=take]");
+    page.wait("document.getElementById('shape-bar').hidden");
+    let walls = |robot: &Robot| robot.read("map")["walls_m"].clone();
+    robot.wait("the wall is drawn", |robot| walls(robot)[0].as_array().is_some_and(|wall| wall.len() == 3));
+    until(page, "the wall is chosen", |page| {
+        screen.click(page, [1.2, -0.9]);
+        page.is_true_within("!document.getElementById('shape-bar').hidden", HIT)
+    });
+    page.picture("wall");
+    page.click("#shape-bar [name=remove]");
+    robot.wait("the wall is gone", |robot| walls(robot) == json!([]));
+    a_way_shows_its_speed(page, robot);
+}
+
+/// Colours of the way's speed have a legend up to its greatest one.
+fn a_way_shows_its_speed(page: &mut Browser, robot: &Robot) {
+    until(page, "it holds", |_| {
+        robot.call(&json!({ "do": "enable" }));
+        robot.is_true_within(|robot| robot.read("now")["phase"] == "holding", HIT)
+    });
+    let (_, said) = robot.call(&json!({ "do": "drive_to", "pose": [0.6, -0.4, 0.0] }));
+    assert_eq!(said["done"], true, "{said}");
+    let speeds = robot.read("planned")["speeds_m_s"].clone();
+    let most = speeds.as_array().unwrap().iter().map(|speed| speed.as_f64().unwrap()).fold(0.0, f64::max);
+    page.wait(&format!("document.getElementById('speed-most').textContent === '{most:.2} m/s'"));
+    assert_eq!(page.value("document.getElementById('speed-key').hidden"), json!(false));
+    page.middle("#view");
+    page.picture("way-dark");
+    page.ask("Emulation.setEmulatedMedia", json!({ "features": [] }));
+    page.picture("way");
+    page.resize(320, 640);
+    page.middle("#view");
+    page.picture("way-320");
+}
