@@ -11,6 +11,10 @@ use crate::call::CallResult;
 pub(crate) enum BusCall {
     /// Every SubDevice and its state.
     Scan,
+    /// The indices of a SubDevice's objects.
+    List(u16),
+    /// What an object is.
+    Object(SdoPlace),
     /// An object's bytes.
     Read(SdoPlace),
     /// An entry's type.
@@ -62,15 +66,29 @@ impl BusCall {
                 let text: Vec<String> = seen.iter().map(one_line).collect();
                 (text.join("\n"), json!({ "subdevices": seen.iter().map(as_json).collect::<Vec<_>>() }))
             }
+            BusCall::List(position) => {
+                let indices = line.sdo_list(position)?;
+                let text: Vec<String> = indices.iter().map(|index| format!("{index:04x}")).collect();
+                (text.join(" "), json!({ "indices": indices }))
+            }
+            BusCall::Object(place) => {
+                let found = line.sdo_object(place)?;
+                let text = format!(
+                    "{:04x} {}: subindices to {}",
+                    place.object.index, found.name, found.max_subindex
+                );
+                (text, json!(found))
+            }
             BusCall::Read(place) => {
                 let bytes = line.sdo_read(place)?;
                 let data = hexadecimal(&bytes);
                 (format!("{} {}", place.object, words(&bytes)), json!({ "data": data }))
             }
             BusCall::Type(place) => {
-                let EntryType { data_type, bit_length } = line.sdo_type(place)?;
-                let text = format!("{} type 0x{data_type:04x}, {bit_length} bits", place.object);
-                (text, json!({ "data_type": data_type, "bit_length": bit_length }))
+                let found = line.sdo_type(place)?;
+                let EntryType { name, data_type, bit_length, .. } = &found;
+                let text = format!("{} {name}: type 0x{data_type:04x}, {bit_length} bits", place.object);
+                (text, json!(found))
             }
             BusCall::Write(place, value) => {
                 let bytes = match value {

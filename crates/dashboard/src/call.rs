@@ -219,7 +219,19 @@ pub enum Call {
         /// Index and subindex in hexadecimal: `6041:00`.
         object: String,
     },
-    /// Ask for an object's type, by SDO Information.
+    /// List the indices of a SubDevice's objects, by SDO Information.
+    SdoList {
+        /// Its position, from 0.
+        subdevice: u16,
+    },
+    /// Ask for an object's name, kind and highest subindex, by SDO Information.
+    SdoObject {
+        /// Its position, from 0.
+        subdevice: u16,
+        /// Index in hexadecimal.
+        object: String,
+    },
+    /// Ask for an entry's name, type, length and access, by SDO Information.
     SdoType {
         /// Its position, from 0.
         subdevice: u16,
@@ -316,6 +328,8 @@ impl Call {
             | Call::StopAxis { .. }
             | Call::Scan
             | Call::SdoRead { .. }
+            | Call::SdoList { .. }
+            | Call::SdoObject { .. }
             | Call::SdoType { .. }
             | Call::SdoWrite { .. }
             | Call::Teach { .. }

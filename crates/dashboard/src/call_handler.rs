@@ -197,6 +197,10 @@ impl CallHandler {
             Call::SdoRead { subdevice, object } => {
                 return Ok(self.bus(BusCall::Read(place(subdevice, &object)?)));
             }
+            Call::SdoList { subdevice } => return Ok(self.bus(BusCall::List(subdevice))),
+            Call::SdoObject { subdevice, object } => {
+                return Ok(self.bus(BusCall::Object(place(subdevice, &object)?)));
+            }
             Call::SdoType { subdevice, object } => {
                 return Ok(self.bus(BusCall::Type(place(subdevice, &object)?)));
             }

@@ -14,6 +14,7 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("link.js", "text/javascript; charset=utf-8", include_str!("page/link.js")),
     ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
     ("obstacles.js", "text/javascript; charset=utf-8", include_str!("page/obstacles.js")),
+    ("objects.js", "text/javascript; charset=utf-8", include_str!("page/objects.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("shapes.js", "text/javascript; charset=utf-8", include_str!("page/shapes.js")),
     ("settings.js", "text/javascript; charset=utf-8", include_str!("page/settings.js")),

@@ -470,7 +470,7 @@ impl<L: Link> CyclicBus<L> {
         self.phase = if self.members.is_empty() {
             TransitionStatus::Reached(goal)
         } else {
-            let transition = Transition::new(goal, options, now);
+            let transition = Transition::new(goal, options, &self.members, now);
             let step = transition.step();
             self.transition = Some(transition);
             TransitionStatus::Moving { goal, step }

@@ -25,6 +25,7 @@ use core::time::Duration;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::process_data::MailboxConfig;
 use crate::wire::coe::{self, AbortCode};
+use crate::wire::foe;
 use crate::wire::frame::MAX_DATA;
 use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
@@ -191,13 +192,11 @@ impl Mailbox {
         if self.is_busy() {
             return Err(request);
         }
-        let download = request.operation.is_write();
-        if download && u32::try_from(request.data.len()).is_err() {
-            let error = MailboxError::DataTooLong { found: request.data.len() };
+        if let Err(error) = self.fits(&request) {
             self.task = Task::Over(Completion { request, result: Err(error) });
             return Ok(());
         }
-        if !download {
+        if !request.operation.is_write() {
             request.data.clear();
         }
         let longest_answer = usize::from(self.config.read.length) - mailbox::HEADER;
@@ -205,6 +204,15 @@ impl Mailbox {
         self.task = Task::Run { request, transfer, deadline: now };
         self.send_next(now);
         Ok(())
+    }
+
+    fn fits(&self, request: &MailboxRequest) -> Result<(), MailboxError> {
+        let (data, name) = (request.data.len(), request.operation.name_length());
+        if request.operation.is_write() && u32::try_from(data).is_err() {
+            return Err(MailboxError::DataTooLong { found: data });
+        }
+        let room = usize::from(self.config.write.length).saturating_sub(mailbox::HEADER + foe::HEADER);
+        if name > room { Err(MailboxError::NameTooLong { found: name, room }) } else { Ok(()) }
     }
 
     /// Looks once for a message that nobody asked for, where the mailbox has nothing else to do.

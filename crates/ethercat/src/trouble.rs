@@ -7,6 +7,7 @@ use core::fmt;
 
 use crate::bus::Bus;
 use crate::error::SetUpError;
+use crate::found::AccessError;
 use crate::subdevice::{PortKind, SubDevice};
 use crate::transaction::{Access, Expect};
 use crate::wire::{Clock, Link, register, sii};
@@ -57,6 +58,13 @@ pub enum Trouble {
         /// Of so many.
         of: u32,
     },
+    /// It answered when it was found, and doesn't answer now.
+    Silent {
+        /// The SubDevice.
+        position: u16,
+        /// What it was asked, and what came of that.
+        cause: AccessError,
+    },
     /// The chip didn't load its EEPROM: its application gets no process data.
     NotLoaded {
         /// The SubDevice.
@@ -97,6 +105,10 @@ impl fmt::Display for Trouble {
                 "{lost} of {of} frames didn't come back: a loose plug, a switch or other traffic on the way, or a network card that \
                  saves energy (`omnibase doctor` looks at that)"
             ),
+            Trouble::Silent { cause, .. } => write!(
+                f,
+                "{cause}: it was found, and now it doesn't answer: look at its supply and its cables"
+            ),
             Trouble::NotLoaded { position } => write!(
                 f,
                 "SubDevice {position}: its chip has no valid EEPROM content (checksum), or its supply came up too slowly: power it \
@@ -133,7 +145,15 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 Access::read("reading the error counters", target, register::RX_ERROR_COUNTERS, COUNTERS),
                 Access::read("reading DL status", target, register::DL_STATUS, 2),
             ];
-            self.transactor.perform(&mut reads)?;
+            match self.transactor.perform(&mut reads) {
+                Ok(()) => {}
+                // Others may answer, and tell where it broke.
+                Err(SetUpError::Access(cause)) => {
+                    trouble.push(Trouble::Silent { position: one.position, cause });
+                    continue;
+                }
+                Err(other) => return Err(other),
+            }
             let [counters, status] = reads;
             trouble.extend(self.of_one(number, &counters.data, status.data.first().copied().unwrap_or(1)));
         }

@@ -4,11 +4,12 @@ use crate::progress;
 use crate::target::AnyBus;
 use crate::value::DataType;
 use omnibase_ethercat::SetUpError;
-use omnibase_ethercat::mailbox::{EntryDescription, MailboxError, ObjectDescription};
+use omnibase_ethercat::mailbox::{EntryDescription, MailboxError};
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat_wire::coe::ObjectAddress;
-use omnibase_ethercat_wire::printable::printable;
+use omnibase_run::live::{EntryType, ObjectType};
 use serde::Serialize;
+use std::io::{self, Write};
 
 /// The access bits that allow reading in any state.
 const READABLE: u16 = 0b00_0111;
@@ -58,85 +59,152 @@ pub struct Entry {
     pub error: Option<String>,
 }
 
-/// Reads the whole dictionary of the SubDevice at `position`.
+impl Object {
+    /// Prints it, a line for each entry: index, rights, name, type, value.
+    pub fn print(&self, output: &mut dyn Write) -> io::Result<()> {
+        let object = self;
+        if let Some(error) = &object.error {
+            return writeln!(output, "    {:04x}      {error}", object.index);
+        }
+        let single = object.entries.len() == 1 && object.object_code == 7;
+        if !single {
+            writeln!(output, "    {:04x}      {}", object.index, object.name)?;
+        }
+        for entry in &object.entries {
+            let value = match (&entry.error, entry.access & 0b111) {
+                (Some(error), _) => error.as_str(),
+                (None, 0) => "write only",
+                (None, _) => &entry.words,
+            };
+            let name = if single && entry.name.is_empty() { &object.name } else { &entry.name };
+            writeln!(
+                output,
+                "    {:04x}:{:02x}   {} {:<32} {:<6} {value}",
+                object.index,
+                entry.subindex,
+                rights(entry.access),
+                name,
+                DataType::from_coe(entry.data_type)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Reading and writing in any state, and mapping.
+fn rights(access: u16) -> String {
+    let mark = |mask: u16, mark: char| if access & mask != 0 { mark } else { '-' };
+    [mark(0b111, 'r'), mark(0b11_1000, 'w'), mark(1 << 6, 'o'), mark(1 << 7, 'i')].iter().collect()
+}
+
+/// Who answers what a dictionary is made of. An inner `Err` is the SubDevice's own refusal, in words; an outer one ends it all.
+pub trait Objects {
+    /// The indices of all objects.
+    fn list(&mut self) -> anyhow::Result<Vec<u16>>;
+    /// What an object is.
+    fn object(&mut self, index: u16) -> anyhow::Result<Result<ObjectType, String>>;
+    /// What an entry is.
+    fn entry(&mut self, address: ObjectAddress) -> anyhow::Result<Result<EntryType, String>>;
+    /// An entry's bytes.
+    fn value(&mut self, address: ObjectAddress) -> anyhow::Result<Result<Vec<u8>, String>>;
+}
+
+/// A SubDevice of a segment that this program set up.
+pub struct OnBus<'a> {
+    /// The segment.
+    pub bus: &'a mut AnyBus,
+    /// The SubDevice.
+    pub position: u16,
+}
+
+impl Objects for OnBus<'_> {
+    fn list(&mut self) -> anyhow::Result<Vec<u16>> {
+        Ok(self.bus.object_list(self.position)?)
+    }
+
+    fn object(&mut self, index: u16) -> anyhow::Result<Result<ObjectType, String>> {
+        described(self.bus.describe_object(self.position, index), ObjectType::read)
+    }
+
+    fn entry(&mut self, address: ObjectAddress) -> anyhow::Result<Result<EntryType, String>> {
+        described(self.bus.describe_entry(self.position, address, 0), EntryType::read)
+    }
+
+    fn value(&mut self, address: ObjectAddress) -> anyhow::Result<Result<Vec<u8>, String>> {
+        described(self.bus.sdo_read(self.position, address, SdoAccess::Entry), |bytes| Some(bytes.to_vec()))
+    }
+}
+
+/// What bytes say; they are too short where `read` has nothing.
+fn described<T>(
+    bytes: Result<Vec<u8>, SetUpError>,
+    read: impl FnOnce(&[u8]) -> Option<T>,
+) -> anyhow::Result<Result<T, String>> {
+    Ok(match bytes {
+        Ok(bytes) => read(&bytes).ok_or_else(|| format!("description of {} bytes is too short", bytes.len())),
+        Err(error) => Err(refusal(error)?),
+    })
+}
+
+/// Reads the dictionary of a SubDevice, where `only` names objects just these; `done` is told each.
 ///
 /// An object or entry that the SubDevice refuses is kept with its reason; only a lost SubDevice is an error.
-pub fn read(bus: &mut AnyBus, position: u16) -> Result<Vec<Object>, SetUpError> {
-    let indices = bus.object_list(position)?;
-    let bar = progress::bar(indices.len() as u64, &format!("dictionary of SubDevice {position}"));
+pub fn read(
+    of: &mut dyn Objects,
+    only: &[u16],
+    done: &mut dyn FnMut(&Object) -> anyhow::Result<()>,
+) -> anyhow::Result<Vec<Object>> {
+    let indices = if only.is_empty() { of.list()? } else { only.to_vec() };
+    let bar = progress::bar(indices.len() as u64, "objects");
     let mut objects = Vec::with_capacity(indices.len());
     for index in indices {
-        objects.push(object(bus, position, index)?);
+        let object = object(of, index)?;
+        done(&object)?;
+        objects.push(object);
         bar.inc(1);
     }
     bar.finish_and_clear();
     Ok(objects)
 }
 
-fn object(bus: &mut AnyBus, position: u16, index: u16) -> Result<Object, SetUpError> {
-    let mut object = Object {
-        index,
-        name: String::new(),
-        object_code: 0,
-        data_type: 0,
-        max_subindex: 0,
-        entries: Vec::new(),
-        error: None,
+fn object(of: &mut dyn Objects, index: u16) -> anyhow::Result<Object> {
+    let (found, error) = match of.object(index)? {
+        Ok(found) => (found, None),
+        Err(error) => (ObjectType::default(), Some(error)),
     };
-    let bytes = match bus.describe_object(position, index) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            object.error = Some(refusal(error)?);
-            return Ok(object);
-        }
-    };
-    let Some(description) = ObjectDescription::read(&bytes) else {
-        object.error = Some(format!("description of {} bytes is too short", bytes.len()));
-        return Ok(object);
-    };
-    object.name = text(description.name);
-    object.object_code = description.object_code;
-    object.data_type = description.data_type;
-    object.max_subindex = description.max_subindex;
-    let last = if description.object_code == VARIABLE { 0 } else { description.max_subindex };
-    for subindex in 0..=last {
-        if let Some(entry) = entry(bus, position, ObjectAddress::new(index, subindex))? {
-            object.entries.push(entry);
-        }
+    let ObjectType { name, object_code, data_type, max_subindex } = found;
+    let is_described = error.is_none();
+    let mut object = Object { index, name, object_code, data_type, max_subindex, entries: Vec::new(), error };
+    let last = if object_code == VARIABLE { 0 } else { max_subindex };
+    for subindex in (0..=last).filter(|_| is_described) {
+        object.entries.extend(entry(of, ObjectAddress::new(index, subindex))?);
     }
     Ok(object)
 }
 
 /// One entry; `None` where the object has a hole.
-fn entry(bus: &mut AnyBus, position: u16, address: ObjectAddress) -> Result<Option<Entry>, SetUpError> {
-    let bytes = match bus.describe_entry(position, address, 0) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            refusal(error)?;
-            return Ok(None);
-        }
-    };
-    let Some(description) = EntryDescription::read(&bytes) else { return Ok(None) };
+fn entry(of: &mut dyn Objects, address: ObjectAddress) -> anyhow::Result<Option<Entry>> {
+    let Ok(EntryType { name, data_type, bit_length, access }) = of.entry(address)? else { return Ok(None) };
     let mut entry = Entry {
         subindex: address.subindex,
-        name: text(description.name),
-        data_type: description.data_type,
-        bit_length: description.bit_length,
-        access: description.access,
+        name,
+        data_type,
+        bit_length,
+        access,
         value: serde_json::Value::Null,
         words: String::new(),
         error: None,
     };
-    if description.access & READABLE == 0 {
+    if access & READABLE == 0 {
         return Ok(Some(entry));
     }
-    match bus.sdo_read(position, address, SdoAccess::Entry) {
+    match of.value(address)? {
         Ok(value) => {
-            let data_type = DataType::from_coe(description.data_type);
+            let data_type = DataType::from_coe(data_type);
             entry.value = data_type.to_json(&value);
             entry.words = data_type.to_words(&value);
         }
-        Err(error) => entry.error = Some(refusal(error)?),
+        Err(error) => entry.error = Some(error),
     }
     Ok(Some(entry))
 }
@@ -170,9 +238,4 @@ fn refusal(error: SetUpError) -> Result<String, SetUpError> {
         } => Ok(cause.to_string()),
         error => Err(error),
     }
-}
-
-fn text(bytes: &[u8]) -> String {
-    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
-    printable(&bytes[..end])
 }

@@ -196,6 +196,7 @@ const PERIPHERAL: Sort = Sort {
         "position",
         "alias",
         "identification",
+        "group",
         "kind",
         "vendor_id",
         "product_code",

@@ -150,6 +150,12 @@ impl<L: Link, C: Clock> Session<L, C> {
         bus.scan()?;
         let drives = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus));
         let found = bus.subdevices();
+        let absent = peripherals::absent_groups(plan, found)?;
+        for group in &absent {
+            warn(format!(
+                "hot-connect group `{group}` isn't plugged in: the robot runs without it, and takes it in at its next start"
+            ));
+        }
         let peripherals = plan.devices.iter().map(|device| peripherals::config(device, &plan.bus, found));
         let configs: Vec<_> = drives.chain(peripherals).collect();
         let configured = bus.configure(&configs);
@@ -176,7 +182,8 @@ impl<L: Link, C: Clock> Session<L, C> {
             (None, Some(device)) => Role::Device(device),
             (None, None) => Role::Nobody,
         };
-        let supervisor = Supervisor::new(subdevices, plan.safety.lost_exchanges_tolerated, role_of);
+        let tolerated = plan.safety.lost_exchanges_tolerated;
+        let supervisor = Supervisor::new(subdevices, tolerated, absent.join(", "), role_of);
         let wheels = Wheels { image, wiring, peripherals, supervisor };
         Ok(Session { paced, wheels, counted_before: CycleCounters::default() })
     }
@@ -384,8 +391,11 @@ where
     L: Link,
 {
     let wires = |name: &str, place: BusPlace, inputs: usize, outputs: usize| {
-        let found = peripherals::found(place, subdevices);
-        let placements = found.map_or(&[][..], |one| bus.plan().placements_of(one.position));
+        // Of a hot-connect group that isn't there: everybody else was found when the bus was configured.
+        let Some(found) = peripherals::found(place, subdevices) else {
+            return Ok(Wires { position: u16::MAX, ..Wires::default() });
+        };
+        let placements = bus.plan().placements_of(found.position);
         let bytes = |direction: Direction, words, expected: usize| {
             let placement = placements.iter().find(|placement| placement.direction == direction);
             let range = placement.map_or(0..0, |placement| placement.bytes());
@@ -402,7 +412,7 @@ where
             }
         };
         Ok(Wires {
-            position: found.map_or(u16::MAX, |one| one.position),
+            position: found.position,
             inputs: bytes(Direction::Inputs, "inputs", inputs)?,
             outputs: bytes(Direction::Outputs, "outputs", outputs)?,
         })

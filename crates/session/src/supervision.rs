@@ -110,6 +110,8 @@ pub struct Supervisor {
     tolerated: u32,
     /// SubDevices beyond those that were set up, as the last exchange showed it.
     surplus: u16,
+    /// Hot-connect groups that weren't there at the start; empty where all were.
+    absent: String,
     /// Since when nothing comes back.
     silent_since: Option<HostTime>,
     /// That the interface sees no link was said of this silence.
@@ -122,8 +124,13 @@ impl Supervisor {
     /// A supervisor of what set-up found; `role_of` tells what a SubDevice is to the robot.
     ///
     /// Who is silent in up to `tolerated` exchanges in a row is named, but neither are its outputs taken from it nor is it
-    /// brought back.
-    pub fn new(subdevices: Vec<SubDevice>, tolerated: u32, role_of: impl Fn(&SubDevice) -> Role) -> Self {
+    /// brought back. `absent` names the hot-connect groups that may still come.
+    pub fn new(
+        subdevices: Vec<SubDevice>,
+        tolerated: u32,
+        absent: String,
+        role_of: impl Fn(&SubDevice) -> Role,
+    ) -> Self {
         let supervised = |subdevice: SubDevice| {
             let position = subdevice.position;
             let name = match (&subdevice.config.name, subdevice.name.as_str()) {
@@ -171,6 +178,7 @@ impl Supervisor {
             ring: RingState::Unknown,
             tolerated,
             surplus: 0,
+            absent,
             silent_since: None,
             link_told: false,
             ended: VecDeque::with_capacity(CAPACITY),
@@ -260,6 +268,11 @@ impl Supervisor {
         }
         self.totals.surplus = surplus.into();
         self.say(match surplus {
+            _ if surplus > 0 && !self.absent.is_empty() => Words::new(format_args!(
+                "{answered} SubDevices answer, {expected} were set up: hot-connect group {}? End the robot and start it anew to take \
+                 it in",
+                self.absent
+            )),
             0 => Words::new(format_args!("no more than {expected} SubDevices answer again")),
             _ => Words::new(format_args!(
                 "{answered} SubDevices answer, {expected} were set up: {surplus} plugged in since then, left alone; \

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{RobotPlan, SpeedUnit};
+use omnibase_robot::config::{DrivePlan, DriveScale, RobotPlan, SpeedUnit};
 
 use crate::hand::{Answer, Hand, Question};
 use crate::record::{FoundDrive, Record, Step};
@@ -225,22 +225,101 @@ impl<'a, C: Clock> Guide<'a, C> {
         Err(Leave)
     }
 
+    /// What the file has of this drive: that of its wheel, or, before it was seen which that is, the one of its product by which
+    /// it is told the least speed.
+    pub(crate) fn scale_of(&self, drive: &FoundDrive) -> DriveScale {
+        let plans = &self.plan.drives;
+        if let Some(plan) = plans.iter().find(|plan| drive.wheel.as_ref() == Some(&plan.name)) {
+            return plan.scale;
+        }
+        let of_product: Vec<DriveScale> =
+            plans.iter().filter(|plan| is_product(plan, drive)).map(|plan| plan.scale).collect();
+        let all = plans.iter().map(|plan| plan.scale);
+        let candidates = if of_product.is_empty() { all.collect() } else { of_product };
+        let told = |scale: &DriveScale| units_s(scale, expected_counts(scale, drive), drive);
+        let slowest = candidates.into_iter().min_by(|one, other| told(one).total_cmp(&told(other)));
+        slowest.unwrap_or(plans[0].scale)
+    }
+
     /// Counts per turn of a wheel as far as they are known: by the drive, else by the file.
     pub(crate) fn expected_counts(&self, drive: &FoundDrive) -> f64 {
-        let scale = &self.plan.drives[0].scale;
-        let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
-        counts * drive.told_gear.unwrap_or(scale.gear_ratio)
+        expected_counts(&self.scale_of(drive), drive)
     }
 
     /// Speed in the drive's units, of so many counts per second.
     pub(crate) fn speed_units(&self, counts_s: f64, drive: &FoundDrive) -> i32 {
-        let scale = &self.plan.drives[0].scale;
-        let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
-        let units = match scale.speed_unit {
-            SpeedUnit::CountsS => counts_s,
-            SpeedUnit::Rpm => counts_s / counts * 60.0,
-            SpeedUnit::MilliRpm => counts_s / counts * 60_000.0,
+        (units_s(&self.scale_of(drive), counts_s, drive).round() as i32).max(1)
+    }
+}
+
+/// Whether the file means this product, as far as it names one.
+pub(crate) fn is_product(plan: &DrivePlan, drive: &FoundDrive) -> bool {
+    let is = |wanted: Option<u32>, found: u32| wanted.is_none_or(|wanted| wanted == found);
+    is(plan.identity.vendor_id, drive.vendor_id) && is(plan.identity.product_code, drive.product_code)
+}
+
+fn expected_counts(scale: &DriveScale, drive: &FoundDrive) -> f64 {
+    let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
+    counts * drive.told_gear.unwrap_or(scale.gear_ratio)
+}
+
+fn units_s(scale: &DriveScale, counts_s: f64, drive: &FoundDrive) -> f64 {
+    let counts = drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution));
+    match scale.speed_unit {
+        SpeedUnit::CountsS => counts_s,
+        SpeedUnit::Rpm => counts_s / counts * 60.0,
+        SpeedUnit::MilliRpm => counts_s / counts * 60_000.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Nobody;
+
+    impl Hand for Nobody {
+        fn ask(&mut self, _: &Question) -> Answer {
+            Answer::Leave
+        }
+
+        fn tell(&mut self, _: &str) {}
+
+        fn take_key(&mut self, _: &str) {}
+
+        fn key(&mut self) -> crate::Key {
+            crate::Key::Gone
+        }
+    }
+
+    /// A file with two products: a drive is told the speed of its own wheel or product, and the least where neither is known.
+    #[test]
+    fn each_drive_has_its_own_scale() {
+        const BASE: &str = include_str!("../../../robots/bmm.toml");
+        let mut document: toml_edit::DocumentMut = BASE.parse().unwrap();
+        let drives = document["drive"].as_array_of_tables_mut().unwrap();
+        for (table, (gear, product)) in drives.iter_mut().zip([(10.0, 1), (1.0, 2), (5.0, 2)]) {
+            table["gear_ratio"] = toml_edit::value(gear);
+            table["product_code"] = toml_edit::value(format!("0x{product}"));
+        }
+        let (mut hand, mut keep) = (Nobody, |_: &Record| {});
+        let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
+            Err("nothing is opened".to_owned())
         };
-        (units.round() as i32).max(1)
+        let outside = Outside { hand: &mut hand, keep: &mut keep };
+        let guide =
+            Guide::new(Wished::new(document.to_string()), Record::default(), &mut open, outside).unwrap();
+        let gear = |wheel: Option<&str>, product_code| {
+            let identity = guide.plan.drives[0].identity;
+            let drive = FoundDrive {
+                wheel: wheel.map(str::to_owned),
+                vendor_id: identity.vendor_id.unwrap_or_default(),
+                product_code,
+                ..FoundDrive::default()
+            };
+            guide.scale_of(&drive).gear_ratio
+        };
+        assert_eq!([1, 2, 3].map(|product| gear(None, product)), [10.0, 1.0, 1.0]);
+        assert_eq!(["wheel_1", "wheel_2", "wheel_3"].map(|wheel| gear(Some(wheel), 2)), [10.0, 1.0, 5.0]);
     }
 }

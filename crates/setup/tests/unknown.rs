@@ -3,7 +3,7 @@
 #[path = "../examples/seeds/unknown.rs"]
 mod unknown;
 
-use omnibase_setup::Step;
+use omnibase_setup::{Answer, Question, Step};
 use unknown::{Unknown, differences, drive_square, set_up};
 
 fn robot() -> Unknown {
@@ -16,11 +16,21 @@ fn robot() -> Unknown {
     }
 }
 
+/// This answer to this question, once.
+fn once(id: &'static str, answer: Answer) -> impl FnMut(&Question) -> Option<Answer> {
+    let mut left = Some(answer);
+    move |question| if question.id == id { left.take() } else { None }
+}
+
+fn said(text: &str) -> Answer {
+    Answer::Said(text.to_owned())
+}
+
 #[test]
 fn a_robot_wired_in_every_way_wrongly_gets_its_file_and_drives_its_square() {
     let robot = robot();
     // Left in the middle, and taken up again.
-    let found = set_up(&robot, Some("way 1")).unwrap();
+    let found = set_up(&robot, &mut once("way 1", Answer::Leave)).unwrap();
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{}", found.text);
     assert_eq!(found.record.done, Step::ALL, "{:?}", found.asked);
     let said = found.record.findings.join("\n");
@@ -45,8 +55,52 @@ fn a_robot_wired_in_every_way_wrongly_gets_its_file_and_drives_its_square() {
 #[test]
 fn a_robot_of_a_seed_gets_its_file() {
     let robot = Unknown::of(2);
-    let found = set_up(&robot, None).unwrap();
+    let found = set_up(&robot, &mut |_| None).unwrap();
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{robot:?}");
+}
+
+/// Nothing said chooses nothing: a wheel isn't named, a stop isn't called tested, by pressing enter.
+#[test]
+fn an_empty_answer_is_none_where_there_is_a_choice() {
+    for id in ["wheel 0", "way 1", "parameters 2", "stopped 0"] {
+        let found = set_up(&Unknown::of(2), &mut once(id, said(" \n"))).unwrap();
+        let times = found.asked.iter().filter(|(asked, _)| asked == id).count();
+        assert_eq!(times, 2, "{id}: {:?}", found.asked);
+        let refused = found.told.iter().filter(|told| told.contains("expected one of")).count();
+        assert_eq!(refused, 1, "{id}: {:?}", found.told);
+    }
+}
+
+/// A drive that loses its torque by itself isn't called stopped: it is noted and asked again.
+#[test]
+fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
+    let found = set_up(&Unknown::of(2), &mut |question| match question.id.as_str() {
+        "stopped 1" => Some(said("no")),
+        "stop 1" => Some(said("go on")),
+        _ => None,
+    })
+    .unwrap();
+    let without = |line: &&String| line.contains("lost its torque without the emergency stop");
+    assert_eq!(found.record.findings.iter().filter(without).count(), 1, "{:?}", found.record.findings);
+    let tested = |line: &&String| line.contains("the emergency stop took its torque");
+    assert_eq!(found.record.log.iter().filter(tested).count(), 2, "{:?}", found.record.log);
+    let asked: Vec<&str> = found.asked.iter().map(|(id, _)| id.as_str()).collect();
+    assert!(asked.contains(&"stop 1") && !asked.contains(&"stop 0"), "{asked:?}");
+}
+
+/// Who sees the same wheel at every drive isn't asked for ever.
+#[test]
+fn two_drives_for_one_wheel_are_jogged_again_a_few_times_and_then_left() {
+    let mut asked = 0;
+    let ended = set_up(&Unknown { turned_encoder: None, ..robot() }, &mut |question| {
+        question.id.starts_with("wheel ").then(|| {
+            asked += 1;
+            said("wheel_1")
+        })
+    });
+    assert!(ended.is_err_and(|words| words.contains("it didn't end")));
+    // Three rounds of three drives, and the same when it is taken up again.
+    assert_eq!(asked, 18);
 }
 
 /// A program that never answers with an answer.

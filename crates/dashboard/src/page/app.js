@@ -4,6 +4,7 @@ import { Beside } from "./beside.js";
 import { faultWords } from "./fault.js";
 import { AGAIN_MS, Link, OLD_MS, post, read } from "./link.js";
 import { showActions } from "./actions.js";
+import { Objects } from "./objects.js";
 import { Obstacles } from "./obstacles.js";
 import { Plots } from "./plots.js";
 import { Settings } from "./settings.js";
@@ -26,6 +27,7 @@ const stop = new StopButton(by("stop"), link);
 const warning = new Warning();
 const beside = new Beside(by("beside"), { ask, halt, value });
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
+new Objects(by("objects"), (call) => link.call(call));
 let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "", walls = null;
 
 // What is pressed.

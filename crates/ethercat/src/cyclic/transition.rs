@@ -13,9 +13,6 @@ use crate::sync_manager::ACTIVATE;
 use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::{AlState, AlStatusCode, DcTime, HostTime, register};
 
-/// SyncManagers of one SubDevice that can be switched on for OP alone.
-const MOST_OP_ONLY: u8 = 4;
-
 /// Limits of the way to OP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TransitionOptions {
@@ -133,6 +130,8 @@ pub(super) struct Transition {
     /// The farthest clock of the last look.
     worst: Option<(u16, i32)>,
     first_sync: DcTime,
+    /// Steps that switch SyncManagers for OP alone: as many as the SubDevice with the most of them has.
+    most_op_only: u8,
     /// The way back goes on after an error and reports the first one.
     first_error: Option<TransitionError>,
 }
@@ -144,7 +143,7 @@ pub(super) fn signed_difference(value: u32) -> i32 {
 }
 
 impl Transition {
-    pub fn new(goal: Goal, options: TransitionOptions, now: HostTime) -> Self {
+    pub fn new(goal: Goal, options: TransitionOptions, members: &[Member], now: HostTime) -> Self {
         let step = match goal {
             Goal::Op => Step::LockClocks,
             Goal::PreOp | Goal::Init => Step::Ask(AlState::PreOp),
@@ -159,6 +158,7 @@ impl Transition {
             good: 0,
             worst: None,
             first_sync: DcTime(0),
+            most_op_only: members.iter().map(|member| member.op_only.len() as u8).max().unwrap_or(0),
             first_error: None,
         }
     }
@@ -182,7 +182,7 @@ impl Transition {
             Step::LockClocks => Step::SyncOff,
             Step::SyncOff if up => Step::CyclicControl,
             Step::SyncOff => Step::OpOnly(0),
-            Step::OpOnly(number) if number + 1 < MOST_OP_ONLY => Step::OpOnly(number + 1),
+            Step::OpOnly(number) if number + 1 < self.most_op_only => Step::OpOnly(number + 1),
             Step::OpOnly(_) if up => Step::Ask(AlState::Op),
             Step::OpOnly(_) if self.goal == Goal::Init => Step::Ask(AlState::Init),
             Step::OpOnly(_) => return None,

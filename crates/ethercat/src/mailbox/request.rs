@@ -76,6 +76,14 @@ pub enum Operation {
 }
 
 impl Operation {
+    /// Bytes of the file's name; 0 where it is about no file.
+    pub(super) fn name_length(self) -> usize {
+        match self {
+            Operation::ReadFile(file) | Operation::WriteFile(file) => file.name.bytes().len(),
+            _ => 0,
+        }
+    }
+
     /// Whether the request's data go to the SubDevice.
     pub(super) fn is_write(self) -> bool {
         matches!(self, Operation::Download { .. } | Operation::WriteFile(_))
@@ -243,6 +251,16 @@ pub enum MailboxError {
     DataTooLong {
         /// Bytes to write.
         found: usize,
+    },
+    /// The file's name doesn't fit into one message, and FoE knows no second one for it.
+    #[error(
+        "the file's name has {found} bytes, this SubDevice's mailbox has room for {room}: give it a shorter one"
+    )]
+    NameTooLong {
+        /// Bytes of the name.
+        found: usize,
+        /// Bytes that fit.
+        room: usize,
     },
     /// A fragment of an SDO Information answer is missing.
     #[error("fragments left: expected {expected}, found {found}")]

@@ -156,6 +156,24 @@ fn a_half_written_eeprom_is_never_called_good_and_can_be_written_again() {
     assert!(halves > 10, "{halves} halves of {frames} frames");
 }
 
+/// What is left in an EEPROM that was taken for another one than it is, or that keeps what it was before.
+#[test]
+fn an_eeprom_that_differs_in_the_end_has_its_checksum_spoiled() {
+    let right = wanted(&image(1));
+    let mut bus = bus_of(segment().0, []);
+    bus.scan().unwrap();
+    // Word 100 is believed to be right already, so it isn't written.
+    let mut believed = image(1);
+    believed[200..202].copy_from_slice(&right[200..202]);
+    let differs = bus.write_sii(0, &believed, &right).unwrap_err();
+    let (expected, found) = (0x5A5A, u16::from_le_bytes([image(1)[200], image(1)[201]]));
+    assert_eq!(differs, SetUpError::EepromDiffers { position: 0, word: 100, expected, found });
+    assert!(!is_valid(&eeprom(&mut bus)));
+    let before = bus.read_sii(0).unwrap();
+    bus.write_sii(0, &before, &right).unwrap();
+    assert_eq!(eeprom(&mut bus), right);
+}
+
 fn file(name: &str) -> FileAccess {
     FileAccess { name: ShortText::new(name).unwrap(), password: 0 }
 }
@@ -231,6 +249,34 @@ fn a_broken_off_firmware_is_never_called_good_and_can_be_written_again() {
         bus.configure(&[]).unwrap();
     }
     assert!(halves > 3, "{halves}");
+}
+
+/// FoE has one message for a name: 34 bytes of mailbox leave room for 22 of it, and no cut name is ever asked for.
+#[test]
+fn a_name_that_the_mailbox_cant_carry_is_refused_before_anything_is_sent() {
+    let write = |name: &str| {
+        let mut sii = image(1);
+        [0x15, 0x17].into_iter().for_each(|word| sii[2 * word] = 34);
+        let generic = Generic::from_sii(&sii, &Piece::default()).unwrap();
+        let files = generic.files.unwrap();
+        let mut bus = bus_of(Segment::line(vec![generic.sub_device]).unwrap(), []);
+        bus.scan().unwrap();
+        bus.enter_boot(0).unwrap();
+        let operation = Operation::WriteFile(file(name));
+        let done = bus.transfer_file(0, MailboxRequest::new(operation, firmware(60)), &mut |_| {});
+        let names: Vec<String> = files.lock().files.keys().cloned().collect();
+        (done.map(drop), names)
+    };
+    let (done, names) = write(&"n".repeat(22));
+    assert!(done.is_ok() && names.contains(&"n".repeat(22)), "{done:?} {names:?}");
+    let (done, names) = write(&"n".repeat(23));
+    let words = done.unwrap_err().to_string();
+    assert!(
+        words.contains("the file's name has 23 bytes, this SubDevice's mailbox has room for 22"),
+        "{words}"
+    );
+    assert!(names.iter().all(|name| !name.starts_with('n')), "{names:?}");
+    assert_eq!(ShortText::new(&"n".repeat(24)), None);
 }
 
 #[test]

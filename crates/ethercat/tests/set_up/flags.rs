@@ -103,6 +103,23 @@ fn a_syncmanager_for_op_alone_is_switched_on_between_safe_op_and_op() {
     assert_eq!(activated(operational.paced.bus().link().segment(), 0), 0);
 }
 
+/// Every one of them: a device with more than four, too.
+#[test]
+fn six_syncmanagers_for_op_alone_are_all_switched_on_and_off_again() {
+    let flags = sii::SM_ENABLE | sii::SM_OP_ONLY;
+    let places = (0u8..6).map(|number| (number, 0x1000 + 0x100 * u16::from(number)));
+    let managers = places.clone().map(|(_, start)| manager(SyncManagerUsage::Outputs, start, 4, flags));
+    let pdos = places.map(|(number, _)| pdo(0x1600 + u16::from(number), number, 32)).collect();
+    let generic = device(managers.collect(), pdos, vec![]);
+    let (link, clock) = in_process(Segment::line(vec![generic.sub_device]).unwrap());
+    let mut operational = to_op(link, clock, unconfigured).unwrap();
+    assert_eq!(operational.paced.bus().last_exchange(), Exchange::Complete);
+    let all = |bus: &Segment| [0, 1, 2, 3, 4, 5].map(|number| activated(bus, number));
+    assert_eq!(all(operational.paced.bus().link().segment()), [1; 6]);
+    operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop)).unwrap();
+    assert_eq!(all(operational.paced.bus().link().segment()), [0; 6]);
+}
+
 #[test]
 fn a_length_without_pdos_is_warned_of_and_cycled_as_the_device_expects_it() {
     let managers = vec![
@@ -275,4 +292,28 @@ fn damaged_frames_are_told_by_port_and_neighbour() {
     };
     let words = damaged.to_string();
     assert!(words.contains("arrived first at its port 0, from SubDevice 0 (its port 1)"), "{words}");
+}
+
+/// Who fell silent since the scan is told, and those before it are looked at all the same.
+#[test]
+fn a_silent_device_is_told_and_the_others_are_still_looked_at() {
+    use omnibase_ethercat::trouble::Trouble;
+    let drive = Drive::new(DriveKind::Generic);
+    let drives = (0..3).map(|_| drive.build(&Piece::default(), Load::default())).collect();
+    let (link, clock) = in_process(Segment::line(drives).unwrap());
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().unwrap();
+    let segment = bus.transactor().link.segment_mut();
+    segment.inject(0, Fault::CrcErrors { port: 0, frames: 5 }).unwrap();
+    segment.inject(1, Fault::PowerOff).unwrap();
+    let trouble = bus.look_for_trouble().unwrap();
+    let damaged = |one: &Trouble| matches!(one, Trouble::Damaged { position: 0, port: 0, .. });
+    assert!(trouble.iter().any(damaged), "{trouble:?}");
+    let silent: Vec<u16> = trouble
+        .iter()
+        .filter_map(|one| if let Trouble::Silent { position, .. } = one { Some(*position) } else { None })
+        .collect();
+    assert_eq!(silent, [1, 2]);
+    let words = trouble.last().unwrap().to_string();
+    assert!(words.starts_with("SubDevice 2: ") && words.contains("it was found, and now"), "{words}");
 }

@@ -1,12 +1,16 @@
 //! `scan` and `sdo` of a segment that a running robot drives: it answers itself, beside its cycle.
 
 use crate::commands::live::Line;
+use crate::dictionary::Objects;
 use crate::hex;
 use crate::value::DataType;
 use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_run::live::{EntryType, ObjectType};
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::net::SocketAddr;
+use std::time::{Duration, Instant};
 
 /// Prints the SubDevices of a running robot.
 pub fn scan(address: Option<SocketAddr>, as_json: bool, output: &mut dyn Write) -> anyhow::Result<()> {
@@ -45,6 +49,28 @@ pub struct Remote {
     position: u16,
 }
 
+/// An error after so long is no SubDevice's own refusal.
+const SILENCE: Duration = Duration::from_secs(1);
+
+impl Objects for Remote {
+    fn list(&mut self) -> anyhow::Result<Vec<u16>> {
+        let found = self.line.data(&json!({ "do": "sdo_list", "subdevice": self.position }))?;
+        Ok(serde_json::from_value(found["indices"].clone())?)
+    }
+
+    fn object(&mut self, index: u16) -> anyhow::Result<Result<ObjectType, String>> {
+        self.described("sdo_object", ObjectAddress::new(index, 0))
+    }
+
+    fn entry(&mut self, address: ObjectAddress) -> anyhow::Result<Result<EntryType, String>> {
+        self.described("sdo_type", address)
+    }
+
+    fn value(&mut self, address: ObjectAddress) -> anyhow::Result<Result<Vec<u8>, String>> {
+        self.answered(|one| one.read(address))
+    }
+}
+
 impl Remote {
     /// The one at `position`.
     pub fn new(address: Option<SocketAddr>, position: u16) -> anyhow::Result<Self> {
@@ -71,6 +97,25 @@ impl Remote {
         let mut call = self.call("sdo_write", object);
         call["data"] = json!(hex::compact(data));
         self.line.data(&call).map(drop)
+    }
+
+    /// What the robot answers to one question about a dictionary: a refusal comes at once and is the object's own, silence takes
+    /// its time and ends it all.
+    fn answered<T>(&self, ask: impl FnOnce(&Self) -> anyhow::Result<T>) -> anyhow::Result<Result<T, String>> {
+        let asked = Instant::now();
+        match ask(self) {
+            Ok(found) => Ok(Ok(found)),
+            Err(error) if asked.elapsed() < SILENCE => Ok(Err(format!("{error:#}"))),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn described<T: DeserializeOwned>(
+        &self,
+        what: &str,
+        address: ObjectAddress,
+    ) -> anyhow::Result<Result<T, String>> {
+        self.answered(|one| Ok(serde_json::from_value(one.line.data(&one.call(what, address))?)?))
     }
 
     fn call(&self, what: &str, object: ObjectAddress) -> Value {

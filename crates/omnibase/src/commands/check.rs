@@ -471,7 +471,10 @@ fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         coding.map_or_else(String::new, |coding| format!("@{}", position(coding.bit, coding.bits)))
     };
     for device in &plan.devices {
-        writeln!(output, "  {}: {}, {}", device.name, device.kind, bus_place(device.place))?;
+        let group = device.group.as_ref().map_or(String::new(), |group| {
+            format!(", hot-connect group `{group}`: all of it is plugged in at the start, or none and the robot runs without it")
+        });
+        writeln!(output, "  {}: {}, {}{group}", device.name, device.kind, bus_place(device.place))?;
         for input in &device.input {
             writeln!(output, "    in  {}.{}{} {}", device.name, input.name, at(&input.coding), input.unit)?;
         }
@@ -523,6 +526,7 @@ fn plan_json(plan: &RobotPlan) -> Value {
             "name": device.name,
             "kind": device.kind,
             "place": bus_place(device.place),
+            "group": device.group,
             "inputs": device.input.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
             "outputs": device.output.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
         })

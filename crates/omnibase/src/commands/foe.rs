@@ -224,3 +224,23 @@ fn parse_password(text: &str) -> Result<u32, String> {
     };
     number.map_err(|_| format!("`{text}` is no number of 32 bits such as 1234 or 0x12345678"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use omnibase_ethercat::mailbox::Waiting;
+    use omnibase_ethercat_wire::foe::FoeErrorCode;
+
+    /// What a device won't give back is told; one that fell silent has perhaps no firmware.
+    #[test]
+    fn silence_while_a_file_is_read_back_is_no_refusal() {
+        let operation = Operation::ReadFile(FileAccess { name: ShortText::beginning(b"fw"), password: 0 });
+        let failed = |cause| anyhow::Error::new(SetUpError::Request { position: 2, operation, cause });
+        let (code, text) = (FoeErrorCode::NOT_FOUND, ShortText::beginning(b""));
+        assert!(is_refusal(&failed(MailboxError::FileRefused { code, packet: 0, text })));
+        let silent = MailboxError::Timeout { waiting: Waiting::Answer, after: FILE_TIMEOUT };
+        for cause in [silent, MailboxError::Unreachable { after: FILE_TIMEOUT }, MailboxError::Reset] {
+            assert!(!is_refusal(&failed(cause)), "{cause}");
+        }
+    }
+}

@@ -201,9 +201,12 @@ impl Line {
     fn ask(&self, call: &Value) -> anyhow::Result<Value> {
         let mut call = call.clone();
         // What begins something counts from here, and the robot refuses what took too long on its way. A stop waits
-        // for nothing.
-        let is_stop = matches!(call["do"].as_str(), Some("stop" | "emergency_stop"));
-        if let Some(call) = call.as_object_mut().filter(|_| !is_stop) {
+        // for nothing, and a question changes nothing.
+        let begins_nothing = matches!(
+            call["do"].as_str(),
+            Some("stop" | "emergency_stop" | "scan" | "sdo_list" | "sdo_object" | "sdo_type" | "sdo_read")
+        );
+        if let Some(call) = call.as_object_mut().filter(|_| !begins_nothing) {
             call.insert("stamp".to_owned(), self.read("now")?["stamp"].take());
         }
         let (_, text) = self.exchange("call", Some(&call.to_string()))?;

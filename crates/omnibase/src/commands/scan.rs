@@ -4,7 +4,7 @@ mod report;
 mod table;
 
 use crate::commands::at_robot;
-use crate::dictionary;
+use crate::dictionary::{self, OnBus};
 use crate::progress::note;
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         anyhow::ensure!(!arguments.toml, "--toml: not of a robot that runs; it has its file");
         anyhow::ensure!(
             !arguments.dictionary,
-            "--dictionary: not of a robot that runs; read objects by `sdo`"
+            "--dictionary: not of a whole robot that runs; `omnibase sdo list @robot <position>` lists one SubDevice's objects"
         );
         at_robot::scan(*address, arguments.json, output)?;
         return Ok(Outcome::Done);
@@ -144,7 +144,7 @@ pub(super) fn trouble(target: &Target, manners: Manners) -> anyhow::Result<(Vec<
 }
 
 /// The dictionary; `None` where the SubDevice has none to show.
-fn read_dictionary(bus: &mut AnyBus, position: u16) -> Result<Option<Vec<dictionary::Object>>, SetUpError> {
+fn read_dictionary(bus: &mut AnyBus, position: u16) -> anyhow::Result<Option<Vec<dictionary::Object>>> {
     let one = bus.subdevice(position)?;
     let speaks_coe = one.mailbox.is_some_and(|mailbox| mailbox.speaks_coe());
     if !speaks_coe || one.coe_details & sii::COE_SDO_INFO == 0 {
@@ -152,7 +152,7 @@ fn read_dictionary(bus: &mut AnyBus, position: u16) -> Result<Option<Vec<diction
         note(format_args!("SubDevice {position} ({}): no dictionary to read: it has {lacks}", one.name));
         return Ok(None);
     }
-    dictionary::read(bus, position).map(Some)
+    dictionary::read(&mut OnBus { bus, position }, &[], &mut |_| Ok(())).map(Some)
 }
 
 /// The state of each SubDevice in words.

@@ -1,11 +1,12 @@
 //! `omnibase sdo`: objects of one SubDevice.
 
 use crate::commands::at_robot::Remote;
+use crate::dictionary::{self, OnBus};
 use crate::hex;
 use crate::progress::error as say_error;
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::value::DataType;
-use crate::{Outcome, commands, dictionary};
+use crate::{Outcome, commands};
 use anyhow::Context;
 use omnibase_ethercat::mailbox::{MailboxRequest, Operation};
 use omnibase_ethercat::start_up::SdoAccess;
@@ -23,8 +24,34 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
+    List(ListArguments),
     Read(ReadArguments),
     Write(WriteArguments),
+}
+
+/// Lists all objects of a SubDevice: names, types, rights, values.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  omnibase sdo list eth1 0                    the whole dictionary of the first SubDevice
+  omnibase sdo list @robot 2 | grep -i torque     of a robot that runs, beside its cycle
+  omnibase sdo list @robot 2 1018 6083 --json     of these objects
+
+By the SubDevice's SDO Information, object by object as they come. r: readable, w: writable, o, i: can be mapped to outputs,
+inputs. What a SubDevice refuses is shown with its reason.")]
+struct ListArguments {
+    /// Network interface, @robot, or sim:<segment.toml>.
+    #[arg(value_name = "INTERFACE")]
+    target: Target,
+    #[command(flatten)]
+    manners: Manners,
+    /// Position of the SubDevice, from 0.
+    position: u16,
+    /// Indices in hexadecimal; default: all.
+    #[arg(value_name = "INDEX", value_parser = parse_object)]
+    only: Vec<ObjectAddress>,
+    /// Print one JSON array, as in `scan --dictionary --json`.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Reads objects and prints their values.
@@ -101,9 +128,54 @@ pub struct ObjectJson {
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     match &arguments.action {
+        Action::List(arguments) => list(arguments, output),
         Action::Read(arguments) => read(arguments, output),
         Action::Write(arguments) => write(arguments, output),
     }
+}
+
+fn list(arguments: &ListArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let ListArguments { target, manners, position, only, json } = arguments;
+    let only: Vec<u16> = only.iter().map(|object| object.index).collect();
+    let mut way = open(target, *manners, *position)?;
+    let mut tell = |object: &dictionary::Object| {
+        if !json {
+            object.print(output)?;
+        }
+        Ok(())
+    };
+    let objects = match &mut way {
+        ObjectAccess::Bus(bus) => {
+            let one = bus.subdevice(*position)?;
+            anyhow::ensure!(
+                one.coe_details & sii::COE_SDO_INFO != 0,
+                "SubDevice {position} ({}) has no SDO Information: its maker's manual lists its objects, `sdo read` reads them",
+                one.name
+            );
+            dictionary::read(&mut OnBus { bus, position: *position }, &only, &mut tell)?
+        }
+        ObjectAccess::Robot(remote) => dictionary::read(remote, &only, &mut tell)?,
+    };
+    if *json {
+        serde_json::to_writer_pretty(&mut *output, &objects)?;
+        writeln!(output)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The way to a SubDevice's objects.
+fn open(target: &Target, manners: Manners, position: u16) -> anyhow::Result<ObjectAccess> {
+    if let Target::Running(address) = target {
+        return Ok(ObjectAccess::Robot(Remote::new(*address, position)?));
+    }
+    let mut bus = manners.enter(target, Port::Socket)?.into_bus();
+    commands::scan_bus(&mut bus, target)?;
+    bus.subdevice(position)?;
+    bus.configure_sound()?;
+    if let Some(cause) = &bus.subdevice(position)?.broken {
+        anyhow::bail!("SubDevice {position} is broken: {cause}");
+    }
+    Ok(ObjectAccess::Bus(Box::new(bus)))
 }
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
@@ -162,18 +234,11 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 
 impl SubDeviceObjects {
     fn open(&self) -> anyhow::Result<ObjectAccess> {
-        if let Target::Running(address) = self.target {
-            anyhow::ensure!(!self.complete, "--complete: not of a robot that runs; read entries one by one");
-            return Ok(ObjectAccess::Robot(Remote::new(address, self.position)?));
-        }
-        let mut bus = self.manners.enter(&self.target, Port::Socket)?.into_bus();
-        commands::scan_bus(&mut bus, &self.target)?;
-        bus.subdevice(self.position)?;
-        bus.configure_sound()?;
-        if let Some(cause) = &bus.subdevice(self.position)?.broken {
-            anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
-        }
-        Ok(ObjectAccess::Bus(Box::new(bus)))
+        anyhow::ensure!(
+            !self.complete || !matches!(self.target, Target::Running(_)),
+            "--complete: not of a robot that runs; read entries one by one"
+        );
+        open(&self.target, self.manners, self.position)
     }
 
     /// One object, read.

@@ -1,5 +1,6 @@
 //! `omnibase setup`: from drives on a bus to a robot's file, step by step.
 
+mod heard;
 mod lines;
 mod person;
 
@@ -9,8 +10,8 @@ use crate::target::{AnyClock, Manners, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat::wire::Link;
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Ended, Guide, Hand, Outside, Record, Wished};
-use std::io::Write;
+use omnibase_setup::{Ended, Guide, Hand, Outside, Record, Step, Wished};
+use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
 /// Sets a robot up: which drive turns which wheel, which way and how far, with a held key; ends in its file.
@@ -23,7 +24,7 @@ use std::path::{Path, PathBuf};
 ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar is held, at a tenth of its
 rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal that is gone, stops
 it. Steps: find, jog each wheel (which, which way, how far), enable without moving, emergency stop, parameters, file. What was
-found and done stands beside the file, as .state.json and .record.md. `omnibase run` and `calibrate` go on from there.
+found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
     /// Network interface, or sim:<segment.toml>.
@@ -62,10 +63,12 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let base = std::fs::read_to_string(&arguments.robot)
         .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
-    let record = match std::fs::read_to_string(&state) {
-        Ok(text) if !arguments.anew => {
+    let before = kept_record(&state)?;
+    is_own(&arguments.output, before.as_ref())?;
+    let record = match before {
+        Some(record) if !arguments.anew => {
             note(format_args!("taken up from `{}`; --anew begins anew", state.display()));
-            Record::from_json(&text).map_err(|error| anyhow::anyhow!("`{}`: {error}", state.display()))?
+            record
         }
         _ => Record::default(),
     };
@@ -85,24 +88,26 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         Ok((cable.link, clock))
     };
     let mut kept = Ok(());
-    let mut keep = |record: &Record| kept = std::fs::write(&state, record.to_json());
-    let mut hand: Box<dyn Hand> =
-        if arguments.lines { Box::new(lines::Lines::new()) } else { Box::new(person::Person::new()) };
+    let mut keep = |record: &Record| kept = write_whole(&state, &record.to_json());
+    let mut hand: Box<dyn Hand> = if arguments.lines {
+        Box::new(lines::Lines::new(BufReader::new(std::io::stdin()), std::io::stdout()))
+    } else {
+        Box::new(person::Person::default())
+    };
     let mut guide = Guide::new(wished, record, &mut open, Outside { hand: hand.as_mut(), keep: &mut keep })?;
     let ended = guide.run();
     let record = guide.record.clone();
     drop(hand);
-    std::fs::write(&state, record.to_json()).with_context(|| format!("writing `{}`", state.display()))?;
-    std::fs::write(&told, in_words(&record)).with_context(|| format!("writing `{}`", told.display()))?;
-    kept.with_context(|| format!("writing `{}`", state.display()))?;
+    write_whole(&state, &record.to_json())?;
+    write_whole(&told, &in_words(&record))?;
+    kept?;
     match ended? {
         Ended::Left => {
             note(format_args!("left; the same command takes it up again (`{}`)", state.display()));
             Ok(Outcome::Failed)
         }
         Ended::File(text) => {
-            std::fs::write(&arguments.output, text)
-                .with_context(|| format!("writing `{}`", arguments.output.display()))?;
+            write_whole(&arguments.output, &text)?;
             let file = arguments.output.display();
             if !arguments.lines {
                 writeln!(
@@ -129,6 +134,41 @@ fn beside(file: &Path, end: &str) -> PathBuf {
     file.with_extension(end)
 }
 
+/// What a set-up that was left has kept.
+fn kept_record(state: &Path) -> anyhow::Result<Option<Record>> {
+    match std::fs::read_to_string(state) {
+        Ok(text) => Record::from_json(&text)
+            .map(Some)
+            .map_err(|error| anyhow::anyhow!("`{}`: {error}", state.display())),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("reading `{}`", state.display())),
+    }
+}
+
+/// The file that is written is none that somebody else wrote.
+fn is_own(file: &Path, before: Option<&Record>) -> anyhow::Result<()> {
+    let has_written = before.is_some_and(|record| record.done.contains(&Step::File));
+    anyhow::ensure!(
+        has_written || !file.exists(),
+        "`{}` exists, and no set-up wrote it: give --output another name",
+        file.display()
+    );
+    Ok(())
+}
+
+/// Writes a file that is whole at every instant: beside its place, and renamed.
+fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let write = || {
+        let mut file = std::fs::File::create(&beside)?;
+        file.write_all(text.as_bytes())?;
+        file.sync_all()?;
+        std::fs::rename(&beside, path)
+    };
+    write().with_context(|| format!("writing `{}`", path.display()))
+}
+
 /// The record for people.
 fn in_words(record: &Record) -> String {
     let mut text = String::from("# Set-up\n\n");
@@ -143,4 +183,35 @@ fn in_words(record: &Record) -> String {
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        let left = Record { done: vec![Step::Find], ..Record::default() };
+        let ended = Record { done: Step::ALL.to_vec(), ..Record::default() };
+        assert!(is_own(&file, None).is_ok());
+        std::fs::write(&file, "by hand").unwrap();
+        for before in [None, Some(&left)] {
+            let words = is_own(&file, before).unwrap_err().to_string();
+            assert!(words.contains("mine.toml` exists, and no set-up wrote it"), "{words}");
+        }
+        assert!(is_own(&file, Some(&ended)).is_ok());
+
+        let state = beside(&file, "state.json");
+        assert_eq!(kept_record(&state).unwrap(), None);
+        write_whole(&state, &left.to_json()).unwrap();
+        assert_eq!(kept_record(&state).unwrap(), Some(left));
+        // Where the new one can't be written the old one stays.
+        std::fs::create_dir(folder.path().join("mine.state.json.new")).unwrap();
+        assert!(write_whole(&state, "half").is_err());
+        assert!(kept_record(&state).unwrap().is_some());
+        std::fs::write(&state, "half").unwrap();
+        assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
+    }
 }

@@ -6,6 +6,7 @@ mod inputs;
 #[path = "../joystick_recording/mod.rs"]
 mod joystick_recording;
 mod line;
+mod objects;
 mod old;
 mod reach;
 mod robot;

@@ -228,6 +228,15 @@ fn a_running_robot_answers_scan_and_sdo_beside_its_cycle() {
         assert_eq!((code, called.as_str()), (Some(0), "6084:00 20000 (0x00004e20)\n"));
         let (code, aborted) = said(&["sdo", "read", "@robot", "1", "5fff:00"]);
         assert!(code == Some(1) && aborted.contains("SDO read of 5fff:00: "), "{aborted}");
+        // With names and values, while the drives are enabled; a hole is none of its entries.
+        let (code, listed) = said(&["sdo", "list", "@robot", "1", "1008", "1c32", "6041", "6083"]);
+        assert_eq!(code, Some(0), "{listed}");
+        let line = |begin: &str| listed.lines().find(|line| line.trim_start().starts_with(begin)).unwrap();
+        assert!(line("1008:00   r---").ends_with("string \"SGDV-OCA01A\""), "{}", line("1008:00"));
+        assert!(line("6083:00   rw").contains("u32 20000"), "{}", line("6083:00"));
+        assert!(line("6041:00").split_whitespace().count() > 4 && listed.contains("1c32:20"), "{listed}");
+        let (code, nobody) = said(&["sdo", "list", "@robot", "7"]);
+        assert!(code == Some(1) && nobody.contains("there is no SubDevice 7: the robot has 3"), "{nobody}");
         let (code, nobody) = said(&["sdo", "read", "@robot", "7", "6041:00"]);
         assert!(code == Some(1) && nobody.contains("there is no SubDevice 7: the robot has 3"), "{nobody}");
         let words = robot.end();

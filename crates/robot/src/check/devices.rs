@@ -39,8 +39,27 @@ pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) 
             Device { check, table: format!("device[{index}]"), own, period_s }.resolve(registry)
         })
         .collect();
-    let plans: Vec<DevicePlan> = resolved.into_iter().collect::<Option<_>>()?;
-    Some(plans)
+    positions_before_groups(check, file);
+    resolved.into_iter().collect()
+}
+
+/// Positions shift behind a group that isn't there: whoever is known by one stands before all groups.
+fn positions_before_groups(check: &mut Check, file: &RobotFile) {
+    let groups = file.device.iter().filter(|one| one.group.is_some()).count();
+    let always_there = file.drive.len() + file.device.len() - groups;
+    let drives = file.drive.iter().enumerate().map(|(n, one)| ("drive", n, one.position));
+    let devices = file.device.iter().enumerate().map(|(n, one)| ("device", n, one.position));
+    for (table, n, position) in drives.chain(devices).filter(|_| groups > 0) {
+        let Some(position) = position.filter(|position| usize::from(*position) >= always_there) else {
+            continue;
+        };
+        let setting = format!("{table}[{n}].position");
+        let reason = "it would shift with a hot-connect group: find it by `alias` or `identification`, or plug it in before the groups";
+        let problem = check.report(ProblemKind::Contradiction, &setting, reason);
+        problem.value = Some(position.to_string());
+        problem.limit =
+            Some(format!("at most {}, the SubDevices that are always there", always_there.saturating_sub(1)));
+    }
 }
 
 /// A cycle's record has room for so much of SubDevices and programs.
@@ -102,6 +121,7 @@ impl Device<'_> {
             axis::resolve(self.check, &table, axis, self.period_s)
         });
         let (outputs, inputs) = (outputs?, inputs?);
+        let group = self.group(place, (&outputs, &inputs));
         let axis = match axis {
             Some(axis) => Some(axis?),
             None => None,
@@ -121,6 +141,7 @@ impl Device<'_> {
         Some(DevicePlan {
             name: name?,
             place: place?,
+            group: group?,
             kind: kind.name.to_owned(),
             identity,
             outputs,
@@ -131,6 +152,28 @@ impl Device<'_> {
             parameters,
             custom: own.custom.clone(),
         })
+    }
+
+    /// The hot-connect group, where it can be of one.
+    fn group(
+        &mut self,
+        place: Option<BusPlace>,
+        (outputs, inputs): (&[PdoPlan], &[PdoPlan]),
+    ) -> Option<Option<String>> {
+        if self.own.group.is_none() {
+            return Some(None);
+        }
+        let setting = self.setting("group");
+        let group = self.check.signal_name(self.own.group.as_deref(), &setting);
+        let misfit = if matches!(place, Some(BusPlace::Position(_))) {
+            "who may be absent is found by `alias` or `identification`, for positions shift"
+        } else if inputs.is_empty() && !outputs.is_empty() {
+            "nothing comes from it, so nobody would know whether it is there: give it `inputs`"
+        } else {
+            return group.map(Some);
+        };
+        self.check.report(ProblemKind::Contradiction, &setting, misfit);
+        None
     }
 
     /// How an object is written that the axis' table decides; refused where it can't hold what stands there.

@@ -18,6 +18,8 @@ pub struct DevicePlan {
     pub name: String,
     /// Where it is on the bus.
     pub place: BusPlace,
+    /// The hot-connect group that it is of; `None` where it has to be there.
+    pub group: Option<String>,
     /// Its kind by name.
     pub kind: String,
     /// Who must be there.
@@ -153,6 +155,10 @@ impl DevicePlan {
         bytes(&self.outputs)
     }
 
+    fn presence(&self) -> bus_config::Presence {
+        self.group.as_deref().map_or_else(Default::default, |group| bus_config::Presence::Group(group.into()))
+    }
+
     /// What the bus is asked for it, without its PDOs: what of these can be written only the SubDevice itself tells.
     /// One that is written to goes safe by its own watchdog when the program says nothing, as the drives do.
     pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
@@ -171,6 +177,7 @@ impl DevicePlan {
             name: Some(self.name.clone()),
             place: Some(matched(self.place)),
             identity: expected_identity(&self.identity),
+            presence: self.presence(),
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             watchdogs,
             // A drive's set points act at the beat of the others.

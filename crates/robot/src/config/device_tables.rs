@@ -22,6 +22,8 @@ pub struct DeviceTable {
     /// What its switch for explicit device identification shows; this, `position` or `alias`.
     #[schemars(range(min = 0, max = 65_535))]
     pub identification: Option<u16>,
+    /// The hot-connect group that it is of: all of a group are plugged in at the start, or none of it is.
+    pub group: Option<String>,
     /// What it is; it says which of the keys below are read.
     pub kind: Option<String>,
     /// Vendor that must be there, as `"0x2"`.

@@ -39,8 +39,17 @@ struct Part {
     outputs: Range<usize>,
     input_bytes: Range<usize>,
     output_bytes: Range<usize>,
+    /// It is of a hot-connect group: as long as it was never heard it isn't there, and nobody waits for it.
+    may_be_absent: bool,
     heard_ns: Option<u64>,
     missed_in_a_row: u32,
+}
+
+impl Part {
+    /// It wasn't plugged in at the start, as far as is known: that is no loss.
+    fn is_absent(&self) -> bool {
+        self.may_be_absent && self.heard_ns.is_none()
+    }
 }
 
 /// The next so many places.
@@ -59,6 +68,7 @@ impl Peripherals {
             outputs: next(&mut outputs, device.output.len()),
             input_bytes: next(&mut input_bytes, device.input_bytes()),
             output_bytes: next(&mut output_bytes, device.output_bytes()),
+            may_be_absent: device.group.is_some(),
             heard_ns: None,
             missed_in_a_row: 0,
         });
@@ -98,11 +108,10 @@ impl Peripherals {
         signals.input_bytes.fill(0);
         for (device, part) in self.all.iter_mut().enumerate() {
             let values = &mut signals.inputs[part.inputs.clone()];
-            if exchange.has_inputs_of_device(device) {
+            let heard = image.device_inputs(device);
+            if exchange.has_inputs_of_device(device) && heard.len() >= part.input_bytes.len() {
                 let bytes = &mut signals.input_bytes[part.input_bytes.clone()];
-                let heard = image.device_inputs(device);
-                let length = heard.len().min(bytes.len());
-                bytes[..length].copy_from_slice(&heard[..length]);
+                bytes.copy_from_slice(&heard[..bytes.len()]);
                 part.peripheral.read(time, bytes, values);
                 part.heard_ns = Some(time.now_ns);
                 part.missed_in_a_row = 0;
@@ -185,7 +194,7 @@ impl Peripherals {
     pub(crate) fn standing(&self, exchange: Exchange) -> (Standing, Option<usize>) {
         let mut all = Standing::NOTHING_MOVES;
         let mut failed = None;
-        for (device, part) in self.all.iter().enumerate() {
+        for (device, part) in self.all.iter().enumerate().filter(|(_, part)| !part.is_absent()) {
             let one = part.peripheral.standing();
             all.is_ready &= one.is_ready && exchange.has_inputs_of_device(device);
             all.rests &= one.rests;
@@ -223,7 +232,7 @@ impl Peripherals {
         for (output, value) in signals.outputs.iter_mut().enumerate().take(self.layout.outputs.len()) {
             *value = self.asked[output].unwrap_or(self.on_stop[output]);
         }
-        for (device, part) in self.all.iter_mut().enumerate() {
+        for (device, part) in self.all.iter_mut().enumerate().filter(|(_, part)| !part.is_absent()) {
             for output in part.outputs.clone().filter(|output| self.told.is_told >> output & 1 == 1) {
                 // What it can't be told counts as if nobody had.
                 if part.peripheral.takes(output - part.outputs.start, self.told.values[output]) {
@@ -245,10 +254,13 @@ impl Peripherals {
 
     /// Puts a recorded cycle's inputs back into process data, and what programs sent back on its way.
     pub(crate) fn replay(&mut self, signals: &Signals, inputs: &mut [Vec<u8>]) {
-        for (part, bytes) in self.all.iter().zip(inputs) {
-            let recorded = &signals.input_bytes[part.input_bytes.clone()];
-            let length = bytes.len().min(recorded.len());
-            bytes[..length].copy_from_slice(&recorded[..length]);
+        for (device, (part, bytes)) in self.all.iter().zip(inputs).enumerate() {
+            // Never heard: it wasn't there.
+            let is_there = signals.ages_s[device].is_finite();
+            bytes.clear();
+            if is_there {
+                bytes.extend_from_slice(&signals.input_bytes[part.input_bytes.clone()]);
+            }
         }
         self.sources.replay(signals);
     }

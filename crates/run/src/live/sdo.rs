@@ -3,12 +3,16 @@
 use std::time::{Duration, Instant};
 
 use omnibase_ethercat::cyclic::{AcyclicWork, RegisterAccess};
-use omnibase_ethercat::mailbox::{EntryDescription, MailboxRequest, Operation};
+use omnibase_ethercat::mailbox::{
+    EntryDescription, MailboxRequest, ObjectDescription, ObjectList, Operation, list_indices,
+};
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::printable::printable;
 use omnibase_ethercat::wire::{AlState, register};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{SdoWriteRule, parse_object};
+use serde::{Deserialize, Serialize};
 
 use super::acyclic::{AcyclicLine, Permission, SubDeviceFacts};
 
@@ -16,6 +20,8 @@ use super::acyclic::{AcyclicLine, Permission, SubDeviceFacts};
 const ANSWER: Duration = Duration::from_secs(3);
 /// Between two looks for it.
 const LOOK: Duration = Duration::from_millis(2);
+/// Bytes of the longest list of objects: each index there is.
+const LONGEST_LIST: usize = 1 << 17;
 /// The longest value that is read.
 const LONGEST: usize = 4096;
 
@@ -28,13 +34,53 @@ pub struct SdoPlace {
     pub object: ObjectAddress,
 }
 
+/// What a SubDevice's SDO Information says of an object.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ObjectType {
+    /// Its name.
+    pub name: String,
+    /// 7 variable, 8 array, 9 record.
+    pub object_code: u8,
+    /// CoE data type.
+    pub data_type: u16,
+    /// The highest subindex.
+    pub max_subindex: u8,
+}
+
 /// What a SubDevice's SDO Information says of an entry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EntryType {
+    /// Its name.
+    pub name: String,
     /// CoE data type.
     pub data_type: u16,
     /// Length, bits.
     pub bit_length: u16,
+    /// Access bits: 0 to 2 read in PRE-OP, SAFE-OP, OP; 3 to 5 write; 6 and 7 mappable.
+    pub access: u16,
+}
+
+impl ObjectType {
+    /// Of what [`Operation::DescribeObject`] brought; `None` where that is too short.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let ObjectDescription { name, object_code, data_type, max_subindex, .. } =
+            ObjectDescription::read(bytes)?;
+        Some(ObjectType { name: text(name), object_code, data_type, max_subindex })
+    }
+}
+
+impl EntryType {
+    /// Of what [`Operation::DescribeEntry`] brought; `None` where that is too short.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let EntryDescription { name, data_type, bit_length, access, .. } = EntryDescription::read(bytes)?;
+        Some(EntryType { name: text(name), data_type, bit_length, access })
+    }
+}
+
+/// A name without the zeros behind it.
+fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    printable(&bytes[..end])
 }
 
 /// A SubDevice as a running robot knows it.
@@ -66,6 +112,10 @@ impl SdoPlace {
     }
 }
 
+fn too_short(place: SdoPlace, bytes: &[u8]) -> SdoError {
+    SdoError(format!("{}: a description of {} bytes is too short", place.object, bytes.len()))
+}
+
 impl AcyclicLine {
     /// The bytes of an object.
     pub fn sdo_read(&self, place: SdoPlace) -> Result<Vec<u8>, SdoError> {
@@ -78,14 +128,21 @@ impl AcyclicLine {
         let operation = Operation::DescribeEntry { object: place.object, value_info: 0 };
         let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
         let bytes = self.mailbox(place.position, request, Permission::Always)?;
-        match EntryDescription::read(&bytes) {
-            Some(EntryDescription { data_type, bit_length, .. }) => Ok(EntryType { data_type, bit_length }),
-            None => Err(SdoError(format!(
-                "{}: a description of {} bytes is too short",
-                place.object,
-                bytes.len()
-            ))),
-        }
+        EntryType::read(&bytes).ok_or_else(|| too_short(place, &bytes))
+    }
+
+    /// What the SubDevice says of an object; its subindex doesn't count.
+    pub fn sdo_object(&self, place: SdoPlace) -> Result<ObjectType, SdoError> {
+        let operation = Operation::DescribeObject { index: place.object.index };
+        let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
+        let bytes = self.mailbox(place.position, request, Permission::Always)?;
+        ObjectType::read(&bytes).ok_or_else(|| too_short(place, &bytes))
+    }
+
+    /// The indices of all objects of a SubDevice.
+    pub fn sdo_list(&self, position: u16) -> Result<Vec<u16>, SdoError> {
+        let request = MailboxRequest::new(Operation::List(ObjectList::All), Vec::with_capacity(LONGEST_LIST));
+        Ok(list_indices(&self.mailbox(position, request, Permission::Always)?).collect())
     }
 
     /// Writes an object, where and when the plan allows it.

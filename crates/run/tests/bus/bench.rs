@@ -166,8 +166,10 @@ pub fn shared(link: SimLink) -> Shared {
 impl<L: Link + Clone> Bench<L> {
     /// A robot in OP behind any link.
     pub fn behind(plan: &RobotPlan, link: L, clock: VirtualClock) -> Self {
-        let mut session =
-            Session::prepare(link.clone(), clock, plan, &mut |warning| panic!("{warning}")).unwrap();
+        let mut session = Session::prepare(link.clone(), clock, plan, &mut |warning| {
+            assert!(warning.starts_with("hot-connect group"), "{warning}")
+        })
+        .unwrap();
         assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
         let robot = Robot::build(plan, &Registry::with_built_in()).unwrap();
         let period_ns = plan.bus.cycle_ns;

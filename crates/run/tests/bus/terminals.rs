@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use omnibase_ethercat_sim::{Fault, in_process};
+
 use omnibase_robot::signals::{Phase, SafetyReason};
-use omnibase_robot::{Exchange, RobotPlan};
-use omnibase_run::simulated;
+use omnibase_robot::{Exchange, ImageBuffer, Registry, Robot, RobotPlan};
+use omnibase_run::{RobotText, simulated};
 use omnibase_session::session::Session;
 
-use crate::bench::{Bench, plan};
+use crate::bench::{BMM, Bench, plan};
 
 const BUTTONS: &str = "[[device]]\nname = \"buttons\"\nposition = 3\nkind = \"io\"\n\
     inputs = [{ pdo = \"0x1A00\", map = \"6000.1:1 6000.2:1\" }]\n\
@@ -24,6 +25,13 @@ fn refused(bus_of: &RobotPlan, plan: &RobotPlan) -> String {
         Ok(_) => panic!("it was taken"),
         Err(error) => error.to_string(),
     }
+}
+
+/// What is wrong with a file that has this more.
+fn refused_text(more: &str) -> String {
+    let text = RobotText { text: format!("{BMM}\n{more}"), ..RobotText::default() };
+    let problems = text.load(&Registry::with_built_in()).unwrap_err();
+    problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 #[test]
@@ -91,6 +99,89 @@ fn a_terminal_that_lost_its_power_stops_the_robot_and_finds_no_old_output_when_i
     assert_eq!((level(), bench.robot.record().signals.believed), (0, 0b11));
     bench.cycle(Some(omnibase_robot::RequestKind::Acknowledge));
     bench.enable();
+}
+
+const GRIPPER: &str = "[[device]]\nname = \"gripper\"\nalias = 77\ngroup = \"arm\"\nkind = \"io\"\n\
+    inputs = [{ pdo = \"0x1A00\", map = \"6000.1:1 6000.2:1\" }]\n\
+    outputs = [{ pdo = \"0x1600\", map = \"7000.1:16\" }]\n\
+    input = [{ name = \"closed\", object = \"6000.1\", simulated = 1 }, { name = \"full\", object = \"6000.2\" }]\n\
+    output = [{ name = \"force\", object = \"7000.1\", type = \"u16\", on_stop = 3 }]\n";
+
+/// A group that isn't plugged in is no loss: the robot is enabled and drives, and nothing of it is believed. What ran is computed
+/// again to the bit.
+#[test]
+fn a_hot_connect_group_that_is_absent_is_told_and_stops_nobody() {
+    let with = plan(GRIPPER);
+    let mut told = Vec::new();
+    let (link, clock) = in_process(simulated::segment(&plan("")).unwrap().0);
+    Session::prepare(link, clock, &with, &mut |words| told.push(words)).unwrap();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("hot-connect group `arm` isn't plugged in"), "{told:?}");
+
+    let (link, clock) = in_process(simulated::segment(&plan("")).unwrap().0);
+    let mut bench = Bench::with(&with, link, clock);
+    bench.enable();
+    bench.run(100);
+    let record = *bench.robot.record();
+    assert_eq!((bench.robot.phase(), record.exchange), (Phase::Holding, Exchange::Complete));
+    assert_eq!((record.signals.believed, record.signals.ages_s[0]), (0, f64::INFINITY));
+    assert_eq!(record.signals.output_bytes[..2], [0, 0]);
+    // The same inputs give the same record, in a buffer that has room for what wasn't there.
+    let mut again = Robot::build(&with, &Registry::with_built_in()).unwrap();
+    let mut image = ImageBuffer::new(&with);
+    let computed = *again.replay(&record, &mut image);
+    assert!(image.device_inputs[0].is_empty());
+    assert_eq!((computed.signals.ages_s[0], computed.signals.believed), (f64::INFINITY, 0));
+    assert_eq!(computed.signals.output_bytes, record.signals.output_bytes);
+}
+
+/// What comes later is told, and left alone until the next start: whoever drives goes on.
+#[test]
+fn a_hot_connect_group_that_comes_later_is_told_and_disturbs_nobody() {
+    let with = plan(GRIPPER);
+    let mut segment = simulated::segment(&with).unwrap().0;
+    segment.inject(3, Fault::PowerOff).unwrap();
+    let (link, clock) = in_process(segment);
+    let mut bench = Bench::with(&with, link, clock);
+    bench.enable();
+    bench.run(10);
+    bench.inject(3, Fault::PowerOn);
+    bench.run(1000);
+    let told = bench.events.iter().filter(|(_, event)| event.contains("hot-connect group arm?")).count();
+    assert_eq!(told, 1, "{:?}", bench.events);
+    assert_eq!((bench.robot.phase(), bench.robot.record().exchange), (Phase::Holding, Exchange::Complete));
+    assert_eq!((bench.robot.record().signals.believed, bench.al_status(3)), (0, 1));
+}
+
+/// Plugged in at the start it is as any other: what is lost of it stops the robot.
+#[test]
+fn a_hot_connect_group_that_is_there_is_missed_when_it_goes() {
+    let plan = plan(GRIPPER);
+    let (link, clock) = in_process(simulated::segment(&plan).unwrap().0);
+    let mut bench = Bench::with(&plan, link, clock);
+    bench.enable();
+    bench.run(10);
+    assert_eq!(bench.robot.record().signals.believed, 0b11);
+    bench.inject(3, Fault::PowerOff);
+    bench.run(200);
+    assert_eq!(
+        (bench.robot.phase(), bench.robot.record().stop_reason),
+        (Phase::Fault, SafetyReason::DeviceLost)
+    );
+}
+
+#[test]
+fn a_hot_connect_group_never_shifts_a_position_that_others_are_known_by() {
+    // The file expects the buttons where the gripper is plugged in.
+    let alias = |device: &str, alias: &str| device.replace("position = 3", alias);
+    let bus_of = plan(&format!("{GRIPPER}{}", alias(BUTTONS, "alias = 78")));
+    let words = refused(&bus_of, &plan(&format!("{BUTTONS}{GRIPPER}")));
+    assert!(words.contains("`gripper` is of a hot-connect group and at position 3"), "{words}");
+    assert!(words.contains("give these an alias"), "{words}");
+    let words = refused_text(&GRIPPER.replace("alias = 77", "position = 3"));
+    assert!(words.contains("who may be absent is found by `alias` or `identification`"), "{words}");
+    let words = refused_text(&format!("{GRIPPER}{}", BUTTONS.replace("position = 3", "position = 4")));
+    assert!(words.contains("it would shift with a hot-connect group"), "{words}");
 }
 
 #[test]

@@ -23,6 +23,19 @@ pub enum SessionError {
          one along that nobody reads or writes"
     )]
     Unnamed(SetUpError),
+    /// A hot-connect group is plugged in where it shifts positions that the file knows others by.
+    #[error(
+        "`{name}` is of a hot-connect group and at position {position}; the file knows another one by position {last}, which shifts with it: \
+         plug the group in behind all that are known by position, or give these an alias"
+    )]
+    GroupInFront {
+        /// Who is of the group.
+        name: String,
+        /// Its position.
+        position: u16,
+        /// The last position that is named in the file.
+        last: u16,
+    },
     /// A SubDevice has other process data than its file says, and no mailbox by which they could be changed.
     #[error(
         "`{name}` (SubDevice {position}): its {direction} are `{found}`, its file says `{expected}`; they can't be changed"

@@ -5,6 +5,7 @@ use omnibase_ethercat::config::SubDeviceConfig;
 use omnibase_ethercat::mismatch::Mismatch;
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::sii::{self, SyncManagerUsage};
+use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{BusPlace, BusPlan, DevicePlan, MapEntry, PdoPlan, sync_manager};
 
 use super::SessionError;
@@ -38,6 +39,30 @@ pub(super) fn config(device: &DevicePlan, bus: &BusPlan, subdevices: &[SubDevice
         sync_manager(found.map_or(usual, |index| index as u8), direction, pdos)
     });
     SubDeviceConfig { pdos: pdos.collect(), ..config }
+}
+
+/// The hot-connect groups that aren't there; those that are stand behind everybody who is known by position.
+pub(super) fn absent_groups(plan: &RobotPlan, subdevices: &[SubDevice]) -> Result<Vec<String>, SessionError> {
+    let mut absent: Vec<String> = Vec::new();
+    let places = plan.drives.iter().map(|drive| drive.place).chain(plan.devices.iter().map(|one| one.place));
+    let known_by_position = places.filter_map(|place| match place {
+        BusPlace::Position(position) => Some(position),
+        _ => None,
+    });
+    let last = known_by_position.max();
+    for device in &plan.devices {
+        let Some(group) = &device.group else { continue };
+        match (found(device.place, subdevices), last) {
+            (None, _) if absent.contains(group) => {}
+            (None, _) => absent.push(group.clone()),
+            (Some(one), Some(last)) if one.position <= last => {
+                let (name, position) = (device.name.clone(), one.position);
+                return Err(SessionError::GroupInFront { name, position, last });
+            }
+            (Some(_), _) => {}
+        }
+    }
+    Ok(absent)
 }
 
 /// What it really maps is what its file says: signals are taken from the places that follow from it.

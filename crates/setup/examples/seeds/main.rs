@@ -12,7 +12,7 @@ fn main() {
     let (mut wired, mut found_wires, mut unheld, mut asked) = (0, 0, 0, 0);
     for seed in 1..=count {
         let robot = Unknown::of(seed);
-        let found = match set_up(&robot, None) {
+        let found = match set_up(&robot, &mut |_| None) {
             Ok(found) => found,
             Err(error) => {
                 println!("seed {seed}: {error}");

@@ -98,18 +98,20 @@ struct World {
 }
 
 /// A person who looks, holds the key for one turn, and has the wires changed where that is asked for.
-struct Person {
+struct Person<'a> {
     world: Rc<RefCell<World>>,
     before: [f64; 3],
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
     asked: Vec<(String, String)>,
-    /// The person leaves at this question, once.
-    leaves_at: Option<String>,
+    /// What is answered in place of what was seen.
+    otherwise: &'a mut dyn FnMut(&Question) -> Option<Answer>,
+    /// What was told, in order.
+    told: Vec<String>,
 }
 
-impl Person {
+impl Person<'_> {
     fn angles(&self) -> [f64; 3] {
         let world = self.world.borrow();
         let machine = world.machine.as_ref().expect("the segment is open").lock();
@@ -126,11 +128,13 @@ impl Person {
     }
 }
 
-impl Hand for Person {
+impl Hand for Person<'_> {
     fn ask(&mut self, question: &Question) -> Answer {
-        if self.leaves_at.as_ref() == Some(&question.id) {
-            self.leaves_at = None;
-            return Answer::Leave;
+        if let Some(answer) = (self.otherwise)(question) {
+            if let Answer::Said(said) = &answer {
+                self.asked.push((question.id.clone(), said.clone()));
+            }
+            return answer;
         }
         let word = question.id.split(' ').next().unwrap_or_default();
         let said = match word {
@@ -152,7 +156,9 @@ impl Hand for Person {
         Answer::Said(said)
     }
 
-    fn tell(&mut self, _: &str) {}
+    fn tell(&mut self, text: &str) {
+        self.told.push(text.to_owned());
+    }
 
     fn take_key(&mut self, what: &str) {
         (self.before, self.cycles, self.what) = (self.angles(), 0, what.to_owned());
@@ -180,10 +186,16 @@ pub struct Found {
     pub record: Record,
     /// Questions and answers.
     pub asked: Vec<(String, String)>,
+    /// What was told.
+    #[allow(dead_code, reason = "the example prints figures alone")]
+    pub told: Vec<String>,
 }
 
-/// Sets the robot up; where `leaves_at` names a question the person leaves there and takes it up again.
-pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String> {
+/// Sets the robot up by who answers what is seen, but where `otherwise` has another answer; left once, it is taken up again.
+pub fn set_up(
+    robot: &Unknown,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Result<Found, String> {
     let world = World { robot: robot.clone(), machine: None, injector: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
@@ -201,7 +213,8 @@ pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String>
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),
-        leaves_at: leaves_at.map(str::to_owned),
+        otherwise,
+        told: Vec::new(),
     };
     let mut kept = String::new();
     for _ in 0..2 {
@@ -213,7 +226,7 @@ pub fn set_up(robot: &Unknown, leaves_at: Option<&str>) -> Result<Found, String>
         let ended = guide.run().map_err(|error| error.to_string())?;
         let record = guide.record.clone();
         if let Ended::File(text) = ended {
-            return Ok(Found { text, record, asked: person.asked });
+            return Ok(Found { text, record, asked: person.asked, told: person.told });
         }
     }
     Err(format!("it didn't end: {:?}", person.asked.last()))

@@ -19,6 +19,8 @@ use crate::turns::{is_seen_as, likely_resolution};
 /// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
 const ENABLED_S: f64 = 2.0;
 const STOPPED_WITHIN_S: f64 = 30.0;
+/// How often drives are jogged again of which several were seen to turn the same wheel.
+const ROUNDS: u32 = 3;
 /// Over what time a jog comes to its speed, s: it begins at a 64th of it, for nobody knows the encoder yet.
 const RAMP_S: f64 = 5.0;
 /// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
@@ -157,37 +159,60 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Every drive until each wheel has one; `false` where it is left.
     pub(super) fn jog_all(&mut self) -> Result<bool, SetupError> {
-        for number in 0..self.record.drives.len() {
-            while self.record.drives[number].wheel.is_none() {
-                match self.jog_one(number)? {
-                    Ok(true) => {}
-                    Ok(false) => break,
-                    Err(Leave) => return Ok(false),
+        for _ in 0..ROUNDS {
+            for number in 0..self.record.drives.len() {
+                while self.record.drives[number].wheel.is_none() {
+                    match self.jog_one(number)? {
+                        Ok(true) => {}
+                        Ok(false) => break,
+                        Err(Leave) => return Ok(false),
+                    }
                 }
             }
+            if !self.forget_doubled() {
+                return Ok(self.has_every_wheel_a_drive());
+            }
         }
-        let names: Vec<String> = self.plan.drives.iter().map(|plan| plan.name.clone()).collect();
-        for name in names {
-            let having: Vec<usize> = (0..self.record.drives.len())
-                .filter(|number| self.record.drives[*number].wheel.as_ref() == Some(&name))
-                .collect();
+        self.hand.tell(&format!(
+            "{ROUNDS} times more than one drive was seen to turn the same wheel: mark wheels and drives, then take it up again"
+        ));
+        Ok(false)
+    }
+
+    /// Whether several drives were seen to turn the same wheel; they have none any more.
+    fn forget_doubled(&mut self) -> bool {
+        let mut any = false;
+        for name in self.wheels() {
+            let drives = &mut self.record.drives;
+            let having: Vec<&mut FoundDrive> =
+                drives.iter_mut().filter(|drive| drive.wheel.as_ref() == Some(&name)).collect();
             if having.len() > 1 {
-                self.record.found(format!(
-                    "{} drives were seen to turn {name}: they are jogged again",
-                    having.len()
-                ));
-                having.iter().for_each(|number| self.record.drives[*number].wheel = None);
-                return self.jog_all();
-            }
-            if having.is_empty() {
-                self.record.found(format!("no drive was seen to turn {name}"));
-                self.hand.tell(&format!(
-                    "no drive was seen to turn {name}: look at its cables and its drive, then go on"
-                ));
-                return Ok(false);
+                let positions: Vec<String> = having.iter().map(|drive| drive.position.to_string()).collect();
+                having.into_iter().for_each(|drive| drive.wheel = None);
+                let text = format!(
+                    "SubDevices {} were all seen to turn {name}: they are jogged again",
+                    positions.join(", ")
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
+                any = true;
             }
         }
-        Ok(true)
+        any
+    }
+
+    fn has_every_wheel_a_drive(&mut self) -> bool {
+        let drives = &self.record.drives;
+        let has = |name: &String| drives.iter().any(|drive| drive.wheel.as_ref() == Some(name));
+        let Some(name) = self.wheels().into_iter().find(|name| !has(name)) else { return true };
+        self.record.found(format!("no drive was seen to turn {name}"));
+        self.hand
+            .tell(&format!("no drive was seen to turn {name}: look at its cables and its drive, then go on"));
+        false
+    }
+
+    fn wheels(&self) -> Vec<String> {
+        self.plan.drives.iter().map(|plan| plan.name.clone()).collect()
     }
 
     /// One drive, and what was seen; `Ok(false)` where it is left out.
@@ -225,7 +250,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Asks what was seen of a jog.
     fn seen(&mut self, number: usize, jog: &Jog) -> Result<bool, Leave> {
         let position = self.record.drives[number].position;
-        let mut wheels: Vec<String> = self.plan.drives.iter().map(|plan| plan.name.clone()).collect();
+        let mut wheels = self.wheels();
         wheels.extend(["none", "again"].map(str::to_owned));
         let wheel = self.choose((format!("wheel {position}"), "which wheel turned?".to_owned()), &wheels)?;
         match wheel.as_str() {
@@ -273,8 +298,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Counts of the motor and gear: as known where what was seen fits, else as the gear's plate and the eye say.
     fn resolution(&mut self, number: usize, wheel: &str, seen_counts: f64) -> Result<(u32, f64), Leave> {
         let drive = self.record.drives[number].clone();
-        let scale =
-            self.plan.drives.iter().find(|plan| plan.name == wheel).unwrap_or(&self.plan.drives[0]).scale;
+        let scale = self.scale_of(&FoundDrive { wheel: Some(wheel.to_owned()), ..drive.clone() });
         let told = (
             drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution)),
             drive.told_gear.unwrap_or(scale.gear_ratio),

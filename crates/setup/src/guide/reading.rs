@@ -1,5 +1,6 @@
 //! Who is on the bus, and parameters: what is done in PRE-OP.
 
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use omnibase_ethercat::start_up::SdoAccess;
@@ -7,7 +8,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, SetupError, who};
+use super::{Guide, SetupError, is_product, who};
 use crate::record::FoundDrive;
 
 /// The profile of drives in 0x1000.
@@ -84,7 +85,7 @@ impl<C: Clock> Guide<'_, C> {
             );
             self.hand.tell(&text);
             self.record.note(text);
-            let of_file = self.plan.drives[0].scale.rated_torque_nm;
+            let of_file = self.scale_of(drive).rated_torque_nm;
             if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {
                 self.record.found(format!(
                     "SubDevice {}: it says that its motor's rated torque is {rated} N·m (0x6076), the file says {of_file}: look at the motor's plate",
@@ -92,17 +93,17 @@ impl<C: Clock> Guide<'_, C> {
                 ));
             }
         }
-        let identity = self.plan.drives[0].identity;
-        let device = self.plan.drives[0].device.clone();
         for drive in &drives {
-            let differs = |wanted: Option<u32>, found: u32| wanted.is_some_and(|wanted| wanted != found);
-            if differs(identity.vendor_id, drive.vendor_id)
-                || differs(identity.product_code, drive.product_code)
-            {
+            if !self.plan.drives.iter().any(|plan| is_product(plan, drive)) {
+                let devices: BTreeSet<&str> =
+                    self.plan.drives.iter().map(|plan| plan.device.as_str()).collect();
                 self.record.found(format!(
-                    "SubDevice {}: the file's device `{device}` is another product than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
+                    "SubDevice {}: the file's devices ({}) are other products than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
                      right before it is driven (`omnibase scan --toml` shows them)",
-                    drive.position, drive.vendor_id, drive.product_code
+                    drive.position,
+                    devices.into_iter().collect::<Vec<_>>().join(", "),
+                    drive.vendor_id,
+                    drive.product_code
                 ));
             }
         }

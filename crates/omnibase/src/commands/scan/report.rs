@@ -327,44 +327,10 @@ impl SubDeviceReport {
             writeln!(output, "    modules   {}", idents.join(", "))?;
         }
         for object in self.dictionary.iter().flatten() {
-            print_object(output, object)?;
+            object.print(output)?;
         }
         Ok(())
     }
-}
-
-fn print_object(output: &mut dyn Write, object: &Object) -> io::Result<()> {
-    if let Some(error) = &object.error {
-        return writeln!(output, "    {:04x}      {error}", object.index);
-    }
-    let single = object.entries.len() == 1 && object.object_code == 7;
-    if !single {
-        writeln!(output, "    {:04x}      {}", object.index, object.name)?;
-    }
-    for entry in &object.entries {
-        let value = match (&entry.error, entry.access & 0b111) {
-            (Some(error), _) => error.as_str(),
-            (None, 0) => "write only",
-            (None, _) => &entry.words,
-        };
-        let name = if single && entry.name.is_empty() { &object.name } else { &entry.name };
-        writeln!(
-            output,
-            "    {:04x}:{:02x}   {} {:<32} {:<6} {value}",
-            object.index,
-            entry.subindex,
-            rights(entry.access),
-            name,
-            crate::value::DataType::from_coe(entry.data_type)
-        )?;
-    }
-    Ok(())
-}
-
-/// Reading and writing in any state, and mapping.
-fn rights(access: u16) -> String {
-    let mark = |mask: u16, mark: char| if access & mask != 0 { mark } else { '-' };
-    [mark(0b111, 'r'), mark(0b11_1000, 'w'), mark(1 << 6, 'o'), mark(1 << 7, 'i')].iter().collect()
 }
 
 impl Report {

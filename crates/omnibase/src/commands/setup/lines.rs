@@ -3,56 +3,81 @@
 //! Out: `{"tell": …}`, `{"question": {"id", "text", "choices", "default"}}`, `{"hold": …}`. In: `{"answer": …}`,
 //! `{"key": true}` for a beat of the held key, `{"key": false}` where it is let go, `{"leave": true}`.
 
+use super::heard::Heard;
 use omnibase_setup::{Answer, Hand, Key, Question};
 use serde_json::{Value, json};
-use std::io::{BufRead, Write};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::io::{BufRead, Read, Write};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-/// A program at the standard input and output.
-pub struct Lines {
-    heard: Receiver<Value>,
-    /// The input has ended.
-    is_gone: bool,
+/// The longest line, bytes.
+const LONGEST_LINE: u64 = 4096;
+/// Lines beside those of the key that may wait to be read.
+const WAITING: usize = 16;
+
+/// A program at an input and an output.
+pub struct Lines<W> {
+    heard: Arc<Heard>,
+    said: Receiver<Value>,
+    output: W,
 }
 
-impl Lines {
-    pub fn new() -> Self {
-        let (sender, heard) = channel();
+impl<W: Write> Lines<W> {
+    /// Who speaks at `input` and hears at `output`.
+    pub fn new(input: impl BufRead + Send + 'static, output: W) -> Self {
+        let heard = Arc::new(Heard::default());
+        let (sender, said) = sync_channel(WAITING);
+        let listening = Arc::clone(&heard);
         std::thread::spawn(move || {
-            for line in std::io::stdin().lock().lines() {
-                let Ok(line) = line else { return };
-                let value = serde_json::from_str(&line).unwrap_or_else(|_| json!({ "wrong": line }));
-                if sender.send(value).is_err() {
-                    return;
-                }
-            }
+            listen(input, &listening, &sender);
+            listening.gone();
         });
-        Lines { heard, is_gone: false }
+        Lines { heard, said, output }
     }
 
     fn say(&mut self, value: &Value) {
-        let mut output = std::io::stdout().lock();
-        let said = writeln!(output, "{value}").and_then(|()| output.flush());
-        self.is_gone |= said.is_err();
+        if writeln!(self.output, "{value}").and_then(|()| self.output.flush()).is_err() {
+            self.heard.gone();
+        }
     }
 }
 
-impl Hand for Lines {
+/// Hears until the input ends, says that it leaves, or says more than can be kept: then nobody knows what it means. Beats of the
+/// key never wait behind anything.
+fn listen(mut input: impl BufRead, heard: &Heard, sender: &SyncSender<Value>) {
+    let mut line = String::new();
+    loop {
+        line.clear();
+        match input.by_ref().take(LONGEST_LINE).read_line(&mut line) {
+            Ok(1..) if line.ends_with('\n') => {}
+            _ => return,
+        }
+        let value: Value =
+            serde_json::from_str(&line).unwrap_or_else(|_| json!({ "wrong": line.trim_end() }));
+        match value["key"].as_bool() {
+            Some(true) => heard.beat(),
+            Some(false) => heard.let_go(),
+            _ if value["leave"] == true => return,
+            _ if sender.try_send(value).is_err() => return,
+            _ => {}
+        }
+    }
+}
+
+impl<W: Write> Hand for Lines<W> {
     fn ask(&mut self, question: &Question) -> Answer {
         self.say(&json!({ "question": question }));
         loop {
-            let Ok(value) = self.heard.recv() else { return Answer::Leave };
-            match (&value["answer"], &value["leave"], &value["wrong"]) {
-                (_, Value::Bool(true), _) => return Answer::Leave,
-                (Value::String(text), ..) => return Answer::Said(text.clone()),
-                (Value::Number(number), ..) => return Answer::Said(number.to_string()),
-                (_, _, Value::String(line)) => {
+            let Ok(value) = self.said.recv() else { return Answer::Leave };
+            match (&value["answer"], &value["wrong"]) {
+                (Value::String(text), _) => return Answer::Said(text.clone()),
+                (Value::Number(number), _) => return Answer::Said(number.to_string()),
+                (_, wrong) => {
+                    let found = wrong.as_str().map_or_else(|| value.to_string(), str::to_owned);
                     let text =
-                        format!("expected a JSON object such as {{\"answer\": \"left\"}}, found {line}");
+                        format!("expected a JSON object such as {{\"answer\": \"left\"}}, found {found}");
                     self.say(&json!({ "tell": text }));
                 }
-                // Beats of a key that nobody waits for any more.
-                _ => {}
             }
         }
     }
@@ -62,26 +87,73 @@ impl Hand for Lines {
     }
 
     fn take_key(&mut self, what: &str) {
-        while self.heard.try_recv().is_ok() {}
+        // Answers to questions that nobody asked.
+        while self.said.try_recv().is_ok() {}
+        self.heard.begin();
         self.say(&json!({ "hold": what }));
     }
 
     fn key(&mut self) -> Key {
-        if self.is_gone {
-            return Key::Gone;
-        }
-        let mut key = Key::Quiet;
+        self.heard.key()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{BufReader, PipeWriter, pipe};
+    use std::time::{Duration, Instant};
+
+    fn lines() -> (PipeWriter, Lines<Vec<u8>>) {
+        let (reader, writer) = pipe().unwrap();
+        (writer, Lines::new(BufReader::new(reader), Vec::new()))
+    }
+
+    /// The next thing that is heard of the key.
+    fn key(lines: &mut Lines<Vec<u8>>) -> Key {
+        let begun = Instant::now();
         loop {
-            match self.heard.try_recv() {
-                Ok(value) => match value["key"] {
-                    Value::Bool(true) => key = Key::Beat,
-                    Value::Bool(false) => return Key::LetGo,
-                    _ if value["leave"] == true => return Key::Gone,
-                    _ => {}
-                },
-                Err(TryRecvError::Empty) => return key,
-                Err(TryRecvError::Disconnected) => return Key::Gone,
+            match lines.key() {
+                Key::Quiet if begun.elapsed() < Duration::from_secs(10) => std::thread::yield_now(),
+                key => return key,
             }
         }
+    }
+
+    #[test]
+    fn beats_from_before_a_motion_are_none_of_its_own_and_leaving_is_never_lost() {
+        let (mut program, mut lines) = lines();
+        program.write_all(b"{\"key\": true}\n{\"key\": true}\n").unwrap();
+        assert_eq!(key(&mut lines), Key::Beat);
+        program.write_all(b"{\"key\": true}\n{\"answer\": \"a\"}\n").unwrap();
+        assert_eq!(lines.said.recv().unwrap()["answer"], "a");
+        lines.take_key("turns");
+        assert_eq!(lines.key(), Key::Quiet);
+        program.write_all(b"{\"key\": true}\n").unwrap();
+        assert_eq!(key(&mut lines), Key::Beat);
+        program.write_all(b"{\"key\": false}\n").unwrap();
+        assert_eq!(key(&mut lines), Key::LetGo);
+
+        program.write_all(b"{\"leave\": true}\n").unwrap();
+        assert_eq!(key(&mut lines), Key::Gone);
+        lines.take_key("turns again");
+        assert_eq!(lines.key(), Key::Gone);
+        let question = Question { id: "wheel 0".into(), text: String::new(), choices: vec![], default: None };
+        assert_eq!(lines.ask(&question), Answer::Leave);
+    }
+
+    #[test]
+    fn whoever_says_more_than_can_be_kept_is_gone() {
+        let (mut program, mut many) = lines();
+        for _ in 0..=WAITING {
+            program.write_all(b"{\"answer\": \"a\"}\n").unwrap();
+        }
+        assert_eq!(key(&mut many), Key::Gone);
+        let (mut program, mut long) = lines();
+        program.write_all(&[b' '; LONGEST_LINE as usize + 1]).unwrap();
+        assert_eq!(key(&mut long), Key::Gone);
+        let (program, mut ended) = lines();
+        drop(program);
+        assert_eq!(key(&mut ended), Key::Gone);
     }
 }

@@ -1,41 +1,36 @@
 //! A person at the terminal: questions line by line, the space bar held.
 
+use super::heard::Heard;
 use crate::terminal::shown;
 use omnibase_setup::{Answer, Hand, Key, Question};
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
 use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use std::io::{BufRead, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How long the keyboard is waited for at a time.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What the keyboard's thread heard.
+/// A person at the terminal.
 #[derive(Default)]
-struct Heard {
-    beats: AtomicU32,
-    let_go: AtomicBool,
-    gone: AtomicBool,
-    end: AtomicBool,
+pub struct Person {
+    listening: Option<Listening>,
 }
 
-/// A person at the terminal.
-pub struct Person {
-    listening: Option<(Arc<Heard>, JoinHandle<()>)>,
-    beats: u32,
+/// The keyboard's thread, and what it heard.
+struct Listening {
+    heard: Arc<Heard>,
+    end: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
 }
 
 impl Person {
-    pub fn new() -> Self {
-        Person { listening: None, beats: 0 }
-    }
-
     fn stop_listening(&mut self) {
-        if let Some((heard, thread)) = self.listening.take() {
-            heard.end.store(true, Ordering::Relaxed);
+        if let Some(Listening { end, thread, .. }) = self.listening.take() {
+            end.store(true, Ordering::Relaxed);
             let _ = thread.join();
             let _ = disable_raw_mode();
         }
@@ -49,33 +44,34 @@ impl Drop for Person {
 }
 
 /// Hears the keyboard until it shall end, or until the keyboard is gone.
-fn listen(heard: &Heard) {
-    while !heard.end.load(Ordering::Relaxed) {
-        let event = match poll(LOOK) {
-            Ok(false) => continue,
-            Ok(true) => read(),
-            Err(error) => Err(error),
-        };
-        match event {
-            Ok(Event::Key(key)) => {
-                let leaves = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-                match (key.code, key.kind) {
-                    _ if leaves => heard.gone.store(true, Ordering::Relaxed),
-                    (KeyCode::Char(' '), KeyEventKind::Press | KeyEventKind::Repeat) => {
-                        heard.beats.fetch_add(1, Ordering::Relaxed);
-                    }
-                    // Another key, or the bar let go where the terminal tells it.
-                    _ => heard.let_go.store(true, Ordering::Relaxed),
-                }
-            }
-            Ok(Event::FocusLost) => heard.let_go.store(true, Ordering::Relaxed),
-            Ok(_) => {}
-            Err(_) => {
-                heard.gone.store(true, Ordering::Relaxed);
-                return;
+fn listen(heard: &Heard, end: &AtomicBool) {
+    while !end.load(Ordering::Relaxed) && !heard.is_gone() {
+        hear(heard, LOOK);
+    }
+}
+
+/// Waits so long for something at the keyboard; whether there was something.
+fn hear(heard: &Heard, longest: Duration) -> bool {
+    let event = match poll(longest) {
+        Ok(false) => return false,
+        Ok(true) => read(),
+        Err(error) => Err(error),
+    };
+    match event {
+        Ok(Event::Key(key)) => {
+            let leaves = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+            match (key.code, key.kind) {
+                _ if leaves => heard.gone(),
+                (KeyCode::Char(' '), KeyEventKind::Press | KeyEventKind::Repeat) => heard.beat(),
+                // Another key, or the bar let go where the terminal tells it.
+                _ => heard.let_go(),
             }
         }
+        Ok(Event::FocusLost) => heard.let_go(),
+        Ok(_) => {}
+        Err(_) => heard.gone(),
     }
+    true
 }
 
 impl Hand for Person {
@@ -107,29 +103,20 @@ impl Hand for Person {
         println!("{} [space bar held; any other key ends it]", shown(what));
         let heard = Arc::new(Heard::default());
         if enable_raw_mode().is_err() {
-            heard.gone.store(true, Ordering::Relaxed);
+            heard.gone();
         }
-        // Beats of a bar that was held before are none of this motion's.
-        while poll(Duration::ZERO).unwrap_or(false) && read().is_ok() {}
+        // Beats of a bar that was held before are none of this motion's; whoever wants to leave does.
+        while !heard.is_gone() && hear(&heard, Duration::ZERO) {}
+        heard.begin();
+        let end = Arc::new(AtomicBool::new(false));
         let thread = {
-            let heard = Arc::clone(&heard);
-            std::thread::spawn(move || listen(&heard))
+            let (heard, end) = (Arc::clone(&heard), Arc::clone(&end));
+            std::thread::spawn(move || listen(&heard, &end))
         };
-        (self.listening, self.beats) = (Some((heard, thread)), 0);
+        self.listening = Some(Listening { heard, end, thread });
     }
 
     fn key(&mut self) -> Key {
-        let Some((heard, _)) = &self.listening else { return Key::Gone };
-        if heard.gone.load(Ordering::Relaxed) {
-            return Key::Gone;
-        }
-        let beats = heard.beats.load(Ordering::Relaxed);
-        if heard.let_go.swap(false, Ordering::Relaxed) {
-            self.beats = beats;
-            return Key::LetGo;
-        }
-        let key = if beats == self.beats { Key::Quiet } else { Key::Beat };
-        self.beats = beats;
-        key
+        self.listening.as_ref().map_or(Key::Gone, |listening| listening.heard.key())
     }
 }

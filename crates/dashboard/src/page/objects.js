@@ -1,0 +1,97 @@
+// The SubDevices' own objects: names at once, types and values where somebody looks. One question at a time, beside the cycle.
+
+/** CoE data types by their codes: a name, and what bytes are. */
+const TYPES = {
+  1: ["bool", number(false)], 2: ["i8", number(true)], 3: ["i16", number(true)], 4: ["i32", number(true)], 0x15: ["i64", number(true)],
+  5: ["u8", number(false)], 6: ["u16", number(false)], 7: ["u32", number(false)], 0x1b: ["u64", number(false)],
+  8: ["f32", (bytes) => new DataView(bytes.buffer).getFloat32(0, true)],
+  9: ["string", (bytes) => JSON.stringify(new TextDecoder().decode(bytes).replace(/\0+$/, ""))],
+};
+const READABLE = 7, WRITABLE = 0x38, VARIABLE = 7;
+
+function number(isSigned) {
+  return (bytes) => {
+    const whole = bytes.reduceRight((sum, byte) => (sum << 8n) | BigInt(byte), 0n);
+    return String(isSigned ? BigInt.asIntN(8 * bytes.length, whole) : whole);
+  };
+}
+
+const hex = (value, digits) => value.toString(16).padStart(digits, "0");
+
+export class Objects {
+  /** `ask` gives the answer to a call. */
+  constructor(panel, ask) {
+    this.ask = ask;
+    this.panel = panel;
+    this.of = panel.querySelector("select");
+    this.list = panel.querySelector("ul");
+    this.turn = 0;
+    panel.addEventListener("toggle", () => (panel.open ? this.open() : this.turn++));
+    this.of.onchange = () => this.show();
+  }
+
+  /** The first time asks who is there. */
+  async open() {
+    if (this.of.length) return this.show();
+    const { done, text, data } = await this.ask({ do: "scan" });
+    if (!done) return this.say(text);
+    for (const { position, name, drive } of data.subdevices) {
+      this.of.append(new Option(`${position} ${drive || name}`, position));
+    }
+    return this.show();
+  }
+
+  say(text) {
+    this.list.replaceChildren(Object.assign(document.createElement("li"), { textContent: text }));
+  }
+
+  /** All objects of the chosen one, by name; whoever chooses another or closes it ends that. */
+  async show() {
+    const turn = ++this.turn, subdevice = Number(this.of.value);
+    this.say("…");
+    const { done, text, data } = await this.ask({ do: "sdo_list", subdevice });
+    if (turn !== this.turn) return;
+    if (!done) return this.say(text);
+    this.list.replaceChildren();
+    for (const index of data.indices) {
+      const found = await this.ask({ do: "sdo_object", subdevice, object: hex(index, 4) });
+      if (turn !== this.turn) return;
+      this.list.append(this.object(subdevice, index, found));
+    }
+  }
+
+  object(subdevice, index, { done, text, data }) {
+    const item = document.createElement("li"), details = document.createElement("details");
+    details.dataset.object = hex(index, 4);
+    const summary = document.createElement("summary"), entries = document.createElement("ul");
+    summary.textContent = `${hex(index, 4)} ${done ? data.name : text}`;
+    details.append(summary, entries);
+    details.addEventListener("toggle", async () => {
+      if (!details.open || !done) return;
+      entries.replaceChildren();
+      const last = data.object_code === VARIABLE ? 0 : data.max_subindex;
+      for (let subindex = 0; subindex <= last && details.open && details.isConnected; subindex++) {
+        const entry = await this.entry(subdevice, `${hex(index, 4)}:${hex(subindex, 2)}`);
+        if (entry) entries.append(Object.assign(document.createElement("li"), { textContent: entry }));
+      }
+    });
+    item.append(details);
+    return item;
+  }
+
+  /** An entry in words; nothing where the object has a hole. */
+  async entry(subdevice, object) {
+    const { done, data } = await this.ask({ do: "sdo_type", subdevice, object });
+    if (!done) return null;
+    const { name, data_type, bit_length, access } = data;
+    const [type, words] = TYPES[data_type] ?? [`${bit_length} bits`, null];
+    const rights = (access & READABLE ? "r" : "-") + (access & WRITABLE ? "w" : "-");
+    const head = `${object} ${rights} ${name} ${type}`;
+    if (!(access & READABLE)) return head;
+    const read = await this.ask({ do: "sdo_read", subdevice, object });
+    if (!read.done) return `${head} = ${read.text}`;
+    const bytes = Uint8Array.from(read.data.data.match(/../g) ?? [], (two) => parseInt(two, 16));
+    const fits = words && bytes.length && bytes.length === (type === "string" ? bytes.length : Math.ceil(bit_length / 8));
+    return `${head} = ${fits ? words(bytes) : read.data.data}`;
+  }
+}
