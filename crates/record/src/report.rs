@@ -1,7 +1,8 @@
 //! A run as one page of HTML with still pictures: for the screen, for the phone, for paper.
 //!
 //! The page holds everything it needs, takes nothing from the network and runs no script. Curves are reduced to the
-//! least and the greatest value in each column of a chart, so its size hardly depends on the length of the run. The
+//! least and the greatest value in each column of a chart, so its size hardly depends on the length of the run, and
+//! neither does the room that it takes to make it ([`Digest`]). The
 //! same run gives the same page.
 //!
 //! # Signals
@@ -33,6 +34,7 @@ mod chart;
 mod configuration;
 mod curve;
 mod curves;
+mod digest;
 mod histogram;
 mod overhead;
 mod room;
@@ -42,33 +44,41 @@ mod sensors;
 mod signals;
 mod summary;
 mod text;
+mod totals;
 mod tracking;
 mod wheels;
 
 pub use curves::{CurveChart, CurvesPage, Quantity};
+pub use digest::Digest;
 pub use tracking::{BelievedAndTrue, TrackingFigures};
 
 use crate::run::{Keep, RecordedRun};
 use sections::Page;
 use signals::Signals;
 use text::escape;
+use totals::Totals;
 use tracking::Tracking;
 
 /// Colours, sizes and what differs on paper.
 const STYLE: &str = include_str!("report/style.css");
 
-/// The signals that a page shows: what must be kept of a recording, [`Keep::Signals`], to show it.
-pub const SHOWN: Keep<'static> = Keep::Signals(signals::is_shown);
+/// The signals that a page shows.
+const SHOWN: Keep<'static> = Keep::Signals(signals::is_shown);
 
 /// In the description: `x y heading` in m, m and rad, where a person found the platform on the floor after the run, in odom.
 pub const MEASURED: &str = "measured";
 
-/// The page of a run, as a whole HTML file.
+/// The page of a run that is there as a whole, as a whole HTML file; [`Digest`] for recordings of any length.
 pub fn html(run: &RecordedRun) -> String {
     let signals = Signals::new(run);
     let tracking = Tracking::new(&signals);
-    let page = Page::new(&signals, &tracking);
-    let title = summary::title(&signals);
+    page(&signals, &tracking, &Totals::of(&signals, &tracking))
+}
+
+/// The page of the rows that are seen, with the figures of all rows.
+fn page(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
+    let page = Page::new(signals, tracking, totals);
+    let title = summary::title(signals);
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -77,7 +87,7 @@ pub fn html(run: &RecordedRun) -> String {
          <body>\n<main>\n",
         escape(&title)
     );
-    html.push_str(&summary::html(&signals, &tracking, &title));
+    html.push_str(&summary::html(signals, tracking, totals, &title));
     if signals.times_s.is_empty() {
         let empty = "<p class=\"absent\">The recording holds no cycle: there is nothing to draw.</p>\n";
         html.push_str(&sections::section("path", "Path", empty));
@@ -90,7 +100,7 @@ pub fn html(run: &RecordedRun) -> String {
         }
     }
     html.push_str(&page.events());
-    html.push_str(&configuration::html(&signals));
+    html.push_str(&configuration::html(signals));
     html.push_str("</main>\n</body>\n</html>\n");
     html
 }

@@ -4,8 +4,8 @@ use crate::Outcome;
 use crate::progress::{bar, note, warn};
 use anyhow::Context;
 use omnibase_measure::measured::FloorPose;
-use omnibase_record::report;
-use omnibase_record::run::{FILE_NUMBER, RecordedRun, SELECTION};
+use omnibase_record::report::{self, Digest};
+use omnibase_record::run::{FILE_NUMBER, SELECTION};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -33,26 +33,28 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let run = write(&arguments.recording, &arguments.output, arguments.measured)?;
-    let cycles = run.times_ns.len();
+    let digest = write(&arguments.recording, &arguments.output, arguments.measured)?;
+    let cycles = digest.cycles();
     writeln!(
         output,
         "{}: {cycles} cycles of `{}`",
         arguments.output.display(),
         arguments.recording.display()
     )?;
-    Ok(if run.truncated.is_none() { Outcome::Done } else { Outcome::Failed })
+    Ok(if digest.run.truncated.is_none() { Outcome::Done } else { Outcome::Failed })
 }
 
 /// Writes the page of a recording; says so where the recording ends early.
-pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyhow::Result<RecordedRun> {
+pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyhow::Result<Digest> {
     let name = recording.display();
-    let file = File::open(recording).with_context(|| format!("reading `{name}`"))?;
-    let length = file.metadata().map_or(0, |metadata| metadata.len());
-    let bar = bar(length, "bytes");
-    let run = RecordedRun::read_from(bar.wrap_read(file), report::SHOWN);
+    let open = || File::open(recording);
+    let length = open().and_then(|file| file.metadata()).map_or(0, |metadata| metadata.len());
+    // It is read twice.
+    let bar = bar(2 * length, "bytes");
+    let digest = Digest::read(|| Ok(bar.wrap_read(open()?)));
     bar.finish_and_clear();
-    let mut run = run.with_context(|| format!("`{name}`"))?;
+    let mut digest = digest.with_context(|| format!("`{name}`"))?;
+    let run = &mut digest.run;
     run.description.extend(measured.map(|pose| (report::MEASURED.to_owned(), pose.to_string())));
     if let Some(reason) = &run.truncated {
         warn(format_args!("`{name}` ends early ({reason}); the page shows what is there"));
@@ -63,6 +65,6 @@ pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyh
     if let Some(number) = run.description.get(FILE_NUMBER) {
         note(format_args!("`{name}` is file {number} of its run; the page shows its part alone"));
     }
-    std::fs::write(page, report::html(&run)).with_context(|| format!("writing `{}`", page.display()))?;
-    Ok(run)
+    std::fs::write(page, digest.html()).with_context(|| format!("writing `{}`", page.display()))?;
+    Ok(digest)
 }

@@ -141,6 +141,29 @@ fn kept(path: &[(f64, f64)], tolerance: f64) -> Vec<bool> {
     keep
 }
 
+/// The points of a path that shape it most, by their numbers: `most` at most beside its finite ends, none of which is nearer than
+/// `tolerance` to the line that the others make; the method of [`thinned`], the farthest first.
+pub(super) fn corners(path: impl Iterator<Item = (f64, f64)>, most: usize, tolerance: f64) -> Vec<usize> {
+    let (numbers, path): (Vec<usize>, Vec<(f64, f64)>) =
+        path.enumerate().filter(|(_, (x, y))| x.is_finite() && y.is_finite()).unzip();
+    let Some(last) = path.len().checked_sub(1) else { return Vec::new() };
+    let farthest = |from: usize, to: usize| {
+        let between = (from + 1..to).map(|at| (squared_distance(path[at], path[from], path[to]), at));
+        let (distance, at) = between.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        (distance > tolerance * tolerance).then_some((distance, from, at, to))
+    };
+    let mut corners = vec![numbers[0], numbers[last]];
+    let mut open: Vec<_> = farthest(0, last).into_iter().collect();
+    while corners.len() < most + 2 {
+        let next = open.iter().enumerate().max_by(|one, other| one.1.0.total_cmp(&other.1.0));
+        let Some((place, &(_, from, at, to))) = next else { break };
+        open.swap_remove(place);
+        corners.push(numbers[at]);
+        open.extend(farthest(from, at).into_iter().chain(farthest(at, to)));
+    }
+    corners
+}
+
 fn squared(one: (f64, f64), other: (f64, f64)) -> f64 {
     let (dx, dy) = (one.0 - other.0, one.1 - other.1);
     dx * dx + dy * dy

@@ -3,13 +3,14 @@
 use super::bands::{self, Band};
 use super::beside;
 use super::chart::{Line, Marked, TimeChart};
-use super::histogram::{self, Quantiles};
+use super::histogram;
 use super::overhead::{self, Shape};
 use super::room::Room;
 use super::scale::Span;
 use super::sensors;
-use super::signals::Signals;
+use super::signals::{Poses, Signals};
 use super::text::{self, Unit, escape};
+use super::totals::{TIMINGS, Totals};
 use super::tracking::{Error, Tracking};
 use super::wheels;
 
@@ -22,13 +23,14 @@ const ROUNDING_M_S: f64 = 1e-9;
 pub(super) struct Page<'a> {
     pub(super) signals: &'a Signals<'a>,
     pub(super) tracking: &'a Tracking,
+    pub(super) totals: &'a Totals,
     /// Saturation, stops and lost frames, to be marked behind curves.
     pub(super) marked: Vec<Marked>,
     pub(super) bands: Vec<Band>,
 }
 
 impl<'a> Page<'a> {
-    pub(super) fn new(signals: &'a Signals<'a>, tracking: &'a Tracking) -> Self {
+    pub(super) fn new(signals: &'a Signals<'a>, tracking: &'a Tracking, totals: &'a Totals) -> Self {
         let bands = bands(signals, tracking);
         // Which of the codes are marked behind the curves of the wheels.
         let interesting = [
@@ -39,7 +41,7 @@ impl<'a> Page<'a> {
         let marked = interesting.iter().filter_map(|(band, code, name)| {
             bands.iter().find(|known| known.name == *band)?.marked(&signals.times_s, *code, name)
         });
-        Page { signals, tracking, marked: marked.collect(), bands }
+        Page { signals, tracking, totals, marked: marked.collect(), bands }
     }
 
     fn times(&self) -> &[f64] {
@@ -109,16 +111,7 @@ impl<'a> Page<'a> {
 
     /// Speeds of the platform, in odom.
     pub(super) fn speeds(&self) -> String {
-        let planned = self.signals.twists(&["wished_twist", "setpoint_twist"]);
-        let turned = |twist: Option<[Vec<f64>; 3]>, heading: Option<&Vec<f64>>| in_odom(twist?, heading?);
-        let believed = turned(
-            self.signals.twists(&["state_twist_in_body"]),
-            self.tracking.believed.as_ref().map(|poses| &poses.heading),
-        );
-        let truth = turned(
-            self.signals.twists(&["truth_twist"]),
-            self.tracking.truth.as_ref().map(|poses| &poses.heading),
-        );
+        let Speeds { planned, believed, truth } = Speeds::of(self.signals, self.tracking);
         let all = [("planned", &planned), ("true", &truth), ("believed", &believed)];
         if all.iter().all(|(_, twist)| twist.is_none()) {
             let why = "the run has neither planned nor believed speeds";
@@ -139,7 +132,7 @@ impl<'a> Page<'a> {
 
     /// Speeds and torques of the wheels against their limits.
     pub(super) fn wheels(&self) -> String {
-        section("wheels", "Wheels", &wheels::html(self.signals, &self.marked))
+        section("wheels", "Wheels", &wheels::html(self.signals, self.totals, &self.marked))
     }
 
     /// Phases, safety, saturation, frames.
@@ -153,22 +146,11 @@ impl<'a> Page<'a> {
 
     /// How punctual the cycle was.
     pub(super) fn timing(&self) -> String {
-        let prefixes = ["timing", "cycle", "exchange", "statistics"];
-        let sorts = [
-            ("Round trip of the frames", vec!["round_trip", "roundtrip"]),
-            ("Late wake-up", vec!["wake_up", "wakeup", "wake_up_late", "wakeup_late", "latency"]),
-            ("Computation", vec!["compute", "computation"]),
-        ];
         let period_s = self.signals.column(&["cycle_period"]).and_then(|periods| periods.last().copied());
         let mut html = String::new();
-        for (title, ends) in sorts {
-            let names: Vec<String> = prefixes
-                .iter()
-                .flat_map(|prefix| ends.iter().map(move |end| format!("{prefix}_{end}")))
-                .collect();
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            if let Some(values) = self.signals.column(&names) {
-                html.push_str(&histogram::html(title, &Quantiles::of(&values), period_s));
+        for ((title, _), times) in TIMINGS.into_iter().zip(&self.totals.timings) {
+            if let Some(times) = times {
+                html.push_str(&histogram::html(title, times, period_s));
             }
         }
         let phase = self.signals.column(&["bus_dc_phase"]);
@@ -238,7 +220,7 @@ impl<'a> Page<'a> {
 
     /// Sensors beside the wheels, where the robot has any.
     pub(super) fn sensors(&self) -> String {
-        let html = sensors::html(self.signals, self.tracking);
+        let html = sensors::html(self.signals, self.tracking, self.totals);
         if html.is_empty() { html } else { section("sensors", "Sensors and the place in map", &html) }
     }
 
@@ -298,6 +280,25 @@ fn bands(signals: &Signals<'_>, tracking: &Tracking) -> Vec<Band> {
         bands.push(Band { name: "Frames".into(), choices: &bands::EXCHANGES, codes });
     }
     bands
+}
+
+/// Twists in odom, row by row: along x and y, m/s, and rad/s.
+pub(super) struct Speeds {
+    pub(super) planned: Option<[Vec<f64>; 3]>,
+    pub(super) believed: Option<[Vec<f64>; 3]>,
+    pub(super) truth: Option<[Vec<f64>; 3]>,
+}
+
+impl Speeds {
+    pub(super) fn of(signals: &Signals<'_>, tracking: &Tracking) -> Self {
+        let turned =
+            |of: &str, poses: &Option<Poses>| in_odom(signals.twists(&[of])?, &poses.as_ref()?.heading);
+        Speeds {
+            planned: signals.twists(&["wished_twist", "setpoint_twist"]),
+            believed: turned("state_twist_in_body", &tracking.believed),
+            truth: turned("truth_twist", &tracking.truth),
+        }
+    }
 }
 
 /// A twist in the body's frame as one in odom.

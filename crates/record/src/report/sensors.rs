@@ -2,8 +2,9 @@
 
 use super::bands::{self, Band};
 use super::chart::{Limit, Line, TimeChart};
-use super::signals::Signals;
+use super::signals::{Poses, Signals};
 use super::text::{self, Unit, escape};
+use super::totals::Totals;
 use super::tracking::Tracking;
 use super::wheels::LOOKS;
 
@@ -34,29 +35,33 @@ struct Sensor {
 }
 
 /// What was heard and left out of a sensor, in rows whose readings differ from those of the row before.
-struct Counted {
+#[derive(Clone, Debug, Default)]
+pub(super) struct Counted {
+    rows: u64,
+    believed: u64,
     heard: u64,
     left_out: u64,
-    believed_share: f64,
-    mean_nis: f64,
+    /// Of those that weren't left out.
+    sum_nis: f64,
+    before: Option<f64>,
 }
 
-impl Sensor {
-    fn counted(&self) -> Counted {
-        let mut counted = Counted { heard: 0, left_out: 0, believed_share: 0.0, mean_nis: 0.0 };
-        let mut before = None;
-        for (verdict, nis) in self.verdict.iter().zip(&self.nis) {
-            counted.believed_share += f64::from(u8::from(*verdict == GOOD)) / self.verdict.len() as f64;
-            if nis.is_finite() && *nis > 0.0 && before != Some(*nis) {
+/// Takes the next rows of each sensor: those of this piece from `first` on.
+pub(super) fn count(totals: &mut Vec<Counted>, signals: &Signals<'_>, first: usize) {
+    let sensors = sensors(signals);
+    totals.resize(sensors.len(), Counted::default());
+    for (counted, sensor) in totals.iter_mut().zip(&sensors) {
+        for (verdict, nis) in sensor.verdict.iter().zip(&sensor.nis).skip(first) {
+            counted.rows += 1;
+            counted.believed += u64::from(*verdict == GOOD);
+            if nis.is_finite() && *nis > 0.0 && counted.before != Some(*nis) {
                 counted.heard += 1;
-                let is_out = self.gate.is_some_and(|gate| *nis > gate);
+                let is_out = sensor.gate.is_some_and(|gate| *nis > gate);
                 counted.left_out += u64::from(is_out);
-                counted.mean_nis += if is_out { 0.0 } else { *nis };
+                counted.sum_nis += if is_out { 0.0 } else { *nis };
             }
-            before = Some(*nis);
+            counted.before = Some(*nis);
         }
-        counted.mean_nis /= (counted.heard - counted.left_out).max(1) as f64;
-        counted
     }
 }
 
@@ -77,7 +82,7 @@ fn sensors(signals: &Signals<'_>) -> Vec<Sensor> {
 }
 
 /// The section's content; nothing for a robot without sensors.
-pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking) -> String {
+pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
     let sensors = sensors(signals);
     if sensors.is_empty() {
         return String::new();
@@ -90,15 +95,14 @@ pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking) -> String {
     };
     let all: Vec<Band> = sensors.iter().map(band).collect();
     let mut html = bands::html("Which sensor was believed", times, &all);
-    html.push_str(&table(&sensors));
+    html.push_str(&table(&sensors, &totals.sensors));
     html.push_str(&innovations(times, &sensors));
-    html.push_str(&place(signals, tracking));
+    html.push_str(&place(signals, tracking, totals));
     html
 }
 
-fn table(sensors: &[Sensor]) -> String {
-    let row = |sensor: &Sensor| {
-        let counted = sensor.counted();
+fn table(sensors: &[Sensor], totals: &[Counted]) -> String {
+    let row = |(sensor, counted): (&Sensor, &Counted)| {
         let percent = |share: f64, decimals| format!("{} %", text::fixed(100.0 * share, decimals));
         let left_out = match sensor.gate {
             None => "gate unknown".to_owned(),
@@ -108,16 +112,16 @@ fn table(sensors: &[Sensor]) -> String {
             "<tr><th>{}</th><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{left_out}</td>\
              <td class=\"number\">{}</td></tr>\n",
             escape(&sensor.name),
-            percent(counted.believed_share, 1),
+            percent(counted.believed as f64 / counted.rows.max(1) as f64, 1),
             text::count(counted.heard),
-            text::significant(counted.mean_nis)
+            text::significant(counted.sum_nis / (counted.heard - counted.left_out).max(1) as f64)
         )
     };
     format!(
         "<div class=\"tables\"><table class=\"figures\"><thead><tr><th>Sensor</th><th class=\"number\">believed</th>\
          <th class=\"number\">cycles with a reading</th><th class=\"number\">left out by the gate</th>\
          <th class=\"number\">mean chi² of the others (1 expected)</th></tr></thead><tbody>\n{}</tbody></table></div>\n",
-        sensors.iter().map(row).collect::<String>()
+        sensors.iter().zip(totals).map(row).collect::<String>()
     )
 }
 
@@ -149,47 +153,70 @@ fn innovations(times: &[f64], sensors: &[Sensor]) -> String {
 }
 
 /// How far poses are from others, row by row.
-struct Off {
-    distance_m: Vec<f64>,
-    turned_rad: Vec<f64>,
+pub(super) struct Off {
+    pub(super) distance_m: Vec<f64>,
+    pub(super) turned_rad: Vec<f64>,
+}
+
+/// The place in map, row by row.
+pub(super) struct Place {
+    /// Three standard deviations, m, in the worse direction.
+    pub(super) known_m: Vec<f64>,
+    /// Three standard deviations of the heading, rad.
+    pub(super) known_rad: Vec<f64>,
+    /// From the truth.
+    pub(super) truth: Option<Off>,
+    /// From odom.
+    pub(super) odom: Option<Off>,
+}
+
+impl Place {
+    /// `None` where it wasn't recorded.
+    pub(super) fn of(signals: &Signals<'_>, tracking: &Tracking) -> Option<Self> {
+        let variance = |axes: &str| signals.column(&[&format!("map_covariance_{axes}")]);
+        let map = signals.poses(&["map_pose"])?;
+        let (xx, yy, hh) = (variance("xx")?, variance("yy")?, variance("hh")?);
+        let sigmas = |variance: f64| SIGMAS * variance.max(0.0).sqrt();
+        let off = |other: &Poses| {
+            let distance = |row: usize| (map.x[row] - other.x[row]).hypot(map.y[row] - other.y[row]);
+            let turned = |row: usize| wrapped(map.heading[row] - other.heading[row]).abs();
+            let rows = 0..map.x.len().min(other.x.len());
+            Off { distance_m: rows.clone().map(distance).collect(), turned_rad: rows.map(turned).collect() }
+        };
+        Some(Place {
+            known_m: xx.iter().zip(&yy).map(|(xx, yy)| sigmas(xx.max(*yy))).collect(),
+            known_rad: hh.iter().map(|hh| sigmas(*hh)).collect(),
+            truth: tracking.truth.as_ref().map(off),
+            odom: tracking.believed.as_ref().map(off),
+        })
+    }
 }
 
 /// How well the place in map was known, how wrong it was where the truth is known, and how far odom was off map.
-fn place(signals: &Signals<'_>, tracking: &Tracking) -> String {
+fn place(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
     let times = &signals.times_s;
-    let variance = |axes: &str| signals.column(&[&format!("map_covariance_{axes}")]);
-    let (Some(map), Some(xx), Some(yy), Some(hh)) =
-        (signals.poses(&["map_pose"]), variance("xx"), variance("yy"), variance("hh"))
-    else {
+    let Some(place) = Place::of(signals, tracking) else {
         return super::sections::absent("Place in map", "not recorded");
     };
-    let sigmas = |variance: f64| SIGMAS * variance.max(0.0).sqrt();
-    let known_m: Vec<f64> = xx.iter().zip(&yy).map(|(xx, yy)| sigmas(xx.max(*yy))).collect();
-    let known_rad: Vec<f64> = hh.iter().map(|hh| sigmas(*hh)).collect();
-    let off = |other: &super::signals::Poses| {
-        let distance = |row: usize| (map.x[row] - other.x[row]).hypot(map.y[row] - other.y[row]);
-        let turned = |row: usize| wrapped(map.heading[row] - other.heading[row]).abs();
-        let rows = 0..map.x.len().min(other.x.len());
-        Off { distance_m: rows.clone().map(distance).collect(), turned_rad: rows.map(turned).collect() }
-    };
-    let truth = tracking.truth.as_ref().map(off);
-    let odom = tracking.believed.as_ref().map(off);
     let mut html = String::new();
     let lines = |known: &'_ [f64], pick: fn(&Off) -> &Vec<f64>| {
         let mut all = vec![("3 σ", "limit", known.to_vec())];
-        all.extend(odom.as_ref().map(|odom| ("odom from map", "planned", pick(odom).clone())));
-        all.extend(truth.as_ref().map(|truth| ("map from truth", "true", pick(truth).clone())));
+        all.extend(place.odom.as_ref().map(|odom| ("odom from map", "planned", pick(odom).clone())));
+        all.extend(place.truth.as_ref().map(|truth| ("map from truth", "true", pick(truth).clone())));
         all
     };
-    for (title, is_length, all) in [
-        ("Place in map: how well it was known", true, lines(&known_m, |off| &off.distance_m)),
-        ("Heading in map: how well it was known", false, lines(&known_rad, |off| &off.turned_rad)),
+    let [known_m, known_rad] = &totals.known;
+    for (title, is_length, known, all) in [
+        ("Place in map: how well it was known", true, known_m, lines(&place.known_m, |off| &off.distance_m)),
+        (
+            "Heading in map: how well it was known",
+            false,
+            known_rad,
+            lines(&place.known_rad, |off| &off.turned_rad),
+        ),
     ] {
-        let (_, _, known) = &all[0];
         // Before the first pose nothing is known: what follows is what the unit is for.
-        let mut seen: Vec<f64> = known.iter().copied().filter(|value| value.is_finite()).collect();
-        seen.sort_by(f64::total_cmp);
-        let usual = seen.get(seen.len() / 2).copied().unwrap_or(0.0);
+        let usual = known.at(0.5).unwrap_or(0.0);
         let unit = if is_length { Unit::length(usual) } else { Unit::angle(usual) };
         let most = MOST_SEEN
             * usual.max(

@@ -2,6 +2,7 @@
 
 use super::signals::Signals;
 use super::text::{self, escape};
+use super::totals::Totals;
 use super::tracking::{BelievedAndTrue, Tracking};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -16,7 +17,7 @@ pub(super) fn title(signals: &Signals<'_>) -> String {
 }
 
 /// Title, figures, and what the reader must know about the file.
-pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> String {
+pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals, title: &str) -> String {
     let mut html = format!("<header><h1>{}</h1>\n<p class=\"facts\">", escape(title));
     let facts = [("mode", "controller"), ("date", "recorded"), ("version", "omnibase")];
     let facts: Vec<String> = facts
@@ -36,9 +37,9 @@ pub(super) fn html(signals: &Signals<'_>, tracking: &Tracking, title: &str) -> S
         let _ = writeln!(html, "<p class=\"warning\">The run ended early: {}</p>", escape(end));
     }
     html.push_str("</header>\n<section id=\"summary\"><h2>Summary</h2>\n<div class=\"tables\">");
-    html.push_str(&errors(tracking));
+    html.push_str(&errors(tracking, totals));
     html.push_str(&measured(signals, tracking));
-    html.push_str(&counts(signals));
+    html.push_str(&counts(signals, totals));
     html.push_str("</div></section>\n");
     html
 }
@@ -61,8 +62,8 @@ fn cell(value: f64, words: fn(f64) -> String) -> String {
     format!("<td class=\"number\"><data value=\"{value:e}\">{}</data></td>", words(value))
 }
 
-fn errors(tracking: &Tracking) -> String {
-    let figures = tracking.figures();
+fn errors(tracking: &Tracking, totals: &Totals) -> String {
+    let figures = tracking.figures(totals);
     let knows_truth = tracking.truth.is_some();
     let shown = |value: Option<f64>, words: fn(f64) -> String| {
         value.map_or("<td class=\"number\">\u{2013}</td>".to_owned(), |value| cell(value, words))
@@ -105,18 +106,14 @@ fn measured(signals: &Signals<'_>, tracking: &Tracking) -> String {
     html
 }
 
-fn counts(signals: &Signals<'_>) -> String {
-    let rows = signals.times_s.len();
+fn counts(signals: &Signals<'_>, totals: &Totals) -> String {
     let duration = signals.times_s.last().copied();
     let whole = |key: &str| signals.number(key).map(|number| number.max(0.0) as u64);
-    // Of the codes of exchanges, 1 is lost and 2 a working counter too small.
-    let counted = signals.column(&["exchange_result"]);
-    let lost = counted.map(|codes| codes.iter().filter(|code| [1.0, 2.0].contains(code)).count() as u64);
     let number = |value: Option<u64>| value.map(text::count);
     let entries = [
-        ("Cycles", number(whole("cycles").or(Some(rows as u64)))),
+        ("Cycles", number(whole("cycles").or(Some(totals.cycles)))),
         ("Duration", duration.map(text::duration)),
-        ("Lost or incomplete frames", number(whole("lost_frames").or(lost))),
+        ("Lost or incomplete frames", number(whole("lost_frames").or(totals.lost))),
         ("Overruns", number(whole("overruns"))),
         ("Records dropped", number(whole("records_dropped"))),
         ("Times real time", signals.number("realtime_factor").map(text::significant)),

@@ -1,6 +1,7 @@
 //! How far the platform was from where it should have been.
 
 use super::signals::{Poses, Signals};
+use super::totals::{Squares, Totals};
 use crate::run::RecordedRun;
 
 /// The phases in which the platform is kept at its reference, or at the end of it: holding, tracking.
@@ -37,7 +38,10 @@ impl TrackingFigures {
     ///
     /// Tracking are the cycles in that phase; all cycles where the run has no phases.
     pub fn of(run: &RecordedRun) -> Self {
-        Tracking::new(&Signals::new(run)).figures()
+        let signals = Signals::new(run);
+        let tracking = Tracking::new(&signals);
+        let totals = Totals::of(&signals, &tracking);
+        tracking.figures(&totals)
     }
 }
 
@@ -100,6 +104,11 @@ impl Tracking {
         Tracking { planned, believed, truth, phase, believed_error, true_error }
     }
 
+    /// Whether the platform follows its reference; always where phases aren't known.
+    pub(super) fn is_tracking(&self, row: usize) -> bool {
+        self.is_in(row, &[TRACKING])
+    }
+
     /// Whether the platform is in one of the phases; always where phases aren't known.
     fn is_in(&self, row: usize, phases: &[f64]) -> bool {
         self.phase.as_ref().is_none_or(|phase| phase.get(row).is_some_and(|now| phases.contains(now)))
@@ -119,32 +128,28 @@ impl Tracking {
     /// The last row in which the reference was tracked or its end was held.
     fn last_led(&self, rows: usize) -> Option<usize> {
         // What was held before the reference began is not its end.
-        let first = (0..rows).find(|&row| self.is_in(row, &[TRACKING]))?;
+        let first = (0..rows).find(|&row| self.is_tracking(row))?;
         (first..rows).rev().find(|&row| self.is_in(row, &LED))
     }
 
-    pub(super) fn figures(&self) -> TrackingFigures {
+    /// The figures, by the totals of the same run.
+    pub(super) fn figures(&self, totals: &Totals) -> TrackingFigures {
         let errors = [&self.believed_error, &self.true_error];
         let each = |figure: &dyn Fn(&Error) -> Option<f64>| {
             let [believed, truth] = errors.map(|error| error.as_ref().and_then(figure));
             BelievedAndTrue { believed, truth }
         };
         let rows = errors.iter().find_map(|error| Some(error.as_ref()?.distance.len())).unwrap_or(0);
-        let tracked: Vec<usize> = (0..rows).filter(|&row| self.is_in(row, &[TRACKING])).collect();
         let last = self.last_led(rows);
         let at_end = |values: &[f64]| values.get(last?).copied().filter(|value| value.is_finite());
-        let during = |error: &Error| -> Vec<f64> {
-            let values = tracked.iter().filter_map(|&row| error.distance.get(row).copied());
-            values.filter(|value| value.is_finite()).collect()
+        let during = |figure: fn(&Squares) -> Option<f64>| {
+            let [believed, truth] = totals.errors.map(|error| error.as_ref().and_then(figure));
+            BelievedAndTrue { believed, truth }
         };
         TrackingFigures {
             final_error_m: each(&|error| at_end(&error.distance)),
-            rms_error_m: each(&|error| {
-                let values = during(error);
-                let squares: f64 = values.iter().map(|value| value * value).sum();
-                (!values.is_empty()).then(|| (squares / values.len() as f64).sqrt())
-            }),
-            max_error_m: each(&|error| during(error).into_iter().reduce(f64::max)),
+            rms_error_m: during(Squares::root_mean_square),
+            max_error_m: during(Squares::greatest),
             final_heading_error_rad: each(&|error| at_end(&error.heading)),
         }
     }

@@ -4,6 +4,7 @@ use super::chart::{Limit, Line, Marked, TimeChart};
 use super::sections::absent;
 use super::signals::{Signals, WheelSignals};
 use super::text::{self, Unit, escape};
+use super::totals::Totals;
 use std::fmt::Write;
 
 /// Looks of wheels.
@@ -34,7 +35,7 @@ impl Limits {
 }
 
 /// Charts of speeds and torques, and how much of each limit was used.
-pub(super) fn html(signals: &Signals<'_>, marked: &[Marked]) -> String {
+pub(super) fn html(signals: &Signals<'_>, totals: &Totals, marked: &[Marked]) -> String {
     let wheels = signals.wheels();
     if wheels.is_empty() {
         return absent("Wheels", "the run has no signals of wheels");
@@ -64,13 +65,14 @@ pub(super) fn html(signals: &Signals<'_>, marked: &[Marked]) -> String {
         chart("Wheel speed", "rad/s", |wheel| &wheel.speed, speed_limits.into_iter().flatten().collect());
     let torques =
         chart("Wheel torque", "N·m", |wheel| &wheel.torque, torque_limits.into_iter().flatten().collect());
-    format!("{}{speeds}{torques}", table(&wheels, &limits))
+    format!("{}{speeds}{torques}", table(&wheels, totals, &limits))
 }
 
 /// The greatest speed and torque of each wheel, and the torque that heats its motor.
-fn table(wheels: &[WheelSignals], limits: &Limits) -> String {
+fn table(wheels: &[WheelSignals], totals: &Totals, limits: &Limits) -> String {
     let mut rows = String::new();
-    for wheel in wheels {
+    for (number, wheel) in wheels.iter().enumerate() {
+        let torques = totals.torques.get(number).copied().flatten();
         let greatest = |values: &Option<Vec<f64>>| {
             let sizes = values.as_ref()?.iter().map(|value| value.abs()).filter(|value| value.is_finite());
             sizes.reduce(f64::max)
@@ -88,7 +90,7 @@ fn table(wheels: &[WheelSignals], limits: &Limits) -> String {
             escape(&wheel.name),
             cell(greatest(&wheel.speed), limits.speed_rad_s),
             cell(greatest(&wheel.torque), limits.torque_nm),
-            cell(wheel.torque.as_ref().and_then(|torque| root_mean_square(torque)), limits.rated_nm)
+            cell(torques.and_then(|torques| torques.root_mean_square()), limits.rated_nm)
         );
     }
     format!(
@@ -96,11 +98,4 @@ fn table(wheels: &[WheelSignals], limits: &Limits) -> String {
          limit)</th><th class=\"number\">greatest torque in N·m (of limit)</th><th class=\"number\">RMS torque in N·m \
          (of rated)</th></tr></thead><tbody>\n{rows}</tbody></table>\n"
     )
-}
-
-/// The root of the mean square of all finite values; `None` where there are none.
-fn root_mean_square(values: &[f64]) -> Option<f64> {
-    let finite = values.iter().filter(|value| value.is_finite());
-    let (count, squares) = finite.fold((0u64, 0.0), |(count, sum), value| (count + 1, sum + value * value));
-    (count > 0).then(|| (squares / count as f64).sqrt())
 }

@@ -55,7 +55,7 @@ type Taker<'a> = &'a mut dyn FnMut(&RecordedRun, RecordedRow<'_>) -> ControlFlow
 pub enum Keep<'a> {
     /// Everything.
     All,
-    /// When each complete cycle was, and the events.
+    /// When each complete cycle was, and the events; values aren't looked at.
     Times,
     /// Signals for which this is so, by their topic, their name, and all names of the topic; and nothing for replay.
     Signals(fn(&str, &str, &[String]) -> bool),
@@ -294,6 +294,9 @@ impl<'a> Reading<'a> {
                             self.untold -= 1;
                         }
                         self.is_told = true;
+                        if matches!(self.keep, Keep::Times) {
+                            return Ok(());
+                        }
                         // proto3 leaves zeros out.
                         let values = &mut self.values[*at..*at + *width];
                         values.fill(0.0);
