@@ -130,13 +130,16 @@ fn what_no_motion_shows_is_named_and_stays() {
     for found in &solution.found {
         assert_eq!(found.is_observed(), !dark(found.unknown), "{found:?}");
     }
-    // Four wheels have three numbers more, by which they only contradict each other.
+    // Four wheels have three numbers more, by which they only contradict each other: seen where their hubs go at different
+    // speeds, and not where all go alike.
     let (.., solution, _, build) = found(layout::mecanum4(0.24, 0.21, 0.076), "full", 1);
     let words: Vec<String> = unseen(&solution, &build).into_iter().map(|one| one.words).collect();
-    assert_eq!(words.len(), 4 + 3 + 3, "{words:#?}");
-    let against =
-        words.iter().filter(|words| words.starts_with("what wheels contradict each other by")).count();
-    assert_eq!(against, 3, "{words:#?}");
+    assert_eq!(words.len(), 4 + 3, "{words:#?}");
+    let (build, tolerances) = expected(layout::mecanum4(0.24, 0.21, 0.076));
+    let witness = figures::Witness::Poses(PoseSensor::default());
+    let solution = by_name("line").foreseen(&build, &tolerances, witness).unwrap();
+    let words: Vec<String> = unseen(&solution, &build).into_iter().map(|one| one.words).collect();
+    assert!(words.iter().any(|words| words.starts_with("what wheels contradict each other by")), "{words:#?}");
 }
 
 #[test]

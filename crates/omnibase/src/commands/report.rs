@@ -48,7 +48,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyhow::Result<Digest> {
     let name = recording.display();
     let open = || File::open(recording);
-    let length = open().and_then(|file| file.metadata()).map_or(0, |metadata| metadata.len());
+    let file = open().with_context(|| format!("reading `{name}`"))?;
+    let length = file.metadata().map_or(0, |metadata| metadata.len());
     // It is read twice.
     let bar = bar(2 * length, "bytes");
     let digest = Digest::read(|| Ok(bar.wrap_read(open()?)));
