@@ -139,7 +139,10 @@ fn what_no_motion_shows_is_named_and_stays() {
     let witness = figures::Witness::Poses(PoseSensor::default());
     let solution = by_name("line").foreseen(&build, &tolerances, witness).unwrap();
     let words: Vec<String> = unseen(&solution, &build).into_iter().map(|one| one.words).collect();
-    assert!(words.iter().any(|words| words.starts_with("what wheels contradict each other by")), "{words:#?}");
+    assert!(
+        words.iter().any(|words| words.starts_with("what wheels contradict each other by")),
+        "{words:#?}"
+    );
 }
 
 #[test]
