@@ -62,7 +62,12 @@ impl Bytes<'_> {
 fn table<'k>(name: &str, kinds: impl Iterator<Item = &'k Kind>, which: u8) -> String {
     let kinds: Vec<&Kind> = kinds.collect();
     let kind = kinds[usize::from(which) % kinds.len()];
-    let value = |key: &str| if key == "points" { "[[0, 0, 0, 0], [9, 1, 0.5, 2]]" } else { "0.5" };
+    let value = |key: &str| match key {
+        "points" => "[[0, 0, 0, 0], [9, 1, 0.5, 2]]",
+        "controls" => "[[0, 0, 0], [1, 0, 0.2], [1, 1, 0.3], [0, 1, 0.5]]",
+        "drawing" => "\"M 0 0 C 1 0 2 1 1 2\"",
+        _ => "0.5",
+    };
     let needed = kind.keys.iter().filter(|key| key.is_needed);
     let lines: String = needed.map(|key| format!("{} = {}\n", key.name, value(key.name))).collect();
     format!("[{name}]\nkind = {:?}\n{lines}\n", kind.name)
