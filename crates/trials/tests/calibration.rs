@@ -10,7 +10,7 @@ const SQUARE_M: f64 = 2e-3;
 
 #[test]
 fn builds_seen_by_motion_capture_are_found_and_drive_the_square_truly() {
-    // They are far off before: 33, 42 and 34 mm. The four wheels contradict each other, which their treads share out by creeping.
+    // They are far off before: 33, 42 and 26 mm. The four wheels contradict each other, which their treads share out by creeping.
     for (robot, seed) in [(robots::BMM, 3), (robots::BMM, 6), (robots::MECANUM, 3)] {
         let calibrated = calibrate(&plan_of(robot), Told::Poses, seed);
         let [before, after] = calibrated.square_m;
