@@ -1,5 +1,6 @@
 //! SubDevices and the cables between them: frames go in, pass everything on their way, and come back.
 
+mod alarms;
 mod sub_device;
 mod topology;
 
@@ -8,6 +9,7 @@ pub use topology::{Attachment, MainPort, Parent, TopologyError};
 
 use crate::esc::{PdiPort, PortState, Telegram};
 use crate::fault::{Fault, FaultError, Injector};
+use alarms::Alarms;
 use core::time::Duration;
 use omnibase_ethercat_wire::bytes::{put_u16, u16_at};
 use omnibase_ethercat_wire::frame::{
@@ -49,8 +51,10 @@ pub struct Segment {
     /// Which of them the present frame takes.
     taken: usize,
     now: HostTime,
-    /// When each SubDevice has something to do, host ns; `u64::MAX` for never.
-    due: Vec<u64>,
+    /// When each SubDevice has something to do, host ns.
+    alarms: Alarms,
+    /// Some cable may still damage frames.
+    may_damage: bool,
     /// Faults from outside.
     injector: Option<Injector>,
 }
@@ -67,14 +71,15 @@ impl Segment {
         }
         let cables =
             Cables::new(&attachments, |position, port| sub_devices[position].esc().config().has_port(port))?;
-        let due = vec![u64::MAX; sub_devices.len()];
+        let alarms = Alarms::new(sub_devices.len());
         let mut segment = Segment {
             sub_devices,
             cables,
             ways: Default::default(),
             taken: 0,
             now: HostTime(0),
-            due,
+            alarms,
+            may_damage: false,
             injector: None,
         };
         for sub_device in &mut segment.sub_devices {
@@ -130,8 +135,7 @@ impl Segment {
 
     /// When something happens next without a frame: firmware, a SYNC pulse, a watchdog, a power-on.
     pub fn next_wake(&self) -> Option<HostTime> {
-        let due = self.due.iter().copied().min().filter(|&due| due != u64::MAX)?;
-        Some(HostTime(due))
+        self.alarms.earliest().map(HostTime)
     }
 
     /// Whether the MainDevice's own cable has a link.
@@ -151,15 +155,15 @@ impl Segment {
             let _ = self.inject(position, fault);
         }
         while let Some(at) = self.next_wake().filter(|&at| at <= now) {
-            for position in 0..self.sub_devices.len() {
-                if self.due[position] <= at.0 {
-                    let power = self.sub_devices[position].powered();
-                    self.sub_devices[position].run_due(at);
-                    if self.sub_devices[position].powered() != power {
-                        self.reroute();
-                    }
-                    self.settle(position, at);
+            let mut from = 0;
+            while let Some(position) = self.alarms.first_due(from, at.0) {
+                let power = self.sub_devices[position].powered();
+                self.sub_devices[position].run_due(at);
+                if self.sub_devices[position].powered() != power {
+                    self.reroute();
                 }
+                self.settle(position, at);
+                from = position + 1;
             }
         }
         self.now = self.now.max(now);
@@ -305,7 +309,7 @@ impl Segment {
             let sub_device = &mut self.sub_devices[passage.position];
             loops_changed |= sub_device.esc_mut().take_loops_changed();
             sub_device.run_raised(at);
-            self.due[passage.position] = sub_device.due();
+            self.alarms.set(passage.position, sub_device.due());
         }
         if loops_changed {
             self.reroute();
@@ -315,7 +319,7 @@ impl Segment {
     /// Lets the firmware of one SubDevice see what was raised, and notes when it has to do something again.
     fn settle(&mut self, position: usize, at: HostTime) {
         self.sub_devices[position].run_raised(at);
-        self.due[position] = self.sub_devices[position].due();
+        self.alarms.set(position, self.sub_devices[position].due());
     }
 
     fn way(&self) -> &FramePath {
@@ -336,7 +340,8 @@ impl Segment {
     /// How many processing units a frame passes undamaged, and whether it is destroyed after that.
     fn damage(&mut self) -> (usize, bool) {
         let all = self.way().passages.len();
-        if !self.sub_devices.iter().any(SubDevice::damages) {
+        self.may_damage = self.may_damage && self.sub_devices.iter().any(SubDevice::damages);
+        if !self.may_damage {
             return (all, false);
         }
         let damaged = self.ways[self.taken]
@@ -369,6 +374,7 @@ impl Segment {
             Fault::CrcErrors { port, frames } => {
                 self.cable(position, port)?;
                 self.sub_devices[position].damage(usize::from(port), frames);
+                self.may_damage = true;
             }
             Fault::Application(fault) => {
                 if !sub_device.inject(&fault, now) {

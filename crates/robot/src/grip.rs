@@ -352,7 +352,7 @@ impl Grip {
                 is_over |= wheel.since_ns > LONGEST_NS;
             } else if is_ahead {
                 wheel.way_m += step_m;
-            } else {
+            } else if wheel.way_m != 0.0 {
                 wheel.way_m *= (-span_s / FORGOTTEN_S).exp();
             }
             wheel.doubted_ns = if is_doubted { wheel.doubted_ns + span_ns } else { 0 };

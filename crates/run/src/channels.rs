@@ -210,6 +210,11 @@ impl RecordWords {
         &self.channels
     }
 
+    /// The values of the row that was read last.
+    pub(crate) fn values(&self) -> &[Value] {
+        &self.values
+    }
+
     /// The record of a row.
     pub fn record(&mut self, raw: &[u8]) -> Result<CycleRecord, NotARecord> {
         if raw.len() != 8 * self.channels.len() {

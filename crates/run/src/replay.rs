@@ -123,7 +123,6 @@ struct Replay<'a> {
     words: RecordWords,
     robot: Robot,
     image: ImageBuffer,
-    recorded: Vec<Value>,
     computed: Vec<Value>,
     found: Replayed,
 }
@@ -143,7 +142,6 @@ impl<'a> Replay<'a> {
             words: RecordWords::new(plan.record_layout()),
             robot: Robot::build(&plan, registry)?,
             image: ImageBuffer::new(&plan),
-            recorded: Vec::new(),
             computed: Vec::new(),
             found: Replayed { cycles: 0, difference: None },
             plan,
@@ -166,17 +164,16 @@ impl<'a> Replay<'a> {
         if let Some(RequestKind::UseReference { number }) = cycle.request.map(|request| request.kind) {
             self.robot.offer_reference(number, loaded(run, &self.plan, self.registry, number)?);
         }
-        cycle.values(&mut self.recorded);
         self.robot.replay(&cycle, &mut self.image).values(&mut self.computed);
         self.found.cycles += 1;
-        let mut pairs = self.recorded.iter().zip(&self.computed);
+        let mut pairs = self.words.values().iter().zip(&self.computed);
         let Some(number) = pairs.position(|(a, b)| word(*a) != word(*b)) else {
             return Ok(ControlFlow::Continue(()));
         };
         self.found.difference = Some(Difference {
             index: cycle.time.index,
             channel: channel(number, &self.words),
-            recorded: self.recorded[number],
+            recorded: self.words.values()[number],
             computed: self.computed[number],
         });
         Ok(ControlFlow::Break(()))

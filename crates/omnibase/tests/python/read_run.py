@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 mcap_file, column_file = sys.argv[1:]
-messages, decoded, held, events, times_s = {}, {}, {}, [], []
+messages, decoded, events, times_s = {}, {}, [], []
 with open(mcap_file, "rb") as file:
     reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
     statistics = reader.get_summary().statistics
@@ -21,15 +21,13 @@ with open(mcap_file, "rb") as file:
         messages[topic] = messages.get(topic, 0) + 1
         if topic == "/events":
             events.append(content.text)
-        elif topic != "/raw":
-            # A topic is told where something of it changed; else it is as it was.
-            for field in content.DESCRIPTOR.fields:
-                held[topic.strip("/").replace("/", ".") + "." + field.name] = getattr(content, field.name)
         else:
-            # It ends each cycle.
             times_s.append(message.publish_time / 1e9)
-            for name, value in held.items():
-                decoded.setdefault(name, []).append(value)
+            parts = [field.name for field in content.DESCRIPTOR.fields if field.message_type]
+            for part in parts:
+                signals = getattr(content, part)
+                for field in signals.DESCRIPTOR.fields:
+                    decoded.setdefault(f"{part}.{field.name}", []).append(getattr(signals, field.name))
 decoded["time_s"] = times_s
 
 columns = numpy.genfromtxt(column_file, names=True, deletechars="")

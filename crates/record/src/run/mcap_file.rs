@@ -1,4 +1,5 @@
-//! A run as an MCAP file: a protobuf topic for each group of signals, raw cycles for replay, events as text.
+//! A run as an MCAP file: a protobuf message for each cycle, with a part for each group of signals and what replay needs beside
+//! them; events as text.
 
 use super::protobuf::{self, Kind};
 use super::{RunEvent, RunSchema, SELECTION, Word, words};
@@ -8,12 +9,18 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Topic of the raw cycles.
-pub(super) const RAW_TOPIC: &str = "/raw";
+/// Topic of the cycles.
+pub(super) const CYCLE_TOPIC: &str = "/robot";
 /// Topic of the events.
 pub(super) const EVENT_TOPIC: &str = "/events";
-/// Key of the words in the metadata of its channel.
+/// In the metadata of their channel: the names of the topics, each a part of the message, one a line.
+pub(super) const TOPICS: &str = "topics";
+/// In the same: the words; where there is none, cycles can't be replayed.
 pub(super) const WORDS: &str = "words";
+/// Fields of a cycle: all of its bytes, or what its values don't tell of them; and the first one that is a topic.
+pub(super) const DATA_FIELD: u32 = 1;
+pub(super) const REST_FIELD: u32 = 2;
+pub(super) const FIRST_TOPIC_FIELD: u32 = 3;
 /// Name of the metadata record that describes the run.
 pub(super) const METADATA: &str = "omnibase";
 
@@ -70,29 +77,23 @@ fn starts_with(bytes: &[u8]) -> String {
 /// Writes a run to an MCAP file.
 pub struct McapRun<W: Write + Seek> {
     writer: mcap::Writer<Measured<W>>,
-    topics: Vec<Channel>,
-    /// A chunk begins: all topics are told, whether they changed or not.
-    begins_chunk: bool,
+    /// Signals of each topic.
+    topics: Vec<usize>,
     words: Vec<Word>,
-    /// `None` where only some signals are recorded: they replay nothing.
-    raw: Option<u16>,
+    /// Where only some signals are recorded they replay nothing.
+    is_replayed: bool,
+    cycles: u16,
     events: u16,
     width: usize,
     row: u32,
     message: Vec<u8>,
+    /// A topic's part of it.
+    part: Vec<u8>,
     /// What values don't tell of a row's words.
     rest: Vec<u8>,
     size: Size,
     /// The wall clock at the run's time 0, ns since 1970; 0 where nobody told it.
     begun_unix_ns: u64,
-}
-
-/// A topic.
-struct Channel {
-    id: u16,
-    signals: usize,
-    /// Its message that was written last.
-    told: Vec<u8>,
 }
 
 /// What a file takes, and will take at most when it is finished.
@@ -115,7 +116,7 @@ impl Size {
     /// Bytes of the finished file, at most, where so many are written before.
     fn at_most(&self, more: u64) -> u64 {
         let chunk = self.open + more;
-        // The worst of LZ4, its frame, the chunk's header, and the heads of its index.
+        // The worst of the compression, its frame, the chunk's header, and the heads of its index.
         let chunk = chunk + chunk / 128 + 1024 + 32 * self.channels;
         let of_chunks = (self.chunks + 1) * (128 + 10 * self.channels);
         let end = self.schemas + of_chunks + 64 * (self.metadata + 1) + 16 * self.channels + 1024;
@@ -132,7 +133,10 @@ impl<W: Write + Seek> McapRun<W> {
     ) -> Result<Self, RunError> {
         let options = mcap::WriteOptions::new()
             .library("omnibase")
-            .compression(Some(mcap::Compression::Lz4))
+            .compression(Some(mcap::Compression::Zstd))
+            // What a higher one saves (3 %) isn't worth its time; the recorder's thread is the only one.
+            .compression_level(1)
+            .compression_threads(0)
             // Chunks end where a row does.
             .chunk_size(None);
         let length = Arc::new(AtomicU64::new(0));
@@ -142,46 +146,35 @@ impl<W: Write + Seek> McapRun<W> {
         let mut writer = mcap::Writer::with_options(output, options)?;
         writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
         size.metadata += 1;
-        let words = words::line(&schema.words);
-        size.schemas += words.len() as u64;
-        let mut channel = |topic: &str, fields: &[(&str, Kind)]| {
-            let name = message_name(topic);
-            let descriptor = protobuf::descriptor(&name, fields);
-            size.channels += 1;
-            size.schemas += (descriptor.len() + name.len() + topic.len() + 128) as u64;
-            let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", &descriptor)?;
-            let metadata = match topic {
-                RAW_TOPIC if !words.is_empty() => BTreeMap::from([(WORDS.to_owned(), words.clone())]),
-                _ => BTreeMap::new(),
-            };
-            writer.add_channel(schema, topic, "protobuf", &metadata)
-        };
-        let mut topics = Vec::with_capacity(schema.topics.len());
-        for topic in &schema.topics {
-            let fields: Vec<_> =
-                topic.signals.iter().map(|signal| (signal.name.as_str(), Kind::Double)).collect();
-            let id = channel(&topic.name, &fields)?;
-            topics.push(Channel { id, signals: topic.signals.len(), told: Vec::new() });
+        let is_replayed = !description.contains_key(SELECTION);
+        let names: Vec<&str> = schema.topics.iter().map(|topic| topic.name.as_str()).collect();
+        let mut of_cycles = BTreeMap::from([(TOPICS.to_owned(), names.join("\n"))]);
+        if is_replayed {
+            of_cycles.insert(WORDS.to_owned(), words::line(&schema.words));
         }
-        let is_whole = !description.contains_key(SELECTION);
-        let raw = is_whole
-            .then(|| channel(RAW_TOPIC, &[("data", Kind::Bytes), ("rest", Kind::Bytes)]))
-            .transpose()?;
-        let events = channel(EVENT_TOPIC, &[("text", Kind::Text)])?;
-        let (width, message) = (schema.width(), Vec::new());
+        let mut channel = |topic: &str, descriptor: &[u8], metadata: &BTreeMap<String, String>| {
+            let name = message_name(topic);
+            size.channels += 1;
+            let told: usize = metadata.iter().map(|(key, text)| key.len() + text.len() + 8).sum();
+            size.schemas += (descriptor.len() + name.len() + topic.len() + told + 128) as u64;
+            let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", descriptor)?;
+            writer.add_channel(schema, topic, "protobuf", metadata)
+        };
+        let cycles = channel(CYCLE_TOPIC, &cycle_descriptor(schema, is_replayed), &of_cycles)?;
+        let text = protobuf::descriptor(&message_name(EVENT_TOPIC), &[("text", Kind::Text)]);
+        let events = channel(EVENT_TOPIC, &text, &BTreeMap::new())?;
         let begun_unix_ns = description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
-        let words = schema.words.clone();
-        let (begins_chunk, row) = (true, 0);
         let mut run = McapRun {
             writer,
-            topics,
-            begins_chunk,
-            words,
-            raw,
+            topics: schema.topics.iter().map(|topic| topic.signals.len()).collect(),
+            words: schema.words.clone(),
+            is_replayed,
+            cycles,
             events,
-            width,
-            row,
-            message,
+            width: schema.width(),
+            row: 0,
+            message: Vec::new(),
+            part: Vec::new(),
             rest: Vec::new(),
             size,
             begun_unix_ns,
@@ -195,49 +188,39 @@ impl<W: Write + Seek> McapRun<W> {
         if values.len() != self.width {
             return Err(RunError::RowWidth { expected: self.width, found: values.len() });
         }
-        let (mut at, last) = (0, self.topics.len().wrapping_sub(1));
-        // Without the words that end a row, some topic must tell that there is one.
-        let mut is_told = self.raw.is_some();
-        for number in 0..self.topics.len() {
-            let topic = &mut self.topics[number];
-            self.message.clear();
-            for (field, value) in (1..).zip(&values[at..at + topic.signals]) {
-                protobuf::push_double(&mut self.message, field, *value);
-            }
-            at += topic.signals;
-            // What didn't change since the chunk's last message isn't told again.
-            let must_tell = self.begins_chunk || (number == last && !is_told);
-            if must_tell || topic.told != self.message {
-                is_told = true;
-                topic.told.clone_from(&self.message);
-                let id = topic.id;
-                self.send(id, time_ns)?;
-            }
-        }
-        self.begins_chunk = false;
-        if let Some(channel) = self.raw {
+        self.message.clear();
+        if self.is_replayed {
             self.push_words(values, raw);
-            self.send(channel, time_ns)?;
         }
+        let mut rest = values;
+        for (number, signals) in (FIRST_TOPIC_FIELD..).zip(&self.topics) {
+            let (of_topic, others) = rest.split_at(*signals);
+            rest = others;
+            self.part.clear();
+            for (field, value) in (1..).zip(of_topic) {
+                protobuf::push_double(&mut self.part, field, *value);
+            }
+            protobuf::push_bytes(&mut self.message, number, &self.part);
+        }
+        self.send(self.cycles, time_ns)?;
         self.row = self.row.wrapping_add(1);
         let is_long = time_ns.saturating_sub(self.size.open_since_ns) >= CHUNK_NS;
         if self.size.open >= CHUNK_BYTES || is_long { self.end_chunk() } else { Ok(()) }
     }
 
-    /// The message from which a row is replayed, which ends it.
+    /// That from which a row is replayed.
     fn push_words(&mut self, values: &[f64], raw: &[u8]) {
-        self.message.clear();
         self.rest.clear();
         match words::push_rest(&mut self.rest, &self.words, (values, raw)) {
-            Some(()) => protobuf::push_bytes(&mut self.message, 2, &self.rest),
-            None => protobuf::push_bytes(&mut self.message, 1, raw),
+            Some(()) => protobuf::push_bytes(&mut self.message, REST_FIELD, &self.rest),
+            None => protobuf::push_bytes(&mut self.message, DATA_FIELD, raw),
         }
     }
 
     /// Bytes of the finished file, at most, where a row with so many raw bytes is written before.
     pub fn length_with_row(&self, raw: usize) -> u64 {
-        // A field's number takes up to two bytes.
-        let row = 10 * self.width as u64 + (self.topics.len() as u64 + 1) * MESSAGE_BYTES;
+        // A field's number takes up to two bytes, a part's number and length up to six.
+        let row = 10 * self.width as u64 + 6 * self.topics.len() as u64 + MESSAGE_BYTES;
         // A word that the values don't tell takes ten bytes.
         self.size.at_most(row + raw as u64 * 10 / 8 + 16)
     }
@@ -281,7 +264,6 @@ impl<W: Write + Seek> McapRun<W> {
         self.writer.flush()?;
         self.size.chunks += 1;
         self.size.open = 0;
-        self.begins_chunk = true;
         Ok(())
     }
 
@@ -322,6 +304,33 @@ impl<W: Seek> Seek for Measured<W> {
         self.position = self.output.seek(to)?;
         Ok(self.position)
     }
+}
+
+/// What explains a cycle's message to a reader.
+fn cycle_descriptor(schema: &RunSchema, is_replayed: bool) -> Vec<u8> {
+    let mut parts: Vec<(String, String, Vec<u8>)> = Vec::new();
+    for topic in &schema.topics {
+        let words = topic.name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        let (mut name, mut kind) = (words.collect::<Vec<_>>().join("_"), message_name(&topic.name));
+        // Names that differ in what protobuf doesn't know stay apart.
+        while parts.iter().any(|(known, other, _)| *known == name || *other == kind) {
+            name.push('_');
+            kind.push('_');
+        }
+        let fields: Vec<_> = topic.signals.iter().map(|signal| (signal.name.clone(), Kind::Double)).collect();
+        let message = protobuf::message_with(&kind, &fields, &[]);
+        parts.push((name, kind, message));
+    }
+    let own = message_name(CYCLE_TOPIC);
+    let words = [("replay_data", DATA_FIELD), ("replay_rest", REST_FIELD)];
+    let words = words.into_iter().filter(|_| is_replayed);
+    let words = words.map(|(name, number)| protobuf::field(name, number, &Kind::Bytes));
+    let of_topics = (FIRST_TOPIC_FIELD..).zip(&parts).map(|(number, (name, kind, _))| {
+        protobuf::field(name, number, &Kind::Part(format!(".omnibase.{own}.{kind}")))
+    });
+    let fields: Vec<_> = words.chain(of_topics).collect();
+    let nested: Vec<_> = parts.iter().map(|(.., message)| message.clone()).collect();
+    protobuf::file(&own, &protobuf::message(&own, &fields, &nested, &[]))
 }
 
 /// `/platform/believed` becomes `PlatformBelieved`.

@@ -9,6 +9,8 @@ pub(crate) enum Kind {
     Bytes,
     /// A code of the enum with this full name.
     Choice(String),
+    /// A message with this full name.
+    Part(String),
 }
 
 const FIXED64: u32 = 1;
@@ -56,36 +58,55 @@ pub(super) fn descriptor(name: &str, fields: &[(&str, Kind)]) -> Vec<u8> {
 
 /// The same with enums of the message, each an `EnumDescriptorProto`.
 pub(crate) fn descriptor_with(name: &str, fields: &[(String, Kind)], enums: &[Vec<u8>]) -> Vec<u8> {
-    let mut message = Vec::new();
-    push_bytes(&mut message, 1, name.as_bytes());
-    for (number, (field_name, kind)) in (1..).zip(fields) {
-        let mut field = Vec::new();
-        push_bytes(&mut field, 1, field_name.as_bytes());
-        push_number(&mut field, 3, number);
-        push_number(&mut field, 4, 1);
-        let code = match kind {
-            Kind::Double => 1,
-            Kind::Text => 9,
-            Kind::Bytes => 12,
-            Kind::Choice(_) => 14,
-        };
-        push_number(&mut field, 5, code);
-        if let Kind::Choice(name) = kind {
-            push_bytes(&mut field, 6, name.as_bytes());
-        }
-        push_bytes(&mut message, 2, &field);
-    }
-    for one in enums {
-        push_bytes(&mut message, 4, one);
-    }
+    file(name, &message_with(name, fields, enums))
+}
+
+/// A `FileDescriptorSet` with one message.
+pub(super) fn file(name: &str, message: &[u8]) -> Vec<u8> {
     let mut file = Vec::new();
     push_bytes(&mut file, 1, format!("omnibase/{name}.proto").as_bytes());
     push_bytes(&mut file, 2, b"omnibase");
-    push_bytes(&mut file, 4, &message);
+    push_bytes(&mut file, 4, message);
     push_bytes(&mut file, 12, b"proto3");
     let mut set = Vec::new();
     push_bytes(&mut set, 1, &file);
     set
+}
+
+/// A `DescriptorProto` with fields numbered from 1.
+pub(super) fn message_with(name: &str, fields: &[(String, Kind)], enums: &[Vec<u8>]) -> Vec<u8> {
+    let fields: Vec<_> = (1..).zip(fields).map(|(number, (name, kind))| field(name, number, kind)).collect();
+    message(name, &fields, &[], enums)
+}
+
+/// A `DescriptorProto` of its fields, the messages and the enums in it, each described by its own.
+pub(super) fn message(name: &str, fields: &[Vec<u8>], nested: &[Vec<u8>], enums: &[Vec<u8>]) -> Vec<u8> {
+    let mut message = Vec::new();
+    push_bytes(&mut message, 1, name.as_bytes());
+    for (number, all) in [(2, fields), (3, nested), (4, enums)] {
+        all.iter().for_each(|one| push_bytes(&mut message, number, one));
+    }
+    message
+}
+
+/// A `FieldDescriptorProto`.
+pub(super) fn field(name: &str, number: u32, kind: &Kind) -> Vec<u8> {
+    let mut field = Vec::new();
+    push_bytes(&mut field, 1, name.as_bytes());
+    push_number(&mut field, 3, u64::from(number));
+    push_number(&mut field, 4, 1);
+    let code = match kind {
+        Kind::Double => 1,
+        Kind::Text => 9,
+        Kind::Part(_) => 11,
+        Kind::Bytes => 12,
+        Kind::Choice(_) => 14,
+    };
+    push_number(&mut field, 5, code);
+    if let Kind::Choice(name) | Kind::Part(name) = kind {
+        push_bytes(&mut field, 6, name.as_bytes());
+    }
+    field
 }
 
 /// A field as it stands in a message.
@@ -136,16 +157,31 @@ pub(super) fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Field<'_>> {
 
 /// The field names of the first message in a `FileDescriptorSet`.
 pub(super) fn field_names(descriptor: &[u8]) -> Option<Vec<String>> {
-    let inner = |bytes, wanted| {
-        fields(bytes).find_map(|field| match field {
-            Field::Bytes(number, data) if number == wanted => Some(data),
-            _ => None,
-        })
-    };
+    Some(names_of(inner(inner(descriptor, 1)?, 4)?))
+}
+
+/// The field names of each message that is described in the first one of a `FileDescriptorSet`.
+pub(super) fn field_names_of_parts(descriptor: &[u8]) -> Option<Vec<Vec<String>>> {
     let message = inner(inner(descriptor, 1)?, 4)?;
+    let parts = fields(message).filter_map(|field| match field {
+        Field::Bytes(3, part) => Some(names_of(part)),
+        _ => None,
+    });
+    Some(parts.collect())
+}
+
+fn names_of(message: &[u8]) -> Vec<String> {
     let names = fields(message).filter_map(|field| match field {
         Field::Bytes(2, data) => Some(String::from_utf8_lossy(inner(data, 1)?).into_owned()),
         _ => None,
     });
-    Some(names.collect())
+    names.collect()
+}
+
+/// The first field with this number, where it has bytes.
+pub(super) fn inner(message: &[u8], wanted: u32) -> Option<&[u8]> {
+    fields(message).find_map(|field| match field {
+        Field::Bytes(number, data) if number == wanted => Some(data),
+        _ => None,
+    })
 }

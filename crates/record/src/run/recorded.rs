@@ -1,6 +1,8 @@
 //! A run read back from its MCAP file, record by record: a long file needs no more room than what is kept of it.
 
-use super::mcap_file::{EVENT_TOPIC, METADATA, RAW_TOPIC, WORDS};
+use super::mcap_file::{
+    CYCLE_TOPIC, DATA_FIELD, EVENT_TOPIC, FIRST_TOPIC_FIELD, METADATA, REST_FIELD, TOPICS, WORDS,
+};
 use super::protobuf::{self, Field};
 use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic, words};
 use mcap::McapError;
@@ -16,6 +18,8 @@ const PIECE: usize = 1 << 20;
 const LONGEST_RECORD: usize = 1 << 28;
 /// Bytes ahead of each record.
 const OPCODE_AND_LENGTH: usize = 1 + 8;
+/// Topic of what replays a cycle, in recordings of before that have a message for each topic.
+const RAW_TOPIC: &str = "/raw";
 
 /// A run read back.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -193,12 +197,41 @@ struct Reading<'a> {
 
 /// What a channel holds.
 enum Content {
-    /// Signals: where their first value stands in a row, and for each field of the message, which of them it is.
-    Signals { at: usize, width: usize, fields: Vec<Option<usize>>, is_told: bool },
-    /// The bytes that replay a cycle.
+    /// Cycles, whole: the signals of each topic.
+    Cycles(Vec<Places>),
+    /// Signals of a topic, as recordings of before have them.
+    Signals { places: Places, is_told: bool },
+    /// The bytes that replay a cycle, behind its signals.
     Raw,
     /// Words.
     Events,
+}
+
+/// Signals of a topic in a row.
+struct Places {
+    at: usize,
+    width: usize,
+    /// Which of them each field of the message is.
+    fields: Vec<Option<usize>>,
+}
+
+impl Places {
+    /// Reads the topic's message into a row.
+    fn read(&self, row: &mut [f64], message: &[u8]) {
+        let values = &mut row[self.at..self.at + self.width];
+        // proto3 leaves zeros out.
+        values.fill(0.0);
+        if self.width == 0 {
+            return;
+        }
+        for field in protobuf::fields(message) {
+            if let Field::Double(number, value) = field
+                && let Some(Some(place)) = self.fields.get((number as usize).wrapping_sub(1))
+            {
+                values[*place] = value;
+            }
+        }
+    }
 }
 
 impl<'a> Reading<'a> {
@@ -263,88 +296,141 @@ impl<'a> Reading<'a> {
             }
             Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
                 let content = match channel.topic.as_str() {
+                    CYCLE_TOPIC if channel.metadata.contains_key(TOPICS) => {
+                        self.cycles(&channel.metadata, channel.schema_id)
+                    }
                     RAW_TOPIC => {
-                        let line = channel.metadata.get(WORDS).map_or("", String::as_str);
-                        // Words that aren't understood replay nothing, and who replays says so.
-                        self.run.schema.words = words::of_line(line).unwrap_or_default();
+                        self.learn_words(&channel.metadata);
                         Content::Raw
                     }
                     EVENT_TOPIC => Content::Events,
-                    _ => self.signals(channel.topic, channel.schema_id),
+                    _ => {
+                        let names = self.described(channel.schema_id, protobuf::field_names);
+                        self.untold += 1;
+                        self.has_signals = true;
+                        Content::Signals { places: self.signals(&channel.topic, &names), is_told: false }
+                    }
                 };
-                self.has_raw |= matches!(content, Content::Raw);
-                self.has_signals |= matches!(content, Content::Signals { .. });
                 self.channels.insert(channel.id, content);
             }
             Record::Message { header, data } => {
                 let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
-                let is_event = match self.channels.get(&header.channel_id).ok_or(unknown)? {
-                    Content::Events => true,
-                    Content::Signals { .. } | Content::Raw => false,
-                };
-                // All messages of a row have its time.
-                if !is_event && self.row_ns != Some(header.publish_time) {
-                    self.end_row();
-                    self.row_ns = Some(header.publish_time);
-                }
-                match self.channels.get_mut(&header.channel_id) {
-                    None => {}
-                    Some(Content::Signals { at, width, fields, is_told }) => {
-                        if !std::mem::replace(is_told, true) {
-                            self.untold -= 1;
-                        }
-                        self.is_told = true;
-                        if matches!(self.keep, Keep::Times) {
-                            return Ok(());
-                        }
-                        // proto3 leaves zeros out.
-                        let values = &mut self.values[*at..*at + *width];
-                        values.fill(0.0);
-                        for field in protobuf::fields(&data) {
-                            if let Field::Double(number, value) = field
-                                && let Some(Some(place)) = fields.get((number as usize).wrapping_sub(1))
-                            {
-                                values[*place] = value;
-                            }
-                        }
-                    }
-                    Some(Content::Raw) => {
-                        // Where nothing changed, these bytes alone tell that there is a row.
-                        (self.has_raw_of_row, self.is_told) = (true, true);
-                        if matches!(self.keep, Keep::All) {
-                            let (values, words) = (&self.values, &self.run.schema.words);
-                            match bytes_of(&data, 1) {
-                                Some(all) => self.raw.splice(.., all.iter().copied()).for_each(drop),
-                                None => {
-                                    let rest = bytes_of(&data, 2).unwrap_or_default();
-                                    words::whole(&mut self.raw, words, (values, rest));
-                                }
-                            }
-                        }
-                    }
-                    Some(Content::Events) => {
-                        let text =
-                            String::from_utf8_lossy(bytes_of(&data, 1).unwrap_or_default()).into_owned();
-                        self.run.events.push(RunEvent { time_ns: header.publish_time, text });
-                    }
-                }
+                // It is put back below: what it holds is read into the rest of this.
+                let mut content = self.channels.remove(&header.channel_id).ok_or(unknown)?;
+                self.message(&mut content, header.publish_time, &data);
+                self.channels.insert(header.channel_id, content);
             }
             _ => {}
         }
         Ok(())
     }
 
+    /// Takes what a channel holds.
+    fn message(&mut self, content: &mut Content, time_ns: u64, data: &[u8]) {
+        // All messages of a row have its time.
+        if !matches!(content, Content::Events) && self.row_ns != Some(time_ns) {
+            self.end_row();
+            self.row_ns = Some(time_ns);
+        }
+        match content {
+            Content::Cycles(topics) => {
+                // A second one of the same time is another row.
+                if self.is_told {
+                    self.end_row();
+                    self.row_ns = Some(time_ns);
+                }
+                (self.is_told, self.has_raw_of_row) = (true, true);
+                if matches!(self.keep, Keep::Times) {
+                    return;
+                }
+                let (mut all, mut rest) = (None, None);
+                self.values.fill(0.0);
+                for field in protobuf::fields(data) {
+                    match field {
+                        Field::Bytes(DATA_FIELD, bytes) => all = Some(bytes),
+                        Field::Bytes(REST_FIELD, bytes) => rest = Some(bytes),
+                        Field::Bytes(number, part) => {
+                            let number = number.wrapping_sub(FIRST_TOPIC_FIELD);
+                            if let Some(places) = topics.get(number as usize) {
+                                places.read(&mut self.values, part);
+                            }
+                        }
+                        _ => {}
+                    }
+                }
+                self.keep_words(all, rest);
+            }
+            Content::Signals { places, is_told } => {
+                if !std::mem::replace(is_told, true) {
+                    self.untold -= 1;
+                }
+                self.is_told = true;
+                if !matches!(self.keep, Keep::Times) {
+                    places.read(&mut self.values, data);
+                }
+            }
+            Content::Raw => {
+                // Where nothing changed, these bytes alone tell that there is a row.
+                (self.has_raw_of_row, self.is_told) = (true, true);
+                self.keep_words(protobuf::inner(data, DATA_FIELD), protobuf::inner(data, REST_FIELD));
+            }
+            Content::Events => {
+                let text = protobuf::inner(data, 1).unwrap_or_default();
+                let text = String::from_utf8_lossy(text).into_owned();
+                self.run.events.push(RunEvent { time_ns, text });
+            }
+        }
+    }
+
+    /// Keeps the bytes that replay a row: all of them, or what its values don't tell.
+    fn keep_words(&mut self, all: Option<&[u8]>, rest: Option<&[u8]>) {
+        if !matches!(self.keep, Keep::All) || !self.has_raw {
+            return;
+        }
+        match all {
+            Some(all) => {
+                self.raw.clear();
+                self.raw.extend_from_slice(all);
+            }
+            None => {
+                let (values, words) = (&self.values, &self.run.schema.words);
+                words::whole(&mut self.raw, words, (values, rest.unwrap_or_default()));
+            }
+        }
+    }
+
+    /// Words that aren't understood replay nothing, and who replays says so.
+    fn learn_words(&mut self, metadata: &BTreeMap<String, String>) {
+        let line = metadata.get(WORDS).map_or("", String::as_str);
+        self.run.schema.words = words::of_line(line).unwrap_or_default();
+        self.has_raw = true;
+    }
+
+    /// What a schema tells of its fields; nothing where it isn't understood.
+    fn described<T: Default>(&self, schema: u16, names: fn(&[u8]) -> Option<T>) -> T {
+        self.schemas.get(&schema).and_then(|data| names(data)).unwrap_or_default()
+    }
+
+    /// Takes the topics of whole cycles into the schema.
+    fn cycles(&mut self, metadata: &BTreeMap<String, String>, schema: u16) -> Content {
+        if metadata.contains_key(WORDS) {
+            self.learn_words(metadata);
+        }
+        self.has_signals = true;
+        let topics = metadata.get(TOPICS).map_or("", String::as_str).split('\n');
+        let names = self.described(schema, protobuf::field_names_of_parts);
+        Content::Cycles(topics.zip(&names).map(|(topic, names)| self.signals(topic, names)).collect())
+    }
+
     /// Takes a topic with its kept signals into the schema.
-    fn signals(&mut self, topic: String, schema: u16) -> Content {
-        let names =
-            self.schemas.get(&schema).and_then(|data| protobuf::field_names(data)).unwrap_or_default();
+    fn signals(&mut self, topic: &str, names: &[String]) -> Places {
         let at = self.run.schema.width();
         let (mut signals, mut fields) = (Vec::new(), Vec::new());
-        for name in &names {
+        for name in names {
             let is_kept = match self.keep {
                 Keep::All | Keep::Times => true,
-                Keep::Signals(is_kept) => is_kept(&topic, name, &names),
-                Keep::Chosen(selection) => selection.holds(&topic, name),
+                Keep::Signals(is_kept) => is_kept(topic, name, names),
+                Keep::Chosen(selection) => selection.holds(topic, name),
             };
             fields.push(is_kept.then_some(signals.len()));
             if is_kept {
@@ -353,11 +439,10 @@ impl<'a> Reading<'a> {
         }
         let width = signals.len();
         if width > 0 || matches!(self.keep, Keep::All | Keep::Times) {
-            self.run.schema.topics.push(Topic { name: topic, signals });
+            self.run.schema.topics.push(Topic { name: topic.to_owned(), signals });
         }
         self.values.resize(at + width, f64::NAN);
-        self.untold += 1;
-        Content::Signals { at, width, fields, is_told: false }
+        Places { at, width, fields }
     }
 
     /// Ends a row: it is complete, or it doesn't count.
@@ -396,12 +481,4 @@ impl<'a> Reading<'a> {
         }
         Ok(self.run)
     }
-}
-
-/// A field of bytes.
-fn bytes_of(message: &[u8], wanted: u32) -> Option<&[u8]> {
-    protobuf::fields(message).find_map(|field| match field {
-        Field::Bytes(number, data) if number == wanted => Some(data),
-        _ => None,
-    })
 }

@@ -160,11 +160,11 @@ impl RunSink {
             }
             std::thread::yield_now();
         }
-        let packed = bytes.chunks(8).map(|chunk| {
-            let mut word = [0; 8];
-            word[..chunk.len()].copy_from_slice(chunk);
-            u64::from_le_bytes(word)
-        });
+        let (whole, last) = bytes.as_chunks::<8>();
+        let mut rest = [0; 8];
+        rest[..last.len()].copy_from_slice(last);
+        let rest = (!last.is_empty()).then_some(&rest);
+        let packed = whole.iter().chain(rest).map(|word| u64::from_le_bytes(*word));
         if let Ok(chunk) = self.ring.write_chunk_uninit(length) {
             chunk.fill_from_iter(head.into_iter().chain(words).chain(packed));
         }
@@ -354,7 +354,7 @@ fn drain(
             values.clear();
             values.extend(words[..count].iter().map(|word| f64::from_bits(*word)));
             bytes.clear();
-            bytes.extend(words[count..].iter().flat_map(|word| word.to_le_bytes()));
+            words[count..].iter().for_each(|word| bytes.extend_from_slice(&word.to_le_bytes()));
             bytes.truncate(length);
             if head & 0xFF == EVENT {
                 writers.event(&RunEvent { time_ns, text: String::from_utf8_lossy(&bytes).into_owned() })?;

@@ -42,7 +42,7 @@ pub(super) fn push_rest(rest: &mut Vec<u8>, words: &[Word], (values, raw): (&[f6
 /// All bytes of the words, by the row's values and what those don't tell.
 pub(super) fn whole(raw: &mut Vec<u8>, words: &[Word], (values, rest): (&[f64], &[u8])) {
     raw.clear();
-    raw.extend(words.iter().flat_map(|word| word.told_by(values).to_le_bytes()));
+    words.iter().for_each(|word| raw.extend_from_slice(&word.told_by(values).to_le_bytes()));
     for entry in rest.chunks_exact(ENTRY_BYTES) {
         let (number, word) = entry.split_at(NUMBER_BYTES);
         let at = 8 * usize::from(u16::from_le_bytes([number[0], number[1]]));

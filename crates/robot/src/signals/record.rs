@@ -255,11 +255,15 @@ impl CycleRecord {
             return Err(NotARecord::Channels);
         }
         // A code that no choice has was read as the choice's default.
-        let mut understood = Vec::with_capacity(values.len());
-        record.values(&mut understood);
-        let unknown = understood.iter().zip(values).position(|pair| match pair {
-            (Value::U64(understood), Value::U64(given)) => understood != given,
-            _ => false,
+        let mut given = values.iter().enumerate();
+        let mut unknown = None;
+        record.visit(&SignalLayout::default(), &mut |_, _, slot| {
+            if let (Slot::U64(understood) | Slot::Code(understood, _), Some((channel, Value::U64(given)))) =
+                (slot, given.next())
+                && understood != given
+            {
+                unknown.get_or_insert(channel);
+            }
         });
         match unknown {
             Some(channel) => Err(NotARecord::Code { channel, value: values[channel] }),

@@ -232,7 +232,7 @@ impl Motion {
             let step = if power.0 || !still { left.min(self.loop_period) } else { left };
             self.now = self.now + step;
             self.state = axis.advance(self.now);
-            let step_s = step.as_nanos() as f64 * 1e-9;
+            let step_s = step.as_nanos() as u64 as f64 * 1e-9;
             self.move_demands(step_s, power.1);
             self.integrate(step_s, power);
             if self.now < now {
@@ -262,9 +262,9 @@ impl Motion {
         }
         match self.reference {
             Reference::Position { from, to, start, end } => {
-                let (span, passed) = (end - start, self.now - start);
+                let (span, passed) = (end.0.saturating_sub(start.0), self.now.0.saturating_sub(start.0));
                 if passed < span {
-                    let part = passed.as_nanos() as f64 / span.as_nanos() as f64;
+                    let part = passed as f64 / span as f64;
                     self.position_demand = from + (to - from) * part;
                 } else {
                     self.position_demand = to;
