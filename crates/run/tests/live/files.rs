@@ -19,7 +19,7 @@ fn references(file: &RecordedRun) -> Vec<u32> {
 #[test]
 fn a_later_file_carries_the_reference_in_use_and_none_that_was_replaced_or_refused() {
     let run = played(9.0, |hands: &mut Hands| {
-        hands.file_bytes = Some(400_000);
+        hands.file_bytes = Some(240_000);
         hands.send(0.5, Client::Page(1), Ask::Robot(RequestKind::Enable));
         hands.alive(0.4, 9.0, Client::Page(1));
         let load = |live: &Live| {
