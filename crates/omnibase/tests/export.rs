@@ -65,7 +65,7 @@ fn files_of_one_run_become_one_table() {
     let whole = folder.path().join("whole");
     std::fs::create_dir(&whole).unwrap();
     let whole = recorded(&whole, &[]);
-    recorded(folder.path(), &["--limit-mb", "2"]);
+    recorded(folder.path(), &["--limit-mb", "1"]);
     let mut files: Vec<String> = std::fs::read_dir(folder.path())
         .unwrap()
         .map(|entry| entry.unwrap().path().to_str().unwrap().to_owned())
