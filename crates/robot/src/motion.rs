@@ -5,9 +5,9 @@ mod headway;
 mod room;
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_trajectory::{LimitsError, TwistLimiter};
+use omnibase_trajectory::{LimitsError, PointToPoint, TwistLimiter};
 
-use crate::config::{GuardPlan, Limits, SafetyPlan};
+use crate::config::{GuardPlan, Limits, SafetyPlan, motion_limits};
 use crate::guard::Guard;
 use crate::limiter::SpeedBound;
 use crate::settings::Settings;
@@ -24,8 +24,6 @@ const ROOM: f64 = 1.05;
 const ON_PATH: f64 = 1e-4;
 /// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
 const WITH_PLAN: f64 = 0.02;
-/// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
-const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
@@ -78,14 +76,13 @@ enum Pausing {
     AtFence,
 }
 
-/// A straight way from rest to rest, by a quintic in time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// A straight way from rest to rest in the shortest time.
+#[derive(Debug, Default)]
 struct StraightMotion {
-    from: Pose2,
+    motion: PointToPoint,
     to: Pose2,
     /// Its own time, ns.
     time_ns: f64,
-    duration_s: f64,
     goes_on: bool,
 }
 
@@ -102,38 +99,36 @@ pub(crate) enum CantBegin {
     Blocked,
 }
 
+/// Limits at which every motion takes `factor` times as long.
+fn slowed(limits: &omnibase_trajectory::Limits, factor: f64) -> omnibase_trajectory::Limits {
+    omnibase_trajectory::Limits {
+        speed_m_s: limits.speed_m_s / factor,
+        acceleration_m_s2: limits.acceleration_m_s2 / factor.powi(2),
+        jerk_m_s3: limits.jerk_m_s3 / factor.powi(3),
+        rate_rad_s: limits.rate_rad_s / factor,
+        angular_acceleration_rad_s2: limits.angular_acceleration_rad_s2 / factor.powi(2),
+        angular_jerk_rad_s3: limits.angular_jerk_rad_s3 / factor.powi(3),
+    }
+}
+
 impl StraightMotion {
-    /// All of it, as a speed would be that took a second.
-    fn length(&self) -> Twist2 {
-        let (from, to) = (&self.from, &self.to);
-        Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad)
+    fn left_s(&self) -> f64 {
+        self.motion.duration_s() - self.time_ns * 1e-9
     }
 
     fn is_over(&self) -> bool {
-        self.time_ns * 1e-9 >= self.duration_s
+        self.left_s() <= 0.0
     }
 
     /// The place at its own time.
     fn sample(&self) -> Setpoint {
-        let StraightMotion { from, to, time_ns, duration_s, goes_on } = *self;
-        if self.is_over() {
-            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
-            return Setpoint { status, ..Setpoint::at_rest(to) };
-        }
-        let u = time_ns * 1e-9 / duration_s;
-        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
-        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
-        let all = self.length();
+        let now = self.motion.sample(self.time_ns * 1e-9);
+        let is_finished = self.is_over() && !self.goes_on;
         Setpoint {
-            odom_from_body: Pose2 {
-                x_m: from.x_m + part * all.vx_m_s,
-                y_m: from.y_m + part * all.vy_m_s,
-                heading_rad: from.heading_rad + part * all.w_rad_s,
-            },
-            twist_in_odom: all.scaled(speed),
-            acceleration_in_odom: all.scaled(bend),
-            status: ReferenceStatus::Moving,
+            odom_from_body: now.odom_from_base,
+            twist_in_odom: now.twist_in_odom,
+            acceleration_in_odom: now.acceleration_in_odom,
+            status: if is_finished { ReferenceStatus::Finished } else { ReferenceStatus::Moving },
         }
     }
 }
@@ -313,7 +308,7 @@ impl Motion {
         }
         self.begin_reference(time, 0.0);
         if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
-            self.go(time, (here, left), settings);
+            self.go(time, (here, left), settings)?;
             self.way.goes_on = true;
         }
         Ok(())
@@ -332,23 +327,24 @@ impl Motion {
     }
 
     /// The straight way to a pose, at the rate that the settings allow at its greatest speed.
-    pub(crate) fn go(&mut self, time: &CycleTime, (from, to): (Pose2, Pose2), settings: &Settings) {
-        let limits = &self.limits;
-        let needed_s = |length: f64, most: [f64; 3]| {
-            let [v, a, j] = QUINTIC_PEAKS;
-            (v * length / most[0]).max((a * length / most[1]).sqrt()).max((j * length / most[2]).cbrt())
-        };
-        let straight = [limits.speed_m_s, limits.acceleration_m_s2, limits.jerk_m_s3];
-        let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
-        let turn_rad = (to.heading_rad - from.heading_rad).abs();
-        let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
-        self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
-        self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
+    pub(crate) fn go(
+        &mut self,
+        time: &CycleTime,
+        (from, to): (Pose2, Pose2),
+        settings: &Settings,
+    ) -> Result<(), CantBegin> {
+        let [from, end] = [from, to].map(omnibase_trajectory::Setpoint::at_rest);
+        let limits = slowed(&motion_limits(&self.limits), ROOM);
+        self.way.motion.plan(&from, &end, &limits).map_err(|_| CantBegin::Nothing)?;
+        (self.way.to, self.way.time_ns, self.way.goes_on) = (to, 0.0, false);
+        // From rest to rest it is fastest in the middle.
+        self.planned = self.way.motion.sample(0.5 * self.way.motion.duration_s()).twist_in_odom;
         self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
         self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
         self.own = Default::default();
         self.headway.begin();
         (self.course, self.now_ns) = (Course::Way, time.now_ns);
+        Ok(())
     }
 
     /// From a place with so much room to the fence, m.
@@ -413,7 +409,7 @@ impl Motion {
         let wished = match self.course {
             Course::Way => {
                 let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
-                let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
+                let left_s = self.way.left_s();
                 self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
                 let own = self.way.sample();
                 self.at_rate(own)

@@ -128,8 +128,7 @@ impl Robot {
                 Err(CantBegin::Blocked)
             }
             RequestKind::GoTo { odom_from_body } => {
-                self.motion.go(&time, (here, odom_from_body), &self.settings);
-                Ok(())
+                self.motion.go(&time, (here, odom_from_body), &self.settings)
             }
             RequestKind::Resume => self.motion.resume(&time, here, (&self.settings, &self.guard)),
             _ => self.motion.track(&time, here, &self.guard),

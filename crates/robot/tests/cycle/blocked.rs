@@ -125,7 +125,8 @@ fn a_plan_that_is_held_back_within_a_millimetre_of_its_end_ends_too() {
         }
         let (cycle, record) = until_it_ends(&mut bench, 20);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{left_m}");
-        assert!((5_000..6_000).contains(&cycle), "{left_m}: {cycle}");
+        // The way may have come to its end in the very cycle in which so little was left.
+        assert!((4_999..6_000).contains(&cycle), "{left_m}: {cycle}");
         let lacks_m = record.setpoint.odom_from_body.distance_m(goal);
         assert!(lacks_m > 1e-6 && lacks_m <= left_m, "{left_m}: {lacks_m}");
     }
