@@ -1,5 +1,6 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
+mod around;
 mod axes;
 mod blocked;
 mod counts;
