@@ -114,13 +114,13 @@ impl Lifecycle {
                 self.enter(time, Phase::Enabling);
                 taken(Change::Begin)
             }
-            (RequestKind::Track, Phase::Holding) => {
-                self.reason = SafetyReason::None;
-                self.enter(time, Phase::Tracking);
-                taken(Change::None)
-            }
-            (RequestKind::Velocity { .. }, Phase::Holding | Phase::Tracking)
-            | (RequestKind::GoTo { .. } | RequestKind::Resume, Phase::Holding) => {
+            (
+                RequestKind::Velocity { .. }
+                | RequestKind::Track
+                | RequestKind::GoTo { .. }
+                | RequestKind::Resume,
+                Phase::Holding | Phase::Tracking,
+            ) => {
                 self.reason = SafetyReason::None;
                 if self.phase != Phase::Tracking {
                     self.enter(time, Phase::Tracking);

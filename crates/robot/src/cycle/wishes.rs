@@ -32,7 +32,11 @@ impl Robot {
                 None => {
                     let (inputs, mut outputs) = self.peripherals.open(&self.record.signals);
                     self.motion.signals(&inputs, &mut outputs);
-                    let wished = self.motion.sample(&self.record.time, &self.settings, &self.guard);
+                    let wished = self.motion.sample(
+                        &self.record.time,
+                        &self.limiter.setpoint(),
+                        (&self.settings, &self.guard),
+                    );
                     self.record.correction = self.motion.correction();
                     wished
                 }

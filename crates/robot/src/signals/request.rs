@@ -420,8 +420,10 @@ pub enum RequestAnswer {
     Homing,
     /// The drive can't follow every control law of the robot so.
     DriveMode,
-    /// The platform wouldn't fit inside the fence there.
+    /// The platform wouldn't fit inside the fence there, or on the way there from the motion that is under way.
     OutsideFence,
+    /// The platform moves so that nothing leads onto the reference's beginning.
+    Moving,
 }
 
 coded!(RequestAnswer {
@@ -440,4 +442,5 @@ coded!(RequestAnswer {
     Homing = 12,
     DriveMode = 13,
     OutsideFence = 14,
+    Moving = 15,
 });

@@ -196,6 +196,8 @@ fn what_cannot_begin_is_refused() {
     assert_eq!(bench.step(Some(RequestKind::Pause)).answer, RequestAnswer::WrongPhase);
     assert_eq!(bench.robot.phase(), Phase::Holding);
     bench.step(velocity(0.2));
+    assert_eq!(bench.step(Some(RequestKind::Resume)).answer, RequestAnswer::Refused);
+    bench.step(Some(RequestKind::Stop(StopCategory::RampAndHold)));
     for kind in
         [RequestKind::Resume, RequestKind::GoTo { odom_from_body: Pose2::default() }, RequestKind::Track]
     {

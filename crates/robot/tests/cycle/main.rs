@@ -16,6 +16,7 @@ mod planned;
 mod poison;
 mod promises;
 mod reasons;
+mod replans;
 mod safety;
 mod settings;
 mod sources;
