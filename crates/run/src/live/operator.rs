@@ -22,7 +22,7 @@ use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins,
-    begins_motion, is_of_a_leader, leads,
+    begins_motion, is_of_a_leader, leads, redirects,
 };
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 
@@ -421,6 +421,7 @@ impl Operator {
             let refusal = match self.commander {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
                 Commander::Stick(_) if begins_motion(&kind) => Refusal::Commanded,
+                Commander::Reference(leader) if leader != waiting.client && redirects(&kind) => Refusal::Led,
                 _ => {
                     let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };
