@@ -18,6 +18,7 @@ use crate::stages::Reference;
 pub(crate) use begin::From;
 pub(crate) use foothold::{Asked, Carried};
 use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
+pub(crate) use headway::is_there;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
 use way::{Then, Way};
