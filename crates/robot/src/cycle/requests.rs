@@ -5,7 +5,7 @@ use crate::guard::Obstacle;
 use crate::lifecycle::Change;
 use crate::motion::{CantBegin, From};
 use crate::safety::input_forbids;
-use crate::signals::{Batch, Phase, Request, RequestAnswer, RequestKind, SafetyReason};
+use crate::signals::{Batch, Course, Phase, Request, RequestAnswer, RequestKind, SafetyReason, StopCategory};
 
 impl Robot {
     /// What is asked of the robot in this cycle.
@@ -120,6 +120,10 @@ impl Robot {
         let setpoint = self.limiter.setpoint();
         let from = From { time: &time, setpoint, is_under_way, settings: &self.settings, guard: &self.guard };
         let begun = match kind {
+            // A way has nothing to be gone on with: it ends in a stop, and a path that it leads to can be resumed.
+            RequestKind::Pause if self.motion.course() == Course::Way => {
+                return self.lifecycle.request(&time, &RequestKind::Stop(StopCategory::RampAndHold)).0;
+            }
             RequestKind::Pause => return answer(self.motion.pause()),
             RequestKind::UseReference { number } => {
                 return answer(self.motion.use_offered(number, is_under_way));

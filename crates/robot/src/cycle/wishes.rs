@@ -1,6 +1,6 @@
 //! What is wished in a cycle, and what the platform's limits leave of it.
 
-use omnibase_platform::{Pose2, Twist2};
+use omnibase_platform::Pose2;
 
 use super::Robot;
 use crate::guard::Drive;

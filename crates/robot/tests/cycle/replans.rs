@@ -298,3 +298,27 @@ fn replans_of_all_sorts_keep_every_limit() {
     );
     assert!(robot.shares.iter().all(|share| *share > 0.3), "{:?}", robot.shares);
 }
+
+#[test]
+fn a_pause_on_a_way_stops_and_a_path_that_it_led_to_can_be_resumed() {
+    let mut robot = Watched::new(CIRCLE);
+    // A way to a pose: nothing is left to be gone on with.
+    assert_eq!(robot.ask(go(1.5, 0.0, 0.0)), RequestAnswer::Taken);
+    robot.run(800);
+    assert_eq!(robot.ask(RequestKind::Pause), RequestAnswer::Taken);
+    let here = robot.until_it_holds();
+    assert!(here.x_m < 1.0, "{here:?}");
+    assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Refused);
+    // A way onto the circle.
+    robot.drive(Twist2::new(0.5, 0.0, 0.0), 800);
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+    robot.run(100);
+    assert_eq!(robot.before.course, Course::Way);
+    assert_eq!(robot.ask(RequestKind::Pause), RequestAnswer::Taken);
+    let here = robot.until_it_holds();
+    robot.run(300);
+    assert_eq!(robot.before.setpoint.odom_from_body, here);
+    assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Taken);
+    robot.until_it_holds();
+    assert_eq!(robot.before.reference_begun, 0, "it came to its end");
+}
