@@ -39,6 +39,9 @@ fn main() {
         println!("| {sort} | {asked} | {taken} | {moving} |");
     }
     println!("\npaths that were joined or gone on with while moving: {}", all.joined);
+    for (answer, times) in &all.refused {
+        println!("go_to or load and track refused while moving, {answer:?}: {times}");
+    }
     for (reason, times) in &all.by_itself {
         println!("stopped by itself, {reason:?}: {times}");
     }

@@ -20,7 +20,7 @@ use crate::approaches::{FRAMES, Random, World, room_in_fence_m};
 /// What a share of a limit may be more than 1 by rounding.
 pub const ROUNDING: f64 = 1e-6;
 /// A place that is nearer than this to another is the same one, m and rad.
-const HELD: f64 = 2e-6;
+const HELD: f64 = 1e-4;
 /// Cycles after a stop in which nobody asks for anything.
 const REST: u64 = 20;
 /// Paths that are loaded by turns.
@@ -46,6 +46,8 @@ pub const SORTS: [&str; 11] = [
 pub struct Replans {
     /// Of each sort: asked, taken, and taken while the platform moved.
     pub counts: [[u64; 3]; SORTS.len()],
+    /// Ways and paths that were refused while the platform moved, by the answer.
+    pub refused: Vec<(RequestAnswer, u64)>,
     /// Cycles that were computed.
     pub cycles: u64,
     /// Greatest shares of speed, acceleration and jerk, straight and turning.
@@ -60,7 +62,7 @@ pub struct Replans {
     pub outside: u64,
     /// Stops that were driven to their end.
     pub stops: u64,
-    /// Cycles that moved after a stop before a person asked for it.
+    /// Cycles further than 0.1 mm or mrad from where it held after a stop, before a person asked for a motion.
     pub moved: u64,
     /// Paths that were joined while moving, and reached.
     pub joined: u64,
@@ -96,15 +98,18 @@ impl Replans {
         self.joined += other.joined;
         self.fence_m = self.fence_m.min(other.fence_m);
         for (reason, times) in &other.by_itself {
-            self.count(*reason, *times);
+            count(&mut self.by_itself, *reason, *times);
+        }
+        for (answer, times) in &other.refused {
+            count(&mut self.refused, *answer, *times);
         }
     }
+}
 
-    fn count(&mut self, reason: SafetyReason, times: u64) {
-        match self.by_itself.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, all)) => *all += times,
-            None => self.by_itself.push((reason, times)),
-        }
+fn count<T: PartialEq>(all: &mut Vec<(T, u64)>, what: T, times: u64) {
+    match all.iter_mut().find(|(known, _)| *known == what) {
+        Some((_, known)) => *known += times,
+        None => all.push((what, times)),
     }
 }
 
@@ -254,6 +259,9 @@ impl Session {
         let is_taken = answer == RequestAnswer::Taken;
         *taken += u64::from(is_taken);
         *moving += u64::from(is_taken && was_moving);
+        if sort <= 1 && was_moving && !is_taken {
+            count(&mut self.result.refused, answer, 1);
+        }
     }
 
     fn ask(&mut self, sort: usize, random: &mut Random) -> RequestAnswer {
@@ -436,7 +444,7 @@ impl Session {
             self.is_stopped = true;
             self.stick = None;
             if !matches!(record.stop_reason, SafetyReason::None | SafetyReason::Requested) {
-                result.count(record.stop_reason, 1);
+                count(&mut result.by_itself, record.stop_reason, 1);
             }
         }
     }

@@ -322,3 +322,23 @@ fn a_pause_on_a_way_stops_and_a_path_that_it_led_to_can_be_resumed() {
     robot.until_it_holds();
     assert_eq!(robot.before.reference_begun, 0, "it came to its end");
 }
+
+#[test]
+fn a_way_that_leads_out_of_the_fence_is_refused_while_it_moves_and_what_is_under_way_goes_on() {
+    // A corner points into the room.
+    let corners = "[[-1.0, -1.0], [3.0, -1.0], [3.0, 1.0], [1.2, 1.0], [1.2, 3.0], [-1.0, 3.0]]";
+    let mut robot = Watched::new(&format!("[fence]\npolygon_m = {corners}\n{CIRCLE}"));
+    assert_eq!(robot.ask(go(0.0, 2.0, 0.0)), RequestAnswer::Taken);
+    robot.until_it_holds();
+    let around = go(0.0, 0.5, 0.0);
+    assert_eq!(robot.ask(around), RequestAnswer::Taken);
+    robot.run(600);
+    let there = go(2.2, 0.0, 0.0);
+    assert_eq!(robot.ask(there), RequestAnswer::OutsideFence, "across the corner");
+    while robot.before.setpoint.odom_from_body.y_m > 0.6 {
+        robot.step(None);
+    }
+    assert_eq!((robot.before.course, robot.ask(there)), (Course::Way, RequestAnswer::Taken), "past it");
+    let end = robot.until_it_holds();
+    assert!(end.distance_m(Pose2::new(2.2, 0.0, 0.0)) < 1e-6, "{end:?}");
+}
