@@ -342,3 +342,42 @@ fn a_way_that_leads_out_of_the_fence_is_refused_while_it_moves_and_what_is_under
     let end = robot.until_it_holds();
     assert!(end.distance_m(Pose2::new(2.2, 0.0, 0.0)) < 1e-6, "{end:?}");
 }
+
+#[test]
+fn the_same_way_asked_again_and_again_is_the_same_way() {
+    let goal = go(1.2, 0.9, 0.7);
+    let drive = |every: Option<u32>| {
+        let mut robot = Watched::new(CIRCLE);
+        assert_eq!(robot.ask(goal), RequestAnswer::Taken);
+        let mut cycles = 0;
+        while robot.bench.robot.phase() == Phase::Tracking {
+            cycles += 1;
+            // Where it brakes with all it has, what the last cycle's rounding adds to its way takes a moment more.
+            match every.filter(|every| cycles < 1000 && cycles % every == 0) {
+                Some(_) => assert_eq!(robot.ask(goal), RequestAnswer::Taken),
+                None => robot.run(1),
+            }
+        }
+        (cycles, robot.before.setpoint.odom_from_body)
+    };
+    let (cycles, end) = drive(None);
+    let (again, there) = drive(Some(20));
+    assert!(again.abs_diff(cycles) < 25, "{again} {cycles}");
+    assert!(end.distance_m(there) < 1e-5, "{end:?} {there:?}");
+}
+
+#[test]
+fn a_path_that_could_not_be_joined_begins_once_the_one_before_is_over() {
+    let short = path(vec![[0.0, 0.0, 0.0, 0.0], [2.0, -0.01, 0.0, 0.0]], PathFrame::Start);
+    let mut robot = Watched::new(CIRCLE);
+    robot.ask(RequestKind::Track);
+    robot.run(1_500);
+    assert_eq!(robot.load(5, &short), RequestAnswer::Taken);
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Moving);
+    assert_eq!((robot.before.course, robot.before.reference_begun), (Course::Reference, 1));
+    let end = robot.until_it_holds();
+    assert!(end.distance_m(Pose2::default()) < 1e-5, "the circle is closed: {end:?}");
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+    let there = robot.until_it_holds();
+    assert!((there.distance_m(end) - 0.01).abs() < 1e-6, "{there:?}");
+}
