@@ -416,12 +416,12 @@ impl Session {
                 .max(led_m(p.y_m, q.y_m, v.vy_m_s, w.vy_m_s))
                 .max(led_m(p.heading_rad, q.heading_rad, v.w_rad_s, w.w_rad_s));
             // What isn't a number is no place.
-            result.steps += u64::from(!(off <= 1e-9));
+            result.steps += u64::from(off > 1e-9 || off.is_nan());
         }
         if let Some(fence) = &plan.guard.fence {
             let room_m = room_in_fence_m(&plan.guard.footprint_m, &is.odom_from_body, &fence.corners_m);
             result.fence_m = result.fence_m.min(room_m);
-            result.outside += u64::from(!(room_m >= 0.0));
+            result.outside += u64::from(room_m < 0.0 || room_m.is_nan());
         }
         result.joined += u64::from(
             before.course == Course::Way
