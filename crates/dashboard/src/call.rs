@@ -17,13 +17,14 @@ pub enum Call {
     Enable,
     /// Somebody saw the fault and wants to go on.
     Acknowledge,
-    /// Follow the reference from its start.
+    /// Follow the reference from its start. While the robot moves it is joined further on, without a stop.
     Track,
     /// Let the reference come to a halt on its path.
     Pause,
-    /// Go on with a reference that was left.
+    /// Go on with a reference that was left, or that is being paused.
     Resume,
-    /// Go the straight way to a pose in odom: x m, y m, heading rad.
+    /// Go to a pose in odom in the shortest time: x m, y m, heading rad. From rest the way is straight; whoever asked for the motion that is
+    /// under way may ask while the robot moves, and it goes over into the new one.
     GoTo {
         /// The pose.
         pose: [f64; 3],
@@ -180,7 +181,7 @@ pub enum Call {
         /// Its name in the robot's file.
         name: String,
     },
-    /// Take another reference.
+    /// Take another reference; while one is followed, once that is left or this one is started (`track`).
     Load {
         /// The reference, with the keys of its table in a robot's file.
         reference: serde_json::Map<String, serde_json::Value>,

@@ -19,13 +19,13 @@ use crate::image::{ImageBuffer, ProcessImage};
 use crate::joystick_shape::JoystickShape;
 use crate::lifecycle::{Lifecycle, Outcome};
 use crate::limiter::Limiter;
-use crate::motion::Motion;
+use crate::motion::{Motion, is_there};
 use crate::peripherals::Peripherals;
 use crate::registry::{Registry, StageError};
 use crate::safety::SafetyChain;
 use crate::settings::{MOST_SETTINGS, Settings};
 use crate::signals::{
-    Between, Commands, Course, CycleRecord, CycleTime, Exchange, GripReport, Heard, MAX_DEVICES,
+    Between, Commands, Course, CycleRecord, CycleTime, Exchange, GripReport, Heard, LimitedBy, MAX_DEVICES,
     MAX_PROCESS_BYTES, Phase, PlatformState, ProcessBytes, Quantity, ReferenceStatus, Request, RequestAnswer,
     RequestKind, SafetyReason, StopCategory, WheelCommand,
 };
@@ -380,6 +380,13 @@ impl Robot {
 
     fn advance(&mut self) {
         let record = &self.record;
+        let is_followed = self.motion.course() != Course::Velocity;
+        let is_paused = self.motion.is_paused();
+        let is_held_back = is_paused && self.guard.limited_by() != LimitedBy::Nothing;
+        let is_there = match is_held_back {
+            true => is_there(&record.wished.odom_from_body, &record.setpoint.odom_from_body),
+            false => self.limiter.has_reached(&record.wished.odom_from_body),
+        };
         self.lifecycle.advance(&Outcome {
             time: &record.time,
             exchange: record.exchange,
@@ -388,8 +395,9 @@ impl Robot {
             setpoint_rests: self.limiter.is_at_rest()
                 && !(self.lifecycle.is_blind() && record.commands.is_moving()),
             peripherals: self.peripherals.standing(record.exchange).0,
-            is_finished: self.motion.course() != Course::Velocity
-                && (record.setpoint.status == ReferenceStatus::Finished || self.motion.is_paused()),
+            is_finished: is_followed
+                && (record.setpoint.status == ReferenceStatus::Finished || is_paused && is_there),
+            is_held_off: is_held_back && !is_there,
             finished_by: if self.motion.is_paused_at_fence() {
                 SafetyReason::Fence
             } else {

@@ -32,7 +32,7 @@ use outline::{Body, Outline, Place};
 use retreat::Retreat;
 pub use shape::MAX_FENCE_CORNERS;
 use shape::{Patch, length, plus};
-use shaping::Detour;
+use shaping::{Detour, Shaped};
 use spread::{Spread, WayLeft};
 
 /// By how much less room than must be kept counts as kept: rounding, m.
@@ -290,7 +290,7 @@ impl Guard {
             return limiter.brake();
         }
         let now = self.now(&here, state);
-        let (shaped, cause) = self.shape(&here, drive, (wish, &now));
+        let Shaped { twist: shaped, away, by: cause } = self.shape(&here, drive, (wish, &now));
         let is_unhindered = cause == LimitedBy::Nothing;
         if let Drive::Follow(wished, _) = drive {
             self.pace = self.pace_of(&here, wished, &now);
@@ -299,7 +299,7 @@ impl Guard {
         let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
         let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
         let mut cause = cause;
-        let candidates = [shaped, half, straight, turning, Twist2::default()];
+        let candidates = [shaped, half, away, straight, turning, Twist2::default()];
         for (number, candidate) in candidates.into_iter().enumerate() {
             if candidates[..number].contains(&candidate) {
                 // It was refused already.

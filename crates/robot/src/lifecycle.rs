@@ -50,6 +50,8 @@ pub(crate) struct Outcome<'a> {
     pub(crate) peripherals: Standing,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
+    /// What was followed was paused, and fence or obstacles keep the platform from where it stands.
+    pub(crate) is_held_off: bool,
     /// What brought it there before its end.
     pub(crate) finished_by: SafetyReason,
 }
@@ -114,13 +116,13 @@ impl Lifecycle {
                 self.enter(time, Phase::Enabling);
                 taken(Change::Begin)
             }
-            (RequestKind::Track, Phase::Holding) => {
-                self.reason = SafetyReason::None;
-                self.enter(time, Phase::Tracking);
-                taken(Change::None)
-            }
-            (RequestKind::Velocity { .. }, Phase::Holding | Phase::Tracking)
-            | (RequestKind::GoTo { .. } | RequestKind::Resume, Phase::Holding) => {
+            (
+                RequestKind::Velocity { .. }
+                | RequestKind::Track
+                | RequestKind::GoTo { .. }
+                | RequestKind::Resume,
+                Phase::Holding | Phase::Tracking,
+            ) => {
                 self.reason = SafetyReason::None;
                 if self.phase != Phase::Tracking {
                     self.enter(time, Phase::Tracking);
@@ -165,6 +167,11 @@ impl Lifecycle {
             Phase::Tracking if outcome.is_finished => {
                 self.reason = outcome.finished_by;
                 self.enter(outcome.time, Phase::Holding);
+            }
+            // It must not go there once nothing keeps it from there any more: nobody leads it then.
+            Phase::Tracking if outcome.is_held_off => {
+                (self.reason, self.category) = (outcome.finished_by, StopCategory::RampAndHold);
+                self.enter(outcome.time, Phase::Stopping);
             }
             Phase::Stopping if has_stopped => {
                 let next = match self.category {

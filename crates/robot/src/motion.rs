@@ -1,8 +1,10 @@
-//! What a tracking robot follows: its reference at a rate, a velocity command, or the straight way to a pose.
+//! What a tracking robot follows: its reference at a rate, a velocity command, or the way to a pose.
 
+mod begin;
 mod foothold;
 mod headway;
 mod room;
+mod way;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
@@ -13,28 +15,34 @@ use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
+pub(crate) use begin::From;
 pub(crate) use foothold::{Asked, Carried};
 use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
+pub(crate) use headway::is_there;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
+use way::{Then, Way};
 
-/// A way keeps this far from the limits, so that catching up has room.
-const ROOM: f64 = 1.05;
-/// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
-const ON_PATH: f64 = 1e-4;
 /// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
 const WITH_PLAN: f64 = 0.02;
-/// Peaks of 10u³ − 15u⁴ + 6u⁵ over 0..1: first, second and third derivative.
-const QUINTIC_PEAKS: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
     reference: Box<dyn Reference>,
     /// Came from outside and waits for its request; afterwards the one that it replaced.
     offered: Option<(u32, Box<dyn Reference>)>,
+    /// The number of the one that takes the place of the reference once that is left.
+    next: Option<u32>,
+    /// Where the reference was laid from.
+    laid_from: Pose2,
     course: Course,
     velocity: Option<Request>,
-    way: StraightMotion,
+    way: Way,
+    /// One that is planned, and gone only where it can be.
+    tried: Way,
+    /// Fence or obstacles changed the last wish; and one since the way was planned.
+    is_hindered: bool,
+    was_hindered: bool,
     /// The reference's own time, ns: exact as long as it runs at its full rate.
     time_ns: f64,
     now_ns: u64,
@@ -78,17 +86,6 @@ enum Pausing {
     AtFence,
 }
 
-/// A straight way from rest to rest, by a quintic in time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct StraightMotion {
-    from: Pose2,
-    to: Pose2,
-    /// Its own time, ns.
-    time_ns: f64,
-    duration_s: f64,
-    goes_on: bool,
-}
-
 /// Why a motion can't begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CantBegin {
@@ -100,42 +97,10 @@ pub(crate) enum CantBegin {
     OutsideFence,
     /// An obstacle stands where it would begin or end.
     Blocked,
-}
-
-impl StraightMotion {
-    /// All of it, as a speed would be that took a second.
-    fn length(&self) -> Twist2 {
-        let (from, to) = (&self.from, &self.to);
-        Twist2::new(to.x_m - from.x_m, to.y_m - from.y_m, to.heading_rad - from.heading_rad)
-    }
-
-    fn is_over(&self) -> bool {
-        self.time_ns * 1e-9 >= self.duration_s
-    }
-
-    /// The place at its own time.
-    fn sample(&self) -> Setpoint {
-        let StraightMotion { from, to, time_ns, duration_s, goes_on } = *self;
-        if self.is_over() {
-            let status = if goes_on { ReferenceStatus::Moving } else { ReferenceStatus::Finished };
-            return Setpoint { status, ..Setpoint::at_rest(to) };
-        }
-        let u = time_ns * 1e-9 / duration_s;
-        let part = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
-        let speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration_s;
-        let bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (duration_s * duration_s);
-        let all = self.length();
-        Setpoint {
-            odom_from_body: Pose2 {
-                x_m: from.x_m + part * all.vx_m_s,
-                y_m: from.y_m + part * all.vy_m_s,
-                heading_rad: from.heading_rad + part * all.w_rad_s,
-            },
-            twist_in_odom: all.scaled(speed),
-            acceleration_in_odom: all.scaled(bend),
-            status: ReferenceStatus::Moving,
-        }
-    }
+    /// The platform moves so that nothing leads onto the reference's beginning.
+    Moving,
+    /// Something is followed already.
+    UnderWay,
 }
 
 impl Motion {
@@ -149,9 +114,14 @@ impl Motion {
         Ok(Motion {
             reference,
             offered: None,
+            next: None,
+            laid_from: Pose2::default(),
             course: Course::Reference,
             velocity: None,
-            way: StraightMotion::default(),
+            way: Way::default(),
+            tried: Way::default(),
+            is_hindered: false,
+            was_hindered: false,
             time_ns: 0.0,
             now_ns: 0,
             rate: TwistLimiter::new(&limits_of_rate(limits, rate_limits), period_s)?,
@@ -254,103 +224,6 @@ impl Motion {
         self.begun
     }
 
-    /// Puts a reference in waiting; gives back the one that waited before, or that was replaced.
-    pub(crate) fn offer(
-        &mut self,
-        number: u32,
-        reference: Box<dyn Reference>,
-    ) -> Option<(u32, Box<dyn Reference>)> {
-        self.offered.replace((number, reference))
-    }
-
-    /// The reference that waits takes the place of the present one.
-    pub(crate) fn use_offered(&mut self, number: u32) -> Result<(), CantBegin> {
-        match &mut self.offered {
-            Some((offered, reference)) if *offered == number => {
-                std::mem::swap(reference, &mut self.reference);
-                // What was replaced is not offered again.
-                *offered = u32::MAX;
-                self.begun = false;
-                Ok(())
-            }
-            _ => Err(CantBegin::Nothing),
-        }
-    }
-
-    /// The reference from its start.
-    pub(crate) fn track(&mut self, time: &CycleTime, here: Pose2, guard: &Guard) -> Result<(), CantBegin> {
-        if let Some(start) = self.reference.start_pose() {
-            let turn_rad = omnibase_platform::wrap_angle_rad(start.heading_rad - here.heading_rad);
-            if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
-                return Err(CantBegin::TooFar);
-            }
-        }
-        let start = self.reference.start_pose().unwrap_or(here);
-        let end = self.reference.end_pose(&here).unwrap_or(start);
-        if guard.is_blocked(&start) || guard.is_blocked(&end) {
-            return Err(CantBegin::Blocked);
-        }
-        self.reference.start(&Setpoint::at_rest(here));
-        self.time_ns = 0.0;
-        self.begin_reference(time, 1.0);
-        Ok(())
-    }
-
-    /// The reference from where it was left: first the straight way back to it.
-    pub(crate) fn resume(
-        &mut self,
-        time: &CycleTime,
-        here: Pose2,
-        (settings, guard): (&Settings, &Guard),
-    ) -> Result<(), CantBegin> {
-        if !self.begun {
-            return Err(CantBegin::Nothing);
-        }
-        let left = self.reference.sample(self.time_s()).odom_from_body;
-        let end = self.reference.duration_s().and_then(|end_s| self.reference.preview(end_s));
-        if guard.is_blocked(&left) || end.is_some_and(|end| guard.is_blocked(&end.odom_from_body)) {
-            return Err(CantBegin::Blocked);
-        }
-        self.begin_reference(time, 0.0);
-        if here.distance_m(left) > ON_PATH || (here.heading_rad - left.heading_rad).abs() > ON_PATH {
-            self.go(time, (here, left), settings);
-            self.way.goes_on = true;
-        }
-        Ok(())
-    }
-
-    fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
-        self.foothold = Foothold::NEW;
-        (self.course, self.is_on_plan) = (Course::Reference, true);
-        self.warm_rate = self.reference.planned_for().map_or(1.0, |plan| self.carried.warm_rate(&plan));
-        let rate = rate.min(self.foothold());
-        self.rate.restart(Twist2::new(rate, 0.0, 0.0));
-        self.ahead = Ahead::from(self.time_s());
-        (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
-        self.headway.begin();
-        (self.pausing, self.begun, self.now_ns) = (Pausing::No, true, time.now_ns);
-    }
-
-    /// The straight way to a pose, at the rate that the settings allow at its greatest speed.
-    pub(crate) fn go(&mut self, time: &CycleTime, (from, to): (Pose2, Pose2), settings: &Settings) {
-        let limits = &self.limits;
-        let needed_s = |length: f64, most: [f64; 3]| {
-            let [v, a, j] = QUINTIC_PEAKS;
-            (v * length / most[0]).max((a * length / most[1]).sqrt()).max((j * length / most[2]).cbrt())
-        };
-        let straight = [limits.speed_m_s, limits.acceleration_m_s2, limits.jerk_m_s3];
-        let turning = [limits.turn_speed_rad_s, limits.turn_acceleration_rad_s2, limits.turn_jerk_rad_s3];
-        let turn_rad = (to.heading_rad - from.heading_rad).abs();
-        let duration_s = ROOM * needed_s(from.distance_m(to), straight).max(needed_s(turn_rad, turning));
-        self.way = StraightMotion { from, to, time_ns: 0.0, duration_s, goes_on: false };
-        self.planned = self.way.length().scaled(QUINTIC_PEAKS[0] / duration_s.max(f64::MIN_POSITIVE));
-        self.rate_now = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
-        self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
-        self.own = Default::default();
-        self.headway.begin();
-        (self.course, self.now_ns) = (Course::Way, time.now_ns);
-    }
-
     /// From a place with so much room to the fence, m.
     pub(crate) fn begin_with(&mut self, room_m: f64) {
         self.room_had = RoomHad::from(room_m);
@@ -400,6 +273,7 @@ impl Motion {
     pub(crate) fn leave(&mut self) {
         self.velocity = None;
         self.course = Course::Reference;
+        self.take_next();
     }
 
     /// Nothing of what was begun counts any more.
@@ -409,15 +283,14 @@ impl Motion {
     }
 
     /// The wish of a cycle, at a part of its rate where the platform had to give way; not for velocity commands, whose wish needs the setpoint.
-    pub(crate) fn sample(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
+    pub(crate) fn sample(
+        &mut self,
+        time: &CycleTime,
+        here: &Setpoint,
+        (settings, guard): (&Settings, &Guard),
+    ) -> Setpoint {
         let wished = match self.course {
-            Course::Way => {
-                let rate = settings.rate(self.planned).min(foothold::rate(1.0, self.carried.share));
-                let left_s = self.way.duration_s - self.way.time_ns * 1e-9;
-                self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
-                let own = self.way.sample();
-                self.at_rate(own)
-            }
+            Course::Way => self.sample_way(time, here, (settings, guard)),
             Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
         };
         self.spare_room_m = self.room_had.spare_m(guard.room_left(&wished.odom_from_body));
@@ -434,6 +307,32 @@ impl Motion {
     /// By how much what is followed keeps off the fence more than it must, m; below 0 where it leads out.
     pub(crate) fn spare_room_m(&self) -> f64 {
         self.spare_room_m
+    }
+
+    fn sample_way(
+        &mut self,
+        time: &CycleTime,
+        here: &Setpoint,
+        (settings, guard): (&Settings, &Guard),
+    ) -> Setpoint {
+        self.plan_anew(time, here, (settings, guard));
+        let carried = self.way.carried(self.carried.share).sqrt().max(LEAST_RATE);
+        let rate = settings.rate(self.planned).min(carried);
+        let left_s = self.way.left_s();
+        self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
+        if let Then::Joins { rate } = self.way.then
+            && self.way.is_over()
+        {
+            self.time_ns -= rate * 1e9 * self.way.left_s();
+            self.begin_reference(time, rate);
+            return self.sample_reference(time, settings, guard);
+        }
+        let own = self.way.sample();
+        let wished = self.at_rate(own);
+        // From a state of motion at a limit, where its acceleration still ends, a way may lead beyond it for a moment.
+        let Limits { speed_m_s, turn_speed_rad_s, .. } = self.limits;
+        let twist_in_odom = SpeedBound { speed_m_s, turn_speed_rad_s }.hold(wished.twist_in_odom);
+        Setpoint { twist_in_odom, ..wished }
     }
 
     fn sample_reference(&mut self, time: &CycleTime, settings: &Settings, guard: &Guard) -> Setpoint {
@@ -491,6 +390,8 @@ impl Motion {
 
     /// What became of a cycle's wish, and whether fence or obstacles changed it.
     pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint, is_hindered: bool) {
+        self.is_hindered = is_hindered;
+        self.was_hindered |= is_hindered;
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);
         }
@@ -524,14 +425,6 @@ impl Motion {
                 a.w_rad_s + bend.w_rad_s,
             ),
             ..own
-        }
-    }
-
-    /// A way that leads back to the reference ends: the reference goes on from where it stands.
-    pub(crate) fn arrive(&mut self, time: &CycleTime, setpoint: &Setpoint) {
-        let is_there = setpoint.odom_from_body.distance_m(self.way.to) <= ON_PATH;
-        if self.course == Course::Way && self.way.goes_on && is_there && self.way.is_over() {
-            self.begin_reference(time, 0.0);
         }
     }
 }

@@ -205,6 +205,14 @@ impl Settings {
         wished.scaled(self.share_of(wished))
     }
 
+    /// The greatest speed and turning speed that are set, m/s and rad/s: both at once are possible.
+    pub(crate) fn speeds(&self) -> [f64; 2] {
+        let speed_m_s = (self.speed_factor * self.limits.speed_m_s).min(self.speed_m_s);
+        let turn_rad_s = (self.speed_factor * self.limits.turn_speed_rad_s).min(self.turn_speed_rad_s);
+        let share = self.share_of(Twist2::new(speed_m_s, 0.0, turn_rad_s));
+        [share * speed_m_s, share * turn_rad_s]
+    }
+
     /// The rate at which a reference may go on that moves so.
     pub(crate) fn rate(&self, twist: Twist2) -> f64 {
         self.speed_factor * self.share_of(twist.scaled(self.speed_factor))

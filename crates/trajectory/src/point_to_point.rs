@@ -2,7 +2,8 @@
 //! Real-time Trajectory Generation with Arbitrary Target States", RSS 2021), by `rsruckig`.
 //!
 //! Limits of a length become limits of axes: a way that begins and ends along its own direction has them whole, and is straight. Any
-//! other way has 0.8 of them along that direction and 0.6 across, so that both together keep the length.
+//! other way has a part of them along that direction and a part across, so that both together keep the length: the more across the
+//! faster its ends move across.
 
 use omnibase_platform::{Pose2, Twist2};
 use rsruckig::prelude::{
@@ -12,9 +13,9 @@ use rsruckig::prelude::{
 use crate::limits::Limits;
 use crate::trajectory::{LONGEST_S, Setpoint};
 
-/// Parts of the limits along a way and across it, where it isn't straight: a right triangle.
-const ALONG: f64 = 0.8;
-const ACROSS: f64 = 0.6;
+/// Parts of the limits along a way and across it, right triangles, by the part of the limits with which its ends move across at most.
+const PARTS: [(f64, [f64; 2]); 3] =
+    [(0.02, [0.995, 0.0998]), (0.1, [0.95, 0.312]), (f64::INFINITY, [0.8, 0.6])];
 /// What is across by less than this part of the limits is rounding.
 const STRAIGHT: f64 = 1e-9;
 /// Shorter than that a way has no direction, m.
@@ -103,10 +104,11 @@ impl PointToPoint {
         let states = [state(from), state(to)];
         let length = [limits.speed_m_s, limits.acceleration_m_s2, limits.jerk_m_s3];
         let turning = [limits.rate_rad_s, limits.angular_acceleration_rad_s2, limits.angular_jerk_rad_s3];
-        let is_straight = states.iter().all(|[_, across, _]| {
-            across[1].abs() <= STRAIGHT * length[0] && across[2].abs() <= STRAIGHT * length[1]
-        });
-        let [along, across] = if is_straight { [1.0, 1.0] } else { [ALONG, ACROSS] };
+        let across =
+            |[_, [_, speed, rate], _]: &AxisStates| (speed.abs() / length[0]).max(rate.abs() / length[1]);
+        let across = across(&states[0]).max(across(&states[1]));
+        let parts = PARTS.into_iter().find(|(most, _)| across <= *most).map_or([1.0; 2], |(_, parts)| parts);
+        let [along, across] = if across <= STRAIGHT { [1.0; 2] } else { parts };
         let most = [length.map(|most| along * most), length.map(|most| across * most), turning];
         let duration_s = self.plan_axes(states, most)?;
         (self.origin, self.along_rad) = (from.odom_from_base, along_rad);

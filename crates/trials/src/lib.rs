@@ -4,6 +4,7 @@
 //! - [`stops`]: whether everything stops in time, whatever is lost when.
 //! - [`approaches`]: seeded worlds with fences and obstacles, on a kinematic body.
 //! - [`Run`]: what tracking a reference came to, as believed and as it truly was.
+//! - [`replans`]: motions that are replaced while they are under way, on the same.
 //! - [`grip`]: treads that give way and slippery floors; [`slip`]: when a slip is noticed.
 //! - [`sensed`]: such robots with sensors: how far they truly are from where they should be
 //! - [`builds`]: robots built with the tolerances of their file, and whether their covariance says how wrong they are.
@@ -27,6 +28,7 @@ pub mod framed;
 pub mod grip;
 pub mod learning;
 pub mod mujoco;
+pub mod replans;
 pub mod robots;
 mod run;
 pub mod seeded;

@@ -7,13 +7,16 @@ const HOLDING = (seen) =>
   : seen.phase === "disabled" ? "Enable the drives first."
   : "Wait until it holds.";
 
+/** What a motion may go over into: for whoever asked for it; the robot refuses others. */
+const LED = (seen) => (seen.phase === "tracking" && !seen.by_stick ? "" : HOLDING(seen));
+
 const WHY_NOT = {
   enable: (seen) => (seen.phase === "disabled" ? "" : seen.phase === "fault" ? "Acknowledge the fault first." : "The drives are enabled."),
   acknowledge: (seen) => (seen.phase === "fault" ? "" : "There is no fault."),
   track: HOLDING,
-  go: HOLDING,
+  go: LED,
   "drive-to": HOLDING,
-  go_to_start: HOLDING,
+  go_to_start: LED,
   pause: (seen) => (seen.phase === "tracking" && !seen.by_stick ? "" : "It follows no path."),
   resume: (seen) => HOLDING(seen) || (seen.reference_begun ? "" : "No path was left."),
 };

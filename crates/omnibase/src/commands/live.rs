@@ -83,7 +83,7 @@ pub struct Set {
   enable, acknowledge, track, pause, resume, go_to_start, emergency_stop, release
   enable_joystick                          the joystick at the robot's computer, after it was lost or stopped
   stop category=category_1                 category_0, category_1, category_2 (IEC 60204-1)
-  go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad
+  go_to pose=[1.0,0.5,0.0]                 x m, y m, heading rad; while it moves too, for whoever asked for that motion
   drive_to pose=[7.5,4.0,1.57]             the same through the room: around walls, fence and obstacles; best=ridge: in the middle
   set_walls polygons_m=[[[1,0],[2,0],[2,1]]]   walls that drive_to goes around, in place of those drawn before
   set_pose pose=[1.0,0.5,0.0]              where it stands, after a loss; sigma_m=0.02 sigma_rad=0.02: how well that is known

@@ -3,9 +3,9 @@
 use super::Robot;
 use crate::guard::Obstacle;
 use crate::lifecycle::Change;
-use crate::motion::CantBegin;
+use crate::motion::{CantBegin, From};
 use crate::safety::input_forbids;
-use crate::signals::{Batch, Phase, Request, RequestAnswer, RequestKind, SafetyReason};
+use crate::signals::{Batch, Course, Phase, Request, RequestAnswer, RequestKind, SafetyReason, StopCategory};
 
 impl Robot {
     /// What is asked of the robot in this cycle.
@@ -105,11 +105,11 @@ impl Robot {
     /// A request about what is followed.
     fn lead(&mut self, kind: RequestKind) -> RequestAnswer {
         let (time, phase) = (self.record.time, self.lifecycle.phase());
-        let here = self.limiter.setpoint().odom_from_body;
+        let is_under_way = phase == Phase::Tracking;
         let fits = match kind {
-            RequestKind::Pause => phase == Phase::Tracking,
-            RequestKind::UseReference { .. } => phase != Phase::Tracking && phase != Phase::Stopping,
-            _ => phase == Phase::Holding,
+            RequestKind::Pause => is_under_way,
+            RequestKind::UseReference { .. } => phase != Phase::Stopping,
+            _ => phase == Phase::Holding || is_under_way,
         };
         if !fits {
             return RequestAnswer::WrongPhase;
@@ -117,9 +117,17 @@ impl Robot {
         if self.lacks_pose_for(&kind) {
             return RequestAnswer::PoseUnknown;
         }
+        let setpoint = self.limiter.setpoint();
+        let from = From { time: &time, setpoint, is_under_way, settings: &self.settings, guard: &self.guard };
         let begun = match kind {
+            // A way has nothing to be gone on with: it ends in a stop, and a path that it leads to can be resumed.
+            RequestKind::Pause if self.motion.course() == Course::Way => {
+                return self.lifecycle.request(&time, &RequestKind::Stop(StopCategory::RampAndHold)).0;
+            }
             RequestKind::Pause => return answer(self.motion.pause()),
-            RequestKind::UseReference { number } => return answer(self.motion.use_offered(number)),
+            RequestKind::UseReference { number } => {
+                return answer(self.motion.use_offered(number, is_under_way));
+            }
             RequestKind::GoTo { odom_from_body } if !odom_from_body.is_finite() => Err(CantBegin::Nothing),
             RequestKind::GoTo { odom_from_body } if !self.guard.room_left(&odom_from_body).is_enough() => {
                 Err(CantBegin::OutsideFence)
@@ -127,15 +135,12 @@ impl Robot {
             RequestKind::GoTo { odom_from_body } if self.guard.is_blocked(&odom_from_body) => {
                 Err(CantBegin::Blocked)
             }
-            RequestKind::GoTo { odom_from_body } => {
-                self.motion.go(&time, (here, odom_from_body), &self.settings);
-                Ok(())
-            }
-            RequestKind::Resume => self.motion.resume(&time, here, (&self.settings, &self.guard)),
-            _ => self.motion.track(&time, here, &self.guard),
+            RequestKind::GoTo { odom_from_body } => self.motion.go(&from, odom_from_body),
+            RequestKind::Resume => self.motion.resume(&from),
+            _ => self.motion.track(&from),
         };
         if begun.is_ok() {
-            self.motion.begin_with(self.guard.room_left(&here).room_m);
+            self.motion.begin_with(self.guard.room_left(&setpoint.odom_from_body).room_m);
             self.lifecycle.request(&time, &kind);
         }
         answer(begun)
@@ -165,5 +170,7 @@ fn answer(begun: Result<(), CantBegin>) -> RequestAnswer {
         Err(CantBegin::TooFar) => RequestAnswer::TooFar,
         Err(CantBegin::OutsideFence) => RequestAnswer::OutsideFence,
         Err(CantBegin::Blocked) => RequestAnswer::Blocked,
+        Err(CantBegin::Moving) => RequestAnswer::Moving,
+        Err(CantBegin::UnderWay) => RequestAnswer::WrongPhase,
     }
 }

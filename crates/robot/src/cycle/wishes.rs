@@ -1,10 +1,13 @@
 //! What is wished in a cycle, and what the platform's limits leave of it.
 
-use omnibase_platform::{Pose2, Twist2};
+use omnibase_platform::Pose2;
 
 use super::Robot;
 use crate::guard::Drive;
 use crate::signals::{Frame, LimitedBy, Phase, ReferenceStatus, Request, RequestKind, Setpoint};
+
+/// A robot that holds ends its way to a place that is nearer than this, m and rad.
+const HELD: f64 = 1e-5;
 
 impl Robot {
     /// Reference: what is wished. A robot that doesn't track wishes to stay where it is, or to come to rest.
@@ -19,12 +22,13 @@ impl Robot {
                 Setpoint::at_rest(here)
             }
             Phase::Holding => {
-                let last = self.record.wished;
-                Setpoint {
-                    twist_in_odom: Twist2::default(),
-                    status: ReferenceStatus::Resting,
-                    ..Setpoint::at_rest(last.odom_from_body)
-                }
+                let [wished, here] =
+                    [self.record.wished, self.limiter.setpoint()].map(|at| at.odom_from_body);
+                // Who was kept from where he should be doesn't go there once nothing keeps him from it any more.
+                let is_there =
+                    here.distance_m(wished) <= HELD && (here.heading_rad - wished.heading_rad).abs() <= HELD;
+                let place = if is_there { wished } else { here };
+                Setpoint { status: ReferenceStatus::Resting, ..Setpoint::at_rest(place) }
             }
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
             Phase::Tracking => match self.motion.velocity() {
@@ -32,7 +36,11 @@ impl Robot {
                 None => {
                     let (inputs, mut outputs) = self.peripherals.open(&self.record.signals);
                     self.motion.signals(&inputs, &mut outputs);
-                    let wished = self.motion.sample(&self.record.time, &self.settings, &self.guard);
+                    let wished = self.motion.sample(
+                        &self.record.time,
+                        &self.limiter.setpoint(),
+                        (&self.settings, &self.guard),
+                    );
                     self.record.correction = self.motion.correction();
                     wished
                 }

@@ -62,6 +62,16 @@ struct Constraints {
     count: usize,
 }
 
+/// A wish made gentle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shaped {
+    pub(super) twist: Twist2,
+    /// What of it only leads away from what is too near.
+    pub(super) away: Twist2,
+    /// What held it back.
+    pub(super) by: LimitedBy,
+}
+
 /// The way around an obstacle that is being gone.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Detour {
@@ -203,12 +213,7 @@ impl Planes {
 
 impl Guard {
     /// A wish made gentle, and what held it back.
-    pub(super) fn shape(
-        &mut self,
-        here: &Setpoint,
-        drive: Drive<'_>,
-        (wish, now): (Twist2, &Now),
-    ) -> (Twist2, LimitedBy) {
+    pub(super) fn shape(&mut self, here: &Setpoint, drive: Drive<'_>, (wish, now): (Twist2, &Now)) -> Shaped {
         let mut wish = self.clipped(wish);
         let mut by = LimitedBy::Nothing;
         if self.avoidance == AvoidanceKind::Circulate
@@ -219,7 +224,7 @@ impl Guard {
         let constraints = self.constraints(here, drive, (wish, now));
         if constraints.count == 0 {
             self.detour_is_free();
-            return (wish, by);
+            return Shaped { twist: wish, away: Twist2::default(), by };
         }
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let w_rad_s = constraints.turn(wish.w_rad_s);
@@ -239,7 +244,12 @@ impl Guard {
         if w_rad_s != wish.w_rad_s && by == LimitedBy::Nothing {
             by = constraints.all().first().map_or(by, |constraint| constraint.by);
         }
-        (Twist2::new(speed[0], speed[1], w_rad_s), by)
+        let [vx_m_s, vy_m_s] = speeds.within([0.0; 2]);
+        Shaped {
+            twist: Twist2::new(speed[0], speed[1], w_rad_s),
+            away: Twist2 { vx_m_s, vy_m_s, w_rad_s },
+            by,
+        }
     }
 
     /// Little less than the limits let through anyway, the direction kept: the acceleration across a turn at full speed

@@ -19,7 +19,7 @@ const SAME_MASS: f64 = 1.05;
 /// A plan that warm motors hold back keeps this part of its rate: a sixteenth of its heat.
 const LEAST_WARM_RATE: f64 = 0.5;
 /// Part of what the floor carries that the path's own acceleration may take; the rest slows it down and catches up.
-const SHARE_OF_PATH: f64 = 0.9;
+pub(super) const SHARE_OF_PATH: f64 = 0.9;
 /// Frictions that differ by less are one, over themselves.
 const ROUNDING: f64 = 1e-9;
 /// A plan that is slower stands, m/s and rad/s.

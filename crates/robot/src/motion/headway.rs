@@ -49,7 +49,7 @@ fn apart_m(one: &Pose2, other: &Pose2) -> f64 {
 }
 
 /// Whether a place is caught up with.
-pub(super) fn is_there(place: &Pose2, here: &Pose2) -> bool {
+pub(crate) fn is_there(place: &Pose2, here: &Pose2) -> bool {
     place.distance_m(*here) <= CAUGHT_UP
         && wrap_angle_rad(place.heading_rad - here.heading_rad).abs() <= CAUGHT_UP
 }

@@ -23,7 +23,7 @@ coded!(Frame { Body = 0, Odom = 1 });
 pub enum RequestKind {
     /// Bring the drives to operation and hold.
     Enable,
-    /// Follow the reference from its start.
+    /// Follow the reference from its start; while moving it is joined further on.
     Track,
     /// Stop.
     Stop(StopCategory),
@@ -59,14 +59,14 @@ pub enum RequestKind {
     },
     /// Let the reference come to a halt on its path.
     Pause,
-    /// Go on with a reference that was left: first the straight way back to where it was left.
+    /// Go on with a reference that was left: first the way back to where it was left. One that is being paused goes on at once.
     Resume,
-    /// Go the straight way to a pose in odom, from rest to rest.
+    /// Go to a pose in odom in the shortest time, from rest or from the motion that is under way; from rest the way is straight.
     GoTo {
         /// The pose; its heading isn't wrapped.
         odom_from_body: Pose2,
     },
-    /// Take the reference that was [offered](crate::Robot::offer_reference) in place of the present one.
+    /// Take the reference that was [offered](crate::Robot::offer_reference) in place of the present one, once that is no longer followed.
     UseReference {
         /// The number by which it was offered.
         number: u32,
@@ -420,8 +420,10 @@ pub enum RequestAnswer {
     Homing,
     /// The drive can't follow every control law of the robot so.
     DriveMode,
-    /// The platform wouldn't fit inside the fence there.
+    /// The platform wouldn't fit inside the fence there, or on the way there from the motion that is under way.
     OutsideFence,
+    /// The platform moves so that nothing leads onto the reference's beginning.
+    Moving,
 }
 
 coded!(RequestAnswer {
@@ -440,4 +442,5 @@ coded!(RequestAnswer {
     Homing = 12,
     DriveMode = 13,
     OutsideFence = 14,
+    Moving = 15,
 });

@@ -125,7 +125,8 @@ fn a_plan_that_is_held_back_within_a_millimetre_of_its_end_ends_too() {
         }
         let (cycle, record) = until_it_ends(&mut bench, 20);
         assert_eq!(record.allowed.reason, SafetyReason::WayBlocked, "{left_m}");
-        assert!((5_000..6_000).contains(&cycle), "{left_m}: {cycle}");
+        // The way may have come to its end in the very cycle in which so little was left.
+        assert!((4_999..6_000).contains(&cycle), "{left_m}: {cycle}");
         let lacks_m = record.setpoint.odom_from_body.distance_m(goal);
         assert!(lacks_m > 1e-6 && lacks_m <= left_m, "{left_m}: {lacks_m}");
     }
@@ -240,4 +241,42 @@ fn what_was_missed_is_caught_up_with_gently_after_the_obstacle_was_taken_away() 
         assert!(bench.index < 80_000);
     }
     assert!((bench.run(10).setpoint.odom_from_body.x_m - 2.53).abs() < 1e-3);
+}
+
+#[test]
+fn who_is_paused_beside_an_obstacle_holds_there_and_stays_when_it_is_taken_away() {
+    for pause_at in [1_900, 2_400, 3_000] {
+        let mut bench = bench(AHEAD);
+        bench.step(Some(RequestKind::Track));
+        bench.run(800);
+        put(&mut bench, 0, standing(1.3, 0.05, 0.3));
+        bench.run(pause_at - 800);
+        let lag_m =
+            |record: &CycleRecord| record.wished.odom_from_body.distance_m(record.setpoint.odom_from_body);
+        assert!(lag_m(bench.robot.record()) > 0.05, "{pause_at}: {}", lag_m(bench.robot.record()));
+        assert_eq!(bench.step(Some(RequestKind::Pause)).answer, RequestAnswer::Taken);
+        until_it_holds(&mut bench);
+        let held = bench.run(1).setpoint;
+        bench.step(Some(RequestKind::RemoveObstacle { index: 0 }));
+        let record = bench.run(2000);
+        assert_eq!(record.phase, Phase::Holding);
+        assert!(
+            record.setpoint.odom_from_body.distance_m(held.odom_from_body) < 1e-6,
+            "{pause_at}: it moved"
+        );
+        // A person goes on with it.
+        assert_eq!(bench.step(Some(RequestKind::Resume)).answer, RequestAnswer::Taken);
+        until_it_holds(&mut bench);
+        assert!((bench.run(10).setpoint.odom_from_body.x_m - 2.0).abs() < 1e-3, "{pause_at}");
+    }
+}
+
+fn until_it_holds(bench: &mut Bench) {
+    for _ in 0..30_000 {
+        if bench.robot.phase() == Phase::Holding {
+            return;
+        }
+        bench.step(None);
+    }
+    panic!("it still moves");
 }

@@ -196,6 +196,8 @@ fn what_cannot_begin_is_refused() {
     assert_eq!(bench.step(Some(RequestKind::Pause)).answer, RequestAnswer::WrongPhase);
     assert_eq!(bench.robot.phase(), Phase::Holding);
     bench.step(velocity(0.2));
+    assert_eq!(bench.step(Some(RequestKind::Resume)).answer, RequestAnswer::Refused);
+    bench.step(Some(RequestKind::Stop(StopCategory::RampAndHold)));
     for kind in
         [RequestKind::Resume, RequestKind::GoTo { odom_from_body: Pose2::default() }, RequestKind::Track]
     {
@@ -296,4 +298,21 @@ fn timing_says_how_fast_points_are_gone_along() {
         ..Default::default()
     };
     assert!(refusal(circle).contains("duration_s"));
+}
+
+#[test]
+fn a_way_to_a_pose_is_as_fast_as_the_limits_and_planned_in_the_cycle_without_allocating() {
+    let mut bench = Bench::new(plan(BMM));
+    bench.enable();
+    let before = omnibase_host::CountingAllocator::allocations_of_this_thread();
+    bench.step(Some(RequestKind::GoTo { odom_from_body: Pose2::new(3.0, 4.0, 0.5) }));
+    let mut cycles = 0;
+    while bench.robot.phase() == Phase::Tracking {
+        bench.step(None);
+        cycles += 1;
+    }
+    assert_eq!(omnibase_host::CountingAllocator::allocations_of_this_thread() - before, 0);
+    // v/a + a/j and 5 m at full speed, a twentieth slower; a quintic took 9.8 s.
+    let best_s = 1.05 * (1.0 / 1.5 + 1.5 / 40.0 + 5.0);
+    assert!((1e-3 * f64::from(cycles) - best_s).abs() < 0.05, "{cycles} cycles, {best_s} s");
 }

@@ -1,5 +1,6 @@
 //! The whole cycle, from the drives' bytes to the drives' bytes, on a small body that obeys.
 
+mod around;
 mod axes;
 mod blocked;
 mod counts;
@@ -15,6 +16,7 @@ mod planned;
 mod poison;
 mod promises;
 mod reasons;
+mod replans;
 mod safety;
 mod settings;
 mod sources;

@@ -147,6 +147,8 @@ pub enum Refusal {
     EmergencyStop,
     /// Somebody with more say commands.
     Commanded,
+    /// The motion that somebody else asked for is under way.
+    Led,
     /// Too much was asked at once.
     Busy,
     /// Velocities come from sticks.
@@ -219,10 +221,17 @@ impl Answer {
                 "refused: an obstacle is too near to where the motion would begin or end"
             }
             Answer::Robot(RequestAnswer::OutsideFence) => {
-                "refused: the platform wouldn't fit inside the fence where the motion would begin or end"
+                "refused: the platform wouldn't fit inside the fence where the motion would begin or end, or on the way there \
+                 from the motion that is under way"
+            }
+            Answer::Robot(RequestAnswer::Moving) => {
+                "refused: the platform moves so that nothing leads onto the first seconds of the path: stop it first"
             }
             Answer::Refused(Refusal::EmergencyStop) => "refused: the emergency stop is set",
             Answer::Refused(Refusal::Commanded) => "refused: somebody drives by hand",
+            Answer::Refused(Refusal::Led) => {
+                "refused: the motion that somebody else asked for is under way: stop it first"
+            }
             Answer::Refused(Refusal::Busy) => "refused: too much was asked at once",
             Answer::Refused(Refusal::Planned) => {
                 "refused: this run follows its plan to the end; it can be stopped, and its settings and obstacles changed"
@@ -295,6 +304,11 @@ impl Commander {
 /// Requests that begin a motion.
 pub(super) fn begins_motion(kind: &RequestKind) -> bool {
     matches!(kind, RequestKind::Track | RequestKind::Resume | RequestKind::GoTo { .. })
+}
+
+/// What may change the motion that is under way: whoever asked for that alone does so.
+pub(super) fn redirects(kind: &RequestKind) -> bool {
+    begins_motion(kind) || matches!(kind, RequestKind::UseReference { .. })
 }
 
 /// What must not begin while the robot shall stand: motion, and what moves beside it.

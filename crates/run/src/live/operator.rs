@@ -22,7 +22,7 @@ use self::authors::Authors;
 use self::sticks::{STICKS, Stick, client_of, stick_of};
 use super::command::{
     Answer, Ask, Client, Command, Commander, JoystickState, MAX_SESSIONS, Refusal, StickWish, begins,
-    begins_motion, is_of_a_leader, leads,
+    begins_motion, is_of_a_leader, leads, redirects,
 };
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 
@@ -83,6 +83,8 @@ pub struct Operator {
     /// When each page was heard last; `None` where there is no such session.
     sessions: [Option<u64>; MAX_SESSIONS],
     commander: Commander,
+    /// What it leads is a way to a pose: nothing that could be gone on with after a loss.
+    is_on_way: bool,
     is_emergency: bool,
     /// Something else than letting go and a program's silence stopped the robot, and nobody enabled programs since.
     programs_wait: bool,
@@ -115,6 +117,7 @@ impl Operator {
             sticks: [Stick::default(); STICKS],
             sessions: [None; MAX_SESSIONS],
             commander: Commander::Nobody,
+            is_on_way: false,
             is_emergency: false,
             programs_wait: false,
             stop_reason: SafetyReason::None,
@@ -325,7 +328,9 @@ impl Operator {
     /// Where a lost SubDevice ended a motion and nothing else happened since: what leads back to it.
     fn come_back(&mut self, last: &CycleRecord, phase: Phase) -> Option<Turn> {
         let plan = self.comeback_plan?;
-        if let (Commander::Reference(client @ Client::Page(_)), Phase::Tracking) = (self.commander, phase) {
+        if let (Commander::Reference(client @ Client::Page(_)), Phase::Tracking) = (self.commander, phase)
+            && !self.is_on_way
+        {
             // A page is somebody living; what a command began nobody may stand beside.
             let (_, conductor) = self.comeback.get_or_insert_with(|| (client, Conductor::following(plan)));
             conductor.next(last, phase, Wish::GoOn);
@@ -366,6 +371,7 @@ impl Operator {
             }
             if begins_motion(&kind) && last.answer == RequestAnswer::Taken {
                 self.commander = Commander::Reference(client);
+                self.is_on_way = matches!(kind, RequestKind::GoTo { .. });
             }
         }
         if !matches!(phase, Phase::Tracking | Phase::Stopping) {
@@ -421,6 +427,7 @@ impl Operator {
             let refusal = match self.commander {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
                 Commander::Stick(_) if begins_motion(&kind) => Refusal::Commanded,
+                Commander::Reference(leader) if leader != waiting.client && redirects(&kind) => Refusal::Led,
                 _ => {
                     let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };

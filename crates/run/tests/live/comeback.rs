@@ -159,6 +159,18 @@ fn a_motion_goes_on_by_itself_where_the_file_says_so_after_a_second_of_rest_and_
 }
 
 #[test]
+fn a_way_that_took_the_place_of_a_path_is_not_gone_on_with_by_itself() {
+    let page = Client::Page(3);
+    let mut bench = Bench::following(page, Some(10_000 * MS));
+    let go = RequestKind::GoTo { odom_from_body: Pose2 { x_m: 1.0, y_m: 0.0, heading_rad: 0.0 } };
+    bench.hear(page, Ask::Robot(go));
+    assert_eq!(bench.asked_alive(100), [go]);
+    bench.lose();
+    // What it would go on with is the path that was left.
+    assert_eq!(bench.asked_alive(20_000), []);
+}
+
+#[test]
 fn hold_ends_in_holding_and_a_person_resumes() {
     let page = Client::Page(3);
     let mut bench = Bench::following(page, None);

@@ -452,3 +452,26 @@ fn a_run_goes_on_where_the_server_of_its_pages_dies_and_what_they_commanded_stop
     assert!(events.contains(&"the server of the pages died: what they commanded stops"), "{events:?}");
     assert!(run.ran.ended.is_ok() && run.replayed.difference.is_none(), "{:?}", run.replayed);
 }
+
+#[test]
+fn whoever_asked_for_a_motion_may_ask_for_another_meanwhile_and_nobody_else() {
+    let go = |x_m, y_m| robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad: 0.0 } });
+    let taken = || Answer::Robot(RequestAnswer::Taken);
+    let run = played(9.0, move |hands: &mut Hands| {
+        hands.send(0.5, Client::Page(1), robot(RequestKind::Enable));
+        for page in [Client::Page(1), Client::Page(2)] {
+            hands.alive(0.4, 9.0, page);
+        }
+        hands.ask(1.5, Client::Page(1), go(1.0, 0.0), taken());
+        hands.ask(2.0, Client::Page(2), go(0.0, 0.5), Answer::Refused(Refusal::Led));
+        hands.ask(2.1, Client::Page(2), robot(RequestKind::Track), Answer::Refused(Refusal::Led));
+        hands.ask(2.4, Client::Page(1), go(0.5, 0.3), taken());
+        hands.at(8.0, |_, seen| {
+            let pose = seen.record.state.odom_from_body;
+            assert!((pose.x_m - 0.5).abs() < 1e-3 && (pose.y_m - 0.3).abs() < 1e-3, "{pose:?}");
+        });
+        // Nobody moves it any more.
+        hands.ask(8.1, Client::Page(2), go(0.5, 0.2), taken());
+    });
+    assert!(run.replayed.difference.is_none() && run.replayed.cycles > 8000, "{:?}", run.replayed);
+}

@@ -1,0 +1,282 @@
+//! How motions begin: from rest, or from the motion that is under way, which then goes over into the new one without a stop.
+//!
+//! A way begins with the platform's speed and acceleration. A reference, which rests at its start, is joined further on: at the first
+//! place that the platform reaches in about the time that the reference itself takes to get there. What can't begin changes nothing.
+
+use omnibase_platform::{Pose2, Twist2, wrap_angle_rad};
+
+use super::foothold::{Foothold, SHARE_OF_PATH};
+use super::room::Ahead;
+use super::way::{Allowed, Then};
+use super::{CantBegin, Motion, Pausing};
+use crate::guard::Guard;
+use crate::settings::Settings;
+use crate::signals::{Course, CycleTime, Setpoint};
+use crate::stages::Reference;
+
+/// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
+const ON_PATH: f64 = 1e-4;
+/// A reference is joined at this rate at most: its own speeds and accelerations may be the limits, which a way needs some of.
+const JOIN_RATE: f64 = 0.7;
+/// First time of a reference at which it may be joined, s; how many are tried, and by what factor each is later.
+const JOIN_S: f64 = 0.05;
+const JOINS: i32 = 16;
+const JOIN_FACTOR: f64 = 1.35;
+/// A way onto a reference takes so much longer at most than the reference itself takes.
+const JOIN_LONGER: f64 = 1.25;
+/// A way is planned anew where it came nearer to its end by so much since it was planned, m: that ends.
+const GAINED_M: f64 = 0.02;
+
+/// Where a motion begins, and what it must keep to.
+#[derive(Clone, Copy)]
+pub(crate) struct From<'a> {
+    pub(crate) time: &'a CycleTime,
+    /// What the platform was led to last.
+    pub(crate) setpoint: Setpoint,
+    /// Something is followed.
+    pub(crate) is_under_way: bool,
+    pub(crate) settings: &'a Settings,
+    pub(crate) guard: &'a Guard,
+}
+
+impl From<'_> {
+    fn pose(&self) -> Pose2 {
+        self.setpoint.odom_from_body
+    }
+
+    fn moves(&self) -> bool {
+        let zero = Twist2::default();
+        self.setpoint.twist_in_odom != zero || self.setpoint.acceleration_in_odom != zero
+    }
+
+    fn room_m(&self) -> f64 {
+        self.guard.room_left(&self.pose()).room_m
+    }
+}
+
+impl Motion {
+    /// Puts a reference in waiting; gives back the one that waited before, or that was replaced.
+    pub(crate) fn offer(
+        &mut self,
+        number: u32,
+        reference: Box<dyn Reference>,
+    ) -> Option<(u32, Box<dyn Reference>)> {
+        self.next = None;
+        self.offered.replace((number, reference))
+    }
+
+    /// The reference that waits takes the place of the present one: once that is no longer followed.
+    pub(crate) fn use_offered(&mut self, number: u32, is_under_way: bool) -> Result<(), CantBegin> {
+        if self.offered.as_ref().is_none_or(|(offered, _)| *offered != number) {
+            return Err(CantBegin::Nothing);
+        }
+        self.next = Some(number);
+        if !(is_under_way && self.needs_reference()) {
+            self.take_next();
+        }
+        Ok(())
+    }
+
+    /// Whether the reference is followed, or will be.
+    fn needs_reference(&self) -> bool {
+        match self.course {
+            Course::Reference => true,
+            Course::Way => self.way.then != Then::Rests,
+            Course::Velocity => false,
+        }
+    }
+
+    /// The reference that was loaded takes the place of the one that is left.
+    pub(super) fn take_next(&mut self) {
+        if self.next.take().is_some()
+            && let Some((number, reference)) = &mut self.offered
+        {
+            std::mem::swap(reference, &mut self.reference);
+            // What was replaced is not offered again.
+            *number = u32::MAX;
+            self.begun = false;
+        }
+    }
+
+    /// The reference from its start; one that was loaded meanwhile in place of the one that is followed.
+    pub(crate) fn track(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
+        if !(from.is_under_way && self.needs_reference()) {
+            return self.begin_track(from);
+        }
+        let (next, begun) = (self.next.ok_or(CantBegin::UnderWay)?, self.begun);
+        self.take_next();
+        let result = self.begin_track(from);
+        if result.is_err()
+            && let Some((number, reference)) = &mut self.offered
+        {
+            std::mem::swap(reference, &mut self.reference);
+            *number = next;
+            (self.next, self.begun) = (Some(next), begun);
+        }
+        result
+    }
+
+    fn begin_track(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
+        let here = from.pose();
+        if let Some(start) = self.reference.start_pose() {
+            let turn_rad = wrap_angle_rad(start.heading_rad - here.heading_rad);
+            if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
+                return Err(CantBegin::TooFar);
+            }
+        }
+        let start = self.reference.start_pose().unwrap_or(here);
+        let end = self.reference.end_pose(&here).unwrap_or(start);
+        if from.guard.is_blocked(&start) || from.guard.is_blocked(&end) {
+            return Err(CantBegin::Blocked);
+        }
+        let laid_from = std::mem::replace(&mut self.laid_from, here);
+        self.reference.start(&Setpoint::at_rest(here));
+        if !from.moves() {
+            self.time_ns = 0.0;
+            self.begin_reference(from.time, 1.0);
+            return Ok(());
+        }
+        let joined = self.join(from);
+        if joined.is_err() {
+            self.laid_from = laid_from;
+            self.reference.start(&Setpoint::at_rest(laid_from));
+        }
+        joined
+    }
+
+    /// A way onto the reference while moving.
+    fn join(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
+        let end_s = self.reference.duration_s().unwrap_or(f64::INFINITY);
+        let share = self.carried.share.min(1.0);
+        for at_s in (0..JOINS).map(|number| JOIN_S * JOIN_FACTOR.powi(number)) {
+            let Some(place) = self.reference.preview(at_s).filter(|_| at_s < end_s) else { break };
+            let rate = (JOIN_RATE * share.sqrt()).min(from.settings.rate(place.twist_in_odom));
+            let to = Setpoint {
+                twist_in_odom: place.twist_in_odom.scaled(rate),
+                acceleration_in_odom: place.acceleration_in_odom.scaled(rate * rate),
+                ..place
+            };
+            let allowed = self.allowed(from.settings);
+            let is_there = self.tried.plan([&from.setpoint, &to], &allowed).is_ok()
+                && self.tried.duration_s() <= JOIN_LONGER * at_s
+                && !from.guard.is_blocked(&to.odom_from_body)
+                && !self.tried.leads_out(from.guard, from.room_m());
+            if is_there {
+                self.take_way(from.time, Then::Joins { rate });
+                (self.time_ns, self.begun) = (1e9 * at_s, true);
+                return Ok(());
+            }
+        }
+        Err(CantBegin::Moving)
+    }
+
+    /// The reference from where it was left: first the way back to it. One that is being paused goes on at once.
+    pub(crate) fn resume(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
+        if from.is_under_way && self.needs_reference() {
+            let is_pausing = self.course == Course::Reference && self.pausing == Pausing::Yes;
+            self.pausing = if is_pausing { Pausing::No } else { self.pausing };
+            return if is_pausing { Ok(()) } else { Err(CantBegin::UnderWay) };
+        }
+        if !self.begun {
+            return Err(CantBegin::Nothing);
+        }
+        let left = self.reference.sample(self.time_s()).odom_from_body;
+        let end = self.reference.duration_s().and_then(|end_s| self.reference.preview(end_s));
+        let is_blocked = |pose: &Pose2| from.guard.is_blocked(pose);
+        if is_blocked(&left) || end.is_some_and(|end| is_blocked(&end.odom_from_body)) {
+            return Err(CantBegin::Blocked);
+        }
+        let here = from.pose();
+        let is_there =
+            here.distance_m(left) <= ON_PATH && (here.heading_rad - left.heading_rad).abs() <= ON_PATH;
+        if is_there && !from.moves() {
+            self.begin_reference(from.time, 0.0);
+            return Ok(());
+        }
+        self.plan_way(from, left)?;
+        self.begin_reference(from.time, 0.0);
+        self.take_way(from.time, Then::GoesOn);
+        Ok(())
+    }
+
+    /// The way to a pose.
+    pub(crate) fn go(&mut self, from: &From<'_>, to: Pose2) -> Result<(), CantBegin> {
+        self.plan_way(from, to)?;
+        self.take_way(from.time, Then::Rests);
+        self.take_next();
+        Ok(())
+    }
+
+    fn plan_way(&mut self, from: &From<'_>, to: Pose2) -> Result<(), CantBegin> {
+        let allowed = self.allowed(from.settings);
+        let ends = [&from.setpoint, &Setpoint::at_rest(to)];
+        self.tried.plan(ends, &allowed).map_err(|_| CantBegin::Nothing)?;
+        // From rest it is straight, and what lies on it is seen when it comes near.
+        if from.moves() && self.tried.leads_out(from.guard, from.room_m()) {
+            return Err(CantBegin::OutsideFence);
+        }
+        Ok(())
+    }
+
+    fn allowed(&self, settings: &Settings) -> Allowed {
+        let share = self.carried.share;
+        let share = if share >= 1.0 { 1.0 } else { SHARE_OF_PATH * share };
+        Allowed { limits: self.limits, speeds: settings.speeds(), share }
+    }
+
+    /// The way that was planned last is gone, from the last cycle's setpoint.
+    fn take_way(&mut self, time: &CycleTime, then: Then) {
+        std::mem::swap(&mut self.way, &mut self.tried);
+        (self.way.then, self.was_hindered) = (then, false);
+        self.planned = self.way.middle();
+        (self.rate_now, self.rate_change_1_s, self.own) = (1.0, 0.0, Default::default());
+        self.rate.restart(Twist2::new(1.0, 0.0, 0.0));
+        self.headway.begin();
+        (self.course, self.now_ns) = (Course::Way, time.now_ns.saturating_sub(time.period_ns));
+    }
+
+    /// A way that an obstacle bent is planned anew from where the platform got to, and one for which more speed is set.
+    pub(super) fn plan_anew(
+        &mut self,
+        time: &CycleTime,
+        setpoint: &Setpoint,
+        (settings, guard): (&Settings, &Guard),
+    ) {
+        if matches!(self.way.then, Then::Joins { .. })
+            || self.is_hindered
+            || self.way.is_over() && !self.was_hindered
+        {
+            return;
+        }
+        let is_bent = self.was_hindered && self.way.gained_m(&setpoint.odom_from_body) >= GAINED_M;
+        let is_slow = !self.was_hindered && self.way.may_be_faster(settings.speeds());
+        if is_bent || is_slow {
+            let from = From { time, setpoint: *setpoint, is_under_way: true, settings, guard };
+            let (to, then) = (self.way.to, self.way.then);
+            match self.plan_way(&from, to) {
+                Ok(()) => self.take_way(time, then),
+                Err(_) => self.was_hindered = false,
+            }
+        }
+    }
+
+    pub(super) fn begin_reference(&mut self, time: &CycleTime, rate: f64) {
+        self.foothold = Foothold::NEW;
+        (self.course, self.is_on_plan) = (Course::Reference, true);
+        self.warm_rate = self.reference.planned_for().map_or(1.0, |plan| self.carried.warm_rate(&plan));
+        let rate = rate.min(self.foothold());
+        self.rate.restart(Twist2::new(rate, 0.0, 0.0));
+        self.ahead = Ahead::from(self.time_s());
+        (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
+        self.headway.begin();
+        (self.pausing, self.begun, self.now_ns) = (Pausing::No, true, time.now_ns);
+    }
+
+    /// A way that leads back to the reference ends: the reference goes on from where it stands.
+    pub(crate) fn arrive(&mut self, time: &CycleTime, setpoint: &Setpoint) {
+        let is_there = setpoint.odom_from_body.distance_m(self.way.to) <= ON_PATH;
+        if self.course == Course::Way && self.way.then == Then::GoesOn && is_there && self.way.is_over() {
+            self.begin_reference(time, 0.0);
+        }
+    }
+}
