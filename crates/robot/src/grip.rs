@@ -41,8 +41,6 @@ const FORGOTTEN_S: f64 = 2.0;
 const LONGEST_NS: u64 = 2_000_000_000;
 /// After so many periods without a complete exchange v̂ begins anew.
 const LONGEST_GAP: u32 = 10;
-/// A motor gives so much more or less of the torque that its drive tells: where wheels work against each other, that alone moves the platform.
-const TORQUE_SHARE: f64 = 0.05;
 /// Less than this is no force, N.
 const LEAST_N: f64 = 1.0;
 /// No wheel turns faster than its limit times this.
@@ -307,16 +305,7 @@ impl Grip {
         });
         self.acceleration = dynamics.acceleration(moved, turn_rad_s);
         // What mass and friction may be off shows in v̂ until it is drawn away again.
-        let mut doubts_n =
-            self.identification.doubts_n(&Motion { acceleration: self.acceleration, ..motion });
-        // Three wheels can't work against each other.
-        if count > 3 {
-            let fought_n2 = self.fought_n2(&torques_nm);
-            doubts_n
-                .iter_mut()
-                .zip(fought_n2)
-                .for_each(|(doubt, fought)| *doubt = (*doubt * *doubt + fought).sqrt());
-        }
+        let doubts_n = self.identification.doubts_n(&Motion { acceleration: self.acceleration, ..motion });
         let Dynamics { mass_kg, inertia_kg_m2, .. } = dynamics;
         let drawn = 1.0 - self.drawn.kept(span_s);
         for ((sigma, doubt_n), inertia) in
@@ -343,18 +332,6 @@ impl Grip {
         } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
         }
-    }
-
-    /// The square of what motors that work against each other leave untold of the wrench, N² and (N·m)².
-    fn fought_n2(&self, torques_nm: &PerWheel<f64>) -> [f64; 3] {
-        let mut fought_n2 = [0.0; 3];
-        let moving_nm = self.kinematics.wheel_torques_nm(self.kinematics.wrench(torques_nm));
-        let rims = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
-        for (at, (row, rim)) in rims.enumerate() {
-            let unsure_n = TORQUE_SHARE * (torques_nm[at] - moving_nm[at]) / rim.radius_m;
-            fought_n2.iter_mut().zip(row).for_each(|(sum, row)| *sum += (unsure_n * row).powi(2));
-        }
-        fought_n2
     }
 
     /// Which wheels' forces stay where they should follow the setpoint's acceleration.

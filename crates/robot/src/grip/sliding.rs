@@ -139,17 +139,24 @@ impl Sliding {
         span_s: f64,
     ) -> Option<Slide> {
         let change_n = self.forces[wheel].take(force_n, self.kept);
+        if *change == [0.0; 3] {
+            self.stays[wheel].since_s = 0.0;
+            return None;
+        }
         let least_n = self.least_change_n(wheel, change);
         let stays = least_n.abs() > self.least_n
             && change_n.abs() < FOLLOWS * least_n.abs()
             && self.forces[wheel].fast.abs() > self.least_n
             && rim_m_s.abs() > HELD_M_S;
         if !stays {
-            self.stays[wheel] = Stays::default();
+            self.stays[wheel].since_s = 0.0;
             return None;
         }
         let gain_m_s2: f64 = self.rows[wheel].iter().zip(change).map(|(row, change)| row * change).sum();
         let Stays { since_s, speed_m_s, way_m } = &mut self.stays[wheel];
+        if *since_s == 0.0 {
+            (*speed_m_s, *way_m) = (0.0, 0.0);
+        }
         *since_s += span_s;
         *speed_m_s += span_s * gain_m_s2.abs();
         *way_m += span_s * *speed_m_s;
