@@ -392,9 +392,10 @@ impl Grip {
                 is_over |= wheel.since_ns > LONGEST_NS;
             } else if let Some(slide) = wheel.slide {
                 wheel.way_m += slide.step_m;
-                // What slid since its first motion looks light.
+                // What slid since its first motion looks light, and as if it rubbed.
                 let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg.max(self.told_kg));
-                self.floor = Some(Floor::seen(self.floor, force_n.abs() / pressed_n, span_s));
+                let given_n = (force_n + rubs_n).abs();
+                self.floor = Some(Floor::seen(self.floor, given_n / pressed_n, span_s));
             } else if is_ahead {
                 wheel.way_m += step_m;
             } else {
