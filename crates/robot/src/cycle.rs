@@ -11,6 +11,7 @@ use omnibase_trajectory::LimitsError;
 use crate::ability::Ability;
 use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
+use crate::controllers::axes;
 use crate::devices::mode_of;
 use crate::drive_modes::DriveModes;
 use crate::grip::Grip;
@@ -266,9 +267,13 @@ impl Robot {
         let record = &self.record;
         let drives = matches!(record.phase, Phase::Tracking | Phase::Stopping)
             && record.setpoint.status == ReferenceStatus::Moving;
+        let wished = drives.then(|| {
+            let heading_rad = record.setpoint.odom_from_body.heading_rad;
+            axes(&record.setpoint.acceleration_in_odom.rotated(-heading_rad))
+        });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());
-        self.grip.look(&record.time, (record.exchange, &record.measurements), turn_rad_s, drives)
+        self.grip.look(&record.time, (record.exchange, &record.measurements), turn_rad_s, wished)
     }
 
     /// Traction: what the floor carries.

@@ -9,6 +9,7 @@ pub(crate) mod equation;
 pub(crate) mod friction;
 mod identification;
 pub(crate) mod loads;
+mod sliding;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
@@ -19,6 +20,7 @@ use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Meas
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion};
 use loads::Loads;
+use sliding::{Slide, Sliding};
 
 /// Standard gravity, m/s² (ISO 80000-3).
 pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
@@ -67,12 +69,15 @@ pub(crate) struct Grip {
     friction: WheelFriction,
     loads: Loads,
     identification: Identification,
+    sliding: Sliding,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
     is_told: bool,
     /// A wheel with its rotor as a mass at its rim, kg.
     wheel_kg: f64,
+    /// The platform's mass by its file, kg.
+    told_kg: f64,
     /// A rim that is faster, or further ahead, is no measurement, m/s.
     most_m_s: f64,
     /// Periods since the last complete exchange: its increments span them all.
@@ -133,12 +138,21 @@ struct Wheel {
     /// How far its rim is ahead of v̂, m/s.
     ahead_m_s: f64,
     slips: bool,
+    /// Its force stays where it should change.
+    slide: Option<Slide>,
     /// For how long it says the opposite of `slips`, and for how long it slips, ns.
     doubted_ns: u64,
     since_ns: u64,
     /// By how much it slipped lately, and as of the cycle before, m.
     way_m: f64,
     way_before_m: f64,
+}
+
+impl Wheel {
+    /// Whether it says nothing of the platform's motion.
+    fn is_loose(&self) -> bool {
+        self.slips || self.slide.is_some()
+    }
 }
 
 /// The floor's friction.
@@ -151,16 +165,19 @@ struct Floor {
 impl Grip {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         let friction = WheelFriction::new(&plan.kinematics);
-        let FirstEstimates { mass, inertia, share, friction_max_n } = FirstEstimates::of(&plan.controller);
+        let first = FirstEstimates::of(&plan.controller);
+        let FirstEstimates { mass, inertia, share, friction_max_n } = first;
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         Grip {
             identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),
+            sliding: Sliding::new(&plan.kinematics, &first),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, mass.0),
+            told_kg: mass.0,
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
@@ -176,13 +193,14 @@ impl Grip {
         }
     }
 
-    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, `drives` where the platform is meant to move.
+    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, `wished` is the setpoint's
+    /// acceleration over the floor in body axes where the platform is meant to move.
     pub(crate) fn look(
         &mut self,
         time: &CycleTime,
         (exchange, measurements): (Exchange, &Measurements),
         turn_rad_s: Option<f64>,
-        drives: bool,
+        wished: Option<[f64; 3]>,
     ) -> GripReport {
         self.periods = self.periods.saturating_add(1);
         self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
@@ -198,7 +216,7 @@ impl Grip {
             let span_s = f64::from(periods) * time.period_s();
             let is_whole = periods == 1 && !measurements.is_held_back();
             if measurements.present().iter().all(|drive| drive.is_finite()) {
-                self.compare(measurements, (span_s, is_whole), drives);
+                self.compare(measurements, (span_s, is_whole), wished);
                 self.judge(span_s);
             } else {
                 self.forget();
@@ -212,13 +230,15 @@ impl Grip {
         let Some(radius_m) = self.kinematics.wheels().get(wheel).map(|wheel| wheel.radius_m) else {
             return 0.0;
         };
-        let Wheel { slips, way_m, way_before_m, .. } = self.wheels[wheel];
-        if slips { (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m } else { 0.0 }
+        let Wheel { way_m, way_before_m, .. } = self.wheels[wheel];
+        let is_loose = self.wheels[wheel].is_loose();
+        if is_loose { (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m } else { 0.0 }
     }
 
     /// Nothing is known of the motion before the next measurement.
     fn forget(&mut self) {
         (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
+        self.sliding.forget();
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -234,7 +254,12 @@ impl Grip {
     }
 
     /// Compares v̂ with what the wheels show, and learns by the way.
-    fn compare(&mut self, measurements: &Measurements, (span_s, is_whole): (f64, bool), drives: bool) {
+    fn compare(
+        &mut self,
+        measurements: &Measurements,
+        (span_s, is_whole): (f64, bool),
+        wished: Option<[f64; 3]>,
+    ) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
         let keep = if self.body.is_some() { self.filter.kept(span_s) } else { 0.0 };
@@ -261,11 +286,12 @@ impl Grip {
             turn_rad_s,
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: self.friction.per_newton(shown, self.identification.dynamics().centre_m()),
-            is_trusted: is_whole && !self.wheels[..count].iter().any(|wheel| wheel.slips),
-            moves: drives,
+            is_trusted: is_whole && !self.wheels[..count].iter().any(Wheel::is_loose),
+            moves: wished.is_some(),
             period_s: span_s,
         };
         self.identification.learn(&motion);
+        self.slide(wished.filter(|_| is_whole), motion.acceleration, span_s);
         let dynamics = self.identification.dynamics();
         let [spin_n, roller_n] = dynamics.friction_n;
         let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
@@ -295,7 +321,7 @@ impl Grip {
             let floor_m_s: f64 = row.iter().zip(body).map(|(row, speed)| row * speed).sum();
             wheel.ahead_m_s = wheel.rim_m_s - floor_m_s;
             is_possible &= wheel.rim_m_s.abs().max(wheel.ahead_m_s.abs()) < self.most_m_s;
-            if !wheel.slips {
+            if !wheel.is_loose() {
                 gripping_rad_s[at] = wheel.ahead_m_s / rim.radius_m;
             }
         }
@@ -305,6 +331,20 @@ impl Grip {
             self.forget();
         } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
+        }
+    }
+
+    /// Which wheels' forces stay where they should follow the setpoint's acceleration.
+    fn slide(&mut self, wished: Option<[f64; 3]>, driven: [f64; 3], span_s: f64) {
+        let Some(wished) = wished else {
+            self.sliding.forget();
+            self.wheels.iter_mut().for_each(|wheel| wheel.slide = None);
+            return;
+        };
+        let change = self.sliding.change(wished, driven, span_s);
+        for (at, wheel) in self.wheels.iter_mut().enumerate().take(self.kinematics.wheel_count()) {
+            let force_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
+            wheel.slide = self.sliding.look(at, &change, (wheel.rim_m_s, force_n), span_s);
         }
     }
 
@@ -324,7 +364,7 @@ impl Grip {
         let along_m_s = sx.max(sy);
         let dynamics = self.identification.dynamics();
         let rims = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
-        let mean_n = dynamics.mass_kg * GRAVITY_M_S2 / rims.len() as f64;
+        let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
         let mut is_over = false;
         for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
@@ -346,10 +386,16 @@ impl Grip {
                 wheel.since_ns += span_ns;
                 wheel.way_m += step_m;
                 if wheel.ahead_m_s.abs() > least_m_s {
-                    let pressed_n = rim.rim_share() * load * mean_n;
+                    let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg);
                     self.floor = Some(Floor::seen(self.floor, force_n.abs() / pressed_n, span_s));
                 }
                 is_over |= wheel.since_ns > LONGEST_NS;
+            } else if let Some(slide) = wheel.slide {
+                wheel.way_m += slide.step_m;
+                // What slid since its first motion looks light, and as if it rubbed.
+                let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg.max(self.told_kg));
+                let given_n = (force_n + rubs_n).abs();
+                self.floor = Some(Floor::seen(self.floor, given_n / pressed_n, span_s));
             } else if is_ahead {
                 wheel.way_m += step_m;
             } else if wheel.way_m != 0.0 {
@@ -370,8 +416,8 @@ impl Grip {
         GripReport {
             dynamics: self.identification.dynamics(),
             mass_sigma_kg: self.identification.mass_sigma_kg(),
-            slip_m_s: self.wheels.map(|wheel| wheel.ahead_m_s),
-            slipped_m: self.wheels.map(|wheel| if wheel.slips { wheel.way_m } else { 0.0 }),
+            slip_m_s: self.wheels.map(|wheel| wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s)),
+            slipped_m: self.wheels.map(|wheel| if wheel.is_loose() { wheel.way_m } else { 0.0 }),
             friction: self.floor.map(|floor| floor.coefficient),
             friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),
         }

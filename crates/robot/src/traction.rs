@@ -48,6 +48,9 @@ const SPINS_M_S: f64 = 0.2;
 const BEHIND_S: f64 = 0.1;
 /// Less than this part of its acceleration is asked of no robot: it would never stand.
 const LEAST_SHARE: f64 = 0.05;
+/// What is carried of the accelerations falls at once and rises by so much in a second: estimates of a platform's mass and centre
+/// wander by a tenth from cycle to cycle, and what they hold back would swing with them.
+const RISES_1_S: f64 = 0.5;
 /// A wheel that the platform leans away from is held back as if it bore this part of the mean load at least.
 const LEANING_LOAD: f64 = 0.1;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
@@ -103,7 +106,8 @@ impl Traction {
         let friction = self.reliance.friction();
         let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
         self.behind_s = if is_behind { BEHIND_S } else { (self.behind_s - time.period_s()).max(0.0) };
-        let share = friction.map_or(1.0, |friction| self.share(PLANNED * friction, grip));
+        let rises = self.report.share + RISES_1_S * time.period_s();
+        let share = friction.map_or(1.0, |friction| self.share(PLANNED * friction, grip).min(rises));
         self.report = TractionReport { friction, share, factor: 1.0 };
         self.report
     }

@@ -201,6 +201,24 @@ fn a_command_beyond_the_speed_limit_that_turns_keeps_its_direction() {
 }
 
 #[test]
+fn a_command_that_speeds_up_faster_than_allowed_is_followed_without_swinging() {
+    // 0.3 m/s² of 0.2: late; with noise that makes its rate last from one cycle to the next, or not, as it comes.
+    let limits = Limits { acceleration_m_s2: 0.2, jerk_m_s3: 40.0, ..LIMITS };
+    let (mut limiter, mut random) = (TwistLimiter::new(&limits, 1e-3).unwrap(), Random(7));
+    let (mut before, mut swung) = (Twist2::default(), 0.0);
+    for cycle in 0..2000 {
+        let t = f64::from(cycle) * 1e-3;
+        let noise = 2e-5 * random.next();
+        let command = Twist2::new(0.012 + 0.18 * t, 0.016 + 0.24 * t + noise, 0.0);
+        let now = limiter.step(command).acceleration_in_odom;
+        swung += Twist2::new(now.vx_m_s - before.vx_m_s, now.vy_m_s - before.vy_m_s, 0.0).speed_m_s();
+        before = now;
+    }
+    // Up to 0.2 m/s² and what the noise turns it by; 40 m/s² where the command is shortened now and then.
+    assert!(swung < 1.5, "{swung} m/s²");
+}
+
+#[test]
 fn a_step_takes_the_time_of_the_best_profile() {
     // Closed form of the seven-phase profile: V/A + A/J for a speed that needs the full acceleration.
     let mut limiter = TwistLimiter::new(&LIMITS, 1e-3).unwrap();

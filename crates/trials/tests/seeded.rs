@@ -32,3 +32,8 @@ fn a_wheel_that_slips_is_not_named_as_wired_wrongly() {
 fn a_path_that_waits_for_the_traction_makes_no_torque_swing() {
     none_is(Wrong::LimitCycle, &[1738, 1854, 2428]);
 }
+
+#[test]
+fn a_setpoint_that_lags_on_a_slippery_floor_makes_no_torque_swing() {
+    none_is(Wrong::LimitCycle, &[2269, 62861]);
+}

@@ -133,3 +133,18 @@ fn a_floor_that_has_half_of_what_was_told_stops_the_robot_by_name() {
     assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{}", slid.end());
     assert!(slid.run.cycles < 3000, "{} ms", slid.run.cycles);
 }
+
+#[test]
+fn slip_on_a_floor_of_less_friction_than_was_planned_with_is_told_by_its_name() {
+    // It slides from its first motion on: its rims go as planned, and it looks light.
+    for name in ["square", "blended"] {
+        let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
+        let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.35, 0.3]);
+        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor }.ride();
+        println!("{name}: {slid:?}");
+        assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{name}: {}", slid.end());
+        assert!(slid.run.cycles < 1200, "{name}: {} ms", slid.run.cycles);
+        let friction = slid.friction.expect("it was found");
+        assert!((0.25..0.36).contains(&friction), "{name}: {friction}");
+    }
+}

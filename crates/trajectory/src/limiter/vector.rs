@@ -248,9 +248,10 @@ impl VectorLimiter {
 
     /// A command and its own rate, shortened alike where it turns faster than the limits can follow.
     ///
-    /// A lone jump has no rate. A rate that lasts is followed slower, in the command's direction.
+    /// A jump counts as the greatest rate that can be followed. A turn that lasts is followed slower, in the command's direction; a command that only speeds up
+    /// faster is followed as it is, later.
     fn followable(&mut self, wished: Vector) -> (Vector, Vector) {
-        let Bounds { period_s, acceleration: most, .. } = self.bounds;
+        let Bounds { period_s, acceleration: most, jerk, .. } = self.bounds;
         let change = plus(wished, self.last_command, -1.0);
         let bend = length(plus(change, self.last_change, -1.0));
         (self.last_command, self.last_change) = (wished, change);
@@ -258,11 +259,14 @@ impl VectorLimiter {
         if length(rate) <= most * ROUNDING {
             return (wished, rate);
         }
-        if bend > LASTING * length(change) {
-            return (wished, [0.0; 2]);
+        let speed = length(wished);
+        if bend > LASTING * length(change) || speed == 0.0 {
+            return (wished, clipped(rate, most));
         }
-        let factor = (RESERVE * most / length(rate)).min(RESERVE * self.bounds.jerk_step() * period_s / bend);
-        let factor = factor.min(1.0);
+        // What turns the command at the rate ω: v·ω, and v·ω² is that turning.
+        let across = (wished[0] * rate[1] - wished[1] * rate[0]).abs() / speed;
+        let turning = across * across / speed;
+        let factor = (RESERVE * most / across).min(RESERVE * jerk / turning).min(1.0);
         ([wished[0] * factor, wished[1] * factor], [rate[0] * factor, rate[1] * factor])
     }
 
