@@ -81,6 +81,9 @@ impl<L> CyclicBus<L> {
             for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
                 let carries = matches!(datagram.role, Role::Inputs { .. } | Role::Both { .. })
                     && datagram.touches.iter().any(|touch| touch.position == position);
+                if carries && frame.flight == Flight::Idle {
+                    return Freshness::Resting { cycles: self.cycle - frame.taken_in };
+                }
                 if carries && frame.flight != Flight::Back {
                     return Freshness::FrameLost;
                 }
@@ -97,6 +100,11 @@ impl<L> CyclicBus<L> {
             Exchange::Complete | Exchange::Without { .. } => Freshness::Fresh,
             Exchange::ShortCount { .. } | Exchange::Lost { .. } => Freshness::HeldBack,
         }
+    }
+
+    /// Whether the process data of the SubDevice at `position` went in the last exchange, or rest until their next turn.
+    pub fn rests(&self, position: u16) -> bool {
+        self.plan.turns.get(usize::from(position)).is_some_and(|turn| !turn.is_due(self.cycle))
     }
 
     /// Figures of all cycles so far.
@@ -121,7 +129,7 @@ impl<L> CyclicBus<L> {
         })
     }
 
-    /// Frames with process data in each cycle.
+    /// Frames with process data, those included that don't go in every cycle.
     pub fn frames_per_cycle(&self) -> usize {
         self.planned
     }
@@ -155,7 +163,8 @@ impl<L> CyclicBus<L> {
     ///
     /// [`crate::Bus::into_cyclic`] has done it for all of them. Not for the cycle: it allocates.
     pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
-        self.acyclic.prepare_recovery(subdevice);
+        let turn = self.plan.turns.get(usize::from(subdevice.position)).copied().unwrap_or_default();
+        self.acyclic.prepare_recovery(subdevice, turn);
     }
 
     /// Begins to bring one SubDevice back to OP beside the cycle, as its start-up list says; all others go on.

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::time::Duration;
 
-use super::ImagePlan;
+use super::{FramePlan, ImagePlan};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME, MIN_FRAME};
 
 /// Preamble, checksum and the silence between frames, bytes.
@@ -23,7 +23,7 @@ const SHARE: (u64, u64) = (9, 10);
 /// What the frames of a cycle need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleFit {
-    /// Frames with process data.
+    /// Frames with process data in the fullest cycle.
     pub frames: usize,
     /// All frames of a busy cycle one behind the other on the cable: process data, a mailbox, accesses to registers.
     pub wire: Duration,
@@ -65,16 +65,23 @@ impl ImagePlan {
     /// Which cycle fits, for so many SubDevices; `propagation` as [`crate::Bus::propagation`] measured it.
     pub fn fit(&self, subdevices: usize, propagation: Option<Duration>) -> CycleFit {
         let on_wire = |bytes: usize| bytes.max(MIN_FRAME) + WIRE_OVERHEAD;
-        let planned = self.frames.iter().map(|frame| {
+        let length = |frame: &FramePlan| {
             let spare = if frame.carries_spare { self.spare_length + DATAGRAM_OVERHEAD } else { 0 };
             let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
             on_wire(FIRST_DATAGRAM + data + spare)
-        });
+        };
+        // With each frame all those that ever go in one cycle with it: no cycle has more.
+        let beside = |one: &FramePlan| {
+            let met = self.frames.iter().filter(|other| other.turn.meets(one.turn));
+            met.fold((0, 0), |(frames, bytes), other| (frames + 1, bytes + length(other)))
+        };
+        let (frames, planned) =
+            self.frames.iter().map(beside).max_by_key(|(_, bytes)| *bytes).unwrap_or_default();
         let accesses = (subdevices * ACCESS).min(ACCESS_FRAMES * MAX_FRAME);
-        let bytes = planned.sum::<usize>() + on_wire(FIRST_DATAGRAM + accesses);
+        let bytes = planned + on_wire(FIRST_DATAGRAM + accesses);
         let estimate = Duration::from_nanos(subdevices as u64 * ESTIMATE_NS);
         CycleFit {
-            frames: self.frames.len(),
+            frames,
             wire: Duration::from_nanos(bytes as u64 * BYTE_NS),
             propagation: propagation.unwrap_or(estimate),
             is_measured: propagation.is_some(),
