@@ -1,9 +1,10 @@
 //! Which cycle the frames of a plan fit into: their time on the cable, and their way through all chips and back.
 
+use alloc::collections::BTreeMap;
 use core::fmt;
 use core::time::Duration;
 
-use super::{FramePlan, ImagePlan};
+use super::{FramePlan, ImagePlan, Turn};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME, MIN_FRAME};
 
 /// Preamble, checksum and the silence between frames, bytes.
@@ -61,6 +62,17 @@ impl fmt::Display for CycleFit {
     }
 }
 
+/// Frames and bytes of a cycle in which it is the turn of `one`: of each rate the most that can go beside it.
+fn beside(one: Turn, turns: &BTreeMap<Turn, (usize, usize)>) -> (usize, usize) {
+    let mut most: BTreeMap<u16, (usize, usize)> = BTreeMap::new();
+    let met = turns.iter().filter(|(turn, _)| turn.meets(one));
+    for (turn, (frames, bytes)) in met.filter(|(turn, _)| turn.every != one.every || **turn == one) {
+        let rate = most.entry(turn.every).or_default();
+        *rate = (rate.0.max(*frames), rate.1.max(*bytes));
+    }
+    most.values().fold((0, 0), |(frames, bytes), rate| (frames + rate.0, bytes + rate.1))
+}
+
 impl ImagePlan {
     /// Which cycle fits, for so many SubDevices; `propagation` as [`crate::Bus::propagation`] measured it.
     pub fn fit(&self, subdevices: usize, propagation: Option<Duration>) -> CycleFit {
@@ -70,13 +82,14 @@ impl ImagePlan {
             let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
             on_wire(FIRST_DATAGRAM + data + spare)
         };
-        // With each frame all those that ever go in one cycle with it: no cycle has more.
-        let beside = |one: &FramePlan| {
-            let met = self.frames.iter().filter(|other| other.turn.meets(one.turn));
-            met.fold((0, 0), |(frames, bytes), other| (frames + 1, bytes + length(other)))
-        };
-        let (frames, planned) =
-            self.frames.iter().map(beside).max_by_key(|(_, bytes)| *bytes).unwrap_or_default();
+        let mut turns: BTreeMap<Turn, (usize, usize)> = BTreeMap::new();
+        for frame in &self.frames {
+            let (frames, bytes) = turns.entry(frame.turn).or_default();
+            (*frames, *bytes) = (*frames + 1, *bytes + length(frame));
+        }
+        let slow = turns.keys().filter(|turn| **turn != Turn::EACH_CYCLE);
+        let fullest = slow.map(|turn| beside(*turn, &turns)).max_by_key(|(_, bytes)| *bytes);
+        let (frames, planned) = fullest.unwrap_or_else(|| beside(Turn::EACH_CYCLE, &turns));
         let accesses = (subdevices * ACCESS).min(ACCESS_FRAMES * MAX_FRAME);
         let bytes = planned + on_wire(FIRST_DATAGRAM + accesses);
         let estimate = Duration::from_nanos(subdevices as u64 * ESTIMATE_NS);

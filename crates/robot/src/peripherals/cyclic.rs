@@ -160,7 +160,9 @@ impl Peripherals {
     pub(crate) fn ask(&mut self, index: u32, value: f64) -> bool {
         let output = index as usize;
         let takes = |part: &Part| {
-            part.outputs.contains(&output) && !part.is_absent() && part.peripheral.takes(output - part.outputs.start, value)
+            part.outputs.contains(&output)
+                && !part.is_absent()
+                && part.peripheral.takes(output - part.outputs.start, value)
         };
         if !value.is_finite() || !self.all.iter().any(takes) {
             return false;
