@@ -88,6 +88,38 @@ fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
     assert!(asked.contains(&"stop 1") && !asked.contains(&"stop 0"), "{asked:?}");
 }
 
+/// The first metre and two ways more, against a tape; let go in the middle of one, the drives lose their torque in the next frame.
+#[test]
+fn on_the_floor_it_drives_while_the_key_is_held_and_a_tape_finds_the_wheels() {
+    let robot = Unknown { turned_encoder: None, ..robot() };
+    let mut asked = Vec::new();
+    let found = set_up(&robot, &mut |question| {
+        asked.push(question.id.clone());
+        match question.id.as_str() {
+            "floor" => Some(said("drive")),
+            "calibrate" => Some(said("calibrate")),
+            _ => None,
+        }
+    })
+    .unwrap();
+    assert_eq!(found.record.done, Step::ALL, "{:?}", found.record.log);
+    let names: Vec<&str> = found.record.legs.iter().map(|leg| leg.name.as_str()).collect();
+    assert_eq!(names, ["ahead", "aside", "round"], "{:?}", found.record.log);
+    for leg in &found.record.legs {
+        for (told, measured) in leg.told.iter().zip(&leg.measured) {
+            assert!((told - measured).abs() < 0.02, "{}: {:?} {:?}", leg.name, leg.told, leg.measured);
+        }
+    }
+    assert!((1.0..1.05).contains(&found.record.legs[0].told[0]), "{:?}", found.record.legs[0].told);
+    assert!(found.record.takes_calibration);
+    let driven: Vec<&String> =
+        found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
+    assert!(
+        driven.len() == 3 && driven.iter().all(|line| line.ends_with(" 0 without a held key")),
+        "{driven:?}"
+    );
+}
+
 /// Who sees the same wheel at every drive isn't asked for ever.
 #[test]
 fn two_drives_for_one_wheel_are_jogged_again_a_few_times_and_then_left() {
@@ -124,7 +156,7 @@ impl omnibase_setup::Hand for Deaf {
 #[test]
 fn whoever_never_answers_is_left_and_nothing_moves() {
     let (ended, record, asked) = unknown::set_up_with(&robot(), &mut Deaf(0), |deaf| deaf.0);
-    assert_eq!(ended, Ok(omnibase_setup::Ended::Left));
+    assert_eq!(ended, Ok(omnibase_setup::Ended::Left(None)));
     assert!((1..=20).contains(&asked), "{asked}");
     assert!(
         record.log.iter().all(|line| !line.contains("enabled for ") || line.contains("enabled for 0 cycles")),

@@ -63,9 +63,9 @@ fn a_slow_terminal_is_believed_between_its_turns_told_its_age_and_computed_again
     }
     assert_eq!(heard.len(), 5);
     assert!(heard.windows(2).all(|two| two[1] - two[0] == EVERY), "{heard:?}");
-    // What was set in cycle 7 goes behind it, at the terminal's next turn.
-    let turn = heard.iter().find(|turn| **turn > 7).unwrap();
-    assert_eq!(told, Some(*turn));
+    // What was set in cycle 7 goes at the terminal's next turn; its firmware sees it behind the frame.
+    let turn = *heard.iter().find(|turn| **turn > 7).unwrap();
+    assert!(told == Some(turn) || told == Some(turn + 1), "{told:?}, turn {turn}");
     computed_again(&plan, &records);
 }
 
