@@ -93,7 +93,6 @@ impl fmt::Display for SiUnit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::string::ToString;
 
     #[test]
     fn units_are_the_profiles_or_the_drives_and_else_nothing() {
@@ -109,6 +108,9 @@ mod tests {
         assert_eq!(words(0x00B5_0000).as_deref(), Some("increments"));
         assert_eq!(words(0x0041_5700).as_deref(), Some("°/s²"));
         // Nothing told, and what isn't known.
-        assert_eq!((words(0), words(0x00EE_0000), words(0x00B4_EE00), words(0x00B4_4701)), (None, None, None, None));
+        assert_eq!(
+            (words(0), words(0x00EE_0000), words(0x00B4_EE00), words(0x00B4_4701)),
+            (None, None, None, None)
+        );
     }
 }

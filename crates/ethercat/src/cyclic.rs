@@ -230,12 +230,6 @@ impl<L: Link> CyclicBus<L> {
         sent.map(|_| self.last)
     }
 
-    /// So many cycles didn't take place: whose turn it would have been waits for its next one, so that it stays at its
-    /// place against SYNC0.
-    pub fn leave_out(&mut self, cycles: u64) {
-        self.cycle += cycles;
-    }
-
     fn load(&mut self, image: &ProcessImage, now: HostTime) {
         for frame in &mut self.exchanger.frames[..self.planned] {
             frame.flight = if frame.turn.is_due(self.cycle) { Flight::Sent } else { Flight::Idle };
@@ -503,20 +497,5 @@ impl<L: Link> CyclicBus<L> {
             self.transition = Some(transition);
             TransitionStatus::Moving { goal, step }
         };
-    }
-
-    /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
-    /// Only with [`crate::image::ClockUse::Steer`].
-    pub fn steer_clock(&mut self, time: Option<DcTime>) {
-        let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
-            return;
-        };
-        let time = time.filter(|_| !self.reference_is_unset);
-        frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
-        let range = frame.slots()[number].data();
-        let bytes = time.unwrap_or_default().0.to_le_bytes();
-        let data = frame.data_mut(range);
-        let length = data.len().min(bytes.len());
-        data[..length].copy_from_slice(&bytes[..length]);
     }
 }

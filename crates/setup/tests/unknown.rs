@@ -164,3 +164,78 @@ fn whoever_never_answers_is_left_and_nothing_moves() {
         record.log
     );
 }
+
+/// Let go in the middle of the first metre: the very next frame enables nobody, and the metre is driven again.
+#[test]
+fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = unknown::set_up_letting_go(&robot, 4000, &mut |question| match question.id.as_str() {
+        "floor" => Some(said("drive")),
+        _ => None,
+    })
+    .unwrap();
+    let driven: Vec<&String> =
+        found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
+    assert_eq!(driven.len(), 2, "{driven:?}");
+    assert!(driven[0].contains("the key was let go") && driven[1].contains("driven"), "{driven:?}");
+    assert!(driven.iter().all(|line| line.ends_with(" 0 without a held key")), "{driven:?}");
+    let asked: Vec<&str> = found.asked.iter().map(|(id, _)| id.as_str()).collect();
+    assert!(asked.contains(&"drive ahead"), "{asked:?}");
+    assert_eq!(found.record.legs.len(), 1);
+}
+
+/// A brake that slips is found by whoever pushes the wheel, and not called tested.
+#[test]
+fn a_brake_is_opened_with_a_held_key_and_pushed_while_nothing_is_enabled() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = set_up(&robot, &mut |question| match question.id.as_str() {
+        "brake 0" => Some(said("yes")),
+        "opened 0" => Some(said("yes")),
+        "brake 1" => Some(said("yes")),
+        "opened 1" => Some(said("no")),
+        "braked 1" => Some(said("go on")),
+        _ => None,
+    })
+    .unwrap();
+    let log = found.record.log.join("\n");
+    assert!(log.contains("pushed by hand with its brake closed it gave by 0.0000 turns"), "{log}");
+    let findings = found.record.findings.join("\n");
+    assert!(findings.contains("its brake wasn't heard to open and close"), "{findings}");
+    assert!(log.matches("the brake of").count() >= 2, "{log}");
+}
+
+/// Aliases are written with what was there kept before, and believed once the drives show them; without a backup nothing is written.
+#[test]
+fn an_alias_is_believed_once_the_drive_shows_it() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let mut name = |question: &Question| match question.id.as_str() {
+        "name 0" | "name 1" => Some(said("alias")),
+        "alias 1" => Some(said("77")),
+        _ => None,
+    };
+    let (found, backups) = unknown::set_up_with_memory(&robot, &mut name, &mut |position| match position {
+        0 => Err("no room".to_owned()),
+        _ => Ok(()),
+    });
+    let found = found.unwrap();
+    assert_eq!(backups, [0, 1]);
+    assert!(found.text.contains("alias = 77"), "{}", found.text);
+    assert_eq!(found.text.matches("alias = ").count(), 1, "{}", found.text);
+    let findings = found.record.findings.join("\n");
+    assert!(
+        findings.contains("SubDevice 0: its EEPROM couldn't be kept, so it isn't written: no room"),
+        "{findings}"
+    );
+    // A drive that wasn't switched off shows its old one: it is found by its position.
+    let (found, _) = unknown::set_up_with_memory(
+        &robot,
+        &mut |question| match question.id.as_str() {
+            "power" => Some(said("")),
+            _ => name(question),
+        },
+        &mut |_| Ok(()),
+    );
+    let found = found.unwrap();
+    assert!(!found.text.contains("alias = "), "{}", found.text);
+    assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
+}

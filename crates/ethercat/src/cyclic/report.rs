@@ -8,7 +8,7 @@ use super::{
 use crate::image::{ClockUse, ImagePlan, Member, Role};
 use crate::mailbox::{Mailbox, ReceivedEmergency};
 use crate::subdevice::SubDevice;
-use crate::wire::DcTime;
+use crate::wire::{Command, DcTime};
 
 impl<L> CyclicBus<L> {
     /// Where the segment is on its way between states.
@@ -147,6 +147,27 @@ impl<L> CyclicBus<L> {
     /// The SubDevices as the cycle knows them.
     pub fn members(&self) -> &[Member] {
         &self.members
+    }
+
+    /// So many cycles didn't take place: whose turn it would have been waits for its next one, so that it stays at its
+    /// place against SYNC0.
+    pub fn leave_out(&mut self, cycles: u64) {
+        self.cycle += cycles;
+    }
+
+    /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
+    /// Only with [`crate::image::ClockUse::Steer`].
+    pub fn steer_clock(&mut self, time: Option<DcTime>) {
+        let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
+            return;
+        };
+        let time = time.filter(|_| !self.reference_is_unset);
+        frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
+        let range = frame.slots()[number].data();
+        let bytes = time.unwrap_or_default().0.to_le_bytes();
+        let data = frame.data_mut(range);
+        let length = data.len().min(bytes.len());
+        data[..length].copy_from_slice(&bytes[..length]);
     }
 
     /// Queues work beside the cycle; gives it back where [`super::CAPACITY`] is reached.

@@ -4,15 +4,17 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 
-use omnibase_ethercat::wire::Link;
+use omnibase_ethercat::wire::{HostTime, Link, LinkError};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
-use omnibase_ethercat_sim::{Fault, Injector, VirtualClock, in_process};
+use omnibase_ethercat_sim::{Fault, Injector, SimLink, VirtualClock, in_process};
 use omnibase_robot::config::RobotPlan;
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::run::{Progress, Setup};
 use omnibase_run::simulated;
-use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file};
+use omnibase_setup::{
+    Answer, BackUp, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file,
+};
 
 /// What the person begins with: a robot's file whose platform is right.
 pub const BASE: &str = include_str!("../../../../robots/bmm.toml");
@@ -105,6 +107,8 @@ struct Person<'a> {
     before: [f64; 3],
     /// Where the platform was then.
     from: [f64; 3],
+    /// When the key is let go on the floor, once.
+    lets_go_at: Option<u32>,
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
@@ -192,6 +196,24 @@ impl Hand for Person<'_> {
                 }
             }
             "wheels" => "take".to_owned(),
+            "drive" => "again".to_owned(),
+            "release" => {
+                let world = self.world.borrow();
+                for position in 0..3 {
+                    let release = Fault::Application(ApplicationFault::SafeTorqueOff(false));
+                    world.injector.as_ref().expect("the segment is open").inject(position, release);
+                }
+                "done".to_owned()
+            }
+            "power" => {
+                let world = self.world.borrow();
+                for position in 0..3 {
+                    for fault in [Fault::PowerOff, Fault::PowerOn] {
+                        world.injector.as_ref().expect("the segment is open").inject(position, fault);
+                    }
+                }
+                "done".to_owned()
+            }
             // What the program thinks likely.
             _ => String::new(),
         };
@@ -217,6 +239,10 @@ impl Hand for Person<'_> {
                 world.injector.as_ref().expect("the segment is open").inject(position, stop);
             }
         }
+        if self.what.contains("the robot") && self.lets_go_at == Some(self.cycles) {
+            self.lets_go_at = None;
+            return Key::LetGo;
+        }
         let turns = self.seen().1.abs() / core::f64::consts::TAU;
         if self.what.contains("turns; let go") && turns >= 1.0 { Key::LetGo } else { Key::Beat }
     }
@@ -240,21 +266,88 @@ pub fn set_up(
     robot: &Unknown,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
 ) -> Result<Found, String> {
+    set_up_in(robot, Circumstances::default(), otherwise, &mut |_, _| Ok(()))
+}
+
+/// As [`set_up`]; in its first drive on the floor the key is let go after so many cycles.
+#[allow(dead_code, reason = "the example lets nothing go")]
+pub fn set_up_letting_go(
+    robot: &Unknown,
+    lets_go_at: u32,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Result<Found, String> {
+    let circumstances = Circumstances { lets_go_at: Some(lets_go_at), ..Circumstances::default() };
+    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
+}
+
+/// As [`set_up`], by drives that remember what is written into their EEPROM, and show it once they were switched off and on.
+/// `back_up` keeps what was there before; whose was kept, or wasn't.
+#[allow(dead_code, reason = "the example writes no EEPROM")]
+pub fn set_up_with_memory(
+    robot: &Unknown,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+    back_up: &mut dyn FnMut(u16) -> Result<(), String>,
+) -> (Result<Found, String>, Vec<u16>) {
+    let circumstances = Circumstances { has_memory: true, ..Circumstances::default() };
+    let mut asked = Vec::new();
+    let found = set_up_in(robot, circumstances, otherwise, &mut |position, bytes| {
+        assert!(bytes.len() >= 128, "the whole of it");
+        asked.push(position);
+        back_up(position)
+    });
+    (found, asked)
+}
+
+/// What else is so.
+#[derive(Clone, Copy, Default)]
+struct Circumstances {
+    lets_go_at: Option<u32>,
+    has_memory: bool,
+}
+
+/// A link that several buses have one after the other.
+struct SharedLink(Rc<RefCell<SimLink>>);
+
+impl Link for SharedLink {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.0.borrow_mut().send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.0.borrow_mut().receive(buffer, deadline)
+    }
+}
+
+fn set_up_in(
+    robot: &Unknown,
+    Circumstances { lets_go_at, has_memory }: Circumstances,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+    mut back_up: BackUp<'_>,
+) -> Result<Found, String> {
     let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
+    let mut kept: Option<(Rc<RefCell<SimLink>>, VirtualClock)> = None;
     let mut open = move || -> Result<(Box<dyn Link>, VirtualClock), String> {
         let mut world = opened.borrow_mut();
+        if let Some((link, clock)) = &kept {
+            return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
+        }
         let (mut segment, machine) =
             simulated::segment(&world.robot.plan(!world.on_floor)).map_err(|error| error.to_string())?;
         (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
         let (link, clock) = in_process(segment);
+        if has_memory {
+            let (link, clock) = kept.get_or_insert((Rc::new(RefCell::new(link)), clock));
+            return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
+        }
         Ok((Box::new(link), clock))
     };
     let mut person = Person {
         world,
         before: [0.0; 3],
         from: [0.0; 3],
+        lets_go_at,
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),
@@ -266,7 +359,6 @@ pub fn set_up(
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
         let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
         let mut keep = |record: &Record| kept = record.to_json();
-        let mut back_up = |_: u16, _: &[u8]| Ok(());
         let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
         let mut guide = Guide::new(wished, record, &mut open, outside).map_err(|error| error.to_string())?;
         let ended = guide.run().map_err(|error| error.to_string())?;

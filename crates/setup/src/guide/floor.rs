@@ -228,9 +228,17 @@ impl<C: Clock> Guide<'_, C> {
                 return Ok(Err(Leave));
             }
             if !drive.has_arrived {
-                let text = format!("it didn't come to its end ({}): drive that again?", drive.words);
-                match self.choose((format!("drive {}", way.name), text), &["again".to_owned()]) {
-                    Ok(_) => continue,
+                let text = format!(
+                    "it didn't come to its end ({}): drive that again, or go on without?",
+                    drive.words
+                );
+                let choices = ["again", "go on"].map(str::to_owned);
+                match self.choose((format!("drive {}", way.name), text), &choices) {
+                    Ok(choice) if choice == "again" => continue,
+                    Ok(_) => {
+                        self.record.found(format!("{}: not driven to its end: {}", way.name, drive.words));
+                        return Ok(Ok(()));
+                    }
                     Err(Leave) => return Ok(Err(Leave)),
                 }
             }
@@ -367,7 +375,11 @@ impl<C: Clock> Guide<'_, C> {
                 drive.words = format!("the robot stopped: {:?}", record.stop_reason);
                 break;
             }
-            if !was_held && cycles > cycles_of(WAITING_S) || cycles > cycles_of(WAITING_S + LONGEST_S) {
+            if cycles > cycles_of(if was_held { WAITING_S + LONGEST_S } else { WAITING_S }) {
+                if was_held {
+                    let (phase, answer) = (record.phase, record.answer);
+                    drive.words = format!("not there after {LONGEST_S} s: {phase:?}, {answer:?}");
+                }
                 break;
             }
             request = match record.phase {
