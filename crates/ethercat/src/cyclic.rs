@@ -38,7 +38,7 @@ use crate::image::{FEWEST_DATAGRAMS, FILLER_LENGTH, ImagePlan, Member, ProcessIm
 use crate::mailbox::Mailbox;
 use crate::procedure::Answer;
 use crate::wire::bytes::u16_at;
-use crate::wire::{Address, AlState, Command, DcTime, HostTime, Link, LinkError};
+use crate::wire::{Address, AlState, Command, HostTime, Link, LinkError};
 
 use acyclic::Acyclic;
 use batch::{BATCH_FRAMES, Batch};
