@@ -87,6 +87,20 @@ fn slow_ones_are_written_and_read_in_their_turns_and_never_together() {
 }
 
 #[test]
+fn op_is_believed_once_the_slowest_have_had_their_turn() {
+    let mut configs = configs();
+    configs.truncate(3);
+    configs[2].every = Every::nth(500).unwrap();
+    let text =
+        "[[subdevice]]\nkind = \"servo\"\ncount = 2\n[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
+    let segment = SegmentFile::parse(text).unwrap().build(std::path::Path::new(".")).unwrap();
+    let mut runner = Runner::new(segment, &configs, ClockDirection::CycleFollowsDc);
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    // One turn in SAFE-OP, and one in OP.
+    assert!(runner.bus().counters().cycles >= 1000, "{:?}", runner.bus().counters());
+}
+
+#[test]
 fn a_lost_slow_frame_is_a_lost_exchange_and_its_values_stay_old_until_the_next_turn() {
     let mut runner = operational("servo");
     while runner.bus().rests(2) {
