@@ -102,7 +102,7 @@ impl SubDeviceFacts {
 pub struct AcyclicLine {
     shared: Arc<Mutex<Asker>>,
     /// Objects that don't change while it runs, by position and index: what units are told by.
-    remembered: Arc<Mutex<BTreeMap<(u16, u16), Option<Vec<u8>>>>>,
+    remembered: Arc<Mutex<BTreeMap<(u16, u16), Vec<u8>>>>,
     facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
 }
 
@@ -162,13 +162,11 @@ impl AcyclicLine {
     ) -> Option<Vec<u8>> {
         let known = || self.remembered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if let Some(found) = known().get(&at) {
-            return found.clone();
+            return Some(found.clone());
         }
-        let found = read();
-        if found.is_some() {
-            known().insert(at, found.clone());
-        }
-        found
+        let found = read()?;
+        known().insert(at, found.clone());
+        Some(found)
     }
 
     fn asker(&self) -> MutexGuard<'_, Asker> {
