@@ -97,12 +97,15 @@ impl SubDeviceFacts {
     }
 }
 
+/// Bytes of objects, by position and index.
+type Remembered = BTreeMap<(u16, u16), Vec<u8>>;
+
 /// Everybody else's end; clones talk to the same robot, and none of them waits for the cycle.
 #[derive(Clone)]
 pub struct AcyclicLine {
     shared: Arc<Mutex<Asker>>,
-    /// Objects that don't change while it runs, by position and index: what units are told by.
-    remembered: Arc<Mutex<BTreeMap<(u16, u16), Vec<u8>>>>,
+    /// Objects that don't change while it runs: what units are told by.
+    remembered: Arc<Mutex<Remembered>>,
     facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
 }
 
