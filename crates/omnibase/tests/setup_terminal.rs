@@ -103,6 +103,8 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
 
     // Other keys, Enter, and the bar once with another key behind it: nothing is enabled.
     terminal.press("xyz\r \rq");
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(jogs(&output).is_empty(), "{:?}", jogs(&output));
     // Held by repeats until the drive was enabled for a while, then another key; again where the machine was too slow for a keyboard.
     let choice = "jog it again, or leave it out";
     let mut has_turned = false;
