@@ -135,6 +135,7 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     assert_eq!(ended.code(), Some(1), "left, not done");
     for (line, _, unheld) in jogs(&output) {
         assert_eq!(unheld, 0, "{line}");
+        assert!(line.contains("LetGo") || line.contains("NeverHeld"), "another key ends it: {line}");
     }
     assert!(!output.exists(), "no file before its step");
 
