@@ -34,6 +34,10 @@ const BURST_GAP: Duration = Duration::from_micros(30);
 /// Real time that one turn of a free-running firmware may take: several share the segment's time.
 const TURN_LIMIT: Duration = Duration::from_micros(200);
 
+/// Segment time that passes for each part of real time that a free-running firmware took: what it takes is then at most such a
+/// share, also where the segment has to catch up, and several leave time to go on.
+const TURNS_APART: u32 = 4;
+
 /// How the firmware's time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
@@ -173,6 +177,7 @@ impl Firmware {
         }
         self.known = event.0;
         // One look where nothing comes; whoever has begun is waited for a little, for the next access follows.
+        let mut taken = Duration::ZERO;
         if let Look::Message = self.counted_look(pdi, now)? {
             let began = Instant::now();
             let mut last = began;
@@ -184,12 +189,13 @@ impl Firmware {
                     Look::Nothing if present - last > BURST_GAP || self.waiting => break,
                     Look::Nothing => std::thread::yield_now(),
                 }
-                if present - began > TURN_LIMIT {
+                taken = present - began;
+                if taken > TURN_LIMIT {
                     break;
                 }
             }
         }
-        Ok(Some(now + FREE_POLL))
+        Ok(Some(next_turn(now, taken)))
     }
 
     fn counted_look(&mut self, pdi: &mut dyn Pdi, now: HostTime) -> io::Result<Look> {
@@ -303,6 +309,12 @@ impl Firmware {
     }
 }
 
+/// When a free-running firmware is looked at again, whose turn took so much real time.
+fn next_turn(now: HostTime, taken: Duration) -> HostTime {
+    // What a pause of the host adds to a turn doesn't count.
+    now + FREE_POLL.max(taken.min(TURN_LIMIT) * TURNS_APART)
+}
+
 fn event_mask(pdi: &mut dyn Pdi) -> u32 {
     let mut mask = [0; 4];
     pdi.read(reg::AL_EVENT_MASK, &mut mask);
@@ -396,6 +408,24 @@ mod tests {
             firmware.run_free(&mut chip, AlEvent(0), HostTime(turn * 50_000)).unwrap();
         }
         assert_eq!(firmware.looks, 100);
+    }
+
+    /// Two that never pause take half of the time at most: the segment's goes on, and catches up where it was held up.
+    #[test]
+    fn a_firmware_that_never_yields_is_looked_at_less_often() {
+        let spent = |turn: Duration| {
+            let (mut now, mut taken) = (HostTime(0), Duration::ZERO);
+            while now < HostTime(1_000_000_000) {
+                taken += turn;
+                now = next_turn(now, turn);
+            }
+            taken
+        };
+        for turn in [1, 12, 50, 200].map(Duration::from_micros) {
+            assert!(2 * spent(turn) <= Duration::from_millis(501), "{turn:?}: {:?}", spent(turn));
+        }
+        assert_eq!(next_turn(HostTime(0), Duration::ZERO), HostTime(0) + FREE_POLL);
+        assert_eq!(next_turn(HostTime(0), Duration::from_secs(1)), HostTime(800_000));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::num::NonZeroU16;
 
 use crate::process_data::{Direction, MailboxConfig};
 use crate::start_up::SdoWrite;
@@ -100,6 +101,31 @@ pub struct WatchdogConfig {
     pub process_data: Option<u16>,
 }
 
+/// Which cycles carry a SubDevice's process data: every one, or each n-th.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Every(NonZeroU16);
+
+impl Every {
+    /// Every cycle.
+    pub const CYCLE: Every = Every(NonZeroU16::MIN);
+
+    /// Each n-th cycle; `None` for 0.
+    pub fn nth(n: u16) -> Option<Self> {
+        NonZeroU16::new(n).map(Every)
+    }
+
+    /// From one to the next, cycles.
+    pub fn cycles(self) -> u16 {
+        self.0.get()
+    }
+}
+
+impl Default for Every {
+    fn default() -> Self {
+        Every::CYCLE
+    }
+}
+
 /// Whether a SubDevice has to be there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Presence {
@@ -128,6 +154,9 @@ pub struct SubDeviceConfig {
     pub pdos: Vec<SyncManagerPdos>,
     /// Its process data share no byte with those of others, also where its FMMUs map bits.
     pub own_bytes: bool,
+    /// In which cycles its process data go. With SYNC0, [`DcConfig`] has so many cycles as its period; its SyncManagers'
+    /// watchdog must be longer.
+    pub every: Every,
     /// Synchronisation by clocks.
     pub dc: DcConfig,
     /// Written to 0x1C32 and 0x1C33 where given.

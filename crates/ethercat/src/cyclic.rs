@@ -10,6 +10,7 @@
 //!   this very cycle. The indices of a frame's datagrams together are its sequence number of at least 24 bits, so
 //!   that a frame which is late by 256 cycles isn't taken for a new one (docs/decisions/0002-frame-sequence-number.md).
 //! - Inputs change all together or not at all: never where a frame is missing or a working counter is wrong.
+//! - Frames of slow SubDevices rest in between: what they brought stays, and who is missing is seen at their next turn.
 //! - Lost frames and wrong counters are values, not errors.
 //! - A SubDevice that lost power is named within two cycles; [`CyclicBus::recover`] brings it back beside the cycle.
 
@@ -25,6 +26,7 @@ mod outcome;
 mod recovery;
 mod reference;
 mod report;
+mod sync;
 #[cfg(test)]
 mod tests;
 mod transition;
@@ -36,7 +38,7 @@ use crate::image::{FEWEST_DATAGRAMS, FILLER_LENGTH, ImagePlan, Member, ProcessIm
 use crate::mailbox::Mailbox;
 use crate::procedure::Answer;
 use crate::wire::bytes::u16_at;
-use crate::wire::{Address, AlState, Command, DcTime, HostTime, Link, LinkError};
+use crate::wire::{Address, AlState, Command, HostTime, Link, LinkError};
 
 use acyclic::Acyclic;
 use batch::{BATCH_FRAMES, Batch};
@@ -101,6 +103,8 @@ pub struct CyclicBus<L> {
     plan: ImagePlan,
     /// The first frames are those of the plan.
     planned: usize,
+    /// Number of the present cycle, those that were left out counted; it says whose turn it is.
+    cycle: u64,
     /// The frame to which acyclic work is appended.
     spare_frame: usize,
     first_batch_frame: usize,
@@ -135,6 +139,7 @@ impl<L: Link> CyclicBus<L> {
         let mut frames = Vec::with_capacity(plan.frames.len() + 1 + BATCH_FRAMES);
         for planned in &plan.frames {
             let mut frame = CyclicFrame::new(planned.datagrams.len() + 1);
+            frame.turn = planned.turn;
             for datagram in &planned.datagrams {
                 let purpose = Purpose::Planned(datagram.role);
                 frame.push(purpose, datagram.command, datagram.address, datagram.length);
@@ -188,6 +193,7 @@ impl<L: Link> CyclicBus<L> {
             outputs,
             inputs,
             planned,
+            cycle: 0,
             spare_frame,
             first_batch_frame,
             batch: Batch::new(members.len()),
@@ -216,6 +222,7 @@ impl<L: Link> CyclicBus<L> {
     /// Then everything that goes on beside the process data is moved one step. `deadline` counts as the time of
     /// this cycle for every timeout, so it has to rise from cycle to cycle.
     pub fn exchange(&mut self, image: &mut ProcessImage, deadline: HostTime) -> Result<Exchange, LinkError> {
+        self.cycle += 1;
         self.load(image, deadline);
         let sent = self.exchanger.exchange(deadline);
         self.last = self.judge(image, deadline);
@@ -225,12 +232,14 @@ impl<L: Link> CyclicBus<L> {
 
     fn load(&mut self, image: &ProcessImage, now: HostTime) {
         for frame in &mut self.exchanger.frames[..self.planned] {
-            frame.flight = Flight::Sent;
+            frame.flight = if frame.turn.is_due(self.cycle) { Flight::Sent } else { Flight::Idle };
         }
         self.load_clock(now);
         for carry in &self.outputs {
             let frame = &mut self.exchanger.frames[usize::from(carry.frame)];
-            if let Some(outputs) = image.outputs.get(carry.in_image()) {
+            if frame.flight == Flight::Sent
+                && let Some(outputs) = image.outputs.get(carry.in_image())
+            {
                 frame.data_mut(carry.in_frame()).copy_from_slice(outputs);
             }
         }
@@ -265,15 +274,15 @@ impl<L: Link> CyclicBus<L> {
 
     fn judge(&mut self, image: &mut ProcessImage, now: HostTime) -> Exchange {
         let frames = &mut self.exchanger.frames[..self.planned];
-        let (mut back, mut right) = (0, true);
+        let (mut sent, mut back, mut right) = (0, 0, true);
         for frame in frames.iter_mut() {
+            sent += usize::from(frame.flight != Flight::Idle);
             if frame.flight == Flight::Back {
                 back += 1;
                 right &= frame.read_counters();
             }
         }
         self.read_segment(now);
-        let sent = self.planned;
         self.nothing_back = if back == 0 && sent > 0 { self.nothing_back + 1 } else { 0 };
         if back != sent {
             return Exchange::Lost { lost: (sent - back) as u16, sent: sent as u16 };
@@ -308,8 +317,11 @@ impl<L: Link> CyclicBus<L> {
 
     fn take_inputs(&mut self, image: &mut ProcessImage) {
         for carry in &self.inputs {
-            let frame = &self.exchanger.frames[usize::from(carry.frame)];
-            if let Some(inputs) = image.inputs.get_mut(carry.in_image()) {
+            let frame = &mut self.exchanger.frames[usize::from(carry.frame)];
+            if frame.flight == Flight::Back
+                && let Some(inputs) = image.inputs.get_mut(carry.in_image())
+            {
+                frame.taken_in = self.cycle;
                 inputs.copy_from_slice(&frame.back[carry.in_frame()]);
             }
         }
@@ -319,14 +331,17 @@ impl<L: Link> CyclicBus<L> {
     #[cold]
     fn judge_counters(&mut self, image: &mut ProcessImage) -> Exchange {
         let mut partial = false;
-        for slot in self.exchanger.frames[..self.planned].iter_mut().flat_map(|frame| frame.slots_mut()) {
+        let back = |frame: &&mut CyclicFrame| frame.flight == Flight::Back;
+        let frames = self.exchanger.frames[..self.planned].iter_mut().filter(back);
+        for slot in frames.flat_map(|frame| frame.slots_mut()) {
             if is_process_data(slot.purpose) && slot.received != slot.expected {
                 slot.short_counts += 1;
             }
         }
         // Someone who is coming back answers again already; that must not hide that someone else went.
         let all_answer = self.status.is_some_and(|status| usize::from(status.answered) == self.members.len());
-        for (number, frame) in self.exchanger.frames[..self.planned].iter().enumerate() {
+        let frames = self.exchanger.frames[..self.planned].iter().enumerate();
+        for (number, frame) in frames.filter(|(_, frame)| frame.flight == Flight::Back) {
             for (datagram, slot) in frame.slots().iter().enumerate() {
                 if !is_process_data(slot.purpose) || slot.received == slot.expected {
                     continue;
@@ -353,7 +368,11 @@ impl<L: Link> CyclicBus<L> {
     /// The inputs of missing SubDevices stay as they were, and so does a byte that they share with others.
     fn take_inputs_of_the_well(&mut self, image: &mut ProcessImage) {
         for carry in &self.inputs {
-            let frame = &self.exchanger.frames[usize::from(carry.frame)];
+            let frame = &mut self.exchanger.frames[usize::from(carry.frame)];
+            if frame.flight != Flight::Back {
+                continue;
+            }
+            frame.taken_in = self.cycle;
             let (mut start, end) = (carry.in_image().start, carry.in_image().end);
             for held in self.diagnosis.held().iter().cloned().chain(core::iter::once(end..end)) {
                 let stop = held.start.clamp(start, end);
@@ -402,6 +421,7 @@ impl<L: Link> CyclicBus<L> {
             is_distributed: self.clock_is_new && self.pending_reference.is_none(),
             answered: self.status.map(|status| status.answered),
             expected: self.members.len() as u16,
+            cycle: self.cycle,
         };
         let frame = &mut self.exchanger.frames[self.spare_frame];
         let answered = frame.flight == Flight::Back && {
@@ -431,6 +451,8 @@ impl<L: Link> CyclicBus<L> {
             batch: &mut self.batch,
             status: self.status,
             clock: self.clock.last(),
+            cycle: self.cycle,
+            turns: &self.plan.turns,
             exchange: self.last,
             now,
         };
@@ -475,20 +497,5 @@ impl<L: Link> CyclicBus<L> {
             self.transition = Some(transition);
             TransitionStatus::Moving { goal, step }
         };
-    }
-
-    /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
-    /// Only with [`crate::image::ClockUse::Steer`].
-    pub fn steer_clock(&mut self, time: Option<DcTime>) {
-        let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
-            return;
-        };
-        let time = time.filter(|_| !self.reference_is_unset);
-        frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
-        let range = frame.slots()[number].data();
-        let bytes = time.unwrap_or_default().0.to_le_bytes();
-        let data = frame.data_mut(range);
-        let length = data.len().min(bytes.len());
-        data[..length].copy_from_slice(&bytes[..length]);
     }
 }

@@ -54,6 +54,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
         written.map(|()| words)
     }
 
+    /// What the EEPROM of the SubDevice at `position` begins with once it has this alias, with its checksum, for
+    /// [`Bus::write_sii`]; 0 takes the alias away. `None` where its checksum is wrong: then only the whole can be written.
+    pub fn sii_with_alias(&mut self, position: u16, alias: u16) -> Result<Option<Vec<u8>>, SetUpError> {
+        let mut image = self.read_sii_first(position, sii::HEADER)?;
+        if image.first_chunk().is_none_or(|begin| image.get(14) != Some(&sii::checksum(begin))) {
+            return Ok(None);
+        }
+        image[8..10].copy_from_slice(&alias.to_le_bytes());
+        Ok(Some(eeprom::with_checksum(image)))
+    }
+
     fn write_words(&mut self, target: Target, writer: SiiWriter, after: &[u8]) -> Result<(), SetUpError> {
         for result in self.transactor.drive(&mut [writer])? {
             result?;

@@ -4,6 +4,8 @@
 //! allows LRW, the inputs and outputs of each SubDevice share logical addresses instead, so that one datagram of
 //! the longer of both serves both ways (12 bytes of header and the shorter half are saved).
 //!
+//! SubDevices whose data go in the same cycles stand together, and each such [`Turn`] has frames of its own.
+//!
 //! A SyncManager's data are never torn over two datagrams unless they are longer than one can carry.
 
 mod fit;
@@ -11,6 +13,7 @@ mod frames;
 mod member;
 #[cfg(test)]
 mod tests;
+mod turns;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -24,6 +27,7 @@ pub use fit::CycleFit;
 pub use frames::{DatagramPlan, FramePlan, Role, Touch};
 pub(crate) use frames::{FEWEST_DATAGRAMS, FILLER_LENGTH};
 pub use member::{Area, Member, Packing};
+pub use turns::Turn;
 
 /// Logical address of the first byte of the image.
 pub const LOGICAL_START: u32 = 0x0001_0000;
@@ -131,7 +135,9 @@ pub struct ImagePlan {
     pub inputs: Region,
     /// Where each SyncManager's data stand, by position.
     pub placements: Vec<Placement>,
-    /// The frames of a cycle.
+    /// In which cycles each SubDevice's data go, by position.
+    pub turns: Vec<Turn>,
+    /// The frames, those of every cycle first.
     pub frames: Vec<FramePlan>,
     /// Data bytes that the one datagram of acyclic work may carry.
     pub spare_length: usize,
@@ -153,6 +159,7 @@ impl ImagePlan {
             outputs: Region { start: LOGICAL_START, length: 0 },
             inputs: Region { start: LOGICAL_START, length: 0 },
             placements: Vec::new(),
+            turns: turns::spread(members),
             frames: Vec::new(),
             spare_length: members.iter().map(Member::longest_acyclic).max().unwrap_or(0),
         };
@@ -172,14 +179,16 @@ impl ImagePlan {
 
     fn place_separate(&mut self, members: &[Member]) {
         let mut cursor = BitCursor::new(LOGICAL_START);
-        for member in members {
+        for (member, begins) in self.by_turn(members) {
+            cursor.align_if(begins);
             self.place(member, Direction::Outputs, &mut cursor);
         }
         self.outputs.length = cursor.length(LOGICAL_START);
         let start = cursor.next_byte();
         let mut cursor = BitCursor::new(start);
         self.inputs.start = start;
-        for member in members {
+        for (member, begins) in self.by_turn(members) {
+            cursor.align_if(begins);
             self.place(member, Direction::Inputs, &mut cursor);
         }
         self.inputs.length = cursor.length(start);
@@ -189,7 +198,8 @@ impl ImagePlan {
     /// of different SubDevices may not, for one would read the other's inputs as outputs.
     fn place_combined(&mut self, members: &[Member]) {
         let mut cursor = BitCursor::new(LOGICAL_START);
-        for member in members {
+        for (member, begins) in self.by_turn(members) {
+            cursor.align_if(begins);
             let ways = |way| member.areas.iter().any(|area| area.direction == way);
             let mut inputs = cursor;
             if ways(Direction::Outputs) && ways(Direction::Inputs) {
@@ -202,6 +212,14 @@ impl ImagePlan {
         }
         let length = cursor.length(LOGICAL_START);
         (self.outputs.length, self.inputs.length) = (length, length);
+    }
+
+    /// The members in the order in which their data stand, and whether a turn begins with each: bytes are of one turn.
+    fn by_turn<'a>(&self, members: &'a [Member]) -> Vec<(&'a Member, bool)> {
+        let mut order: Vec<_> = members.iter().zip(&self.turns).collect();
+        order.sort_by_key(|(_, turn)| **turn);
+        let begins = |n: usize| n > 0 && order[n - 1].1 != order[n].1;
+        (0..order.len()).map(|n| (order[n].0, begins(n))).collect()
     }
 
     fn place(&mut self, member: &Member, direction: Direction, cursor: &mut BitCursor) {
@@ -271,6 +289,12 @@ impl BitCursor {
 
     fn align(&mut self) {
         *self = BitCursor::new(self.next_byte());
+    }
+
+    fn align_if(&mut self, begins: bool) {
+        if begins {
+            self.align();
+        }
     }
 
     fn next_byte(&self) -> u32 {

@@ -152,6 +152,7 @@ impl<L: Link, C: Clock> PacedBus<L, C> {
         let woke = self.clock.now();
         let late_ns = (woke - self.wake).as_nanos() as u64;
         let left_out = self.leave_out(late_ns);
+        self.bus.leave_out(left_out);
         // Where the host overslept the frame still needs its time to come back.
         let deadline = self.wake.max(woke) + self.timeout;
         if let Following::Host(_, host) = &self.following {

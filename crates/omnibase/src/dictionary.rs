@@ -7,7 +7,7 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::mailbox::{EntryDescription, MailboxError};
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat_wire::coe::ObjectAddress;
-use omnibase_run::live::{EntryType, ObjectType};
+use omnibase_run::live::{EntryType, ObjectType, entry_unit};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -49,6 +49,9 @@ pub struct Entry {
     pub bit_length: u16,
     /// Access bits: 0 to 2 read in PRE-OP, SAFE-OP, OP; 3 to 5 write; 6 and 7 mappable.
     pub access: u16,
+    /// What its number is a number of; empty where nobody says it.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub unit: String,
     /// The value as number, text or hexadecimal digits; null where it can't be read.
     pub value: serde_json::Value,
     /// The value in words.
@@ -76,10 +79,12 @@ impl Object {
                 (None, 0) => "write only",
                 (None, _) => &entry.words,
             };
+            let unit = if entry.error.is_none() && entry.access & 0b111 != 0 { &entry.unit } else { "" };
+            let space = if unit.is_empty() { "" } else { " " };
             let name = if single && entry.name.is_empty() { &object.name } else { &entry.name };
             writeln!(
                 output,
-                "    {:04x}:{:02x}   {} {:<32} {:<6} {value}",
+                "    {:04x}:{:02x}   {} {:<32} {:<6} {value}{space}{unit}",
                 object.index,
                 entry.subindex,
                 rights(entry.access),
@@ -127,7 +132,9 @@ impl Objects for OnBus<'_> {
     }
 
     fn entry(&mut self, address: ObjectAddress) -> anyhow::Result<Result<EntryType, String>> {
-        described(self.bus.describe_entry(self.position, address, 0), EntryType::read)
+        let described = described(self.bus.describe_entry(self.position, address, 0), EntryType::read)?;
+        let read = |object| self.bus.sdo_read(self.position, object, SdoAccess::Entry).ok();
+        Ok(described.map(|entry| EntryType { unit: entry_unit(address, read), ..entry }))
     }
 
     fn value(&mut self, address: ObjectAddress) -> anyhow::Result<Result<Vec<u8>, String>> {
@@ -184,13 +191,16 @@ fn object(of: &mut dyn Objects, index: u16) -> anyhow::Result<Object> {
 
 /// One entry; `None` where the object has a hole.
 fn entry(of: &mut dyn Objects, address: ObjectAddress) -> anyhow::Result<Option<Entry>> {
-    let Ok(EntryType { name, data_type, bit_length, access }) = of.entry(address)? else { return Ok(None) };
+    let Ok(EntryType { name, data_type, bit_length, access, unit }) = of.entry(address)? else {
+        return Ok(None);
+    };
     let mut entry = Entry {
         subindex: address.subindex,
         name,
         data_type,
         bit_length,
         access,
+        unit,
         value: serde_json::Value::Null,
         words: String::new(),
         error: None,

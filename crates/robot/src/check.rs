@@ -11,6 +11,7 @@ mod joystick;
 mod kind_keys;
 mod map;
 mod platform;
+mod rates;
 mod run_tables;
 mod sdo_writes;
 mod sensors;

@@ -10,7 +10,8 @@ pub trait ProcessImage {
     /// What the drive of a wheel will be sent; empty where there is no such wheel.
     fn outputs(&mut self, wheel: usize) -> &mut [u8];
 
-    /// What a SubDevice without a wheel sent; empty where nothing of it is read.
+    /// What a SubDevice without a wheel sent; empty where nothing of it is read, and where its process data didn't go in
+    /// this cycle.
     fn device_inputs(&self, device: usize) -> &[u8];
 
     /// What a SubDevice without a wheel will be sent; empty where nothing is written to it.

@@ -197,6 +197,7 @@ const PERIPHERAL: Sort = Sort {
         "alias",
         "identification",
         "group",
+        "every",
         "kind",
         "vendor_id",
         "product_code",

@@ -32,7 +32,7 @@ pub use cycles::{CycleSeen, Following};
 pub use joystick::JoystickDriver;
 pub use operator::{Ages, Operator};
 pub use points::NotRemembered;
-pub use sdo::{EntryType, ObjectType, SdoError, SdoPlace, SubDeviceSeen};
+pub use sdo::{EntryType, ObjectType, SdoError, SdoPlace, SubDeviceSeen, entry_unit};
 pub use snapshot::{FenceSeen, Snapshot};
 pub use sources::{NotHeard, SourceCounts};
 pub use stamp::Stamp;

@@ -23,7 +23,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError, register};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage as BusImage, SetUpError};
 use omnibase_robot::config::{BusPlace, BusPlan, ClockSource, DriveWatchdog, Synchronisation};
-use omnibase_robot::signals::DriveMeasurement;
+use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES};
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
 pub use error::{SessionError, WatchdogRegisters};
@@ -46,6 +46,8 @@ struct Wheels {
     wiring: Vec<Wires>,
     /// Of the SubDevices without a wheel.
     peripherals: Vec<Wires>,
+    /// Those whose process data didn't go in the last exchange: bit n for the n-th.
+    resting: u16,
     supervisor: Supervisor,
 }
 
@@ -54,13 +56,17 @@ impl Wheels {
         &mut self,
         paced: &mut PacedBus<L, C>,
     ) -> Result<(Exchange, Times), LinkError> {
-        let Wheels { image, wiring, peripherals, supervisor } = self;
+        let Wheels { image, wiring, peripherals, resting, supervisor } = self;
         let were_away = Away::now(supervisor);
         // Whoever is away mustn't find an old command when it comes back: all zero disables a drive.
         for wires in wiring.iter().chain(&*peripherals).filter(|wires| supervisor.is_away(wires.position)) {
             image.outputs[wires.outputs.clone()].fill(0);
         }
-        let (exchange, times) = paced.exchange_and(image, |bus, deadline| supervisor.after(bus, deadline))?;
+        let (exchange, times) = paced.exchange_and(image, |bus, deadline| {
+            let resting_of = |(n, wires): (usize, &Wires)| u16::from(bus.rests(wires.position)) << n;
+            *resting = peripherals.iter().take(MAX_DEVICES).enumerate().map(resting_of).sum();
+            supervisor.after(bus, deadline);
+        })?;
         Ok((self.robot_exchange(exchange, were_away), times))
     }
 
@@ -125,6 +131,9 @@ impl ProcessImage for Wheels {
     }
 
     fn device_inputs(&self, device: usize) -> &[u8] {
+        if u32::from(self.resting) >> device & 1 == 1 {
+            return &[];
+        }
         self.peripherals.get(device).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
     }
 
@@ -184,7 +193,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         };
         let tolerated = plan.safety.lost_exchanges_tolerated;
         let supervisor = Supervisor::new(subdevices, tolerated, absent.join(", "), role_of);
-        let wheels = Wheels { image, wiring, peripherals, supervisor };
+        let wheels = Wheels { image, wiring, peripherals, resting: 0, supervisor };
         Ok(Session { paced, wheels, counted_before: CycleCounters::default() })
     }
 

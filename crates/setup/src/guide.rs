@@ -1,7 +1,12 @@
 //! The steps, one after the other.
 
+mod brakes;
+mod floor;
 mod jogging;
+mod naming;
 mod reading;
+
+pub use floor::Calibrated;
 
 use std::time::Duration;
 
@@ -87,9 +92,12 @@ pub enum SetupError {
 pub enum Ended {
     /// It is done: the robot's file.
     File(String),
-    /// It was left, and can be taken up again from its record.
-    Left,
+    /// It was left, and can be taken up again from its record; the robot's file as far as it is known.
+    Left(Option<String>),
 }
+
+/// Keeps the bytes of an EEPROM somewhere, by the position of its SubDevice; an error says in words why it couldn't.
+pub type BackUp<'a> = &'a mut dyn FnMut(u16, &[u8]) -> Result<(), String>;
 
 /// A way to the segment: link and clock, as often as it is asked for.
 pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
@@ -104,6 +112,7 @@ pub struct Guide<'a, C: Clock> {
     pub record: Record,
     /// Called with the record after each thing that was done.
     pub(crate) keep: &'a mut dyn FnMut(&Record),
+    pub(crate) back_up: BackUp<'a>,
 }
 
 /// Who stands outside of a set-up.
@@ -112,6 +121,8 @@ pub struct Outside<'a> {
     pub hand: &'a mut dyn Hand,
     /// Called with the record after each thing that was done.
     pub keep: &'a mut dyn FnMut(&Record),
+    /// Keeps what an EEPROM held, of the SubDevice at this position, before it is written; an error leaves it unwritten.
+    pub back_up: BackUp<'a>,
 }
 
 /// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
@@ -131,16 +142,16 @@ impl<'a, C: Clock> Guide<'a, C> {
         wished: Wished,
         record: Record,
         open: Open<'a, C>,
-        Outside { hand, keep }: Outside<'a>,
+        Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up })
     }
 
     /// Every step that isn't done yet.
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         for step in Step::ALL {
-            if self.record.done.contains(&step) && step != Step::File {
+            if self.record.done.contains(&step) {
                 self.hand.tell(&format!("done before: {}", step.words()));
                 // Who was there must be there still.
                 if step == Step::Find {
@@ -155,20 +166,25 @@ impl<'a, C: Clock> Guide<'a, C> {
                 Step::Enable => self.enable_all()?,
                 Step::SafeTorqueOff => self.stop_all()?,
                 Step::Parameters => self.parameters()?,
-                Step::File => {
-                    let text =
-                        robot_file::write(&self.wished.base, &self.record, &Registry::with_built_in())?;
-                    self.finish(step);
-                    return Ok(Ended::File(text));
-                }
+                Step::Name => self.name_all()?,
+                Step::Brake => self.brakes()?,
+                Step::File => self.text().map(|_| true)?,
+                Step::FirstMetre => self.first_metre()?,
+                Step::Calibration => self.calibrate()?,
             };
             if !done {
                 (self.keep)(&self.record);
-                return Ok(Ended::Left);
+                let has_file = self.record.done.contains(&Step::File);
+                return Ok(Ended::Left(if has_file { Some(self.text()?) } else { None }));
             }
             self.finish(step);
         }
-        Ok(Ended::Left)
+        Ok(Ended::File(self.text()?))
+    }
+
+    /// The robot's file, of what was found so far.
+    fn text(&self) -> Result<String, SetupError> {
+        Ok(robot_file::write(&self.wished.base, &self.record, &Registry::with_built_in())?)
     }
 
     fn finish(&mut self, step: Step) {
@@ -211,14 +227,30 @@ impl<'a, C: Clock> Guide<'a, C> {
 
     /// A number above zero, asked again until it is one.
     pub(crate) fn number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
+        self.number_of((id, text), default, ("a number above 0", |number| number > 0.0))
+    }
+
+    /// Any number, asked again until it is one.
+    pub(crate) fn any_number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
+        // As a tape is read.
+        let default = (default * 1e3).round() / 1e3;
+        self.number_of((id, text), default, ("a number", |_| true))
+    }
+
+    fn number_of(
+        &mut self,
+        (id, text): (String, String),
+        default: f64,
+        (expected, is_good): (&str, fn(f64) -> bool),
+    ) -> Result<f64, Leave> {
         let question = Question { id, text, choices: Vec::new(), default: Some(default.to_string()) };
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
                 Answer::Said(said) if said.trim().is_empty() => return Ok(default),
                 Answer::Said(said) => match said.trim().parse::<f64>() {
-                    Ok(number) if number.is_finite() && number > 0.0 => return Ok(number),
-                    _ => self.hand.tell(&format!("expected a number above 0, found \"{}\"", said.trim())),
+                    Ok(number) if number.is_finite() && is_good(number) => return Ok(number),
+                    _ => self.hand.tell(&format!("expected {expected}, found \"{}\"", said.trim())),
                 },
             }
         }
@@ -306,7 +338,8 @@ mod tests {
         let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
             Err("nothing is opened".to_owned())
         };
-        let outside = Outside { hand: &mut hand, keep: &mut keep };
+        let mut back_up = |_: u16, _: &[u8]| Ok(());
+        let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
         let guide =
             Guide::new(Wished::new(document.to_string()), Record::default(), &mut open, outside).unwrap();
         let gear = |wheel: Option<&str>, product_code| {

@@ -185,6 +185,23 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         self.run(&JogPlan { speed_units: 0, ..*plan }, hand)
     }
 
+    /// Tells the drive nothing for so many cycles, so it stays disabled; how far it moved all the same, counts from the least
+    /// to the greatest position.
+    pub fn watch(&mut self, cycles: u32) -> Result<i64, LinkError> {
+        self.image.outputs.fill(0);
+        self.paced.exchange(self.image)?;
+        let mut last = self.said().position;
+        let (mut travel, mut least, mut greatest) = (0i64, 0, 0);
+        for _ in 0..cycles {
+            self.paced.exchange(self.image)?;
+            let position = self.said().position;
+            travel += i64::from(position.wrapping_sub(last));
+            last = position;
+            (least, greatest) = (travel.min(least), travel.max(greatest));
+        }
+        Ok(greatest - least)
+    }
+
     /// The speed that leaves in this cycle's frame.
     fn told_units(&self) -> i32 {
         let bytes = self.image.outputs[self.map.velocity.clone()].iter().rev();

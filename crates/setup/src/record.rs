@@ -10,30 +10,52 @@ pub enum Step {
     Find,
     /// Which wheel each drive turns, which way, how many counts.
     Jog,
+    /// What each drive is found by wherever it is plugged in.
+    Name,
     /// Enabled without moving.
     Enable,
+    /// Brakes hold while nothing is enabled.
+    Brake,
     /// The safety input takes the torque.
     SafeTorqueOff,
     /// Parameters compared, written, stored.
     Parameters,
     /// The robot's file.
     File,
+    /// On the floor: a metre ahead.
+    FirstMetre,
+    /// Ahead, aside and round, each against a tape.
+    Calibration,
 }
 
 impl Step {
     /// All, in order.
-    pub const ALL: [Step; 6] =
-        [Step::Find, Step::Jog, Step::Enable, Step::SafeTorqueOff, Step::Parameters, Step::File];
+    pub const ALL: [Step; 10] = [
+        Step::Find,
+        Step::Jog,
+        Step::Name,
+        Step::Enable,
+        Step::Brake,
+        Step::SafeTorqueOff,
+        Step::Parameters,
+        Step::File,
+        Step::FirstMetre,
+        Step::Calibration,
+    ];
 
     /// In words.
     pub fn words(self) -> &'static str {
         match self {
             Step::Find => "who is on the bus",
             Step::Jog => "which wheel, which way, how far",
+            Step::Name => "alias or switch of each drive",
+            Step::Brake => "brakes",
             Step::Enable => "first enable, without moving",
             Step::SafeTorqueOff => "emergency stop",
             Step::Parameters => "parameters",
             Step::File => "the robot's file",
+            Step::FirstMetre => "the first metre",
+            Step::Calibration => "calibration by a tape",
         }
     }
 }
@@ -65,6 +87,9 @@ pub struct FoundDrive {
     pub serial: u32,
     /// Alias; `None` where it has none.
     pub alias: Option<u16>,
+    /// What its identification switch shows; `None` where it has none, or none was chosen.
+    #[serde(default)]
+    pub identification: Option<u16>,
     /// 0x6076, N·m, where it says it.
     pub rated_torque_nm: Option<f64>,
     /// Counts per turn of the motor by 0x608F, where it says it.
@@ -83,6 +108,21 @@ pub struct FoundDrive {
     pub gear_ratio: Option<f64>,
 }
 
+/// One way driven on the floor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Leg {
+    /// What it was: `ahead`, `aside` or `round`.
+    pub name: String,
+    /// What each wheel turned in each period, rad, in the order of the file.
+    pub turned_rad: Vec<Vec<f64>>,
+    /// That period, s.
+    pub period_s: f64,
+    /// What the wheels say: x, y (m) and heading (rad) from where it began.
+    pub told: [f64; 3],
+    /// What the tape says.
+    pub measured: [f64; 3],
+}
+
 /// Everything that was found and done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
@@ -90,6 +130,12 @@ pub struct Record {
     pub done: Vec<Step>,
     /// Drives, by position.
     pub drives: Vec<FoundDrive>,
+    /// What was driven on the floor, and what a tape said of it.
+    #[serde(default)]
+    pub legs: Vec<Leg>,
+    /// Wheels that fit these ways are taken into the robot's file.
+    #[serde(default)]
+    pub takes_calibration: bool,
     /// What was seen that isn't as the file had it, in words.
     pub findings: Vec<String>,
     /// What was done, in order, in words.

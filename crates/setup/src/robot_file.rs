@@ -7,9 +7,10 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 use crate::record::{FoundDrive, Record, Turned};
 
 /// Keys of a drive that a set-up finds out; others stay as they were written.
-const FOUND: [&str; 8] = [
+const FOUND: [&str; 9] = [
     "position",
     "alias",
+    "identification",
     "vendor_id",
     "product_code",
     "revision",
@@ -70,9 +71,12 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
         }
     };
     put("name", value(name), "seen to turn");
-    match drive.alias {
-        Some(alias) => put("alias", value(i64::from(alias)), "wherever it is plugged in"),
-        None => put("position", value(i64::from(drive.position)), &format!("serial {}", drive.serial)),
+    match (drive.identification, drive.alias) {
+        (Some(number), _) => put("identification", value(i64::from(number)), "shown by its switch"),
+        (None, Some(alias)) => put("alias", value(i64::from(alias)), "wherever it is plugged in"),
+        (None, None) => {
+            put("position", value(i64::from(drive.position)), &format!("serial {}", drive.serial))
+        }
     }
     put("vendor_id", value(format!("0x{:X}", drive.vendor_id)), "read");
     put("product_code", value(format!("0x{:X}", drive.product_code)), "read");

@@ -88,6 +88,38 @@ fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
     assert!(asked.contains(&"stop 1") && !asked.contains(&"stop 0"), "{asked:?}");
 }
 
+/// The first metre and two ways more, against a tape; let go in the middle of one, the drives lose their torque in the next frame.
+#[test]
+fn on_the_floor_it_drives_while_the_key_is_held_and_a_tape_finds_the_wheels() {
+    let robot = Unknown { turned_encoder: None, ..robot() };
+    let mut asked = Vec::new();
+    let found = set_up(&robot, &mut |question| {
+        asked.push(question.id.clone());
+        match question.id.as_str() {
+            "floor" => Some(said("drive")),
+            "calibrate" => Some(said("calibrate")),
+            _ => None,
+        }
+    })
+    .unwrap();
+    assert_eq!(found.record.done, Step::ALL, "{:?}", found.record.log);
+    let names: Vec<&str> = found.record.legs.iter().map(|leg| leg.name.as_str()).collect();
+    assert_eq!(names, ["ahead", "aside", "round"], "{:?}", found.record.log);
+    for leg in &found.record.legs {
+        for (told, measured) in leg.told.iter().zip(&leg.measured) {
+            assert!((told - measured).abs() < 0.02, "{}: {:?} {:?}", leg.name, leg.told, leg.measured);
+        }
+    }
+    assert!((1.0..1.05).contains(&found.record.legs[0].told[0]), "{:?}", found.record.legs[0].told);
+    assert!(found.record.takes_calibration);
+    let driven: Vec<&String> =
+        found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
+    assert!(
+        driven.len() == 3 && driven.iter().all(|line| line.ends_with(" 0 without a held key")),
+        "{driven:?}"
+    );
+}
+
 /// Who sees the same wheel at every drive isn't asked for ever.
 #[test]
 fn two_drives_for_one_wheel_are_jogged_again_a_few_times_and_then_left() {
@@ -124,11 +156,86 @@ impl omnibase_setup::Hand for Deaf {
 #[test]
 fn whoever_never_answers_is_left_and_nothing_moves() {
     let (ended, record, asked) = unknown::set_up_with(&robot(), &mut Deaf(0), |deaf| deaf.0);
-    assert_eq!(ended, Ok(omnibase_setup::Ended::Left));
+    assert_eq!(ended, Ok(omnibase_setup::Ended::Left(None)));
     assert!((1..=20).contains(&asked), "{asked}");
     assert!(
         record.log.iter().all(|line| !line.contains("enabled for ") || line.contains("enabled for 0 cycles")),
         "{:?}",
         record.log
     );
+}
+
+/// Let go in the middle of the first metre: the very next frame enables nobody, and the metre is driven again.
+#[test]
+fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = unknown::set_up_letting_go(&robot, 4000, &mut |question| match question.id.as_str() {
+        "floor" => Some(said("drive")),
+        _ => None,
+    })
+    .unwrap();
+    let driven: Vec<&String> =
+        found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
+    assert_eq!(driven.len(), 2, "{driven:?}");
+    assert!(driven[0].contains("the key was let go") && driven[1].contains("driven"), "{driven:?}");
+    assert!(driven.iter().all(|line| line.ends_with(" 0 without a held key")), "{driven:?}");
+    let asked: Vec<&str> = found.asked.iter().map(|(id, _)| id.as_str()).collect();
+    assert!(asked.contains(&"drive ahead"), "{asked:?}");
+    assert_eq!(found.record.legs.len(), 1);
+}
+
+/// A brake that slips is found by whoever pushes the wheel, and not called tested.
+#[test]
+fn a_brake_is_opened_with_a_held_key_and_pushed_while_nothing_is_enabled() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = set_up(&robot, &mut |question| match question.id.as_str() {
+        "brake 0" => Some(said("yes")),
+        "opened 0" => Some(said("yes")),
+        "brake 1" => Some(said("yes")),
+        "opened 1" => Some(said("no")),
+        "braked 1" => Some(said("go on")),
+        _ => None,
+    })
+    .unwrap();
+    let log = found.record.log.join("\n");
+    assert!(log.contains("pushed by hand with its brake closed it gave by 0.0000 turns"), "{log}");
+    let findings = found.record.findings.join("\n");
+    assert!(findings.contains("its brake wasn't heard to open and close"), "{findings}");
+    assert!(log.matches("the brake of").count() >= 2, "{log}");
+}
+
+/// Aliases are written with what was there kept before, and believed once the drives show them; without a backup nothing is written.
+#[test]
+fn an_alias_is_believed_once_the_drive_shows_it() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let mut name = |question: &Question| match question.id.as_str() {
+        "name 0" | "name 1" => Some(said("alias")),
+        "alias 1" => Some(said("77")),
+        _ => None,
+    };
+    let (found, backups) = unknown::set_up_with_memory(&robot, &mut name, &mut |position| match position {
+        0 => Err("no room".to_owned()),
+        _ => Ok(()),
+    });
+    let found = found.unwrap();
+    assert_eq!(backups, [0, 1]);
+    assert!(found.text.contains("alias = 77"), "{}", found.text);
+    assert_eq!(found.text.matches("alias = ").count(), 1, "{}", found.text);
+    let findings = found.record.findings.join("\n");
+    assert!(
+        findings.contains("SubDevice 0: its EEPROM couldn't be kept, so it isn't written: no room"),
+        "{findings}"
+    );
+    // A drive that wasn't switched off shows its old one: it is found by its position.
+    let (found, _) = unknown::set_up_with_memory(
+        &robot,
+        &mut |question| match question.id.as_str() {
+            "power" => Some(said("")),
+            _ => name(question),
+        },
+        &mut |_| Ok(()),
+    );
+    let found = found.unwrap();
+    assert!(!found.text.contains("alias = "), "{}", found.text);
+    assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
 }

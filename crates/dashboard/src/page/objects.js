@@ -83,7 +83,7 @@ export class Objects {
   async entry(subdevice, object) {
     const { done, data } = await this.ask({ do: "sdo_type", subdevice, object });
     if (!done) return null;
-    const { name, data_type, bit_length, access } = data;
+    const { name, data_type, bit_length, access, unit } = data;
     const [type, words] = TYPES[data_type] ?? [`${bit_length} bits`, null];
     const rights = (access & READABLE ? "r" : "-") + (access & WRITABLE ? "w" : "-");
     const head = `${object} ${rights} ${name} ${type}`;
@@ -92,6 +92,6 @@ export class Objects {
     if (!read.done) return `${head} = ${read.text}`;
     const bytes = Uint8Array.from(read.data.data.match(/../g) ?? [], (two) => parseInt(two, 16));
     const fits = words && bytes.length && bytes.length === (type === "string" ? bytes.length : Math.ceil(bit_length / 8));
-    return `${head} = ${fits ? words(bytes) : read.data.data}`;
+    return `${head} = ${fits ? words(bytes) : read.data.data}${fits && unit ? ` ${unit}` : ""}`;
   }
 }

@@ -1,6 +1,6 @@
 //! A link that answers every frame with the right working counters and costs next to nothing.
 
-use omnibase_ethercat::config::{CyclicControl, LrwPermission};
+use omnibase_ethercat::config::{CyclicControl, Every, LrwPermission};
 use omnibase_ethercat::cyclic::{Goal, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::image::{Area, ClockUse, Member, Packing};
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
@@ -31,6 +31,7 @@ pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        every: Every::CYCLE,
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,

@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 use core::time::Duration;
 
 use crate::found::Found;
+use crate::image::Turn;
 use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::SubDevice;
@@ -128,9 +129,9 @@ impl Acyclic {
     }
 
     /// Makes the way back of a SubDevice ready.
-    pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
+    pub fn prepare_recovery(&mut self, subdevice: &SubDevice, turn: Turn) {
         if let Some(lane) = self.lanes.get_mut(usize::from(subdevice.position)) {
-            lane.recovery = Some(Recovery::new(subdevice));
+            lane.recovery = Some(Recovery::new(subdevice, turn));
             lane.parent = subdevice.parent.map(|parent| parent.position);
         }
     }

@@ -6,7 +6,7 @@ use core::ops::Range;
 
 use super::SegmentStatus;
 use super::batch::{Access, Batch, ItemState};
-use super::frame::{CyclicFrame, Purpose};
+use super::frame::{CyclicFrame, Flight, Purpose};
 use crate::found::Found;
 use crate::image::{FramePlan, Member, Placement, Role};
 use crate::subdevice::Direction;
@@ -252,7 +252,6 @@ impl Diagnosis {
         self.not_operational = self.health.iter().filter(|health| **health != Health::Operational).count();
     }
 
-    /// Placements stand by position, and so do their offsets within one direction.
     fn hold(&mut self, placements: &[Placement]) {
         self.held.clear();
         for placement in placements {
@@ -276,6 +275,7 @@ impl Diagnosis {
             return;
         }
         for (frame, plan) in finding.frames.iter_mut().zip(finding.plans) {
+            let goes = frame.flight != Flight::Idle;
             for (slot, datagram) in frame.slots_mut().iter_mut().zip(&plan.datagrams) {
                 slot.accepted = slot.expected;
                 if !is_process_data(slot.purpose) {
@@ -290,7 +290,10 @@ impl Diagnosis {
                     }
                 }
                 let most = slot.expected - silent;
-                if (most - doubtful..=most).contains(&slot.received) {
+                // What its next turn brings is known where nobody may or may not add to it.
+                if !goes && doubtful == 0 {
+                    slot.accepted = most;
+                } else if (most - doubtful..=most).contains(&slot.received) {
                     slot.accepted = slot.received;
                 }
             }

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::counters::CommandSet;
-use crate::image::Role;
+use crate::image::{Role, Turn};
 use crate::wire::bytes::{put_u16, put_u32, u16_at};
 use crate::wire::frame::{
     DATAGRAM_HEADER, DATAGRAM_OVERHEAD, ETHERNET_HEADER, ETHERTYPE, FIRST_DATAGRAM, MAIN_DEVICE_MAC,
@@ -91,6 +91,10 @@ pub(super) struct CyclicFrame {
     out: FrameBytes,
     length: usize,
     slots: Vec<Slot>,
+    /// In which cycles it goes.
+    pub turn: Turn,
+    /// The cycle from which its inputs are.
+    pub taken_in: u64,
     /// As it came back.
     pub back: FrameBytes,
     /// What became of it.
@@ -125,6 +129,8 @@ impl CyclicFrame {
             out,
             length: FIRST_DATAGRAM,
             slots: Vec::with_capacity(most_datagrams),
+            turn: Turn::EACH_CYCLE,
+            taken_in: 0,
             back: Box::new([0; MAX_FRAME]),
             flight: Flight::Idle,
             commands: CommandSet::default(),

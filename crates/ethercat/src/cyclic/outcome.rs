@@ -27,7 +27,7 @@ pub enum Exchange {
     Lost {
         /// Frames with process data that are missing.
         lost: u16,
-        /// Frames with process data that were sent.
+        /// Frames with process data that were sent in this cycle.
         sent: u16,
     },
 }
@@ -54,6 +54,11 @@ pub enum Freshness {
     ShortCount,
     /// The SubDevice isn't operational.
     NotOperational,
+    /// The frame with its inputs goes each n-th cycle, and not in this one: they are so many cycles old.
+    Resting {
+        /// Cycles since they came.
+        cycles: u64,
+    },
 }
 
 /// Which state the segment is in, as far as this bus brought it there.

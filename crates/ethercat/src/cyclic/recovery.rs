@@ -9,10 +9,12 @@ use core::cmp::Ordering;
 use core::ops::Range;
 use core::time::Duration;
 
-use super::transition::{signed_difference, start_time, sync0};
+use super::sync::Sync0;
+use super::transition::signed_difference;
 use crate::config::{DcConfig, Match};
 use crate::eeprom::{SiiExtent, SiiReader};
 use crate::found::Target;
+use crate::image::Turn;
 use crate::mailbox::Mailbox;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::start_up::{StartUpRunner, StartUpStep};
@@ -32,7 +34,7 @@ const LOCK_LIMIT_NS: u32 = 1000;
 const LOCK_ROUNDS: u32 = 10;
 /// The longest wait for that.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(10);
-/// SYNC0 has come so many times before OP is asked.
+/// SYNC0 has come so many times before OP is asked; less often where it comes less often.
 const SYNC_CYCLES: u32 = 10;
 /// The longest wait for that.
 const SYNC_TIMEOUT: Duration = Duration::from_secs(2);
@@ -99,6 +101,8 @@ pub(super) struct Observed {
     pub answered: Option<u16>,
     /// SubDevices that were set up.
     pub expected: u16,
+    /// Number of the cycle.
+    pub cycle: u64,
 }
 
 impl Observed {
@@ -119,6 +123,8 @@ pub(super) struct Recovery {
     alias: Option<u16>,
     place: Surroundings,
     sync: DcConfig,
+    /// In which cycles its process data go.
+    turn: Turn,
     clock: Option<DcWidth>,
     /// Every step, with the mailbox while it is on its way.
     runner: StartUpRunner,
@@ -145,7 +151,7 @@ pub(super) struct Recovery {
 
 impl Recovery {
     /// The way back of `subdevice` as set-up left it.
-    pub fn new(subdevice: &SubDevice) -> Self {
+    pub fn new(subdevice: &SubDevice, turn: Turn) -> Self {
         let list = &subdevice.start_up.steps;
         let cut = list.iter().position(StartUpStep::needs_cycle).unwrap_or(list.len());
         let (before, after) = (list[..cut].to_vec(), list[cut..].to_vec());
@@ -167,6 +173,7 @@ impl Recovery {
             },
             place: Surroundings::InLine,
             sync: subdevice.config.dc,
+            turn,
             clock: subdevice.dc.map(|dc| dc.width),
             runner: StartUpRunner::new(subdevice.target(), subdevice.application, steps, None),
             start_time: parts[Part::Arm as usize].end.saturating_sub(2),
@@ -175,7 +182,7 @@ impl Recovery {
             reader: SiiReader::new(subdevice.target(), SiiExtent::Fixed),
             stage: Stage::Rest,
             since: None,
-            seen: Observed { time: None, is_distributed: false, answered: None, expected: 0 },
+            seen: Observed { time: None, is_distributed: false, answered: None, expected: 0, cycle: 0 },
             has_time: false,
             doubt: None,
             synced_at: None,
@@ -241,9 +248,10 @@ impl Recovery {
     }
 
     fn arm(&mut self) -> Option<Stage> {
-        let (cycle_ns, shift_ns) = sync0(self.sync)?;
-        let start = start_time(self.seen.time? + SYNC_MARGIN, cycle_ns, shift_ns);
-        self.synced_at = Some(start + Duration::from_nanos(u64::from(cycle_ns)) * SYNC_CYCLES);
+        let sync0 = Sync0::of(self.sync)?;
+        let start = sync0.start(self.turn, self.seen.cycle, self.seen.time?, SYNC_MARGIN);
+        let syncs = (SYNC_CYCLES / u32::from(self.turn.every)).max(1);
+        self.synced_at = Some(start + Duration::from_nanos(u64::from(sync0.cycle_ns)) * syncs);
         let registers = self.runner.registers_mut(self.start_time);
         let length = registers.len().min(8);
         registers[..length].copy_from_slice(&start.0.to_le_bytes()[..length]);
@@ -276,7 +284,7 @@ impl Recovery {
             Stage::Run(Part::SetUp) => self.run(Part::Clock),
             Stage::Run(Part::Clock) => {
                 self.has_time = self.clock.is_some();
-                match sync0(self.sync).filter(|_| self.has_time) {
+                match Sync0::of(self.sync).filter(|_| self.has_time) {
                     Some(_) => Stage::Lock { good: 0, since: now },
                     None => self.run(Part::Enter),
                 }

@@ -8,7 +8,7 @@ use super::{
 use crate::image::{ClockUse, ImagePlan, Member, Role};
 use crate::mailbox::{Mailbox, ReceivedEmergency};
 use crate::subdevice::SubDevice;
-use crate::wire::DcTime;
+use crate::wire::{Command, DcTime};
 
 impl<L> CyclicBus<L> {
     /// Where the segment is on its way between states.
@@ -81,6 +81,9 @@ impl<L> CyclicBus<L> {
             for (slot, datagram) in frame.slots().iter().zip(&plan.datagrams) {
                 let carries = matches!(datagram.role, Role::Inputs { .. } | Role::Both { .. })
                     && datagram.touches.iter().any(|touch| touch.position == position);
+                if carries && frame.flight == Flight::Idle {
+                    return Freshness::Resting { cycles: self.cycle - frame.taken_in };
+                }
                 if carries && frame.flight != Flight::Back {
                     return Freshness::FrameLost;
                 }
@@ -97,6 +100,11 @@ impl<L> CyclicBus<L> {
             Exchange::Complete | Exchange::Without { .. } => Freshness::Fresh,
             Exchange::ShortCount { .. } | Exchange::Lost { .. } => Freshness::HeldBack,
         }
+    }
+
+    /// Whether the process data of the SubDevice at `position` went in the last exchange, or rest until their next turn.
+    pub fn rests(&self, position: u16) -> bool {
+        self.plan.turns.get(usize::from(position)).is_some_and(|turn| !turn.is_due(self.cycle))
     }
 
     /// Figures of all cycles so far.
@@ -121,7 +129,7 @@ impl<L> CyclicBus<L> {
         })
     }
 
-    /// Frames with process data in each cycle.
+    /// Frames with process data, those included that don't go in every cycle.
     pub fn frames_per_cycle(&self) -> usize {
         self.planned
     }
@@ -141,6 +149,27 @@ impl<L> CyclicBus<L> {
         &self.members
     }
 
+    /// So many cycles didn't take place: whose turn it would have been waits for its next one, so that it stays at its
+    /// place against SYNC0.
+    pub fn leave_out(&mut self, cycles: u64) {
+        self.cycle += cycles;
+    }
+
+    /// The DC time that this cycle's frame shall write to the reference clock; without one it isn't written.
+    /// Only with [`crate::image::ClockUse::Steer`].
+    pub fn steer_clock(&mut self, time: Option<DcTime>) {
+        let (Some(number), Some(frame)) = (self.steer_slot, self.exchanger.frames.first_mut()) else {
+            return;
+        };
+        let time = time.filter(|_| !self.reference_is_unset);
+        frame.set_command(number, if time.is_some() { Command::Fpwr } else { Command::Nop });
+        let range = frame.slots()[number].data();
+        let bytes = time.unwrap_or_default().0.to_le_bytes();
+        let data = frame.data_mut(range);
+        let length = data.len().min(bytes.len());
+        data[..length].copy_from_slice(&bytes[..length]);
+    }
+
     /// Queues work beside the cycle; gives it back where [`super::CAPACITY`] is reached.
     pub fn submit(&mut self, request: AcyclicRequest) -> Result<(), AcyclicRequest> {
         self.acyclic.submit(request)
@@ -155,7 +184,8 @@ impl<L> CyclicBus<L> {
     ///
     /// [`crate::Bus::into_cyclic`] has done it for all of them. Not for the cycle: it allocates.
     pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
-        self.acyclic.prepare_recovery(subdevice);
+        let turn = self.plan.turns.get(usize::from(subdevice.position)).copied().unwrap_or_default();
+        self.acyclic.prepare_recovery(subdevice, turn);
     }
 
     /// Begins to bring one SubDevice back to OP beside the cycle, as its start-up list says; all others go on.

@@ -10,7 +10,7 @@ use super::*;
 use crate::config::{CyclicControl, DcConfig, LrwPermission};
 use crate::image::ClockUse;
 use crate::subdevice::{DcWidth, Direction};
-use crate::wire::AlStatusCode;
 use crate::wire::bytes::u32_at;
+use crate::wire::{AlStatusCode, DcTime};
 use segment::{BYTES, Bench, members};
 use std::collections::VecDeque;

@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
 use super::error::{Programmed, TransitionError};
+use super::sync::Sync0;
 use super::{Exchange, SegmentStatus};
 use crate::config::{CyclicControl, DcConfig};
 use crate::found::Found;
-use crate::image::{ClockUse, Member};
+use crate::image::{ClockUse, Member, Turn};
 use crate::subdevice::{DcWidth, Direction};
 use crate::sync_manager::ACTIVATE;
 use crate::wire::bytes::{u16_at, u32_at};
@@ -26,7 +27,8 @@ pub struct TransitionOptions {
     pub sync_margin: Duration,
     /// The longest wait for a state.
     pub state_timeout: Duration,
-    /// Complete exchanges in a row before OP is asked, and before it is believed.
+    /// Complete exchanges in a row before OP is asked, and before it is believed; more where the slowest SubDevice's
+    /// turn comes less often.
     pub settle_cycles: u32,
     /// The longest wait for those.
     pub settle_timeout: Duration,
@@ -102,6 +104,9 @@ pub(super) struct View<'a> {
     pub batch: &'a mut Batch,
     pub status: Option<SegmentStatus>,
     pub clock: Option<DcTime>,
+    /// Number of the cycle, and whose process data go in which.
+    pub cycle: u64,
+    pub turns: &'a [Turn],
     pub exchange: Exchange,
     pub now: HostTime,
 }
@@ -129,7 +134,12 @@ pub(super) struct Transition {
     good: u32,
     /// The farthest clock of the last look.
     worst: Option<(u16, i32)>,
+    /// The reference's time when SYNC0 was armed.
+    armed: DcTime,
+    /// The last of all first SYNC0s.
     first_sync: DcTime,
+    /// A wrong working counter while complete exchanges were waited for.
+    short: Option<TransitionError>,
     /// Steps that switch SyncManagers for OP alone: as many as the SubDevice with the most of them has.
     most_op_only: u8,
     /// The way back goes on after an error and reports the first one.
@@ -157,7 +167,9 @@ impl Transition {
             inquiring: false,
             good: 0,
             worst: None,
+            armed: DcTime(0),
             first_sync: DcTime(0),
+            short: None,
             most_op_only: members.iter().map(|member| member.op_only.len() as u8).max().unwrap_or(0),
             first_error: None,
         }
@@ -208,6 +220,7 @@ impl Transition {
         self.since = now;
         (self.loaded, self.inquiring) = (false, false);
         self.good = 0;
+        self.short = None;
         None
     }
 
@@ -290,7 +303,8 @@ impl Transition {
             }
             return self.go_on(view.now);
         }
-        if self.step == Step::StartTime && view.members.iter().any(|member| sync0(member.sync).is_some()) {
+        if self.step == Step::StartTime && view.members.iter().any(|member| Sync0::of(member.sync).is_some())
+        {
             let Some(clock) = view.clock else {
                 let after = view.now - self.since;
                 if after < self.options.settle_timeout {
@@ -298,12 +312,13 @@ impl Transition {
                 }
                 return self.fail(TransitionError::ClockSilent { after }, view.now);
             };
+            self.armed = clock;
             self.first_sync = clock + self.options.sync_margin;
         }
         let optional = self.step == Step::CyclicControl;
         view.batch.begin(if optional { 2 } else { ATTEMPTS });
-        for member in view.members {
-            if let Some(access) = self.access(member) {
+        for (member, turn) in view.members.iter().zip(view.turns) {
+            if let Some(access) = self.access(member, *turn, view.cycle) {
                 view.batch.add(member.position, member.station, access);
             }
         }
@@ -311,7 +326,7 @@ impl Transition {
         if view.batch.is_finished() { self.go_on(view.now) } else { Some(Progress::Going) }
     }
 
-    fn access(&mut self, member: &Member) -> Option<Access> {
+    fn access(&mut self, member: &Member, turn: Turn, cycle: u64) -> Option<Access> {
         if let Step::Ask(state) = self.step {
             // On the way back errors are acknowledged by the way, for a SubDevice in error obeys nothing else.
             let acknowledge = if self.goal == Goal::Op { 0 } else { AlState::ERROR };
@@ -323,19 +338,23 @@ impl Transition {
             let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;
             return Some(Access::write(register, &[u8::from(self.goal == Goal::Op)]));
         }
-        let (cycle_ns, shift_ns) = sync0(member.sync)?;
+        let sync0 = Sync0::of(member.sync)?;
         Some(match self.step {
             Step::SyncOff => Access::write(register::DC_ACTIVATION, &[0]),
             Step::CyclicControl if member.cyclic_control == CyclicControl::Write => {
                 Access::write(register::DC_CYCLIC_CONTROL, &[0])
             }
-            Step::Sync0Cycle => Access::write(register::DC_SYNC0_CYCLE, &cycle_ns.to_le_bytes()),
+            Step::Sync0Cycle => Access::write(register::DC_SYNC0_CYCLE, &sync0.cycle_ns.to_le_bytes()),
             Step::Sync1Cycle => {
                 let DcConfig::Sync0And1 { sync1_cycle_ns, .. } = member.sync else { return None };
                 Access::write(register::DC_SYNC1_CYCLE, &sync1_cycle_ns.to_le_bytes())
             }
             Step::StartTime => {
-                let bytes = start_time(self.first_sync, cycle_ns, shift_ns).0.to_le_bytes();
+                let start = sync0.start(turn, cycle, self.armed, self.options.sync_margin);
+                if turn != Turn::EACH_CYCLE {
+                    self.first_sync = self.first_sync.max(start);
+                }
+                let bytes = start.0.to_le_bytes();
                 let length = if member.clock == Some(DcWidth::Bits32) { 4 } else { 8 };
                 Access::write(register::DC_START_TIME, &bytes[..length])
             }
@@ -378,6 +397,7 @@ impl Transition {
     }
 
     fn settle(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
+        let slowest = view.turns.iter().map(|turn| u32::from(turn.every)).max().unwrap_or(1);
         // Who takes process data in OP alone doesn't count in SAFE-OP.
         let are_some_off =
             state == AlState::SafeOp && view.members.iter().any(|member| !member.op_only.is_empty());
@@ -386,24 +406,28 @@ impl Transition {
             Exchange::ShortCount { .. } => are_some_off,
             _ => false,
         };
+        if let Exchange::ShortCount { frame, datagram, expected, received } = view.exchange {
+            self.short = Some(TransitionError::ProcessData { frame, datagram, expected, received });
+        } else if self.good > slowest {
+            self.short = None;
+        }
         self.good = if is_good { self.good + 1 } else { 0 };
         let synced = match (state, view.clock) {
             (AlState::SafeOp, Some(clock)) => clock >= self.first_sync,
             _ => true,
         };
-        if self.good >= self.options.settle_cycles && synced {
+        if self.good >= self.options.settle_cycles.max(slowest) && synced {
             return self.go_on(view.now);
         }
         let after = view.now - self.since;
         if after < self.options.settle_timeout {
             return Some(Progress::Going);
         }
-        if let Exchange::ShortCount { frame, datagram, expected, received } = view.exchange {
+        if let Some(error) = self.short.filter(|_| !matches!(view.exchange, Exchange::Lost { .. })) {
             // Some SubDevices take outputs in OP only: whether they do is theirs to judge.
             if state == AlState::SafeOp {
                 return self.go_on(view.now);
             }
-            let error = TransitionError::ProcessData { frame, datagram, expected, received };
             return self.fail(error, view.now);
         }
         let error = match view.exchange {
@@ -412,24 +436,6 @@ impl Transition {
         };
         self.fail(error, view.now)
     }
-}
-
-/// Cycle and shift of SYNC0, ns.
-pub(super) fn sync0(sync: DcConfig) -> Option<(u32, i32)> {
-    match sync {
-        DcConfig::Off => None,
-        DcConfig::Sync0 { cycle_ns, shift_ns } | DcConfig::Sync0And1 { cycle_ns, shift_ns, .. } => {
-            (cycle_ns > 0).then_some((cycle_ns, shift_ns))
-        }
-    }
-}
-
-/// The first multiple of the cycle, plus the shift, that isn't before `earliest`.
-pub(super) fn start_time(earliest: DcTime, cycle_ns: u32, shift_ns: i32) -> DcTime {
-    let cycle = u64::from(cycle_ns);
-    let shift = i64::from(shift_ns).rem_euclid(cycle as i64) as u64;
-    let periods = earliest.0.saturating_sub(shift).div_ceil(cycle);
-    DcTime(periods.saturating_mul(cycle).saturating_add(shift))
 }
 
 fn refused(items: &[Item]) -> Option<TransitionError> {
@@ -477,15 +483,6 @@ fn programmed(member: &Member) -> Programmed {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_first_sync_is_a_multiple_of_the_cycle_plus_the_shift_and_not_too_early() {
-        assert_eq!(start_time(DcTime(1_000_001), 1_000_000, 0), DcTime(2_000_000));
-        assert_eq!(start_time(DcTime(1_000_000), 1_000_000, 0), DcTime(1_000_000));
-        assert_eq!(start_time(DcTime(1_200_001), 1_000_000, 200_000), DcTime(2_200_000));
-        assert_eq!(start_time(DcTime(1_000_000), 1_000_000, -200_000), DcTime(1_800_000));
-        assert_eq!(start_time(DcTime(0), 125_000, 0), DcTime(0));
-    }
 
     #[test]
     fn bit_31_of_the_time_difference_is_its_sign() {

@@ -1,9 +1,10 @@
 //! Which cycle the frames of a plan fit into: their time on the cable, and their way through all chips and back.
 
+use alloc::collections::BTreeMap;
 use core::fmt;
 use core::time::Duration;
 
-use super::ImagePlan;
+use super::{FramePlan, ImagePlan, Turn};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME, MIN_FRAME};
 
 /// Preamble, checksum and the silence between frames, bytes.
@@ -23,7 +24,7 @@ const SHARE: (u64, u64) = (9, 10);
 /// What the frames of a cycle need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleFit {
-    /// Frames with process data.
+    /// Frames with process data in the fullest cycle.
     pub frames: usize,
     /// All frames of a busy cycle one behind the other on the cable: process data, a mailbox, accesses to registers.
     pub wire: Duration,
@@ -61,20 +62,39 @@ impl fmt::Display for CycleFit {
     }
 }
 
+/// Frames and bytes of a cycle in which it is the turn of `one`: of each rate the most that can go beside it.
+fn beside(one: Turn, turns: &BTreeMap<Turn, (usize, usize)>) -> (usize, usize) {
+    let mut most: BTreeMap<u16, (usize, usize)> = BTreeMap::new();
+    let met = turns.iter().filter(|(turn, _)| turn.meets(one));
+    for (turn, (frames, bytes)) in met.filter(|(turn, _)| turn.every != one.every || **turn == one) {
+        let rate = most.entry(turn.every).or_default();
+        *rate = (rate.0.max(*frames), rate.1.max(*bytes));
+    }
+    most.values().fold((0, 0), |(frames, bytes), rate| (frames + rate.0, bytes + rate.1))
+}
+
 impl ImagePlan {
     /// Which cycle fits, for so many SubDevices; `propagation` as [`crate::Bus::propagation`] measured it.
     pub fn fit(&self, subdevices: usize, propagation: Option<Duration>) -> CycleFit {
         let on_wire = |bytes: usize| bytes.max(MIN_FRAME) + WIRE_OVERHEAD;
-        let planned = self.frames.iter().map(|frame| {
+        let length = |frame: &FramePlan| {
             let spare = if frame.carries_spare { self.spare_length + DATAGRAM_OVERHEAD } else { 0 };
             let data: usize = frame.datagrams.iter().map(|one| one.length + DATAGRAM_OVERHEAD).sum();
             on_wire(FIRST_DATAGRAM + data + spare)
-        });
+        };
+        let mut turns: BTreeMap<Turn, (usize, usize)> = BTreeMap::new();
+        for frame in &self.frames {
+            let (frames, bytes) = turns.entry(frame.turn).or_default();
+            (*frames, *bytes) = (*frames + 1, *bytes + length(frame));
+        }
+        let slow = turns.keys().filter(|turn| **turn != Turn::EACH_CYCLE);
+        let fullest = slow.map(|turn| beside(*turn, &turns)).max_by_key(|(_, bytes)| *bytes);
+        let (frames, planned) = fullest.unwrap_or_else(|| beside(Turn::EACH_CYCLE, &turns));
         let accesses = (subdevices * ACCESS).min(ACCESS_FRAMES * MAX_FRAME);
-        let bytes = planned.sum::<usize>() + on_wire(FIRST_DATAGRAM + accesses);
+        let bytes = planned + on_wire(FIRST_DATAGRAM + accesses);
         let estimate = Duration::from_nanos(subdevices as u64 * ESTIMATE_NS);
         CycleFit {
-            frames: self.frames.len(),
+            frames,
             wire: Duration::from_nanos(bytes as u64 * BYTE_NS),
             propagation: propagation.unwrap_or(estimate),
             is_measured: propagation.is_some(),

@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::{ClockUse, ImagePlan, Member, Placement, Region, Transport};
+use super::{ClockUse, ImagePlan, Member, Placement, Region, Transport, Turn};
 use crate::subdevice::{DcWidth, Direction};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME};
 use crate::wire::{Address, Command, register};
@@ -84,6 +84,8 @@ impl DatagramPlan {
 /// One frame of the cycle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FramePlan {
+    /// In which cycles it goes.
+    pub turn: Turn,
     /// Its datagrams in order.
     pub datagrams: Vec<DatagramPlan>,
     /// Whether the datagram of acyclic work is appended to this frame when there is one.
@@ -143,6 +145,8 @@ struct Filling<'a> {
     /// Bytes kept free at the end of the first frame.
     reserved: usize,
     plan: &'a ImagePlan,
+    /// In which cycles what is carried goes.
+    turn: Turn,
 }
 
 impl Filling<'_> {
@@ -163,7 +167,7 @@ impl Filling<'_> {
                 let room = self.room().saturating_sub(overhead);
                 let fits_elsewhere = whole <= CAPACITY - DATAGRAM_OVERHEAD;
                 if whole > room && (fits_elsewhere || room == 0) {
-                    self.frames.push(FramePlan::default());
+                    self.frames.push(FramePlan { turn: self.turn, ..FramePlan::default() });
                     open = false;
                     continue;
                 }
@@ -179,6 +183,29 @@ impl Filling<'_> {
                     add_touches(datagram, &piece.touches, self.plan.transport);
                 }
                 start = end;
+            }
+        }
+    }
+}
+
+impl Filling<'_> {
+    /// Carries everything of one turn.
+    fn carry_all(&mut self, turn: Turn) {
+        let plan = self.plan;
+        let all = |way: Option<Direction>| -> Vec<&Placement> {
+            let of_turn = plan.placements.iter().filter(|one| plan.turns[usize::from(one.position)] == turn);
+            of_turn.filter(|one| way.is_none_or(|way| one.direction == way)).collect()
+        };
+        match plan.transport {
+            Transport::Combined => {
+                let pieces = pieces(&mut all(None), plan.transport);
+                self.carry(pieces, Command::Lrw, plan.outputs, |offset| Role::Both { offset });
+            }
+            Transport::Separate => {
+                let outputs = pieces(&mut all(Some(Direction::Outputs)), plan.transport);
+                self.carry(outputs, Command::Lwr, plan.outputs, |offset| Role::Outputs { offset });
+                let inputs = pieces(&mut all(Some(Direction::Inputs)), plan.transport);
+                self.carry(inputs, Command::Lrd, plan.inputs, |offset| Role::Inputs { offset });
             }
         }
     }
@@ -204,21 +231,17 @@ pub(super) fn plan(plan: &ImagePlan, members: &[Member]) -> Vec<FramePlan> {
         first.datagrams.push(clock);
     }
     let reserved = STATUS_LENGTH + DATAGRAM_OVERHEAD;
-    let mut filling = Filling { frames: vec![first], reserved, plan };
-    let all = |way: Option<Direction>| -> Vec<&Placement> {
-        plan.placements.iter().filter(|placement| way.is_none_or(|way| placement.direction == way)).collect()
-    };
-    match plan.transport {
-        Transport::Combined => {
-            let pieces = pieces(&mut all(None), plan.transport);
-            filling.carry(pieces, Command::Lrw, plan.outputs, |offset| Role::Both { offset });
+    let mut filling = Filling { frames: vec![first], reserved, plan, turn: Turn::EACH_CYCLE };
+    let mut turns = plan.turns.clone();
+    turns.push(Turn::EACH_CYCLE);
+    turns.sort();
+    turns.dedup();
+    for turn in turns {
+        if turn != filling.turn {
+            filling.turn = turn;
+            filling.frames.push(FramePlan { turn, ..FramePlan::default() });
         }
-        Transport::Separate => {
-            let outputs = pieces(&mut all(Some(Direction::Outputs)), plan.transport);
-            filling.carry(outputs, Command::Lwr, plan.outputs, |offset| Role::Outputs { offset });
-            let inputs = pieces(&mut all(Some(Direction::Inputs)), plan.transport);
-            filling.carry(inputs, Command::Lrd, plan.inputs, |offset| Role::Inputs { offset });
-        }
+        filling.carry_all(turn);
     }
     let mut frames = filling.frames;
     let mut status =
@@ -232,9 +255,9 @@ pub(super) fn plan(plan: &ImagePlan, members: &[Member]) -> Vec<FramePlan> {
         }
     }
     let spare = plan.spare_length + DATAGRAM_OVERHEAD;
-    if let Some(frame) =
-        frames.iter_mut().rev().find(|frame| frame.bytes() + spare <= MAX_FRAME - FIRST_DATAGRAM)
-    {
+    let goes_always = |frame: &&mut FramePlan| frame.turn == Turn::EACH_CYCLE;
+    let fits = |frame: &&mut FramePlan| frame.bytes() + spare <= MAX_FRAME - FIRST_DATAGRAM;
+    if let Some(frame) = frames.iter_mut().rev().filter(goes_always).find(fits) {
         frame.carries_spare = true;
     }
     frames

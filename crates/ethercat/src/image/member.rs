@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use crate::config::{CyclicControl, DcConfig, LrwPermission};
+use crate::config::{CyclicControl, DcConfig, Every, LrwPermission};
 use crate::mailbox::Mailbox;
 use crate::subdevice::{DcWidth, Direction, MailboxConfig, SubDevice, SyncManager};
 
@@ -39,6 +39,8 @@ pub struct Member {
     pub lrw: LrwPermission,
     /// Its process data.
     pub areas: Vec<Area>,
+    /// In which cycles these go.
+    pub every: Every,
     /// Its mailbox, where it speaks CoE.
     pub mailbox: Option<MailboxConfig>,
     /// SyncManagers that are switched on between SAFE-OP and OP.
@@ -85,6 +87,7 @@ impl From<&SubDevice> for Member {
             station: subdevice.station_address,
             lrw: if subdevice.lrw_allowed { LrwPermission::Allowed } else { LrwPermission::Barred },
             areas: areas.collect(),
+            every: subdevice.config.every,
             mailbox: subdevice.mailbox.filter(MailboxConfig::speaks_coe),
             op_only: subdevice.sync_managers.iter().filter_map(SyncManager::op_only).collect(),
             clock: subdevice.dc.map(|dc| dc.width),

@@ -1,5 +1,5 @@
 use super::*;
-use crate::config::{CyclicControl, DcConfig};
+use crate::config::{CyclicControl, DcConfig, Every};
 use crate::subdevice::{DcWidth, MailboxConfig, MemoryArea};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME};
 use crate::wire::{Address, Command};
@@ -23,6 +23,7 @@ fn member(position: u16, outputs: u32, inputs: u32) -> Member {
         lrw: LrwPermission::Barred,
         areas,
         mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        every: Every::CYCLE,
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,
@@ -184,4 +185,71 @@ fn a_32_bit_reference_clock_is_distributed_with_four_bytes_and_steering_adds_a_w
     let plan = ImagePlan::new(&all, ClockUse::Steer { reference: 0 }).unwrap();
     let first: Vec<_> = plan.frames[0].datagrams.iter().take(2).map(|d| (d.command, d.length)).collect();
     assert_eq!(first, [(Command::Fpwr, 4), (Command::Frmw, 4)]);
+}
+
+fn slow(mut member: Member, every: u16) -> Member {
+    member.every = Every::nth(every).unwrap();
+    member
+}
+
+/// Frames that go in a cycle, and the bytes of their datagrams.
+fn going(plan: &ImagePlan, cycle: u64) -> (usize, usize) {
+    let due = plan.frames.iter().filter(|frame| frame.turn.is_due(cycle));
+    let bytes = |frame: &FramePlan| frame.datagrams.iter().map(|one| one.length).sum::<usize>();
+    due.fold((0, 0), |(frames, all), frame| (frames + 1, all + bytes(frame)))
+}
+
+#[test]
+fn slow_ones_are_spread_over_the_cycles_and_counted_where_they_go() {
+    let mut all = members(3, 200, 240);
+    all.extend((3..11).map(|position| slow(member(position, 64, 64), 4)));
+    all.extend((11..14).map(|position| slow(member(position, 3, 5), 6)));
+    let plan = ImagePlan::new(&all, CLOCK).unwrap();
+    // Two of eight in each of four phases; three of the others where the fewest bytes of them go.
+    for cycle in 0..24 {
+        assert!(going(&plan, cycle).0 <= 3, "cycle {cycle}: {:?}", going(&plan, cycle));
+    }
+    let all_day: usize = (0..12).map(|cycle| going(&plan, cycle).0).sum();
+    assert_eq!(all_day, 12 + 4 * 3 + 3 * 2);
+    assert_eq!(plan.frames[0].turn, Turn::EACH_CYCLE);
+    let spare = plan.frames.iter().find(|frame| frame.carries_spare).unwrap();
+    assert_eq!(spare.turn, Turn::EACH_CYCLE);
+    for frame in &plan.frames {
+        for datagram in frame.datagrams.iter().filter(|one| !one.touches.is_empty()) {
+            let turn = |position: u16| plan.turns[usize::from(position)];
+            assert!(datagram.touches.iter().all(|touch| turn(touch.position) == frame.turn));
+            assert_eq!(usize::from(datagram.expected), datagram.touches.len());
+        }
+    }
+    // No byte is of two turns, also where bits are mapped.
+    let bytes: Vec<_> =
+        plan.placements.iter().map(|one| (one.direction, one.bytes(), one.position)).collect();
+    for (way, bytes_of, one) in &bytes {
+        for (other_way, others, other) in &bytes {
+            let same_turn = plan.turns[usize::from(*one)] == plan.turns[usize::from(*other)];
+            assert!(
+                same_turn || way != other_way || bytes_of.end <= others.start || others.end <= bytes_of.start
+            );
+        }
+    }
+}
+
+#[test]
+fn slow_ones_make_the_shortest_cycle_shorter() {
+    let fit = |every: u16| {
+        let mut all = members(3, 200, 240);
+        all.extend((3..63).map(|position| slow(member(position, 400, 400), every)));
+        ImagePlan::new(&all, CLOCK).unwrap().fit(all.len(), None)
+    };
+    let (fast, slow) = (fit(1), fit(10));
+    assert_eq!((fast.frames, slow.frames), (5, 2));
+    assert!(slow.wire < fast.wire / 2, "{slow} against {fast}");
+    // Rates without a common divisor meet in some cycle.
+    let mut all = members(1, 8, 8);
+    all.extend([(1, 2), (2, 3), (3, 5)].map(|(position, every)| slow_of(position, every)));
+    assert_eq!(ImagePlan::new(&all, CLOCK).unwrap().fit(all.len(), None).frames, 4);
+}
+
+fn slow_of(position: u16, every: u16) -> Member {
+    slow(member(position, 8, 8), every)
 }

@@ -4,6 +4,7 @@
 mod echo;
 mod faults;
 mod operation;
+mod rates;
 mod returns;
 mod ring;
 mod runner;

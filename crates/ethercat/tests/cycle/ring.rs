@@ -5,11 +5,12 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use omnibase_ethercat::config::Every;
 use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionOptions};
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::redundant::RedundantLink;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError, RingState};
-use omnibase_ethercat::{Bus, BusOptions, Exchange, ProcessImage};
+use omnibase_ethercat::{Bus, BusOptions, Exchange, ProcessImage, SubDeviceConfig};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile, SimPort, VirtualClock, ring_in_process};
 
 use crate::runner::synchronous;
@@ -49,6 +50,11 @@ struct Ring {
 
 impl Ring {
     fn new(count: usize) -> Self {
+        Ring::of(&synchronous(count, CYCLE))
+    }
+
+    fn of(configs: &[SubDeviceConfig]) -> Self {
+        let count = configs.len();
         let text = format!("[[subdevice]]\nkind = \"servo\"\ncount = {count}\n");
         let mut segment: Segment =
             SegmentFile::parse(&text).unwrap().build(std::path::Path::new(".")).unwrap();
@@ -61,7 +67,7 @@ impl Ring {
         let link = RedundantLink::new(primary, redundant, clock.clone());
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().unwrap();
-        bus.configure(&synchronous(count, CYCLE)).unwrap();
+        bus.configure(configs).unwrap();
         let ready = bus.into_cyclic(ClockDirection::CycleFollowsDc).unwrap();
         let pace =
             Pace { cycle: CYCLE, timeout: CYCLE * 4 / 5, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
@@ -136,6 +142,28 @@ fn each_break_of_a_ring_loses_no_cycle_and_is_located_and_mended() {
         assert_eq!(after.frames_lost, before.frames_lost);
         assert_eq!(ring.statuses(), vec![8; count]);
     }
+}
+
+#[test]
+fn a_break_loses_no_turn_of_slow_ones_either() {
+    let mut configs = synchronous(4, CYCLE);
+    for slow in [1, 3] {
+        let every = Every::nth(4).unwrap();
+        configs[slow] = SubDeviceConfig { every, ..SubDeviceConfig::default() };
+    }
+    let mut ring = Ring::of(&configs);
+    let before = ring.paced.bus().counters();
+    for place in 0..=4 {
+        // In each phase of the slow ones.
+        ring.complete(41, "whole");
+        ring.cable(place, false);
+        ring.complete(41, &format!("break before {place}"));
+        ring.cable(place, true);
+    }
+    let after = ring.paced.bus().counters();
+    assert_eq!(after.working_counter_errors, before.working_counter_errors);
+    assert_eq!(after.frames_lost, before.frames_lost);
+    assert_eq!(ring.statuses(), [8; 4]);
 }
 
 #[test]

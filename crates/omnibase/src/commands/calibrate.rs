@@ -5,7 +5,7 @@ mod figure;
 mod page;
 mod recordings;
 mod table;
-mod write;
+pub(super) mod write;
 
 use crate::Outcome;
 use crate::progress::note;
@@ -168,8 +168,8 @@ const WORST_CHI_SQUARE: f64 = 4.0;
 
 /// What is known beforehand, and how well.
 pub(super) struct Known {
-    build: Build,
-    tolerances: Tolerances,
+    pub(super) build: Build,
+    pub(super) tolerances: Tolerances,
 }
 
 /// Runs the command.

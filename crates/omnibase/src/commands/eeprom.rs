@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
 use omnibase_ethercat::wire::AlState;
-use omnibase_ethercat::wire::sii::{HEADER, Image};
+use omnibase_ethercat::wire::sii::Image;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -163,13 +163,11 @@ fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<O
         "alias {} belongs to SubDevice {others:?} already: none could be found by it; not written",
         arguments.alias
     );
-    let mut image = bus.read_sii_first(position, HEADER)?;
-    ensure!(
-        image[14]
-            == omnibase_ethercat::wire::sii::checksum(image.first_chunk().context("the EEPROM is empty")?),
-        "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
-    );
-    image[8..10].copy_from_slice(&arguments.alias.to_le_bytes());
+    let image = bus.sii_with_alias(position, arguments.alias)?.with_context(|| {
+        format!(
+            "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
+        )
+    })?;
     write_checked(&mut bus, position, image, arguments.backup.as_deref(), output)
 }
 

@@ -4,13 +4,15 @@ mod heard;
 mod lines;
 mod person;
 
+use super::calibrate::{Known, write};
 use crate::Outcome;
 use crate::progress::note;
 use crate::target::{AnyClock, Manners, Port, Target};
 use anyhow::Context;
 use omnibase_ethercat::wire::Link;
+use omnibase_robot::Registry;
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Ended, Guide, Hand, Outside, Record, Step, Wished};
+use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, Step, Wished};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +25,8 @@ use std::path::{Path, PathBuf};
 
 ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar is held, at a tenth of its
 rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal that is gone, stops
-it. Steps: find, jog each wheel (which, which way, how far), enable without moving, emergency stop, parameters, file. What was
+it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
+emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. What was
 found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
@@ -88,26 +91,40 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         Ok((cable.link, clock))
     };
     let mut kept = Ok(());
-    let mut keep = |record: &Record| kept = write_whole(&state, &record.to_json());
+    let mut keep = |record: &Record| kept = write_whole(&state, record.to_json());
     let mut hand: Box<dyn Hand> = if arguments.lines {
         Box::new(lines::Lines::new(BufReader::new(std::io::stdin()), std::io::stdout()))
     } else {
         Box::new(person::Person::default())
     };
-    let mut guide = Guide::new(wished, record, &mut open, Outside { hand: hand.as_mut(), keep: &mut keep })?;
+    let mut back_up = |position: u16, bytes: &[u8]| {
+        let path = beside(&arguments.output, &format!("eeprom-{position}.bin"));
+        // What it held at first is what may be wanted back.
+        if path.exists() { Ok(()) } else { write_whole(&path, bytes).map_err(|error| format!("{error:#}")) }
+    };
+    let outside = Outside { hand: hand.as_mut(), keep: &mut keep, back_up: &mut back_up };
+    let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
     let record = guide.record.clone();
+    let calibrated = if record.takes_calibration { guide.calibrated()? } else { None };
     drop(hand);
-    write_whole(&state, &record.to_json())?;
-    write_whole(&told, &in_words(&record))?;
+    write_whole(&state, record.to_json())?;
+    write_whole(&told, in_words(&record))?;
     kept?;
     match ended? {
-        Ended::Left => {
+        Ended::Left(text) => {
+            if let Some(text) = text {
+                write_whole(&arguments.output, text)?;
+            }
             note(format_args!("left; the same command takes it up again (`{}`)", state.display()));
             Ok(Outcome::Failed)
         }
         Ended::File(text) => {
-            write_whole(&arguments.output, &text)?;
+            let text = match &calibrated {
+                Some(calibrated) => with_wheels(&text, calibrated)?,
+                None => text,
+            };
+            write_whole(&arguments.output, text)?;
             let file = arguments.output.display();
             if !arguments.lines {
                 writeln!(
@@ -116,13 +133,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
                     record.findings.len(),
                     told.display()
                 )?;
-                writeln!(output, "next, still off the ground: omnibase check {file}")?;
                 writeln!(
                     output,
-                    "then the first metre: omnibase run {file} --path robots/moves/forward.dat --interface {} --realtime --set limits.speed_m_s=0.1",
-                    arguments.target
+                    "next: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}"
                 )?;
-                writeln!(output, "then what is left of every measure: omnibase calibrate {file}")?;
             }
             Ok(Outcome::Done)
         }
@@ -157,16 +171,23 @@ fn is_own(file: &Path, before: Option<&Record>) -> anyhow::Result<()> {
 }
 
 /// Writes a file that is whole at every instant: beside its place, and renamed.
-fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
+fn write_whole(path: &Path, text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");
     let write = || {
         let mut file = std::fs::File::create(&beside)?;
-        file.write_all(text.as_bytes())?;
+        file.write_all(text.as_ref())?;
         file.sync_all()?;
         std::fs::rename(&beside, path)
     };
     write().with_context(|| format!("writing `{}`", path.display()))
+}
+
+/// The robot's file with the wheels that a tape found.
+fn with_wheels(text: &str, calibrated: &Calibrated) -> anyhow::Result<String> {
+    let Calibrated { expected, tolerances, solution } = calibrated;
+    let known = Known { build: expected.clone(), tolerances: *tolerances };
+    write::changed(text, &known, solution, &Registry::with_built_in())
 }
 
 /// The record for people.
@@ -205,7 +226,7 @@ mod tests {
 
         let state = beside(&file, "state.json");
         assert_eq!(kept_record(&state).unwrap(), None);
-        write_whole(&state, &left.to_json()).unwrap();
+        write_whole(&state, left.to_json()).unwrap();
         assert_eq!(kept_record(&state).unwrap(), Some(left));
         // Where the new one can't be written the old one stays.
         std::fs::create_dir(folder.path().join("mine.state.json.new")).unwrap();

@@ -4,7 +4,12 @@ use super::{Check, LOST_EXCHANGES_TOLERATED};
 use crate::config::*;
 
 /// The drives' watchdog by default, us: that of the standard after power-on.
-const DRIVE_WATCHDOG_US: u32 = 100_000;
+pub(super) const DRIVE_WATCHDOG_US: u32 = 100_000;
+
+/// The cycle, us; where the file has none, which is a problem of its own, some cycle.
+pub(super) fn cycle_us(table: &BusTable) -> u32 {
+    table.cycle_us.unwrap_or(1000).max(1)
+}
 
 impl Check {
     pub(super) fn bus(&mut self, table: &BusTable, safety: &SafetyTable) -> Option<BusPlan> {

@@ -1,8 +1,9 @@
 //! The SubDevices that drive no wheel: their places, maps and signals.
 
+use super::bus::cycle_us;
 use super::kind_keys::Given;
 use super::subdevices::{self, Claims, parameter};
-use super::{Check, axis};
+use super::{Check, axis, rates};
 use crate::config::find_object as find;
 use crate::config::*;
 use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
@@ -10,8 +11,6 @@ use crate::signals::{MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, SignalLayout, c
 
 pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) -> Option<Vec<DevicePlan>> {
     let (devices, drives) = (&file.device, &file.drive);
-    // Where the file has no period that is a problem of its own.
-    let period_s = f64::from(file.bus.cycle_us.unwrap_or(1000)) * 1e-6;
     let claims = |table: &str, n: usize, [position, alias, identification]: [Option<u16>; 3], name| Claims {
         table: format!("{table}[{n}]"),
         position,
@@ -35,9 +34,7 @@ pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) 
     let resolved: Vec<Option<DevicePlan>> = devices
         .iter()
         .enumerate()
-        .map(|(index, own)| {
-            Device { check, table: format!("device[{index}]"), own, period_s }.resolve(registry)
-        })
+        .map(|(index, own)| Device { check, table: format!("device[{index}]"), own, file }.resolve(registry))
         .collect();
     positions_before_groups(check, file);
     resolved.into_iter().collect()
@@ -83,7 +80,7 @@ struct Device<'a> {
     check: &'a mut Check,
     table: String,
     own: &'a DeviceTable,
-    period_s: f64,
+    file: &'a RobotFile,
 }
 
 impl Device<'_> {
@@ -118,10 +115,12 @@ impl Device<'_> {
         }
         let axis = own.axis.as_ref().map(|axis| {
             let table = self.setting("axis");
-            axis::resolve(self.check, &table, axis, self.period_s)
+            axis::resolve(self.check, &table, axis, f64::from(cycle_us(&self.file.bus)) * 1e-6)
         });
         let (outputs, inputs) = (outputs?, inputs?);
         let group = self.group(place, (&outputs, &inputs));
+        let setting = self.setting("every");
+        let every = rates::resolve(self.check, self.file, (&setting, own), !outputs.is_empty());
         let axis = match axis {
             Some(axis) => Some(axis?),
             None => None,
@@ -142,6 +141,7 @@ impl Device<'_> {
             name: name?,
             place: place?,
             group: group?,
+            every: every?,
             kind: kind.name.to_owned(),
             identity,
             outputs,

@@ -20,6 +20,8 @@ pub struct DevicePlan {
     pub place: BusPlace,
     /// The hot-connect group that it is of; `None` where it has to be there.
     pub group: Option<String>,
+    /// In which cycles its process data go.
+    pub every: bus_config::Every,
     /// Its kind by name.
     pub kind: String,
     /// Who must be there.
@@ -155,6 +157,11 @@ impl DevicePlan {
         bytes(&self.outputs)
     }
 
+    /// Exchanges in a row that it may miss where `tolerated` of its own may be missed.
+    pub fn most_missed(&self, tolerated: u32) -> u32 {
+        tolerated.saturating_add(1).saturating_mul(self.every.cycles().into()) - 1
+    }
+
     fn presence(&self) -> bus_config::Presence {
         self.group.as_deref().map_or_else(Default::default, |group| bus_config::Presence::Group(group.into()))
     }
@@ -178,6 +185,7 @@ impl DevicePlan {
             place: Some(matched(self.place)),
             identity: expected_identity(&self.identity),
             presence: self.presence(),
+            every: self.every,
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             watchdogs,
             // A drive's set points act at the beat of the others.

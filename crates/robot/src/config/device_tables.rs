@@ -24,6 +24,9 @@ pub struct DeviceTable {
     pub identification: Option<u16>,
     /// The hot-connect group that it is of: all of a group are plugged in at the start, or none of it is.
     pub group: Option<String>,
+    /// Its process data go in each n-th cycle of the bus only; default: 1, in every one. Not a drive's.
+    #[schemars(range(min = 1, max = 1000))]
+    pub every: Option<u16>,
     /// What it is; it says which of the keys below are read.
     pub kind: Option<String>,
     /// Vendor that must be there, as `"0x2"`.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use omnibase_cia402::Wanted;
 
 use super::sources::Sources;
-use crate::config::RobotPlan;
+use crate::config::{DevicePlan, RobotPlan};
 use crate::image::ProcessImage;
 use crate::registry::{Made, Registry};
 use crate::signals::{
@@ -26,10 +26,6 @@ pub(crate) struct Peripherals {
     asked: [Option<f64>; MAX_SIGNALS],
     /// What stages tell in this cycle.
     told: Told,
-    /// A part that missed more exchanges in a row is lost, as for the safety chain, however long they took.
-    tolerated: u32,
-    /// Inputs older than this aren't believed, ns: as much as lost exchanges are tolerated.
-    most_age_ns: u64,
 }
 
 /// One of them, and where its signals and bytes stand.
@@ -41,6 +37,10 @@ struct Part {
     output_bytes: Range<usize>,
     /// It is of a hot-connect group: as long as it was never heard it isn't there, and nobody waits for it.
     may_be_absent: bool,
+    /// Where it missed more exchanges in a row it is lost, as for the safety chain, however long they took.
+    tolerated: u32,
+    /// Inputs older than this aren't believed, ns: as much as lost exchanges are tolerated.
+    most_age_ns: u64,
     heard_ns: Option<u64>,
     missed_in_a_row: u32,
 }
@@ -62,6 +62,7 @@ impl Peripherals {
     pub(crate) fn new(plan: &RobotPlan, registry: &Registry) -> Made<Self> {
         let [mut inputs, mut outputs, mut input_bytes, mut output_bytes] = [0; 4];
         let made = registry.make_peripherals(plan)?;
+        let tolerated = |device: &DevicePlan| device.most_missed(plan.safety.lost_exchanges_tolerated);
         let parts = plan.devices.iter().zip(made).take(MAX_DEVICES).map(|(device, peripheral)| Part {
             peripheral,
             inputs: next(&mut inputs, device.input.len()),
@@ -69,6 +70,8 @@ impl Peripherals {
             input_bytes: next(&mut input_bytes, device.input_bytes()),
             output_bytes: next(&mut output_bytes, device.output_bytes()),
             may_be_absent: device.group.is_some(),
+            tolerated: tolerated(device),
+            most_age_ns: u64::from(tolerated(device)).saturating_mul(plan.bus.cycle_ns),
             heard_ns: None,
             missed_in_a_row: 0,
         });
@@ -83,8 +86,6 @@ impl Peripherals {
             on_stop,
             asked: [None; MAX_SIGNALS],
             told: Told::NOTHING,
-            tolerated: plan.safety.lost_exchanges_tolerated,
-            most_age_ns: u64::from(plan.safety.lost_exchanges_tolerated).saturating_mul(plan.bus.cycle_ns),
         })
     }
 
@@ -118,14 +119,14 @@ impl Peripherals {
             } else {
                 part.missed_in_a_row = part.missed_in_a_row.saturating_add(1);
             }
-            if part.heard_ns.is_none() || part.missed_in_a_row > self.tolerated {
+            if part.heard_ns.is_none() || part.missed_in_a_row > part.tolerated {
                 // What was set before a loss doesn't come back with the SubDevice.
                 self.asked[part.outputs.clone()].fill(None);
                 part.peripheral.lost();
             }
             let age_ns = part.heard_ns.map(|heard_ns| time.now_ns.saturating_sub(heard_ns));
             signals.ages_s[device] = age_ns.map_or(f64::INFINITY, |age_ns| age_ns as f64 * 1e-9);
-            if age_ns.is_none_or(|age_ns| age_ns > self.most_age_ns) {
+            if age_ns.is_none_or(|age_ns| age_ns > part.most_age_ns) {
                 continue;
             }
             for (input, value) in part.inputs.clone().zip(values) {
@@ -159,7 +160,9 @@ impl Peripherals {
     pub(crate) fn ask(&mut self, index: u32, value: f64) -> bool {
         let output = index as usize;
         let takes = |part: &Part| {
-            part.outputs.contains(&output) && part.peripheral.takes(output - part.outputs.start, value)
+            part.outputs.contains(&output)
+                && !part.is_absent()
+                && part.peripheral.takes(output - part.outputs.start, value)
         };
         if !value.is_finite() || !self.all.iter().any(takes) {
             return false;
@@ -180,7 +183,8 @@ impl Peripherals {
 
     /// Somebody wants one of them to move.
     pub(crate) fn move_by(&mut self, time: &CycleTime, device: u32, ask: &AxisAsk) -> RequestAnswer {
-        let part = self.all.get_mut(device as usize);
+        // Of what isn't there nothing is known, so nothing of it is moved.
+        let part = self.all.get_mut(device as usize).filter(|part| !part.is_absent());
         part.map_or(RequestAnswer::Refused, |part| part.peripheral.ask(time, ask))
     }
 
@@ -255,10 +259,10 @@ impl Peripherals {
     /// Puts a recorded cycle's inputs back into process data, and what programs sent back on its way.
     pub(crate) fn replay(&mut self, signals: &Signals, inputs: &mut [Vec<u8>]) {
         for (device, (part, bytes)) in self.all.iter().zip(inputs).enumerate() {
-            // Never heard: it wasn't there.
-            let is_there = signals.ages_s[device].is_finite();
+            // Not of this cycle: it wasn't there, or it rested.
+            let was_heard = signals.ages_s[device] == 0.0;
             bytes.clear();
-            if is_there {
+            if was_heard {
                 bytes.extend_from_slice(&signals.input_bytes[part.input_bytes.clone()]);
             }
         }

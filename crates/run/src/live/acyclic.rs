@@ -4,7 +4,7 @@
 //! takes memory for them nor gives any back. Nothing waits for a SubDevice that is away: it is refused at once, so that
 //! nothing asked of the machine as it was happens to it later.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use omnibase_ethercat::cyclic::{AcyclicError, AcyclicRequest, AcyclicWork};
@@ -97,10 +97,15 @@ impl SubDeviceFacts {
     }
 }
 
+/// Bytes of objects, by position and index.
+type Remembered = BTreeMap<(u16, u16), Vec<u8>>;
+
 /// Everybody else's end; clones talk to the same robot, and none of them waits for the cycle.
 #[derive(Clone)]
 pub struct AcyclicLine {
     shared: Arc<Mutex<Asker>>,
+    /// Objects that don't change while it runs: what units are told by.
+    remembered: Arc<Mutex<Remembered>>,
     facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
 }
 
@@ -125,7 +130,8 @@ pub(super) fn acyclic() -> (AcyclicLine, AcyclicEnd) {
     let (back, from_cycle) = RingBuffer::new(MOST);
     let facts = Arc::new(OnceLock::new());
     let asker = Asker { to_cycle, from_cycle, told: VecDeque::new(), next_ticket: 0 };
-    let line = AcyclicLine { shared: Arc::new(Mutex::new(asker)), facts: facts.clone() };
+    let shared = Arc::new(Mutex::new(asker));
+    let line = AcyclicLine { shared, remembered: Arc::default(), facts: facts.clone() };
     (line, AcyclicEnd { inbox, back, under_way: None, facts })
 }
 
@@ -149,6 +155,21 @@ impl AcyclicLine {
         let mut asker = self.asker();
         let at = asker.told.iter().position(|told| told.ticket == ticket)?;
         asker.told.remove(at)
+    }
+
+    /// What was read once; nobody's reading waits for another one's.
+    pub(super) fn remembered(
+        &self,
+        at: (u16, u16),
+        read: impl FnOnce() -> Option<Vec<u8>>,
+    ) -> Option<Vec<u8>> {
+        let known = || self.remembered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(found) = known().get(&at) {
+            return Some(found.clone());
+        }
+        let found = read()?;
+        known().insert(at, found.clone());
+        Some(found)
     }
 
     fn asker(&self) -> MutexGuard<'_, Asker> {

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use omnibase_cia402::{ObjectUnit, SiUnit, unit_of};
 use omnibase_ethercat::cyclic::{AcyclicWork, RegisterAccess};
 use omnibase_ethercat::mailbox::{
     EntryDescription, MailboxRequest, ObjectDescription, ObjectList, Operation, list_indices,
@@ -22,6 +23,9 @@ const ANSWER: Duration = Duration::from_secs(3);
 const LOOK: Duration = Duration::from_millis(2);
 /// Bytes of the longest list of objects: each index there is.
 const LONGEST_LIST: usize = 1 << 17;
+/// What kind of device it is, and the profile of drives in that.
+const DEVICE_TYPE: u16 = 0x1000;
+const DRIVES: u32 = 402;
 /// The longest value that is read.
 const LONGEST: usize = 4096;
 
@@ -58,6 +62,9 @@ pub struct EntryType {
     pub bit_length: u16,
     /// Access bits: 0 to 2 read in PRE-OP, SAFE-OP, OP; 3 to 5 write; 6 and 7 mappable.
     pub access: u16,
+    /// What its number is a number of, where the profile or the drive says it; else empty.
+    #[serde(default)]
+    pub unit: String,
 }
 
 impl ObjectType {
@@ -73,7 +80,25 @@ impl EntryType {
     /// Of what [`Operation::DescribeEntry`] brought; `None` where that is too short.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let EntryDescription { name, data_type, bit_length, access, .. } = EntryDescription::read(bytes)?;
-        Some(EntryType { name: text(name), data_type, bit_length, access })
+        Some(EntryType { name: text(name), data_type, bit_length, access, unit: String::new() })
+    }
+}
+
+/// What an entry's number is a number of, of a drive of the profile CiA 402; empty where nobody says it. `read` gives objects.
+pub fn entry_unit(object: ObjectAddress, mut read: impl FnMut(ObjectAddress) -> Option<Vec<u8>>) -> String {
+    let Some(unit) = unit_of(object.index, object.subindex) else { return String::new() };
+    let mut number = |index| {
+        let bytes = read(ObjectAddress::new(index, 0))?;
+        Some(u32::from_le_bytes(*bytes.first_chunk()?))
+    };
+    if number(DEVICE_TYPE).is_none_or(|kind| kind & 0xFFFF != DRIVES) {
+        return String::new();
+    }
+    match unit {
+        ObjectUnit::Fixed(words) => words.to_owned(),
+        ObjectUnit::Told(by) => {
+            number(by).and_then(SiUnit::from_code).map_or(String::new(), |unit| unit.to_string())
+        }
     }
 }
 
@@ -128,7 +153,12 @@ impl AcyclicLine {
         let operation = Operation::DescribeEntry { object: place.object, value_info: 0 };
         let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
         let bytes = self.mailbox(place.position, request, Permission::Always)?;
-        EntryType::read(&bytes).ok_or_else(|| too_short(place, &bytes))
+        let entry = EntryType::read(&bytes).ok_or_else(|| too_short(place, &bytes))?;
+        let read = |object: ObjectAddress| {
+            let at = (place.position, object.index);
+            self.remembered(at, || self.sdo_read(SdoPlace { object, ..place }).ok())
+        };
+        Ok(EntryType { unit: entry_unit(place.object, read), ..entry })
     }
 
     /// What the SubDevice says of an object; its subindex doesn't count.

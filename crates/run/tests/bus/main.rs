@@ -9,6 +9,7 @@ mod lost;
 mod matrix;
 mod modes;
 mod pose;
+mod rates;
 mod recovery;
 mod resume;
 mod storm;

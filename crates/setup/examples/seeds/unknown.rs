@@ -4,15 +4,17 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 
-use omnibase_ethercat::wire::Link;
+use omnibase_ethercat::wire::{HostTime, Link, LinkError};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
-use omnibase_ethercat_sim::{Fault, Injector, VirtualClock, in_process};
+use omnibase_ethercat_sim::{Fault, Injector, SimLink, VirtualClock, in_process};
 use omnibase_robot::config::RobotPlan;
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::run::{Progress, Setup};
 use omnibase_run::simulated;
-use omnibase_setup::{Answer, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file};
+use omnibase_setup::{
+    Answer, BackUp, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file,
+};
 
 /// What the person begins with: a robot's file whose platform is right.
 pub const BASE: &str = include_str!("../../../../robots/bmm.toml");
@@ -93,6 +95,8 @@ impl Unknown {
 /// The robot on its blocks, as it is wired now.
 struct World {
     robot: Unknown,
+    /// It stands on the floor, not on blocks.
+    on_floor: bool,
     machine: Option<SharedMachine>,
     injector: Option<Injector>,
 }
@@ -101,6 +105,10 @@ struct World {
 struct Person<'a> {
     world: Rc<RefCell<World>>,
     before: [f64; 3],
+    /// Where the platform was then.
+    from: [f64; 3],
+    /// When the key is let go on the floor, once.
+    lets_go_at: Option<u32>,
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
@@ -119,6 +127,24 @@ impl Person<'_> {
         [0, 1, 2].map(|wheel| wheels[wheel].angle_rad)
     }
 
+    /// How far the platform really went since the key was taken, m, m, rad; a turn is one.
+    fn moved(&self) -> [f64; 3] {
+        let pose = self.pose();
+        let (sine, cosine) = self.from[2].sin_cos();
+        let [x_m, y_m] = [pose[0] - self.from[0], pose[1] - self.from[1]];
+        let turned_rad = pose[2] - self.from[2];
+        let round = if self.what.contains("ONCE") { core::f64::consts::TAU } else { 0.0 };
+        let turned_rad = turned_rad - round + core::f64::consts::PI;
+        let turned_rad = turned_rad.rem_euclid(core::f64::consts::TAU) - core::f64::consts::PI + round;
+        [cosine * x_m + sine * y_m, cosine * y_m - sine * x_m, turned_rad]
+    }
+
+    fn pose(&self) -> [f64; 3] {
+        let world = self.world.borrow();
+        let pose = world.machine.as_ref().expect("the segment is open").lock().body().pose();
+        [pose.x_m, pose.y_m, pose.heading_rad]
+    }
+
     /// The wheel that turned most, and how far.
     fn seen(&self) -> (usize, f64) {
         let now = self.angles();
@@ -131,6 +157,8 @@ impl Person<'_> {
 impl Hand for Person<'_> {
     fn ask(&mut self, question: &Question) -> Answer {
         if let Some(answer) = (self.otherwise)(question) {
+            let is_put_down = ["floor", "calibrate"].contains(&question.id.as_str());
+            self.world.borrow_mut().on_floor |= is_put_down;
             if let Answer::Said(said) = &answer {
                 self.asked.push((question.id.clone(), said.clone()));
             }
@@ -148,7 +176,44 @@ impl Hand for Person<'_> {
                 "again".to_owned()
             }
             "parameters" => "write".to_owned(),
-            "stopped" => "yes".to_owned(),
+            "stopped" | "opened" => "yes".to_owned(),
+            "name" => "position".to_owned(),
+            "brake" => "no".to_owned(),
+            "floor" | "calibrate" => "go on".to_owned(),
+            "went" => match question.id.as_str() {
+                "went aside" => "left",
+                "went round" => "round to the left",
+                _ => "ahead",
+            }
+            .to_owned(),
+            // To a millimetre, and a tenth of a degree.
+            "tape" => {
+                let [x_m, y_m, turned_rad] = self.moved();
+                match question.id.split(' ').nth(1) {
+                    Some("x") => format!("{x_m:.3}"),
+                    Some("y") => format!("{y_m:.3}"),
+                    _ => format!("{:.1}", turned_rad.to_degrees()),
+                }
+            }
+            "wheels" => "take".to_owned(),
+            "drive" => "again".to_owned(),
+            "release" => {
+                let world = self.world.borrow();
+                for position in 0..3 {
+                    let release = Fault::Application(ApplicationFault::SafeTorqueOff(false));
+                    world.injector.as_ref().expect("the segment is open").inject(position, release);
+                }
+                "done".to_owned()
+            }
+            "power" => {
+                let world = self.world.borrow();
+                for position in 0..3 {
+                    for fault in [Fault::PowerOff, Fault::PowerOn] {
+                        world.injector.as_ref().expect("the segment is open").inject(position, fault);
+                    }
+                }
+                "done".to_owned()
+            }
             // What the program thinks likely.
             _ => String::new(),
         };
@@ -162,6 +227,7 @@ impl Hand for Person<'_> {
 
     fn take_key(&mut self, what: &str) {
         (self.before, self.cycles, self.what) = (self.angles(), 0, what.to_owned());
+        self.from = self.pose();
     }
 
     fn key(&mut self) -> Key {
@@ -172,6 +238,10 @@ impl Hand for Person<'_> {
                 let stop = Fault::Application(ApplicationFault::SafeTorqueOff(true));
                 world.injector.as_ref().expect("the segment is open").inject(position, stop);
             }
+        }
+        if self.what.contains("the robot") && self.lets_go_at == Some(self.cycles) {
+            self.lets_go_at = None;
+            return Key::LetGo;
         }
         let turns = self.seen().1.abs() / core::f64::consts::TAU;
         if self.what.contains("turns; let go") && turns >= 1.0 { Key::LetGo } else { Key::Beat }
@@ -196,20 +266,88 @@ pub fn set_up(
     robot: &Unknown,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
 ) -> Result<Found, String> {
-    let world = World { robot: robot.clone(), machine: None, injector: None };
+    set_up_in(robot, Circumstances::default(), otherwise, &mut |_, _| Ok(()))
+}
+
+/// As [`set_up`]; in its first drive on the floor the key is let go after so many cycles.
+#[allow(dead_code, reason = "the example lets nothing go")]
+pub fn set_up_letting_go(
+    robot: &Unknown,
+    lets_go_at: u32,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Result<Found, String> {
+    let circumstances = Circumstances { lets_go_at: Some(lets_go_at), ..Circumstances::default() };
+    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
+}
+
+/// As [`set_up`], by drives that remember what is written into their EEPROM, and show it once they were switched off and on.
+/// `back_up` keeps what was there before; whose was kept, or wasn't.
+#[allow(dead_code, reason = "the example writes no EEPROM")]
+pub fn set_up_with_memory(
+    robot: &Unknown,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+    back_up: &mut dyn FnMut(u16) -> Result<(), String>,
+) -> (Result<Found, String>, Vec<u16>) {
+    let circumstances = Circumstances { has_memory: true, ..Circumstances::default() };
+    let mut asked = Vec::new();
+    let found = set_up_in(robot, circumstances, otherwise, &mut |position, bytes| {
+        assert!(bytes.len() >= 128, "the whole of it");
+        asked.push(position);
+        back_up(position)
+    });
+    (found, asked)
+}
+
+/// What else is so.
+#[derive(Clone, Copy, Default)]
+struct Circumstances {
+    lets_go_at: Option<u32>,
+    has_memory: bool,
+}
+
+/// A link that several buses have one after the other.
+struct SharedLink(Rc<RefCell<SimLink>>);
+
+impl Link for SharedLink {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.0.borrow_mut().send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.0.borrow_mut().receive(buffer, deadline)
+    }
+}
+
+fn set_up_in(
+    robot: &Unknown,
+    Circumstances { lets_go_at, has_memory }: Circumstances,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+    mut back_up: BackUp<'_>,
+) -> Result<Found, String> {
+    let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
+    let mut kept: Option<(Rc<RefCell<SimLink>>, VirtualClock)> = None;
     let mut open = move || -> Result<(Box<dyn Link>, VirtualClock), String> {
         let mut world = opened.borrow_mut();
+        if let Some((link, clock)) = &kept {
+            return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
+        }
         let (mut segment, machine) =
-            simulated::segment(&world.robot.plan(true)).map_err(|error| error.to_string())?;
+            simulated::segment(&world.robot.plan(!world.on_floor)).map_err(|error| error.to_string())?;
         (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
         let (link, clock) = in_process(segment);
+        if has_memory {
+            let (link, clock) = kept.get_or_insert((Rc::new(RefCell::new(link)), clock));
+            return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
+        }
         Ok((Box::new(link), clock))
     };
     let mut person = Person {
         world,
         before: [0.0; 3],
+        from: [0.0; 3],
+        lets_go_at,
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),
@@ -221,8 +359,8 @@ pub fn set_up(
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
         let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
         let mut keep = |record: &Record| kept = record.to_json();
-        let mut guide = Guide::new(wished, record, &mut open, Outside { hand: &mut person, keep: &mut keep })
-            .map_err(|error| error.to_string())?;
+        let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
+        let mut guide = Guide::new(wished, record, &mut open, outside).map_err(|error| error.to_string())?;
         let ended = guide.run().map_err(|error| error.to_string())?;
         let record = guide.record.clone();
         if let Ended::File(text) = ended {
@@ -247,8 +385,9 @@ pub fn set_up_with<H: Hand, T>(
     };
     let mut keep = |_: &Record| {};
     let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
-    let mut guide = Guide::new(wished, Record::default(), &mut open, Outside { hand, keep: &mut keep })
-        .expect("the base is right");
+    let mut back_up = |_: u16, _: &[u8]| Ok(());
+    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };
+    let mut guide = Guide::new(wished, Record::default(), &mut open, outside).expect("the base is right");
     let ended = guide.run().map_err(|error| error.to_string());
     let record = guide.record.clone();
     drop(guide);

@@ -17,7 +17,7 @@ use crate::record::{FoundDrive, Turned};
 use crate::turns::{is_seen_as, likely_resolution};
 
 /// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
-const ENABLED_S: f64 = 2.0;
+pub(super) const ENABLED_S: f64 = 2.0;
 const STOPPED_WITHIN_S: f64 = 30.0;
 /// How often drives are jogged again of which several were seen to turn the same wheel.
 const ROUNDS: u32 = 3;
@@ -28,7 +28,7 @@ const CREEP_TURNS: f64 = 0.005;
 
 /// What a drive does while the key is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
+pub(super) enum Motion {
     /// It turns.
     Turns,
     /// It is enabled and stands, at most so long, s.
@@ -104,7 +104,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Each drive is where it was found: another one in its place would be turned for it.
-    fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+    pub(super) fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
         for was in &self.record.drives {
             let one = bus.subdevices().get(usize::from(was.position));
             let found = one.map_or("nobody".to_owned(), |one| {
@@ -120,7 +120,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Turns one drive while its key is held.
-    fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
+    pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let mut operational = self.operational()?;
         let drive = self.record.drives[number].clone();
         let cycle_s = self.wished.cycle.as_secs_f64();
@@ -155,6 +155,21 @@ impl<C: Clock> Guide<'_, C> {
         ));
         (self.keep)(&self.record);
         Ok(jog)
+    }
+
+    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts.
+    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<i64, SetupError> {
+        let mut operational = self.operational()?;
+        let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
+        let Operational { paced, image, maps } = &mut operational;
+        let mut jogger =
+            Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
+        let span = jogger.watch(cycles)?;
+        operational
+            .paced
+            .end(|paced| paced.exchange(&mut operational.image).map(drop))
+            .map_err(|error| in_words(&error))?;
+        Ok(span)
     }
 
     /// Every drive until each wheel has one; `false` where it is left.

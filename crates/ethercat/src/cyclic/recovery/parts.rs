@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::super::transition::sync0;
+use super::super::sync::Sync0;
 use super::SEARCH;
 use crate::config::{CyclicControl, DcConfig};
 use crate::start_up::{Refusal, StartUpStep};
@@ -61,7 +61,7 @@ pub(super) fn is_clock(step: &StartUpStep) -> bool {
 /// SYNC0 (and SYNC1) on; the start time, last but one, is still to be filled in.
 pub(super) fn arming(subdevice: &SubDevice) -> Vec<StartUpStep> {
     let config = &subdevice.config;
-    let Some((cycle_ns, _)) = sync0(config.dc) else { return Vec::new() };
+    let Some(Sync0 { cycle_ns, .. }) = Sync0::of(config.dc) else { return Vec::new() };
     let must = |what, register, data: &[u8]| registers(what, register, data, Refusal::IsError);
     let mut steps = Vec::from([must("SYNC off", register::DC_ACTIVATION, &[0])]);
     if config.cyclic_control == CyclicControl::Write {

@@ -1,6 +1,7 @@
 //! A small segment, frame by frame, and a cycle on it.
 
 use super::*;
+use crate::config::Every;
 use crate::image::{Area, Packing};
 use crate::wire::bytes::put_u16;
 use crate::wire::frame::Datagrams;
@@ -23,6 +24,7 @@ pub fn members(count: u16) -> Vec<Member> {
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
         mailbox: None,
+        every: Every::CYCLE,
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Sync0 { cycle_ns: 1_000_000, shift_ns: 0 },

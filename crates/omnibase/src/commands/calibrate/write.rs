@@ -43,7 +43,12 @@ pub(super) fn write(
 }
 
 /// The text of a robot file with what was found.
-fn changed(text: &str, known: &Known, solution: &Solution, registry: &Registry) -> anyhow::Result<String> {
+pub fn changed(
+    text: &str,
+    known: &Known,
+    solution: &Solution,
+    registry: &Registry,
+) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse().context("reading the robot file as TOML")?;
     let platform = document.get_mut("platform").context("the robot file has no table `platform`")?;
     let Some(platform) = platform.as_table_mut() else {

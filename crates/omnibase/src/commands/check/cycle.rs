@@ -1,6 +1,6 @@
 //! Which cycle a robot's frames fit into, as far as its file tells: lengths of process data, and how many SubDevices.
 
-use omnibase_ethercat::config::{CyclicControl, DcConfig, LrwPermission};
+use omnibase_ethercat::config::{CyclicControl, DcConfig, Every, LrwPermission};
 use omnibase_ethercat::image::{Area, ClockUse, CycleFit, ImagePlan, Member, Packing};
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::sii::PROTOCOL_COE;
@@ -27,11 +27,12 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
 
 /// What its frames need; `None` where they fit into no cycle. The way through the segment is estimated.
 fn fit(plan: &RobotPlan) -> Option<CycleFit> {
-    let drives = plan.drives.iter().map(|drive| (drive.output_bytes(), drive.input_bytes()));
-    let devices = plan.devices.iter().map(|device| (device.output_bytes(), device.input_bytes()));
+    let drives = plan.drives.iter().map(|drive| (drive.output_bytes(), drive.input_bytes(), Every::CYCLE));
+    let devices =
+        plan.devices.iter().map(|device| (device.output_bytes(), device.input_bytes(), device.every));
     let members: Vec<Member> = (0u16..)
         .zip(drives.chain(devices))
-        .map(|(position, (outputs, inputs))| {
+        .map(|(position, (outputs, inputs, every))| {
             let area = |sync_manager, direction, bytes: usize| Area {
                 sync_manager,
                 direction,
@@ -50,6 +51,7 @@ fn fit(plan: &RobotPlan) -> Option<CycleFit> {
                     read: memory(0x1400),
                     protocols: PROTOCOL_COE,
                 }),
+                every,
                 op_only: Vec::new(),
                 clock: Some(DcWidth::Bits64),
                 sync: DcConfig::Off,

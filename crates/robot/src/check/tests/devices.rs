@@ -106,3 +106,30 @@ fn what_a_cycle_cant_hold_is_refused() {
     assert_eq!(value.as_deref(), Some("66 inputs"));
     assert_eq!(limit.as_deref(), Some("at most 64 of all SubDevices and programs together"));
 }
+
+#[test]
+fn what_may_not_be_slow_is_refused_by_name() {
+    let some = |text: &str| Some(text.to_owned());
+    let with = |name: &str, n: u32| (format!("name = \"{name}\""), format!("name = \"{name}\"\nevery = {n}"));
+    // The terminal with the buttons by which the robot stops.
+    let (from, to) = with("buttons", 2);
+    assert_eq!(told(&from, &to, "device[1].every"), (some("2"), some("1")));
+    // One that is written to: 100 ms of watchdog, cycles of 1 ms.
+    let (from, to) = with("lamps", 50);
+    assert_eq!(told(&from, &to, "device[2].every"), (some("50"), some("1 to 49")));
+    let (from, to) = with("supply", 501);
+    assert_eq!(told(&from, &to, "device[3].every"), (some("501"), some("1 to 500")));
+    let (from, to) = with("supply", 0);
+    told(&from, &to, "device[3].every");
+    for (name, n) in [("lamps", 49), ("supply", 500), ("buttons", 1)] {
+        let (from, to) = with(name, n);
+        let plan = check(&IO.replace(&from, &to)).unwrap_or_else(|problems| panic!("{}", show(&problems)));
+        let device = plan.devices.iter().find(|device| device.name == name).unwrap();
+        assert_eq!(u32::from(device.subdevice_config(&plan.bus).every.cycles()), n);
+    }
+    let lift = include_str!("../../../../../robots/bmm_lift.toml")
+        .replace("name = \"lift\"", "name = \"lift\"\nevery = 2");
+    let problems = problems(&lift);
+    let (problem, ..) = found(&problems, "device[1].every");
+    assert_eq!((problem.kind, problem.limit.as_deref()), (ProblemKind::Contradiction, Some("1")));
+}

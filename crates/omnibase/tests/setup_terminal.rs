@@ -1,0 +1,150 @@
+//! A person at a terminal sets a robot up: the real program behind a pseudo-terminal, its keys as a keyboard sends them.
+//!
+//! `script` (util-linux) holds the terminal. Nothing here depends on how fast the machine is: what must not happen is looked for in
+//! the program's own record, and what must happen is waited for.
+
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A keyboard's repeats.
+const REPEAT: Duration = Duration::from_millis(30);
+/// Whoever says nothing for so long is stuck.
+const STUCK: Duration = Duration::from_secs(120);
+
+struct Terminal {
+    script: Child,
+    keyboard: ChildStdin,
+    screen: Arc<Mutex<String>>,
+    /// What of the screen was read.
+    read: usize,
+}
+
+impl Terminal {
+    fn new(output: &Path) -> Self {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        let command = format!(
+            "{} setup sim:{root}/segments/three-servos.toml --robot {root}/robots/bmm.toml -o {}",
+            env!("CARGO_BIN_EXE_omnibase"),
+            output.display()
+        );
+        let mut script = Command::new("script")
+            .args(["-q", "-f", "-e", "-c", &command, "/dev/null"])
+            .env("TERM", "xterm")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("`script` of util-linux");
+        let screen: Arc<Mutex<String>> = Arc::default();
+        let (mut shown, seen) = (script.stdout.take().unwrap(), Arc::clone(&screen));
+        std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(length @ 1..) = shown.read(&mut bytes) {
+                seen.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..length]));
+            }
+        });
+        let keyboard = script.stdin.take().unwrap();
+        Terminal { script, keyboard, screen, read: 0 }
+    }
+
+    /// Whether one of these words came since the last that was waited for.
+    fn seen(&mut self, words: &[&str]) -> Option<String> {
+        let screen = self.screen.lock().unwrap();
+        let found = words.iter().filter_map(|word| Some((screen[self.read..].find(word)?, *word)));
+        let (at, word) = found.min()?;
+        self.read += at + word.len();
+        Some(word.to_owned())
+    }
+
+    /// Waits for one of these words; `beside` is done meanwhile.
+    fn wait(&mut self, words: &[&str], mut beside: impl FnMut(&mut ChildStdin)) -> String {
+        let begun = Instant::now();
+        loop {
+            if let Some(word) = self.seen(words) {
+                return word;
+            }
+            assert!(begun.elapsed() < STUCK, "{words:?} never came:\n{}", self.screen.lock().unwrap());
+            beside(&mut self.keyboard);
+            std::thread::sleep(REPEAT);
+        }
+    }
+
+    fn press(&mut self, keys: &str) {
+        self.keyboard.write_all(keys.as_bytes()).unwrap();
+    }
+}
+
+fn hold(keyboard: &mut ChildStdin) {
+    keyboard.write_all(b" ").unwrap();
+}
+
+/// How each jog ended, for how many cycles the drive was enabled, and how many set points left without a held key.
+fn jogs(output: &Path) -> Vec<(String, u64, u64)> {
+    let state = std::fs::read_to_string(output.with_extension("state.json")).unwrap();
+    let state: serde_json::Value = serde_json::from_str(&state).unwrap();
+    let log = state["log"].as_array().unwrap().iter().filter_map(|line| line.as_str());
+    let number = |line: &str, before: &str| {
+        let (head, _) = line.split_once(before).unwrap();
+        head.rsplit(' ').next().unwrap().parse().unwrap()
+    };
+    log.filter(|line| line.contains("without a held key"))
+        .map(|line| (line.to_owned(), number(line, " cycles, "), number(line, " without a held key")))
+        .collect()
+}
+
+#[test]
+fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("mine.toml");
+    let mut terminal = Terminal::new(&output);
+    terminal.wait(&["hold the key: SubDevice 0 turns"], |_| {});
+
+    // Other keys, Enter, and the bar once with another key behind it: nothing is enabled.
+    terminal.press("xyz\r \rq");
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(jogs(&output).is_empty(), "{:?}", jogs(&output));
+    // Held by repeats until the drive was enabled for a while, then another key; again where the machine was too slow for a keyboard.
+    let choice = "jog it again, or leave it out";
+    let mut has_turned = false;
+    for _ in 0..20 {
+        let begun = Instant::now();
+        terminal.wait(&["which wheel turned", choice], |keyboard| {
+            if begun.elapsed() < Duration::from_secs(3) {
+                hold(keyboard);
+            } else {
+                keyboard.write_all(b"x").unwrap();
+            }
+        });
+        has_turned = jogs(&output).iter().any(|(_, enabled, _)| *enabled > 0);
+        if has_turned {
+            // Enter alone is no answer where there is a choice. What was typed while the drive turned is none either.
+            terminal.press("\n");
+            terminal.wait(&["expected one of"], |_| {});
+            break;
+        }
+        // Keys that are left over from holding are refused as an answer first.
+        terminal.press("\nagain\n");
+        terminal.wait(&["hold the key"], |_| {});
+    }
+    assert!(has_turned, "{:?}", jogs(&output));
+    terminal.press("\nleave\n");
+    terminal.wait(&["the same command takes it up again"], |_| {});
+    let ended = terminal.script.wait().unwrap();
+    assert_eq!(ended.code(), Some(1), "left, not done");
+    for (line, _, unheld) in jogs(&output) {
+        assert_eq!(unheld, 0, "{line}");
+        assert!(line.contains("LetGo") || line.contains("NeverHeld"), "another key ends it: {line}");
+    }
+    assert!(!output.exists(), "no file before its step");
+
+    // Taken up again: who is on the bus isn't looked for anew, and the drive waits for its key.
+    let before = jogs(&output).len();
+    let mut again = Terminal::new(&output);
+    again.wait(&["done before: who is on the bus"], |_| {});
+    again.wait(&["hold the key: SubDevice 0 turns"], |_| {});
+    again.script.kill().unwrap();
+    again.script.wait().unwrap();
+    assert_eq!(jogs(&output).len(), before);
+}

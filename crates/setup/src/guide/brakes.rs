@@ -1,0 +1,78 @@
+//! Brakes: they open while a drive is enabled, and hold while nothing is.
+
+use omnibase_ethercat::wire::Clock;
+
+use super::jogging::{ENABLED_S, Motion};
+use super::{Guide, Leave, SetupError};
+use crate::jog::JogEnd;
+
+/// How long somebody pushes a wheel whose brake shall hold, s.
+const PUSHED_S: f64 = 8.0;
+/// A brake gives by so much of a wheel's turn, its play.
+const PLAY_TURNS: f64 = 0.01;
+
+impl<C: Clock> Guide<'_, C> {
+    /// Each wheel's brake, where it has one; `false` where it is left.
+    pub(super) fn brakes(&mut self) -> Result<bool, SetupError> {
+        for number in 0..self.record.drives.len() {
+            let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            let choices = ["no", "yes"].map(str::to_owned);
+            let text = format!("has the motor of {wheel} a brake?");
+            match self.choose((format!("brake {number}"), text), &choices) {
+                Err(Leave) => return Ok(false),
+                Ok(choice) if choice == "no" => {
+                    self.record.note(format!("{wheel}: no brake"));
+                    continue;
+                }
+                Ok(_) => {}
+            }
+            while !self.brake(number, &wheel)? {
+                let text =
+                    format!("{wheel}: its brake isn't known to hold: test it again, or go on without?");
+                let choices = ["again", "go on"].map(str::to_owned);
+                match self.choose((format!("braked {number}"), text), &choices) {
+                    Err(Leave) => return Ok(false),
+                    Ok(choice) if choice == "go on" => break,
+                    Ok(_) => {}
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Opened by enabling it with a held key, then pushed while nothing is enabled: whether it did both.
+    fn brake(&mut self, number: usize, wheel: &str) -> Result<bool, SetupError> {
+        let what = format!(
+            "hold the key: the brake of {wheel} opens; listen to it. The wheel gets stiff and mustn't move"
+        );
+        let jog = self.jog(number, Motion::Stands(ENABLED_S), &what)?;
+        if jog.end != JogEnd::Longest {
+            self.record.found(format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {:?}", jog.end));
+            return Ok(false);
+        }
+        let choices = ["yes", "no"].map(str::to_owned);
+        let text = format!("did the brake of {wheel} open and close again?");
+        match self.choose((format!("opened {number}"), text), &choices) {
+            Ok(choice) if choice == "yes" => {}
+            Ok(_) => {
+                self.record.found(format!("{wheel}: its brake wasn't heard to open and close"));
+                return Ok(false);
+            }
+            Err(Leave) => return Ok(false),
+        }
+        let text = format!("{wheel}: push and turn it by hand, both ways, for {PUSHED_S} s from Enter on");
+        if self.choose((format!("push {number}"), text), &["done".to_owned()]).is_err() {
+            return Ok(false);
+        }
+        let span = self.watch(number, PUSHED_S)?;
+        let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
+        let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");
+        self.hand.tell(&text);
+        if turns > PLAY_TURNS {
+            self.record.found(text);
+            return Ok(false);
+        }
+        self.record.note(text);
+        Ok(true)
+    }
+}

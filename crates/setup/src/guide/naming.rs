@@ -1,0 +1,139 @@
+//! What each drive is found by wherever it is plugged in: an alias in its EEPROM, or its identification switch.
+
+use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_ethercat::{Bus, BusOptions};
+
+use super::{Guide, Leave, SetupError};
+
+type AnyBus<C> = Bus<Box<dyn Link>, C>;
+
+fn in_words(error: &dyn std::fmt::Display) -> SetupError {
+    SetupError::Bus(error.to_string())
+}
+
+impl<C: Clock> Guide<'_, C> {
+    /// The segment in INIT, everybody looked at.
+    fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        self.are_those_found(&bus)?;
+        Ok(bus)
+    }
+
+    /// A name for each wheel's drive; `false` where it is left. What is written counts once the drives were switched off and on.
+    pub(super) fn name_all(&mut self) -> Result<bool, SetupError> {
+        let mut bus = self.scanned()?;
+        let mut written: Vec<(usize, u16)> = Vec::new();
+        for number in 0..self.record.drives.len() {
+            let drive = self.record.drives[number].clone();
+            let Some(wheel) = drive.wheel.clone() else { continue };
+            let has = bus.subdevices().get(usize::from(drive.position));
+            let (alias, shown) = has.map_or((None, None), |one| (one.alias, one.identification));
+            if let Some(alias) = alias {
+                self.hand.tell(&format!("{wheel}: its drive has alias {alias}"));
+                self.record.drives[number].alias = Some(alias);
+                continue;
+            }
+            let mut choices = vec!["alias".to_owned()];
+            let mut text = format!("{wheel}: write an alias into its drive's EEPROM");
+            if let Some(shown) = shown {
+                choices.push("switch".to_owned());
+                text += &format!(", find it by its switch (it shows {shown})");
+            }
+            choices.push("position".to_owned());
+            text += ", or find it by its position?";
+            match self.choose((format!("name {}", drive.position), text), &choices) {
+                Err(Leave) => return Ok(false),
+                Ok(choice) if choice == "alias" => {}
+                Ok(choice) if choice == "switch" => {
+                    if bus.subdevices().iter().filter(|one| one.identification == shown).count() > 1 {
+                        self.record.found(format!(
+                            "{wheel}: another SubDevice's switch shows the same number: found by position"
+                        ));
+                        continue;
+                    }
+                    self.record.drives[number].identification = shown;
+                    continue;
+                }
+                Ok(_) => continue,
+            }
+            let Ok(alias) = self.free_alias(&bus, number, &written) else { return Ok(false) };
+            if self.write_alias(&mut bus, number, alias)? {
+                written.push((number, alias));
+            }
+        }
+        drop(bus);
+        if written.is_empty() {
+            return Ok(true);
+        }
+        let text = "switch the supply of all drives off, wait until they are dark, and on again".to_owned();
+        if self.choose(("power".to_owned(), text), &["done".to_owned()]).is_err() {
+            return Ok(false);
+        }
+        let bus = self.scanned()?;
+        for (number, alias) in written {
+            let drive = &mut self.record.drives[number];
+            let shown = bus.subdevices()[usize::from(drive.position)].alias;
+            let wheel = drive.wheel.clone().unwrap_or_default();
+            if shown == Some(alias) {
+                drive.alias = Some(alias);
+                self.record.note(format!("{wheel}: its drive shows alias {alias}"));
+            } else {
+                let shown = shown.map_or("none".to_owned(), |alias| alias.to_string());
+                let text = format!(
+                    "{wheel}: alias {alias} was written, its drive shows {shown}: it is found by its position until it was switched off and on"
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
+            }
+        }
+        Ok(true)
+    }
+
+    /// An alias that nobody has, asked for.
+    fn free_alias(&mut self, bus: &AnyBus<C>, number: usize, written: &[(usize, u16)]) -> Result<u16, Leave> {
+        let is_free = |alias: u16| {
+            let is_its = |one: Option<u16>| one == Some(alias);
+            alias > 0
+                && !bus.subdevices().iter().any(|one| is_its(one.alias))
+                && written.iter().all(|(_, other)| *other != alias)
+        };
+        let likely = (number as u16 + 1..=u16::MAX).find(|alias| is_free(*alias)).unwrap_or(u16::MAX);
+        let position = self.record.drives[number].position;
+        loop {
+            let text = "which alias (1 to 65535)?".to_owned();
+            let said = self.number(format!("alias {position}"), text, likely.into())?;
+            let alias = said as u16;
+            if f64::from(alias) == said && is_free(alias) {
+                return Ok(alias);
+            }
+            self.hand.tell(&format!("expected a whole number up to 65535 that nobody has, found {said}"));
+        }
+    }
+
+    /// Writes it, with what was there kept before; whether it stands in the EEPROM.
+    fn write_alias(&mut self, bus: &mut AnyBus<C>, number: usize, alias: u16) -> Result<bool, SetupError> {
+        let position = self.record.drives[number].position;
+        let Some(after) = bus.sii_with_alias(position, alias).map_err(|error| in_words(&error))? else {
+            let text = format!(
+                "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
+            );
+            self.hand.tell(&text);
+            self.record.found(text);
+            return Ok(false);
+        };
+        let before = bus.read_sii(position).map_err(|error| in_words(&error))?;
+        if let Err(error) = (self.back_up)(position, &before) {
+            let text =
+                format!("SubDevice {position}: its EEPROM couldn't be kept, so it isn't written: {error}");
+            self.hand.tell(&text);
+            self.record.found(text);
+            return Ok(false);
+        }
+        bus.write_sii(position, &before, &after).map_err(|error| in_words(&error))?;
+        self.record.note(format!("SubDevice {position}: alias {alias} written into its EEPROM"));
+        (self.keep)(&self.record);
+        Ok(true)
+    }
+}
