@@ -1,13 +1,12 @@
 //! How treads that creep share out what wheels contradict each other by, and what they slip of themselves.
 //!
-//! A contact with force `f` under load `N` slips at `c·|v|·f/N` against the direction of `f` (Carter's law for small forces,
-//! K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. Wheels that say different
-//! things are therefore believed by N/|v| each: that is how much a tread resists. The forces accelerate the platform,
-//! a disc that reaches out to its wheels with its centre of mass over the origin of base, and they overcome the resistance of
-//! rollers, a share of their loads. All of that is in proportion to the mass, so that no mass is needed.
+//! Wheels that say different things are believed by how much their treads resist ([`Treads`]). The forces that treads pass on
+//! accelerate the platform, a disc that reaches out to its wheels with its centre of mass over the origin of base, and they
+//! overcome the resistance of rollers, a share of their loads. All of that is in proportion to the mass, so that no mass is needed.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use omnibase_platform::{Kinematics, PerWheel, Twist2, Wheel, Wrench2};
+use nalgebra::Vector3;
+use omnibase_platform::tread::resistance;
+use omnibase_platform::{Kinematics, PerWheel, Treads, Twist2, Wrench2};
 
 use crate::dataset::Run;
 
@@ -32,10 +31,10 @@ pub struct Tread {
 /// For each step of a run what treads make of it.
 pub fn treads(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> Vec<Tread> {
     let wheels = kinematics.wheels();
-    let count = wheels.len();
-    let loads_m_s2 = loads(wheels).map(|share| share * GRAVITY_M_S2);
+    let treads = Treads::new(wheels);
+    let loads_m_s2 = treads.load_shares().map(|share| share * GRAVITY_M_S2);
     let squares = wheels.iter().map(|wheel| wheel.position_m[0].powi(2) + wheel.position_m[1].powi(2));
-    let gyration_m2 = 0.5 * squares.sum::<f64>() / count as f64;
+    let gyration_m2 = 0.5 * squares.sum::<f64>() / wheels.len() as f64;
     let mut before_s = run.begin_s;
     let moved: Vec<(f64, f64, Twist2)> = run
         .steps
@@ -79,43 +78,13 @@ pub fn treads(run: &Run, kinematics: &Kinematics, roller_resistance: f64) -> Vec
             wrench.fy_n += resisted * across[1];
             wrench.torque_nm += resisted * (x_m * across[1] - y_m * across[0]);
         }
-        let weights = PerWheel::from_fn(count, |at| {
-            let [x_m, y_m] = wheels[at].position_m;
-            let travel_m_s = (vx_m_s - w_rad_s * y_m).hypot(vy_m_s + w_rad_s * x_m).max(HUBS_STAND_M_S);
-            signed_rim_share(&wheels[at]).powi(2) * loads_m_s2[at] / travel_m_s
-        });
+        let weights = treads
+            .resistances([vx_m_s, vy_m_s, w_rad_s], HUBS_STAND_M_S)
+            .map(|resists| GRAVITY_M_S2 * resists);
         let wrench = Vector3::new(wrench.fx_n, wrench.fy_n, wrench.torque_nm);
         let resists = resistance(kinematics.matrix(), &weights);
         let lacking = resists.try_inverse().map_or_else(Vector3::zeros, |gives| gives * wrench * period_s);
         Tread { weights, lacking }
     };
     moved.iter().enumerate().map(tread).collect()
-}
-
-/// How much wheels with these rows and weights resist a motion of the platform, each axis.
-pub(crate) fn resistance(rows: &[[f64; 3]], weights: &PerWheel) -> Matrix3<f64> {
-    let each = rows.iter().zip(weights.iter());
-    each.map(|(row, weight)| Vector3::from(*row) * Vector3::from(*row).transpose() * *weight).sum()
-}
-
-/// Cosine between rolling and force direction.
-fn signed_rim_share(wheel: &Wheel) -> f64 {
-    let ([ux, uy], [ax, ay]) = (wheel.rolling_direction, wheel.force_direction);
-    (ux * ax + uy * ay) / (ux.hypot(uy) * ax.hypot(ay))
-}
-
-/// Each wheel's share of the weight of a body over the origin: the most even one that holds it level.
-fn loads(wheels: &[Wheel]) -> PerWheel {
-    let count = wheels.len();
-    let level =
-        DMatrix::from_fn(3, count, |row, at| if row == 0 { 1.0 } else { wheels[at].position_m[row - 1] });
-    let even = DVector::from_element(count, 1.0 / count as f64);
-    let lacking = DVector::from_column_slice(&[1.0, 0.0, 0.0]) - &level * &even;
-    let gram = &level * level.transpose();
-    let shares = match gram.try_inverse() {
-        Some(inverse) => even.clone() + level.transpose() * inverse * lacking,
-        None => even.clone(),
-    };
-    // A wheel that would be lifted carries next to nothing.
-    PerWheel::from_fn(count, |at| shares[at].max(0.05 / count as f64))
 }

@@ -2,13 +2,15 @@
 //!
 //! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first>]]`: 1000 by default, each of 8 s. Both are chi² over
 //! their degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, 5.4), so
-//! that their means over all worlds lie in the band that is printed at 19 of 20 instants.
+//! that their means over all worlds lie in the band that is printed at 19 of 20 instants. The looks of one world hang together, so
+//! that they leave the band together: what that makes of the mean of all looks, and how often a filter without a fault has so few looks
+//! inside, is told by drawing worlds anew from these (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, 16.4).
 
 use omnibase_fusion::{Filter, Sensor, SensorKind};
 
 #[path = "../tests/filter/world.rs"]
 mod world;
-use world::{PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
+use world::{Chance, PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
 
 /// Instants at which all worlds are looked at, this apart, ms.
 const LOOKS: usize = 40;
@@ -26,8 +28,10 @@ struct Measure {
     kind: Option<SensorKind>,
 }
 
-/// Sums over worlds, look by look.
-type Sums = [[f64; LOOKS]; 4];
+/// What each measure was in a world, look by look.
+type Looks = [[f64; LOOKS]; 4];
+/// How often all worlds are drawn anew.
+const DRAWS: u32 = 1000;
 
 fn main() {
     let mut words = std::env::args().skip(1).map(|word| word.parse().expect("a number"));
@@ -42,16 +46,18 @@ fn main() {
     ];
     println!("{worlds} worlds of {} s each, seen {LOOKS} times\n", LOOKS as u64 * BETWEEN_MS / 1000);
     println!(
-        "| sensors | of | at the end | mean of all looks | 95 % band of a look | looks inside | RMS at the end mm |"
+        "| sensors | of | at the end | mean of all looks, its 95 % band | 95 % band of a look | looks inside | chance of so few | RMS at the end mm |"
     );
-    println!("|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     for (name, sensors) in &sets {
-        let (sums, squares_m2) = all(first..first + worlds, sensors);
+        let (seen, squares_m2) = all(first..first + worlds, sensors);
         let rms_mm = 1e3 * (squares_m2 / worlds as f64).sqrt();
-        for (measure, sums) in measures().iter().zip(&sums) {
+        for (at, measure) in measures().iter().enumerate() {
             let count = measure.kind.map_or(1, |kind| of_kind(sensors, kind).count());
             if count > 0 {
-                print_row((name, measure), sums, worlds as f64 * count as f64, rms_mm);
+                let seen: Vec<[f64; LOOKS]> = seen.iter().map(|looks| looks[at]).collect();
+                let half = 1.96 * (2.0 / measure.freedoms / (worlds * count as u64) as f64).sqrt();
+                print_row((name, measure), &seen, half, rms_mm);
             }
         }
     }
@@ -71,51 +77,78 @@ fn of_kind(sensors: &[Heard], kind: SensorKind) -> impl Iterator<Item = usize> +
     sensors.iter().enumerate().filter(move |(_, (sensor, _))| sensor.kind == kind).map(|(place, _)| place)
 }
 
-fn print_row((set, measure): (&str, &Measure), sums: &[f64; LOOKS], summed: f64, rms_mm: f64) {
-    let means = sums.map(|sum| sum / summed);
-    let half = 1.96 * (2.0 / measure.freedoms / summed).sqrt();
-    let inside = means.iter().filter(|mean| (*mean - 1.0).abs() <= half).count();
+/// The mean over worlds, look by look.
+fn mean<'a>(seen: impl Iterator<Item = &'a [f64; LOOKS]>) -> [f64; LOOKS] {
+    let (mut sums, mut worlds) = ([0.0; LOOKS], 0.0);
+    for looks in seen {
+        for (sum, look) in sums.iter_mut().zip(looks) {
+            *sum += look;
+        }
+        worlds += 1.0;
+    }
+    sums.map(|sum| sum / worlds)
+}
+
+fn of_looks(means: &[f64; LOOKS]) -> f64 {
+    means.iter().sum::<f64>() / LOOKS as f64
+}
+
+fn print_row((set, measure): (&str, &Measure), seen: &[[f64; LOOKS]], half: f64, rms_mm: f64) {
+    let means = mean(seen.iter());
+    let inside = |means: &[f64; LOOKS]| means.iter().filter(|mean| (*mean - 1.0).abs() <= half).count();
+    let found = inside(&means);
+    let mut chance = Chance::new(1);
+    let (mut as_few, mut squares) = (0, 0.0);
+    for _ in 0..DRAWS {
+        let drawn = mean((0..seen.len()).map(|_| &seen[(chance.unit() * seen.len() as f64) as usize]));
+        // As if the true means were 1.
+        let faultless = std::array::from_fn(|look| 1.0 + drawn[look] - means[look]);
+        as_few += u32::from(inside(&faultless) <= found);
+        squares += (of_looks(&faultless) - 1.0).powi(2);
+    }
+    let half_of_all = 1.96 * (squares / f64::from(DRAWS)).sqrt();
     println!(
-        "| {set} | {} | {:.3} | {:.3} | {:.3} to {:.3} | {inside} of {LOOKS} | {rms_mm:.2} |",
+        "| {set} | {} | {:.3} | {:.3}, {:.3} to {:.3} | {:.3} to {:.3} | {found} of {LOOKS} | {:.2} | {rms_mm:.2} |",
         measure.name,
         means[LOOKS - 1],
-        means.iter().sum::<f64>() / LOOKS as f64,
+        of_looks(&means),
+        1.0 - half_of_all,
+        1.0 + half_of_all,
         1.0 - half,
         1.0 + half,
+        f64::from(as_few) / f64::from(DRAWS),
     );
 }
 
-/// All worlds on all cores: sums, and the squares of the distance at the end, m².
-fn all(worlds: std::ops::Range<u64>, sensors: &[Heard]) -> (Sums, f64) {
+/// All worlds on all cores: what was seen in each, and the sum of the squares of the distance at the end, m².
+fn all(worlds: std::ops::Range<u64>, sensors: &[Heard]) -> (Vec<Looks>, f64) {
     let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     std::thread::scope(|scope| {
         let share = |thread| {
             let worlds = worlds.clone();
-            scope.spawn(move || {
-                let mut sums = ([[0.0; LOOKS]; 4], 0.0);
-                for seed in worlds.skip(thread as usize).step_by(threads as usize) {
-                    drive(seed, sensors, &mut sums);
-                }
-                sums
-            })
+            let own = move || {
+                worlds
+                    .skip(thread as usize)
+                    .step_by(threads as usize)
+                    .map(|seed| drive(seed, sensors))
+                    .collect()
+            };
+            scope.spawn(own)
         };
         let workers: Vec<_> = (0..threads).map(share).collect();
-        let mut all = ([[0.0; LOOKS]; 4], 0.0);
-        for worker in workers {
-            let (sums, squares_m2) = worker.join().expect("a thread");
-            for (sum, more) in all.0.iter_mut().flatten().zip(sums.iter().flatten()) {
-                *sum += more;
-            }
-            all.1 += squares_m2;
-        }
-        all
+        let all =
+            workers.into_iter().flat_map(|worker| -> Vec<(Looks, f64)> { worker.join().expect("a thread") });
+        let (seen, squares_m2): (Vec<_>, Vec<_>) = all.unzip();
+        (seen, squares_m2.iter().sum())
     })
 }
 
-fn drive(seed: u64, sensors: &[Heard], (sums, squares_m2): &mut (Sums, f64)) {
+/// One world: what was seen in it, and the square of the distance at the end, m².
+fn drive(seed: u64, sensors: &[Heard]) -> (Looks, f64) {
     let known: Vec<Sensor> = sensors.iter().map(|(sensor, _)| *sensor).collect();
     let mut world = World::new(seed, &known);
     let mut filter = Filter::new(settings(), &known);
+    let mut seen = [[0.0; LOOKS]; 4];
     for look in 0..LOOKS {
         for _ in 0..BETWEEN_MS {
             let motion = world.step();
@@ -127,13 +160,17 @@ fn drive(seed: u64, sensors: &[Heard], (sums, squares_m2): &mut (Sums, f64)) {
                 }
             }
         }
-        for (measure, sums) in measures().iter().zip(sums.iter_mut()) {
-            sums[look] += match measure.kind {
+        for (measure, looks) in measures().iter().zip(&mut seen) {
+            looks[look] = match measure.kind {
                 None => nees(&filter, world.truth),
-                Some(kind) => of_kind(sensors, kind).map(|sensor| filter.verdict(sensor).1).sum(),
+                Some(kind) => {
+                    let each: Vec<f64> =
+                        of_kind(sensors, kind).map(|sensor| filter.verdict(sensor).1).collect();
+                    each.iter().sum::<f64>() / each.len().max(1) as f64
+                }
             };
         }
     }
     let [x, y, _] = error(&filter, world.truth);
-    *squares_m2 += x * x + y * y;
+    (seen, x * x + y * y)
 }

@@ -4,6 +4,7 @@
 //! - [`wheel`]: [`Wheel`], and [`PerWheel`], the values of all wheels on the stack.
 //! - [`layout`]: named layouts, and why a layout cannot be driven.
 //! - [`kinematics`]: [`Kinematics`], between the body and its wheels, for speeds and for forces.
+//! - [`tread`]: [`Treads`], how much each wheel resists, by which wheels that contradict each other share it out.
 //! - [`odometry`]: [`Odometry`], from raw encoder counts to a pose with its covariance.
 //! - [`dynamics`]: [`DynamicsModel`], what a controller believes of mass, inertia and friction.
 //!
@@ -17,6 +18,7 @@ pub mod kinematics;
 pub mod layout;
 pub mod odometry;
 pub mod se2;
+pub mod tread;
 pub mod wheel;
 
 pub use dynamics::{DynamicsError, DynamicsModel, Friction};
@@ -27,4 +29,5 @@ pub use odometry::{
     Regime,
 };
 pub use se2::{BodyStep, Pose2, Twist2, Wrench2, length, wrap_angle_rad};
+pub use tread::Treads;
 pub use wheel::{MAX_WHEELS, PerWheel, Wheel};

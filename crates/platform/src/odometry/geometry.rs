@@ -5,7 +5,9 @@
 //! and its covariance is J·Σ·Jᵀ.
 //!
 //! With R·ω = B·ξ (see [`Kinematics`]), a wheel's row b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u) shows its surface the way b·ξ. Where
-//! the wheel is another one, a step ξ is wrong by B⁺ times what each surface shows wrong, to first order:
+//! the wheel is another one, a step ξ is wrong by B⁺ times what each surface shows wrong, to first order. What four and more
+//! wheels contradict each other by, their treads share out: B⁺ is that of the step's [`Treads`], not of the odometry's own fit,
+//! which differs from it only by what wheels that are as they are said to be never say.
 //!
 //! | error | a wheel's surface shows too much by |
 //! |---|---|
@@ -20,6 +22,7 @@ use super::covariance::CovarianceSettings;
 use crate::kinematics::Kinematics;
 use crate::layout::unit;
 use crate::se2::{BodyStep, Pose2};
+use crate::tread::{Treads, fit};
 use crate::wheel::{MAX_WHEELS, PerWheel};
 
 /// How well the wheels are where and what they are said to be: standard deviations of each wheel by itself.
@@ -42,6 +45,8 @@ impl Default for GeometrySigmas {
 
 /// How many errors a wheel has: radius, direction, lever arm.
 const ERRORS: usize = 3;
+/// A hub that goes less in a step counts as going so far, m.
+const HUB_STANDS_M: f64 = 1e-9;
 
 /// A wheel's part in a wrong step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -58,6 +63,8 @@ struct Part {
 #[derive(Clone, Debug)]
 pub(super) struct GeometryErrors {
     wheels: usize,
+    rows: [[f64; 3]; MAX_WHEELS],
+    treads: Treads,
     parts: [Part; MAX_WHEELS],
     errors: [[Vector3<f64>; ERRORS]; MAX_WHEELS],
 }
@@ -83,7 +90,25 @@ impl GeometryErrors {
                 Vector3::new(0.0, 0.0, sigmas.position_m / cosine),
             ];
         }
-        GeometryErrors { wheels, parts, errors: [[Vector3::zeros(); ERRORS]; MAX_WHEELS] }
+        let mut rows = [[0.0; 3]; MAX_WHEELS];
+        rows[..wheels].copy_from_slice(kinematics.matrix());
+        GeometryErrors {
+            wheels,
+            rows,
+            treads: Treads::new(kinematics.wheels()),
+            parts,
+            errors: [[Vector3::zeros(); ERRORS]; MAX_WHEELS],
+        }
+    }
+
+    /// The body's step per metre of each wheel's surface, as treads share it out in a step; three wheels have nothing to share.
+    fn shared(&self, step: &Vector3<f64>) -> [Vector3<f64>; MAX_WHEELS] {
+        let by_fit = || self.parts.map(|part| part.step);
+        if self.wheels <= 3 {
+            return by_fit();
+        }
+        let resists = self.treads.resistances((*step).into(), HUB_STANDS_M);
+        fit(&self.rows[..self.wheels], &resists).unwrap_or_else(by_fit)
     }
 
     /// Covariance of the matrix that a step is wrong by, row by row: to first order E·ξ with the same E in every step.
@@ -110,8 +135,10 @@ impl GeometryErrors {
         let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
         let step = Vector3::new(step.x_m, step.y_m, step.angle_rad);
         let mut residual_m2 = 0.0;
-        for (part, errors) in self.parts.iter().zip(&mut self.errors).take(self.wheels) {
-            let [x, y, turn] = part.step.into();
+        let shared = self.shared(&step);
+        let parts = self.parts.iter().zip(&shared);
+        for ((part, own), errors) in parts.zip(&mut self.errors).take(self.wheels) {
+            let [x, y, turn] = (*own).into();
             let [x, y] = [cos * x - sin * y, sin * x + cos * y];
             for (error, shown) in errors.iter_mut().zip(&part.shown) {
                 let shown_m = shown.dot(&step);
@@ -142,21 +169,76 @@ impl GeometryErrors {
     ///
     /// What a way of w metres and t radians adds to an error in any direction is no greater than |B⁺ᵢ|·|shown|, and that
     /// no greater than w·|its part for x and y| + t·|its part for the heading|; lengths of vectors of such sums are no
-    /// greater than the sums of their lengths (Minkowski).
+    /// greater than the sums of their lengths (Minkowski). Where wheels are more than three, B⁺ is that of hubs that go alike
+    /// for the first; what it becomes by turning is counted with the second ([`GeometryErrors::by_turning`]).
     pub(super) fn growth(&self, variances: &CovarianceSettings) -> PoseGrowth {
-        let length = |size: fn(&Part, &Vector3<f64>) -> f64| {
-            let parts = self.parts.iter().take(self.wheels);
+        let alike = self.alike();
+        let length = |size: fn(&Vector3<f64>, &Vector3<f64>) -> f64| {
+            let parts = self.parts.iter().zip(&alike).take(self.wheels);
             let squares =
-                parts.flat_map(|part| part.shown.iter().map(move |shown| size(part, shown).powi(2)));
+                parts.flat_map(|(part, step)| part.shown.iter().map(move |shown| size(step, shown).powi(2)));
             squares.sum::<f64>().sqrt()
+        };
+        let (position_per_rad, heading_per_rad) = if self.wheels <= 3 {
+            (length(|step, shown| way_of(step) * shown[2]), length(|step, shown| step[2] * shown[2]))
+        } else {
+            (self.by_turning(way_of), self.by_turning(|step| step[2].abs()))
         };
         PoseGrowth {
             variances: *variances,
-            position_per_m: length(|part, shown| way_of(&part.step) * way_of(shown)),
-            position_per_rad: length(|part, shown| way_of(&part.step) * shown[2]),
-            heading_per_m: length(|part, shown| part.step[2] * way_of(shown)),
-            heading_per_rad: length(|part, shown| part.step[2] * shown[2]),
+            position_per_m: length(|step, shown| way_of(step) * way_of(shown)),
+            position_per_rad,
+            heading_per_m: length(|step, shown| step[2] * way_of(shown)),
+            heading_per_rad,
         }
+    }
+
+    /// B⁺ where all hubs go alike.
+    fn alike(&self) -> [Vector3<f64>; MAX_WHEELS] {
+        let by_fit = || self.parts.map(|part| part.step);
+        if self.wheels <= 3 {
+            return by_fit();
+        }
+        fit(&self.rows[..self.wheels], self.treads.alike()).unwrap_or_else(by_fit)
+    }
+
+    /// What a radian adds at most where treads share out what wheels contradict each other by.
+    ///
+    /// With y what surfaces show wrong, A what B⁺ is where hubs go alike and P = 1 − B·A: B⁺·y = B⁺·y_t + A·y_w + B⁺·P·y_w, of
+    /// which the second is counted per metre. Resistances are those of hubs that go alike times 1 + dᵢ, |dᵢ| ≤ t·|place of the
+    /// hub|/w where they are over their own, so that B⁺·P·y_w = B⁺·d·P·y_w. And whatever resistances are, B⁺ is a mean of
+    /// the inverses of all sets of three wheels (Ben-Tal and Teboulle, *Linear Algebra and its Applications* 139, 1990), so
+    /// that nothing it makes is greater than what one of these does.
+    fn by_turning(&self, size: fn(&Vector3<f64>) -> f64) -> f64 {
+        let alike = self.alike();
+        let arms_m = self.treads.arms_m();
+        // Standard deviation of what each wheel contradicts the others by, per metre.
+        let contradicts = |at: usize| {
+            let row = Vector3::from(self.rows[at]);
+            let squares = (0..self.wheels).flat_map(|other| {
+                let own = f64::from(u8::from(other == at));
+                let share = own - row.dot(&alike[other]);
+                self.parts[other].shown.iter().map(move |shown| (share * way_of(shown)).powi(2))
+            });
+            squares.sum::<f64>().sqrt()
+        };
+        let contradicts: [f64; MAX_WHEELS] =
+            std::array::from_fn(|at| if at < self.wheels { contradicts(at) } else { 0.0 });
+        let of_set = |set: [usize; 3]| {
+            let rows = Matrix3::from_fn(|row, axis| self.rows[set[row]][axis]);
+            let Some(inverse) = rows.try_inverse() else { return 0.0 };
+            let (mut turned_2, mut shared) = (0.0, 0.0);
+            for (column, at) in set.into_iter().enumerate() {
+                let size = size(&inverse.column(column).into_owned());
+                let shown = self.parts[at].shown.iter().map(|shown| (size * shown[2]).powi(2));
+                turned_2 += shown.sum::<f64>();
+                shared += size * arms_m[at] * contradicts[at];
+            }
+            turned_2.sqrt() + shared
+        };
+        let sets = (0..self.wheels)
+            .flat_map(|one| (0..one).flat_map(move |other| (0..other).map(move |third| [one, other, third])));
+        sets.map(of_set).fold(0.0, f64::max)
     }
 }
 
