@@ -5,10 +5,10 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 use crate::call::{Call, CallResult};
-use crate::drive_to::MapSeen;
 use crate::inputs::{InputsNews, SentInputs};
 use crate::planned::Planned;
 use crate::robot_info::API_VERSION;
+use crate::room_seen::MapSeen;
 use crate::routes::Robot;
 use crate::states::{StatesBegin, Wanted};
 use crate::status::{EventSeen, StatusMessage};
