@@ -65,13 +65,13 @@ trait Kind {
     /// Package and name.
     const TYPE: (&'static str, &'static str);
     const NAME: &'static str;
-    fn points(goal: &Self::Goal, here: [f64; 3], about: &About) -> Result<Vec<Point>, String>;
+    fn points(goal: &Self::Goal, here: [f64; 3], facts: &RobotFacts) -> Result<Vec<Point>, String>;
     fn result(ended: &Ended) -> Self::Result;
-    fn feedback(situation: &Situation, end: &Point, about: &About) -> Self::Feedback;
+    fn feedback(situation: &Situation, end: &Point, facts: &RobotFacts) -> Self::Feedback;
 }
 
 /// What never changes.
-struct About {
+struct RobotFacts {
     odom_frame: String,
     limits: Limits,
 }
@@ -85,8 +85,8 @@ impl Kind for FollowPath {
     const TYPE: (&'static str, &'static str) = ("nav2_msgs", "FollowPath");
     const NAME: &'static str = "follow_path";
 
-    fn points(goal: &FollowPathGoal, here: [f64; 3], about: &About) -> Result<Vec<Point>, String> {
-        course::of_path(goal, here, &about.odom_frame, &about.limits)
+    fn points(goal: &FollowPathGoal, here: [f64; 3], facts: &RobotFacts) -> Result<Vec<Point>, String> {
+        course::of_path(goal, here, &facts.odom_frame, &facts.limits)
     }
 
     fn result(ended: &Ended) -> FollowPathResult {
@@ -96,7 +96,7 @@ impl Kind for FollowPath {
         FollowPathResult { result: Empty::default(), error_code, error_msg }
     }
 
-    fn feedback(situation: &Situation, end: &Point, _: &About) -> FollowPathFeedback {
+    fn feedback(situation: &Situation, end: &Point, _: &RobotFacts) -> FollowPathFeedback {
         let [x, y, _] = situation.here;
         let distance_to_goal = (end[1] - x).hypot(end[2] - y) as f32;
         FollowPathFeedback { distance_to_goal, speed: situation.speed_m_s as f32 }
@@ -112,7 +112,11 @@ impl Kind for FollowTrajectory {
     const TYPE: (&'static str, &'static str) = ("control_msgs", "FollowJointTrajectory");
     const NAME: &'static str = "follow_joint_trajectory";
 
-    fn points(goal: &FollowJointTrajectoryGoal, here: [f64; 3], _: &About) -> Result<Vec<Point>, String> {
+    fn points(
+        goal: &FollowJointTrajectoryGoal,
+        here: [f64; 3],
+        _: &RobotFacts,
+    ) -> Result<Vec<Point>, String> {
         course::of_trajectory(goal, here)
     }
 
@@ -122,9 +126,9 @@ impl Kind for FollowTrajectory {
         FollowJointTrajectoryResult { error_code, error_string: ended.clone().err().unwrap_or_default() }
     }
 
-    fn feedback(situation: &Situation, _: &Point, about: &About) -> FollowJointTrajectoryFeedback {
+    fn feedback(situation: &Situation, _: &Point, facts: &RobotFacts) -> FollowJointTrajectoryFeedback {
         FollowJointTrajectoryFeedback {
-            header: Header { frame_id: about.odom_frame.clone(), ..Header::default() },
+            header: Header { frame_id: facts.odom_frame.clone(), ..Header::default() },
             joint_names: course::JOINTS.map(str::to_owned).into(),
             actual: JointTrajectoryPoint {
                 positions: situation.here.into(),
@@ -162,12 +166,12 @@ trait Port {
     fn next_goal(
         &mut self,
         situation: &Situation,
-        about: &About,
+        facts: &RobotFacts,
     ) -> Option<Result<(GoalId, Vec<Point>), String>>;
     /// Whether somebody wants the goal that is followed cancelled; all else is answered.
     fn cancelled(&mut self, now: Option<GoalId>) -> bool;
     fn end(&mut self, id: GoalId, ended: Ended, is_cancelled: bool);
-    fn feedback(&self, id: GoalId, situation: &Situation, end: &Point, about: &About);
+    fn feedback(&self, id: GoalId, situation: &Situation, end: &Point, facts: &RobotFacts);
     fn answer_results(&mut self);
 }
 
@@ -197,11 +201,11 @@ impl<K: Kind> Port for Action<K> {
     fn next_goal(
         &mut self,
         situation: &Situation,
-        about: &About,
+        facts: &RobotFacts,
     ) -> Option<Result<(GoalId, Vec<Point>), String>> {
         let (request, asked) = self.server.receive_goal().ok().flatten()?;
         let points = match situation.phase.as_str() {
-            "holding" | "tracking" => K::points(&asked.goal, situation.here, about),
+            "holding" | "tracking" => K::points(&asked.goal, situation.here, facts),
             other => Err(format!("the robot is {other}")),
         };
         let stamp = RosTime::now();
@@ -262,8 +266,8 @@ impl<K: Kind> Port for Action<K> {
         }
     }
 
-    fn feedback(&self, id: GoalId, situation: &Situation, end: &Point, about: &About) {
-        let _ = self.server.send_feedback(id, K::feedback(situation, end, about));
+    fn feedback(&self, id: GoalId, situation: &Situation, end: &Point, facts: &RobotFacts) {
+        let _ = self.server.send_feedback(id, K::feedback(situation, end, facts));
     }
 
     fn answer_results(&mut self) {
@@ -310,7 +314,7 @@ struct Motion {
 /// Both actions, and the one motion that is followed.
 pub struct Actions {
     ports: Vec<Box<dyn Port>>,
-    about: About,
+    facts: RobotFacts,
     motion: Option<Motion>,
 }
 
@@ -319,7 +323,7 @@ impl Actions {
     pub fn new(ros: &mut Ros, odom_frame: String, limits: Limits) -> anyhow::Result<Actions> {
         let ports: Vec<Box<dyn Port>> =
             vec![Box::new(Action::<FollowPath>::new(ros)?), Box::new(Action::<FollowTrajectory>::new(ros)?)];
-        Ok(Actions { ports, about: About { odom_frame, limits }, motion: None })
+        Ok(Actions { ports, facts: RobotFacts { odom_frame, limits }, motion: None })
     }
 
     fn end(&mut self, ended: Ended) {
@@ -342,7 +346,7 @@ impl Actions {
                     seat.ask(json!({ "do": "end_motion" }), Instant::now())?;
                 }
             }
-            match self.ports[action].next_goal(situation, &self.about) {
+            match self.ports[action].next_goal(situation, &self.facts) {
                 None => {}
                 Some(Err(words)) => refused.push(words),
                 Some(Ok((id, points))) => {
@@ -390,7 +394,7 @@ impl Actions {
         let is_followed = situation.phase == "tracking" && situation.course == "reference";
         if is_followed {
             motion.stage = Stage::Follows(true);
-            self.ports[motion.action].feedback(motion.id, situation, &motion.end, &self.about);
+            self.ports[motion.action].feedback(motion.id, situation, &motion.end, &self.facts);
         } else if was_seen {
             let has_left = situation.is_begun && situation.phase != "stopping";
             match situation.phase.as_str() {

@@ -1,6 +1,6 @@
 //! `omnibase-bridge-ros2`: ROS 2's side of a running robot, in a process of its own.
 //!
-//! - [`desk`]: the thread in which ROS 2's wishes meet the robot; [`command`]: what of `cmd_vel` may move it.
+//! - [`bridge`]: the thread in which ROS 2's wishes meet the robot; [`command`]: what of `cmd_vel` may move it.
 //! - [`states`]: the thread that follows the robot and tells what it does.
 //! - [`messages`]: ROS 2's types. [`node`]: names and quality of service.
 //! - [`watch`]: DDS's threads die without a word; then this process ends, and whoever supervises it starts it anew.
@@ -8,10 +8,10 @@
 
 mod actions;
 mod arguments;
+mod bridge;
 mod clock;
 mod command;
 mod course;
-mod desk;
 mod diagnostics;
 mod loud;
 mod messages;
@@ -29,9 +29,9 @@ use std::sync::mpsc::channel;
 
 use anyhow::Context as _;
 use arguments::Arguments;
+use bridge::Bridge;
 use clap::Parser as _;
 use clock::{Clock, Kind};
-use desk::Desk;
 use node::Ros;
 use omnibase_client::Seat;
 
@@ -77,7 +77,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .spawn(move || tell_end.send(teller.tell()))
         .context("starting a thread")?;
     eprintln!("{} at {} is {} in ROS 2's graph", facts.name, found.place, ros.full_name());
-    Desk {
+    Bridge {
         ros,
         seat,
         commands,

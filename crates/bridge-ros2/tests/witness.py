@@ -293,7 +293,8 @@ def settings_are_parameters(w):
     assert not refused.successful and "speed_factor" in refused.reason, refused
     assert value() == 0.5
     request = SetParametersAtomically.Request(parameters=[double("speed_factor", before)])
-    assert w.call(SetParametersAtomically, "omnibase/set_parameters_atomically", request).result.successful
+    answer = w.call(SetParametersAtomically, "omnibase/set_parameters_atomically", request).result
+    assert answer.successful, answer
     w.until("it is so again", lambda: value() == before)
     w.node.destroy_subscription(hears)
 

@@ -3,10 +3,11 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::oneshot;
@@ -21,6 +22,11 @@ const MOST_FROM_ELSEWHERE: usize = 96;
 const MOST_LOOKING: usize = 32;
 /// Connections on which the token was shown; they give way to nobody.
 const MOST_PROVEN: usize = 64;
+
+/// The longest body that is read at once; a longer one is read where it holds nobody up.
+pub(crate) const READ_AT_ONCE: usize = 4 * 1024;
+/// A page, or a program, that takes nothing for so long is gone.
+pub(crate) const STUCK: Duration = Duration::from_secs(3);
 
 /// Addresses that count as one: an IPv4 address, what one household has of IPv6 (/64), this computer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -265,6 +271,15 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Connection<S> {
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(cx)
     }
+}
+
+/// Who is at the other end, and on which place.
+#[derive(Clone)]
+pub(crate) struct Peer {
+    pub(crate) address: SocketAddr,
+    /// It came by the socket that nobody but the robot's user can open.
+    pub(crate) is_owner: bool,
+    pub(crate) seat: Seat,
 }
 
 #[cfg(test)]

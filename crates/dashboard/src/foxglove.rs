@@ -26,9 +26,8 @@ use serde_json::json;
 use tokio::sync::broadcast::{Receiver, Sender, error::RecvError};
 use tokio::sync::{Semaphore, broadcast};
 
-use crate::routes::Peer;
+use crate::connections::{Peer, STUCK};
 use crate::shared::Shared;
-use crate::socket::STUCK;
 use crate::streams::TICK;
 use crate::work::For;
 

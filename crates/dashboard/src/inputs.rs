@@ -8,8 +8,8 @@ use omnibase_run::live::Stamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::connections::STUCK;
 use crate::shared::Shared;
-use crate::socket::STUCK;
 use crate::status::{Counters, NS_OF_MS};
 use crate::strangers::Allowance;
 

@@ -23,6 +23,7 @@ pub mod openapi;
 mod page;
 mod planned;
 pub mod robot_info;
+mod room_seen;
 mod routes;
 mod server;
 mod shared;

@@ -5,15 +5,13 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 use crate::call::{Call, CallResult};
-use crate::drive_to::MapSeen;
 use crate::inputs::{InputsNews, SentInputs};
 use crate::planned::Planned;
+use crate::robot_info::API_VERSION;
+use crate::room_seen::MapSeen;
 use crate::routes::Robot;
 use crate::states::{StatesBegin, Wanted};
 use crate::status::{EventSeen, StatusMessage};
-
-/// The API's version: the first number changes where a client of before would no longer work.
-pub const VERSION: &str = "1.2.0";
 
 /// Where schemas stand in the description.
 const SCHEMAS: &str = "/components/schemas";
@@ -66,7 +64,7 @@ pub fn description() -> Value {
     json!({
         "openapi": "3.1.0",
         "info": {
-            "title": "omnibase", "version": VERSION,
+            "title": "omnibase", "version": API_VERSION,
             "description": "A running robot: what it is, what it does, and what may be asked of it. SI units.",
             "license": { "name": "MIT OR Apache-2.0", "identifier": "MIT OR Apache-2.0" },
         },
@@ -194,8 +192,8 @@ fn call_answers(result: &Value) -> Value {
 /// The description for people: a page of HTML.
 pub fn page(description: &Value) -> String {
     let mut text = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>omnibase API {VERSION}</title>\
-         <link rel=\"stylesheet\" href=\"/style.css\"><main class=\"api\"><h1>omnibase API {VERSION}</h1>\
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>omnibase API {API_VERSION}</title>\
+         <link rel=\"stylesheet\" href=\"/style.css\"><main class=\"api\"><h1>omnibase API {API_VERSION}</h1>\
          <p>For programs: <a href=\"/api/openapi.json\">/api/openapi.json</a> (OpenAPI 3.1).</p><h2>Addresses</h2><dl>"
     );
     for (path, methods) in description["paths"].as_object().into_iter().flatten() {

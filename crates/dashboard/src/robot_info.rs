@@ -17,6 +17,9 @@ use serde::Serialize;
 use crate::planned::Drawn;
 use crate::streams::Streams;
 
+/// The API's version: the first number changes where a client of before would no longer work.
+pub const API_VERSION: &str = "1.2.0";
+
 /// What a dashboard is told of its robot.
 pub struct RobotInfo {
     /// What its file resolves to.
@@ -155,7 +158,7 @@ impl RobotInfo {
         Facts {
             name: &plan.name,
             version: env!("CARGO_PKG_VERSION"),
-            api: crate::openapi::VERSION,
+            api: API_VERSION,
             simulated: self.known == Known::Truth,
             cycle_s: plan.bus.cycle_ns as f64 * 1e-9,
             body: BodyFacts { mass_kg, inertia_kg_m2, centre_m },

@@ -1,6 +1,5 @@
 //! What can be asked by HTTP.
 
-use std::net::SocketAddr;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,11 +17,11 @@ use serde_json::{Map, Value, json};
 
 use crate::access::{COOKIE, Denied, Right};
 use crate::call::{Call, CallResult, Message};
-use crate::connections::Seat;
-use crate::drive_to::MapSeen;
+use crate::connections::{Peer, READ_AT_ONCE};
 use crate::inputs;
 use crate::openapi;
 use crate::page;
+use crate::room_seen::MapSeen;
 use crate::shared::{SaidNow, Shared, Underway, stamp_of};
 use crate::socket;
 use crate::states::{self, Chosen, Wanted};
@@ -33,21 +32,10 @@ use crate::work::{Busy, For, Waiting};
 const LONGEST_BODY: usize = 256 * 1024;
 /// The longest message of a program that sends inputs, bytes.
 const LONGEST_INPUTS: usize = 16 * 1024;
-/// The longest body that is read at once; a longer one is read where it holds nobody up.
-pub(crate) const READ_AT_ONCE: usize = 4 * 1024;
 /// The longest time that a body may take.
 const BODY: Duration = Duration::from_secs(10);
 /// So long what `/api/now` says is said again.
 const NOW_KEPT: Duration = Duration::from_millis(10);
-
-/// Who is at the other end, and on which place.
-#[derive(Clone)]
-pub(crate) struct Peer {
-    pub(crate) address: SocketAddr,
-    /// It came by the socket that nobody but the robot's user can open.
-    pub(crate) is_owner: bool,
-    pub(crate) seat: Seat,
-}
 
 /// All of it.
 pub(crate) fn all(shared: Shared) -> Router {

@@ -26,9 +26,9 @@ use tokio::sync::oneshot;
 
 use crate::access::Access;
 use crate::call_handler::CallHandler;
-use crate::connections::{Connection, Places};
+use crate::connections::{Connection, Peer, Places};
 use crate::robot_info::RobotInfo;
-use crate::routes::{self, Peer};
+use crate::routes;
 use crate::shared::Shared;
 use crate::status::Counters;
 use crate::tick::tick;

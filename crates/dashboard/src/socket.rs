@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use axum::extract::ws::{Message as Frame, WebSocket};
 use omnibase_run::live::{Asker, Client, Stamp};
@@ -12,7 +11,7 @@ use tokio::sync::mpsc;
 use crate::access::Right;
 use crate::call::{Call, CallResult, Message};
 use crate::call_handler::Reply;
-use crate::routes::READ_AT_ONCE;
+use crate::connections::{READ_AT_ONCE, STUCK};
 use crate::shared::{Shared, stamp_of};
 use crate::status::Counters;
 use crate::strangers::Allowance;
@@ -24,8 +23,6 @@ const MOST_DROPPED: u32 = 5000;
 const WAITING: usize = 32;
 /// The longest message that asks for a stop or its release, bytes.
 const LONGEST_AT_ONCE: usize = 128;
-/// A page, or a program, that takes nothing for so long is gone.
-pub(crate) const STUCK: Duration = Duration::from_secs(3);
 
 #[derive(Serialize)]
 struct Answer {

@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::{self, Receiver, Sender, error::RecvError};
 
 use crate::access::Right;
-use crate::openapi;
+use crate::connections::STUCK;
+use crate::robot_info::API_VERSION;
 use crate::shared::Shared;
-use crate::socket::STUCK;
 use crate::status::{Counters, NS_OF_MS};
 
 /// Between two looks at what the cycle said.
@@ -91,7 +91,7 @@ impl Chosen {
             return Err("signals: none of them is known of this robot".to_owned());
         }
         let begin = StatesBegin {
-            version: openapi::VERSION,
+            version: API_VERSION,
             robot: plan.name.clone(),
             clock_ms: shared.live.clock_ns() as f64 / NS_OF_MS as f64,
             cycle_ms,

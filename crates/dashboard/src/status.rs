@@ -14,7 +14,7 @@ use omnibase_run::live::{Commander, JoystickState, LiveEvent, Snapshot, SourceCo
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::drive_to::WaySeen;
+use crate::room_seen::WaySeen;
 
 /// A stamp's unit, ns.
 pub(crate) const NS_OF_MS: u64 = 1_000_000;

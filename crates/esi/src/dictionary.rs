@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::model::SlotIndex;
 use crate::notes::Notes;
 use crate::pdo::slot_index;
-use crate::read::short;
+use crate::texts::short;
 use crate::xml::Element;
 
 /// Entries of all objects of a device; a device has some thousand.

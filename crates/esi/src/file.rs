@@ -8,7 +8,7 @@ use roxmltree::{Document, ParsingOptions};
 use crate::model::{Device, Module, Vendor};
 use crate::notes::Notes;
 use crate::xml::Element;
-use crate::{read, slots};
+use crate::{read, slots, texts};
 
 /// The largest file that is read, bytes. Makers' largest have some 20 MB.
 pub const SIZE_LIMIT: u64 = 64 << 20;
@@ -126,7 +126,7 @@ impl EsiFile {
         for child in vendor.children() {
             match child.name() {
                 "Id" => self.vendor.id = child.u32(notes),
-                "Name" => read::name(child, &mut self.vendor.name, notes),
+                "Name" => texts::name(child, &mut self.vendor.name, notes),
                 _ => child.skip(notes),
             }
         }

@@ -20,6 +20,7 @@ mod notes;
 mod pdo;
 mod read;
 mod slots;
+mod texts;
 mod xml;
 
 pub use assembly::{Assembly, AssemblyError, Command, CommandSource, Doubt};

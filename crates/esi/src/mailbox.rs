@@ -3,7 +3,7 @@
 use crate::model::{Coe, InitCommand, Mailbox};
 use crate::notes::Notes;
 use crate::pdo::slot_index;
-use crate::read::short;
+use crate::texts::short;
 use crate::xml::{Element, quoted};
 
 /// Longest data of a command, bytes.

@@ -2,7 +2,7 @@
 
 use crate::model::{Pdo, PdoEntry, SlotIndex};
 use crate::notes::Notes;
-use crate::read::{name, short};
+use crate::texts::{name, short};
 use crate::xml::Element;
 
 /// Entries of a PDO: as many as its subindices can count.

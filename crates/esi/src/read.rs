@@ -3,11 +3,10 @@
 use crate::model::{Device, Eeprom, FmmuUse, SmUse, SyncManager, SyncTimes, Timeouts};
 use crate::names::Names;
 use crate::notes::Notes;
+use crate::texts::{name, short};
 use crate::xml::{Element, quoted};
 use crate::{dictionary, mailbox, model, pdo, slots};
 
-/// Longest name that is kept, characters.
-const NAME_LIMIT: usize = 255;
 /// Longest time that a file may give, ms: an hour.
 const TIME_LIMIT_MS: i64 = 3_600_000;
 /// Bytes of configuration data: words 0 to 6 of the EEPROM and, by some makers, more of them.
@@ -17,18 +16,6 @@ const EEPROM_LIMIT: i64 = 1 << 19;
 /// Registers that a file may want written (ETG.2000, element `ESC`).
 const REGISTERS: [(&str, u16); 5] =
     [("Reg0108", 0x0108), ("Reg0400", 0x0400), ("Reg0410", 0x0410), ("Reg0420", 0x0420), ("Reg0204", 0x0204)];
-
-/// The beginning of a text that is kept.
-pub(crate) fn short(text: String) -> String {
-    if text.len() <= NAME_LIMIT { text } else { text.chars().take(NAME_LIMIT).collect() }
-}
-
-/// Adds a name in its language.
-pub(crate) fn name(element: Element, names: &mut Names, notes: &mut Notes) {
-    element.attributes(&["LcId"], notes);
-    let language = element.attribute_number("LcId", 0..=0xFFFF, notes);
-    names.push(language.map(|number| number as u32), short(element.text()));
-}
 
 /// A group: its name in the file, and the English one.
 pub(crate) fn group(element: Element, notes: &mut Notes) -> (String, String) {

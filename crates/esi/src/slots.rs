@@ -2,7 +2,7 @@
 
 use crate::model::{Module, PdoGroup, Slot, Slots};
 use crate::notes::Notes;
-use crate::read::{name, short};
+use crate::texts::{name, short};
 use crate::xml::Element;
 use crate::{dictionary, mailbox, pdo};
 

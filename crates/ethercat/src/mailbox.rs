@@ -9,7 +9,9 @@
 
 mod emergency;
 mod file;
+mod file_access;
 mod info;
+mod outcome;
 mod receive;
 mod request;
 mod sdo;
@@ -31,7 +33,7 @@ use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
 
 pub use emergency::{EmergencyRing, ReceivedEmergency};
-pub use file::{FileAccess, ShortText};
+pub use file_access::{FileAccess, ShortText};
 pub use info::{EntryDescription, ObjectDescription, list_indices};
 pub use request::{
     Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,

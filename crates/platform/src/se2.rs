@@ -235,6 +235,16 @@ impl BodyStep {
     }
 }
 
+/// Setpoint minus pose, in odom, (m, m, rad); the angle the short way round.
+pub fn pose_error(wished: &Pose2, found: &Pose2) -> [f64; 3] {
+    [wished.x_m - found.x_m, wished.y_m - found.y_m, wrap_angle_rad(wished.heading_rad - found.heading_rad)]
+}
+
+/// A twist's numbers, (m/s, m/s, rad/s).
+pub fn axes(twist: &Twist2) -> [f64; 3] {
+    [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

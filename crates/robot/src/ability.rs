@@ -14,15 +14,13 @@ use crate::config::{ControllerTable, DrivePlan, GripPlan, Limits, RobotPlan, mot
 use crate::grip::FirstEstimates;
 use crate::signals::{Dynamics, Setpoint};
 use crate::stages::PlannedFor;
-use crate::traction::{Footing, Traction};
+use crate::traction::{Footing, HEAT_WINDOW_S, Traction};
 
 /// A motion without times of its own keeps this far from the limits, in time, so that catching up has room: without it a setpoint
 /// that lags while all brake overshoots.
 pub(crate) const ROOM: f64 = 1.02;
 /// Part of a wheel's greatest torque that motions are planned with; the rest is the control law's, and what rubs.
 const PLANNED_TORQUE: f64 = 0.9;
-/// A motor bears its rated torque for ever; a motion may ask for this much of it, as the root of the mean square over a window, s.
-pub(crate) const HEAT_WINDOW_S: f64 = 30.0;
 
 /// What a platform can do.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,7 @@ mod speed;
 mod torque_design;
 mod torque_loop;
 
-use omnibase_platform::{PerWheel, Pose2, Twist2, Wrench2, wrap_angle_rad};
+use omnibase_platform::{PerWheel, Wrench2};
 
 use crate::config::Limits;
 use crate::registry::{Kind, Registry, optional};
@@ -14,7 +14,6 @@ use crate::signals::{Commands, Quantity};
 pub use adaptive_torque::AdaptiveTorque;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
 pub use torque_design::TorqueDesign;
-pub(crate) use torque_design::{ESTIMATE_BOUNDS, wheel_kg};
 pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
@@ -67,16 +66,6 @@ fn within_speed(speed: [f64; 3], limits: &Limits) -> ([f64; 3], Correction) {
 enum Correction {
     Whole,
     Cut,
-}
-
-/// Setpoint minus pose, in odom, (m, m, rad); the angle the short way round.
-pub fn pose_error(wished: &Pose2, found: &Pose2) -> [f64; 3] {
-    [wished.x_m - found.x_m, wished.y_m - found.y_m, wrap_angle_rad(wished.heading_rad - found.heading_rad)]
-}
-
-/// A twist's numbers, (m/s, m/s, rad/s).
-pub fn axes(twist: &Twist2) -> [f64; 3] {
-    [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s]
 }
 
 fn wrench(axes: [f64; 3]) -> Wrench2 {

@@ -11,10 +11,9 @@ mod identification;
 pub(crate) mod loads;
 mod sliding;
 
-use omnibase_platform::{Kinematics, PerWheel, Wrench2};
+use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
-use crate::config::{ControllerTable, RobotPlan, find_object};
-use crate::controllers::{ESTIMATE_BOUNDS, axes, wheel_kg};
+use crate::config::{ControllerTable, ESTIMATE_BOUNDS, RobotPlan, find_object, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use friction::{DRY_M_S, WheelFriction};

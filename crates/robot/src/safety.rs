@@ -268,15 +268,6 @@ pub(crate) fn input_forbids(plan: &SafetyPlan, signals: &Signals) -> Option<(Saf
         .or(lacks.map(|input| (SafetyReason::EnableInput, input as u64)))
 }
 
-/// The motors' rated torques at the wheels, N·m.
-pub(crate) fn rated_nm(plan: &RobotPlan) -> [f64; MAX_WHEELS] {
-    let mut rated_nm = [0.0; MAX_WHEELS];
-    for (rated_nm, drive) in rated_nm.iter_mut().zip(&plan.drives) {
-        *rated_nm = drive.scale.rated_torque_nm * drive.scale.gear_ratio;
-    }
-    rated_nm
-}
-
 /// Whether drives carry torque, or soon will.
 fn is_powered(phase: Phase) -> bool {
     !matches!(phase, Phase::Disabled | Phase::Fault)

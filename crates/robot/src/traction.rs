@@ -31,6 +31,7 @@ use footing::LEAST_LOAD;
 use footing::Push;
 use reliance::Reliance;
 use sharing::Rims;
+pub(crate) use warmth::HEAT_WINDOW_S;
 use warmth::Warmth;
 
 /// The part of a friction counted on that accelerations are planned with; the rest is the control law's: its corrections, and

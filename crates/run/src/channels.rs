@@ -19,6 +19,11 @@ const OPERATOR: [&str; 5] = ["commander", "emergency_stop", "blocked_sticks", "j
 const TRUTH: [&str; 6] =
     ["pose_x_m", "pose_y_m", "pose_heading_rad", "twist_x_m_s", "twist_y_m_s", "twist_heading_rad_s"];
 
+/// The key of a reference that was loaded while the robot ran: its table as TOML.
+pub fn reference_key(number: u32) -> String {
+    format!("reference/{number}")
+}
+
 /// Whether the truth is known, and recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {

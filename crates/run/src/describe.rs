@@ -12,11 +12,6 @@ use crate::simulated;
 /// Rectangles of a map that are told at most.
 const MOST_RECTANGLES: usize = 2000;
 
-/// The key of a reference that was loaded while the robot ran: its table as TOML.
-pub fn reference_key(number: u32) -> String {
-    format!("reference/{number}")
-}
-
 /// Everything about a run that doesn't change with its cycles.
 pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
     let plan = &robot.plan;

@@ -9,8 +9,7 @@ use omnibase_robot::signals::{NotARecord, Value};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{ImageBuffer, Problem, Registry, RequestKind, Robot, RobotPlan, StageError};
 
-use crate::channels::{RecordWords, word};
-use crate::describe::reference_key;
+use crate::channels::{RecordWords, reference_key, word};
 use crate::robot_text::from_description;
 
 /// Why a recording can't be computed again.

@@ -48,7 +48,7 @@ pub struct Room {
 
 /// What is asked of a room.
 #[derive(Clone, Debug)]
-pub struct Way<'a> {
+pub struct WayRequest<'a> {
     /// Where the robot stands, in odom.
     pub from: Pose2,
     /// Where it shall stand, in odom.
@@ -190,7 +190,7 @@ impl Room {
     }
 
     /// Everything that is in the way of a way.
-    pub fn space(&self, way: &Way<'_>) -> Result<Space, RoomError> {
+    pub fn space(&self, way: &WayRequest<'_>) -> Result<Space, RoomError> {
         let mut map = match (&self.map, way.fence_m) {
             (Some(map), _) => map.clone(),
             (None, []) => self.open_floor(way)?,
@@ -241,7 +241,7 @@ impl Room {
         way.iter().any(|pose| holds(pose) || self.gap_m(pose, obstacle) < self.guard.distance_m)
     }
 
-    fn open_floor(&self, way: &Way<'_>) -> Result<Map, RoomError> {
+    fn open_floor(&self, way: &WayRequest<'_>) -> Result<Map, RoomError> {
         let ends = [way.from, way.to].map(|pose| [pose.x_m, pose.y_m]);
         let blocked = self.blocked_m();
         let places = || {
@@ -261,7 +261,7 @@ impl Room {
     }
 
     /// The best way, in odom.
-    pub fn plan(&self, way: &Way<'_>, space: &Space) -> Result<Plan, RoomError> {
+    pub fn plan(&self, way: &WayRequest<'_>, space: &Space) -> Result<Plan, RoomError> {
         let cost = match way.best {
             BestWay::Shortest => Cost::Shortest,
             BestWay::Ridge => Cost::Ridge,
@@ -282,7 +282,7 @@ impl Room {
     /// into a motion by all that the robot can do: whoever drives it does, too.
     pub fn timed(
         &self,
-        way: &Way<'_>,
+        way: &WayRequest<'_>,
         ability: &Ability,
         registry: &Registry,
     ) -> Result<TimedWay, RoomError> {

@@ -1,5 +1,7 @@
 //! The run: bring-up, cycle after cycle until its end, and a defined stop, whatever happens.
 
+mod told;
+
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -9,7 +11,7 @@ use omnibase_fusion::{MAX_SENSORS, Verdict};
 use omnibase_platform::Pose2;
 use omnibase_record::run::RunSink;
 use omnibase_robot::signals::Exchange;
-use omnibase_robot::signals::{CycleTime, MAX_WHEELS, Phase, SafetyReason};
+use omnibase_robot::signals::{CycleTime, Phase, SafetyReason};
 use omnibase_robot::{CycleRecord, MOST_SETTINGS, Request, RequestKind, Robot, RobotPlan};
 use omnibase_robot_sim::SharedMachine;
 
@@ -21,7 +23,7 @@ use crate::live::{Client, FenceSeen, LiveEnd, Snapshot, SubDeviceFacts};
 use crate::simulated::{Script, Sensors};
 use omnibase_measure::events::{Event, Watch};
 use omnibase_measure::pauses::Pauses;
-use omnibase_measure::slips::{Slip, SlipWatch};
+use omnibase_measure::slips::SlipWatch;
 use omnibase_measure::summary::Summary;
 use omnibase_measure::timing::{TimedCycle, TimedRobot, Timing};
 use omnibase_measure::tracking::Tracking;
@@ -390,85 +392,6 @@ impl<'a> Cycle<'a> {
             overruns: self.overruns,
             ..Snapshot::default()
         });
-    }
-
-    /// Tells once, by its name, what is wrong with the axis about which the robot stopped.
-    fn look_at_axes(&mut self) {
-        let before = std::mem::take(&mut self.axis_problem);
-        if self.last.stop_reason != SafetyReason::Axis {
-            return;
-        }
-        let device = (self.last.stop_where as usize).saturating_sub(MAX_WHEELS);
-        let name = self.plan.devices.get(device).map_or("?", |device| device.name.as_str());
-        let mut words = Words::new(format_args!("{name}: "));
-        if !self.robot.tell_device_problem(device, &mut words) {
-            return;
-        }
-        self.axis_problem = words;
-        if before.is_empty() {
-            self.happened(self.last.time.now_ns, words);
-        }
-    }
-
-    /// Which sensor isn't believed any more, or is again.
-    fn look_at_sensors(&mut self) {
-        for place in 0..self.plan.sensors.len().min(MAX_SENSORS) {
-            let verdict = self.last.fusion.sensors[place].verdict;
-            let before = std::mem::replace(&mut self.verdicts[place], verdict);
-            let what = match verdict {
-                _ if verdict == before => continue,
-                Verdict::Awaited => continue,
-                Verdict::Good if before == Verdict::Awaited => continue,
-                Verdict::Good => "is believed again",
-                Verdict::Silent => "fell silent",
-                Verdict::Frozen => "isn't believed: it says the same all the time while wheels move",
-                Verdict::Contradicts => "isn't believed: it contradicts the others",
-            };
-            let name = &self.plan.sensors[place].name;
-            self.happened(self.last.time.now_ns, Words::new(format_args!("sensor {name} {what}")));
-        }
-    }
-
-    fn record(&mut self, extras: &CycleExtras) {
-        let (now_ns, phase) = (self.last.time.now_ns, self.robot.phase());
-        if let Some((rows, sink)) = &mut self.recording {
-            let (values, raw) = rows.of(&self.last, extras);
-            sink.push_row(now_ns, values, raw);
-            if sink.is_broken() && !self.recording_lost {
-                self.recording_lost = true;
-                self.happened(now_ns, "the recording ended early: records are dropped from here on".into());
-            }
-        }
-        for text in self.watch.look(&self.last, phase).into_iter().flatten() {
-            self.happened(now_ns, text.into());
-        }
-        let mut over = [None; MAX_WHEELS];
-        self.slips.look(&self.last, &mut |slip| over[slip.wheel] = Some(slip));
-        for slip in over.into_iter().flatten() {
-            let Slip { wheel, from: Pose2 { x_m, y_m, .. }, duration_s, way_m } = slip;
-            let name = self.plan.drives.get(wheel).map_or("?", |drive| drive.name.as_str());
-            let words = Words::new(format_args!(
-                "{name} slipped by {way_m:.3} m in {duration_s:.3} s, from ({x_m:.2}, {y_m:.2}) m on"
-            ));
-            self.happened(now_ns, words);
-        }
-    }
-
-    fn happened(&mut self, time_ns: u64, text: Words) {
-        self.happened_by(time_ns, text, None);
-    }
-
-    fn happened_by(&mut self, time_ns: u64, text: Words, client: Option<Client>) {
-        if let Some(live) = &mut self.live {
-            live.tell(time_ns, text, client);
-        }
-        let text = client.map_or(text, |client| Words::new(format_args!("{text} ({client})")));
-        if self.events.len() < MOST_EVENTS {
-            self.events.push((time_ns, text));
-        }
-        if let Some((_, sink)) = &mut self.recording {
-            sink.push_event(time_ns, &text);
-        }
     }
 
     fn finish(self, ran: Result<(), RunError>, way_back: Result<(), RunError>) -> Ran {

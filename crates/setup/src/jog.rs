@@ -103,7 +103,7 @@ pub struct Jogger<'a, L: Link, C: Clock> {
 
 /// What the drive said in a cycle.
 #[derive(Clone, Copy)]
-struct Said {
+struct DriveInputs {
     feedback: Feedback,
     position: i32,
 }
@@ -123,7 +123,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         };
         let mut speeds = [0.0; WINDOW_CYCLES];
         let (mut lost, mut ramp, mut cycles, mut was_held) = (0, 0, 0u32, false);
-        let mut last = self.said().position;
+        let mut last = self.inputs().position;
         let end = loop {
             let held = key.cycle(hand.key());
             cycles += 1;
@@ -137,14 +137,18 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             if jog.enabled_cycles >= plan.most_cycles {
                 break JogEnd::Longest;
             }
-            let said = self.said();
+            let inputs = self.inputs();
             let wanted = if held { Wanted::OperationEnabled } else { Wanted::SwitchOnDisabled };
             let running = held && jog.enabled_cycles > 0;
             ramp = if running { (ramp + 1).min(plan.ramp_cycles.max(1)) } else { 0 };
             let share = if ramp == 0 { 0.0 } else { plan.share(ramp) };
             let speed = (f64::from(plan.speed_units) * share).round() as i32;
-            let progress =
-                self.advance(&mut enabling, u64::from(cycles), (wanted, speed, plan.torque_per_mille), said);
+            let progress = self.advance(
+                &mut enabling,
+                u64::from(cycles),
+                (wanted, speed, plan.torque_per_mille),
+                inputs,
+            );
             match progress {
                 Progress::Running => {
                     jog.enabled_cycles += 1;
@@ -161,7 +165,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             if lost > LOST_CYCLES {
                 break JogEnd::Lost;
             }
-            let position = self.said().position;
+            let position = self.inputs().position;
             let step = i64::from(position.wrapping_sub(last));
             last = position;
             jog.travel_counts += step;
@@ -208,7 +212,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         bytes.fold(0u32, |units, byte| units << 8 | u32::from(*byte)) as i32
     }
 
-    fn said(&self) -> Said {
+    fn inputs(&self) -> DriveInputs {
         let inputs = &self.image.inputs;
         let word = |range: &std::ops::Range<usize>| {
             u16::from_le_bytes([inputs[range.start], inputs[range.start + 1]])
@@ -222,7 +226,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             actual: Targets { position_counts: position, ..Targets::default() },
             error: map.error.as_ref().map(|range| ErrorCode(word(range))),
         };
-        Said { feedback, position }
+        DriveInputs { feedback, position }
     }
 
     fn advance(
@@ -230,11 +234,11 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         enabling: &mut Enabling,
         cycle: u64,
         (wanted, speed, torque): (Wanted, i32, u16),
-        said: Said,
+        inputs: DriveInputs,
     ) -> Progress {
         let targets = Targets { velocity_units: speed, ..Targets::default() };
         let request = DriveRequest { wanted, mode: Mode::CyclicSynchronousVelocity, targets };
-        let output = enabling.advance(cycle * self.cycle_ns, &said.feedback, &request);
+        let output = enabling.advance(cycle * self.cycle_ns, &inputs.feedback, &request);
         let map = self.map;
         let mut put = |range: &std::ops::Range<usize>, bytes: &[u8]| {
             self.image.outputs[range.clone()].copy_from_slice(bytes);
@@ -256,11 +260,11 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     fn end(&mut self, enabling: &mut Enabling, cycles: u32, mut last: i32) -> Result<i64, LinkError> {
         let mut travel = 0;
         for cycle in 1..=END_CYCLES {
-            let said = self.said();
-            travel += i64::from(said.position.wrapping_sub(last));
-            last = said.position;
+            let inputs = self.inputs();
+            travel += i64::from(inputs.position.wrapping_sub(last));
+            last = inputs.position;
             let progress =
-                self.advance(enabling, u64::from(cycles + cycle), (Wanted::SwitchOnDisabled, 0, 0), said);
+                self.advance(enabling, u64::from(cycles + cycle), (Wanted::SwitchOnDisabled, 0, 0), inputs);
             self.paced.exchange(self.image)?;
             if cycle > WINDOW_CYCLES as u32 && matches!(progress, Progress::Holding(_) | Progress::Stopped(_))
             {

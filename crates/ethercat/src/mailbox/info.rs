@@ -1,7 +1,7 @@
 //! SDO Information: object lists, object and entry descriptions, in fragments.
 
+use super::outcome::{Outcome, failed};
 use super::request::{MailboxError, Operation};
-use super::transfer::{Outcome, failed};
 use crate::wire::bytes::{put_u16, u16_at, u32_at};
 use crate::wire::coe::{self, AbortCode, InfoHeader, ObjectAddress, Service, info};
 use alloc::vec::Vec;

@@ -6,8 +6,8 @@ use crate::wire::coe::{self, Emergency, Service};
 use crate::wire::mailbox::{self, Header, Protocol};
 
 use super::emergency::ReceivedEmergency;
+use super::outcome::Outcome;
 use super::request::MailboxError;
-use super::transfer::Outcome;
 use super::{BUSY_PAUSE, Mailbox, Stage, Task};
 
 impl Mailbox {

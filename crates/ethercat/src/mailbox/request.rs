@@ -1,6 +1,6 @@
 //! What can be asked of a SubDevice's mailbox, and how it can end.
 
-use super::file::{FileAccess, ShortText};
+use super::file_access::{FileAccess, ShortText};
 use crate::wire::coe::{AbortCode, ObjectAddress, info};
 use crate::wire::foe::FoeErrorCode;
 use crate::wire::mailbox::error_text;

@@ -1,8 +1,7 @@
 //! SDO transfers: expedited, normal, segmented, up and down, complete access.
 
-use super::request::MailboxError;
-use super::request::SdoAccess;
-use super::transfer::{Outcome, failed, failed_with};
+use super::outcome::{Outcome, failed, failed_with};
+use super::request::{MailboxError, SdoAccess};
 use crate::wire::coe::{self, AbortCode, ObjectAddress, SdoHeader, Service, sdo};
 use alloc::vec::Vec;
 

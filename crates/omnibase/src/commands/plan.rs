@@ -10,7 +10,7 @@ use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::{BestWay, UnknownCells};
 use omnibase_robot::{Ability, Registry, RobotPlan};
-use omnibase_run::room::{Room, TimedWay, Way, read_map};
+use omnibase_run::room::{Room, TimedWay, WayRequest, read_map};
 use picture::Driven;
 use serde_json::json;
 use std::io::Write;
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let fence_m = robot.guard.fence.as_ref().map_or(&[][..], |fence| &fence.corners_m);
     let obstacles = &robot.guard.obstacles;
-    let way = Way { from, to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
+    let way = WayRequest { from, to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
     let begun = Instant::now();
     let mut timed = match room.timed(&way, &Ability::of(&robot), registry) {
         Ok(timed) => timed,

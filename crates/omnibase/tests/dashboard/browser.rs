@@ -13,6 +13,10 @@ use tungstenite::{Message, WebSocket};
 /// The longest wait for anything in the page; only a failure takes so long.
 pub const LONGEST: Duration = Duration::from_secs(60);
 
+/// Pages of Chromium's own that it keeps ready beside ours, in processes of their own.
+const UNUSED: &str =
+    "WebUIOmniboxPopup,WebUIOmniboxAimPopup,WebUIOmniboxFullPopup,SpareRendererForSitePerProcess";
+
 /// Runs in the page before its own code: what the robot says passes through `tamper`, which may change it, or swallow
 /// it by giving nothing.
 const TAMPER: &str = "(() => { const Real = WebSocket; window.tamper = (message) => message; \
@@ -72,6 +76,7 @@ impl Browser {
                 .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
                 .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
                 .args(["--hide-scrollbars", "--disable-dev-shm-usage", "--remote-debugging-port=0"])
+                .arg(format!("--disable-features={UNUSED}"))
                 .arg(format!("--window-size={width},{height}"))
                 .arg(format!("--user-data-dir={}", profile.path().display()))
                 .arg("about:blank")

@@ -215,11 +215,14 @@ impl BothReports {
         number(&self.report["bus"][what])
     }
 
-    /// The states of a SubDevice, from start to end.
+    /// The states of a SubDevice, from start to end, and what else is told of it meanwhile. In its last INIT it is left alone: how
+    /// long the simulator then waits for its own end is the machine's affair.
     pub fn states(&self, position: usize) -> Vec<&str> {
         let name = format!("SubDevice {position}: ");
-        let words = events(&self.simulated).into_iter();
-        words.filter_map(|text| text.strip_prefix(&name)).collect()
+        let told = events(&self.simulated).into_iter();
+        let mut told: Vec<&str> = told.filter_map(|text| text.strip_prefix(&name)).collect();
+        told.truncate(told.iter().rposition(|text| *text == "INIT").map_or(told.len(), |last| last + 1));
+        told
     }
 }
 

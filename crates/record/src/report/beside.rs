@@ -1,10 +1,9 @@
 //! What stands beside the drives: inputs, outputs and axes.
 
 use super::bands::{self, Band};
-use super::chart::{Line, TimeChart};
+use super::chart::{LOOKS, Line, TimeChart};
 use super::signals::{Signals, ValueBeside};
 use super::text::Unit;
-use super::wheels::LOOKS;
 
 /// Charts of each device and each program: what is only on or off as bands, the rest as curves, those of one unit together.
 /// Nothing for a robot that has none.

@@ -14,6 +14,9 @@ pub(super) const HEIGHT: f64 = 1000.0;
 /// A limit farther away than this many times the greatest value is told in words: drawn, it would flatten the curves.
 const FAR_LIMIT: f64 = 5.0;
 
+/// Looks of curves that stand side by side, as those of wheels.
+pub(super) const LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
+
 /// One curve.
 pub(super) struct Line<'a> {
     /// Its name.

@@ -1,8 +1,8 @@
 //! The configuration with which the robot ran, as the recording holds it.
 
-use super::sections::{absent, section};
+use super::sections::section;
 use super::signals::Signals;
-use super::text::{self, escape};
+use super::text::{self, absent, escape};
 use crate::run::BEGUN;
 use std::fmt::Write;
 

@@ -9,7 +9,7 @@ use super::room::Room;
 use super::scale::Span;
 use super::sensors;
 use super::signals::{Poses, Signals};
-use super::text::{self, Unit, escape};
+use super::text::{self, Unit, absent, escape};
 use super::totals::{TIMINGS, Totals};
 use super::tracking::{Error, Tracking};
 use super::wheels;
@@ -314,9 +314,4 @@ fn in_odom([vx, vy, w]: [Vec<f64>; 3], heading: &[f64]) -> Option<[Vec<f64>; 3]>
 /// A section of the page.
 pub(super) fn section(id: &str, title: &str, html: &str) -> String {
     format!("<section id=\"{id}\"><h2>{}</h2>\n{html}</section>\n", escape(title))
-}
-
-/// A word in the place of what can't be shown.
-pub(super) fn absent(what: &str, why: &str) -> String {
-    format!("<p class=\"absent\">{}: {}.</p>\n", escape(what), escape(why))
 }

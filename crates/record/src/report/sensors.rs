@@ -1,12 +1,11 @@
 //! Sensors beside the wheels: who was believed when, what their gates left out, and how well the place was known.
 
 use super::bands::{self, Band};
-use super::chart::{Limit, Line, TimeChart};
+use super::chart::{LOOKS, Limit, Line, TimeChart};
 use super::signals::{Poses, Signals};
-use super::text::{self, Unit, escape};
+use super::text::{self, Unit, absent, escape};
 use super::totals::Totals;
 use super::tracking::Tracking;
-use super::wheels::LOOKS;
 
 /// Verdicts by the codes that the recording holds.
 const VERDICTS: [bands::Choice; 5] = [
@@ -196,7 +195,7 @@ impl Place {
 fn place(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
     let times = &signals.times_s;
     let Some(place) = Place::of(signals, tracking) else {
-        return super::sections::absent("Place in map", "not recorded");
+        return absent("Place in map", "not recorded");
     };
     let mut html = String::new();
     let lines = |known: &'_ [f64], pick: fn(&Off) -> &Vec<f64>| {

@@ -110,3 +110,8 @@ impl Unit {
         }
     }
 }
+
+/// A word in the place of what can't be shown.
+pub(super) fn absent(what: &str, why: &str) -> String {
+    format!("<p class=\"absent\">{}: {}.</p>\n", escape(what), escape(why))
+}

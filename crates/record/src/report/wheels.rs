@@ -1,14 +1,10 @@
 //! What each wheel did, against what it may.
 
-use super::chart::{Limit, Line, Marked, TimeChart};
-use super::sections::absent;
+use super::chart::{LOOKS, Limit, Line, Marked, TimeChart};
 use super::signals::{Signals, WheelSignals};
-use super::text::{self, Unit, escape};
+use super::text::{self, Unit, absent, escape};
 use super::totals::Totals;
 use std::fmt::Write;
-
-/// Looks of wheels.
-pub(super) const LOOKS: [&str; 8] = ["w1", "w2", "w3", "w4", "w5", "w6", "w7", "w8"];
 
 /// What wheels may, where the recording tells it.
 struct Limits {

@@ -1,6 +1,7 @@
 //! The table of the bus, and the drives' watchdog.
 
-use super::{Check, LOST_EXCHANGES_TOLERATED};
+use super::Check;
+use super::safety::LOST_EXCHANGES_TOLERATED;
 use crate::config::*;
 
 /// The drives' watchdog by default, us: that of the standard after power-on.

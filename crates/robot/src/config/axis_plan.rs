@@ -4,9 +4,9 @@ use omnibase_cia402::Mode;
 use omnibase_ethercat::start_up::ReadBack;
 
 use super::axis_tables::{AxisMode, AxisUnit};
+use super::bus_plan::ParameterPlan;
 use super::device_plan::InputPlan;
 use super::drive_tables::EncoderName;
-use super::plan::ParameterPlan;
 
 /// An axis. Positions in its unit, from its own zero.
 #[derive(Clone, Debug, PartialEq)]

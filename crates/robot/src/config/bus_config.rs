@@ -5,8 +5,9 @@ use omnibase_ethercat::start_up::{Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
+use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
+use super::drive_plan::DrivePlan;
 use super::mapping::PdoPlan;
-use super::plan::{BusPlace, BusPlan, DrivePlan, DriveWatchdog, Identity, ParameterPlan};
 
 impl DrivePlan {
     /// Bytes of process data from the drive.

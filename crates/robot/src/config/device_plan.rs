@@ -4,10 +4,10 @@ use omnibase_ethercat::config as bus_config;
 
 use super::axis_plan::AxisPlan;
 use super::bus_config::{bytes, expected_identity, matched};
+use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
+use super::custom::Parameters;
 use super::device_tables::SignalType;
-use super::file::Parameters;
 use super::mapping::PdoPlan;
-use super::plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
 use super::source_tables::SourcePlan;
 use crate::signals::{SignalLayout, SignalName};
 

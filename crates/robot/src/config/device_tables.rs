@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::axis_tables::AxisTable;
+use super::custom::Parameters;
 use super::drive_tables::{ParameterTable, PdoTable};
-use super::file::Parameters;
 
 /// One SubDevice that drives no wheel: a coupler, a terminal, a sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

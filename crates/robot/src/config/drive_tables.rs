@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::custom::Parameters;
 use super::drive_mode::DriveMode;
-use super::file::Parameters;
 
 /// One drive and its motor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

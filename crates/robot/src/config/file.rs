@@ -8,41 +8,18 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::custom::Parameters;
 use super::device_tables::DeviceTable;
 use super::drive_tables::DriveTable;
 use super::grip_tables::GripTable;
 use super::guard_tables::{AvoidanceTable, FenceTable, ObstacleTable};
 use super::joystick::JoystickTable;
 use super::map_tables::MapTable;
-use super::problem::Problem;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingTable, RunTable};
 use super::sensor_tables::SensorTable;
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
-
-/// The table `custom`: the keys that a registered kind declares as its own.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(transparent)]
-#[schemars(inline)]
-pub struct Parameters(pub serde_json::Map<String, serde_json::Value>);
-
-impl Parameters {
-    /// A number; of one that is needed and declared as such the check made sure.
-    pub fn number(&self, key: &str) -> Result<f64, Box<Problem>> {
-        let value = self.0.get(key).and_then(serde_json::Value::as_f64);
-        value.ok_or_else(|| Box::new(Problem::missing(format!("custom.{key}"), "a number")))
-    }
-
-    /// Several numbers, as [`Parameters::number`].
-    pub fn numbers<const N: usize>(&self, keys: [&str; N]) -> Result<[f64; N], Box<Problem>> {
-        let mut numbers = [0.0; N];
-        for (number, key) in numbers.iter_mut().zip(keys) {
-            *number = self.number(key)?;
-        }
-        Ok(numbers)
-    }
-}
 
 /// One robot: its bus, drives, platform, limits, and the stages of its cycle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

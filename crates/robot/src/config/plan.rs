@@ -3,27 +3,23 @@
 use std::collections::BTreeMap;
 
 use omnibase_cia402::ErrorCode;
-use omnibase_ethercat::config as bus_config;
-use omnibase_ethercat::start_up::ReadBack;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_platform::Kinematics;
 
+use super::bus_plan::BusPlan;
 use super::device_plan::{DevicePlan, signal_layout};
-use super::drive_mode::DriveMode;
-use super::drive_tables::{EncoderName, SpeedUnit, TurnDirection};
+use super::drive_plan::DrivePlan;
 use super::event_plan::EventPlan;
-use super::file::{ClockSource, ControllerTable, EstimatorTable, Parameters, Synchronisation};
+use super::file::{ControllerTable, EstimatorTable};
 use super::grip_tables::GripPlan;
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::map_tables::MapTable;
-use super::mapping::PdoPlan;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingPlan, RunTable};
 use super::sensor_tables::SensorPlan;
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourcePlan;
-use super::torque_limit::TorqueLimit;
 use crate::obstacle::Obstacle;
 use crate::signals::{MAX_WHEELS, RecordLayout, SafetyAction, SignalLayout, StopCategory};
 
@@ -144,175 +140,6 @@ pub struct FencePlan {
 impl FencePlan {
     /// What is kept where the file says nothing else, from a fence that isn't there yet.
     pub const NONE: FencePlan = FencePlan { corners_m: Vec::new(), margin_m: 0.05, sigmas: 3.0 };
-}
-
-/// The bus and its cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BusPlan {
-    /// Period, ns.
-    pub cycle_ns: u64,
-    /// How long an answer is awaited, ns.
-    pub receive_timeout_ns: u64,
-    /// How the drives are synchronised.
-    pub synchronisation: Synchronisation,
-    /// Shift of SYNC0, ns.
-    pub sync0_shift_ns: i32,
-    /// Who sets the pace.
-    pub clock_source: ClockSource,
-    /// When drives stop by themselves.
-    pub drive_watchdog: DriveWatchdog,
-}
-
-impl BusPlan {
-    /// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
-    pub fn input_age_ns(&self) -> u64 {
-        match self.synchronisation {
-            Synchronisation::Sync0 => self.cycle_ns / 2,
-            // At the arrival of the frame before.
-            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => self.cycle_ns,
-        }
-    }
-}
-
-impl BusPlan {
-    /// How a drive's clock beats.
-    pub(super) fn dc(&self) -> bus_config::DcConfig {
-        match self.synchronisation {
-            Synchronisation::Sync0 => bus_config::DcConfig::Sync0 {
-                cycle_ns: u32::try_from(self.cycle_ns).unwrap_or(u32::MAX),
-                shift_ns: self.sync0_shift_ns,
-            },
-            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus_config::DcConfig::Off,
-        }
-    }
-
-    /// By what a drive is synchronised.
-    pub(super) fn sync_mode(&self) -> bus_config::SyncMode {
-        match self.synchronisation {
-            Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
-            Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
-            Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
-        }
-    }
-}
-
-/// The drives' process-data watchdog: when they stop by themselves because the program says nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DriveWatchdog {
-    /// Steps of [`DriveWatchdog::STEP_US`], from 1.
-    pub steps: u16,
-}
-
-impl DriveWatchdog {
-    /// Register 0x0400: (2498 + 2) · 40 ns = 100 us, the standard's own value after power-on.
-    pub const DIVIDER: u16 = 2498;
-    /// What one step of register 0x0420 is then worth, us.
-    pub const STEP_US: u32 = 100;
-
-    /// A watchdog of so many us; `None` where no number of steps is as long.
-    pub fn from_us(us: u32) -> Option<Self> {
-        let steps = u16::try_from(us / Self::STEP_US).ok().filter(|steps| *steps > 0)?;
-        us.is_multiple_of(Self::STEP_US).then_some(DriveWatchdog { steps })
-    }
-
-    /// Its time, us.
-    pub fn us(self) -> u32 {
-        u32::from(self.steps) * Self::STEP_US
-    }
-}
-
-/// One drive.
-#[derive(Clone, Debug)]
-pub struct DrivePlan {
-    /// The wheel's name.
-    pub name: String,
-    /// Where it is on the bus.
-    pub place: BusPlace,
-    /// Device by name.
-    pub device: String,
-    /// Who must be there.
-    pub identity: Identity,
-    /// PDOs from the cycle to the drive.
-    pub outputs: Vec<PdoPlan>,
-    /// PDOs from the drive to the cycle.
-    pub inputs: Vec<PdoPlan>,
-    /// Between the drive's units and the wheel's.
-    pub scale: DriveScale,
-    /// What it is commanded by; `None`: what the control law commands.
-    pub mode: Option<DriveMode>,
-    /// The loop by which the cycle makes torques out of speeds.
-    pub speed_loop: Option<SpeedLoopPlan>,
-    /// How it is held to the torque limit of its wheel.
-    pub torque_limit: TorqueLimit,
-    /// What its encoder knows after a loss of supply.
-    pub encoder: EncoderName,
-    /// SDOs in the order in which they are sent.
-    pub parameters: Vec<ParameterPlan>,
-    /// The device's own keys.
-    pub custom: Parameters,
-}
-
-/// Where a SubDevice is on the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusPlace {
-    /// By position, from 0.
-    Position(u16),
-    /// By station alias.
-    Alias(u16),
-    /// By explicit device identification, the switch on the device.
-    Identification(u16),
-}
-
-/// Who must be there; what is `None` isn't compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Identity {
-    /// Vendor.
-    pub vendor_id: Option<u32>,
-    /// Product.
-    pub product_code: Option<u32>,
-    /// Revision.
-    pub revision: Option<u32>,
-}
-
-/// Between a drive's units and the wheel's.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriveScale {
-    /// Encoder counts per revolution of the motor.
-    pub counts_per_revolution: u32,
-    /// Revolutions of the motor per revolution of the wheel.
-    pub gear_ratio: f64,
-    /// Which way the wheel turns when the counts rise.
-    pub direction: TurnDirection,
-    /// Unit of the speed objects.
-    pub speed_unit: SpeedUnit,
-    /// The motor's rated torque, N·m.
-    pub rated_torque_nm: f64,
-    /// The motor's peak torque, N·m.
-    pub peak_torque_nm: f64,
-}
-
-/// A loop in the cycle that makes a wheel's torque out of its speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpeedLoopPlan {
-    /// Torque per speed error, N·m·s/rad.
-    pub gain_nm_s_rad: f64,
-    /// Time in which the integral gives as much again, s.
-    pub integral_s: f64,
-}
-
-/// One SDO to write.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ParameterPlan {
-    /// Object index.
-    pub index: u16,
-    /// Subindex.
-    pub subindex: u8,
-    /// The value, little endian, as long as its type.
-    pub data: Vec<u8>,
-    /// Whether it is read back and compared.
-    pub read_back: ReadBack,
-    /// Where it was asked, as `line 12`.
-    pub origin: String,
 }
 
 /// Limits of the platform and its wheels.

@@ -37,7 +37,7 @@ pub(crate) fn owner(index: u16) -> Option<&'static str> {
 impl RobotPlan {
     /// When an object of a drive may be written.
     pub fn sdo_write_rule(&self, object: ObjectAddress) -> SdoWriteRule {
-        let is_output = |drive: &super::plan::DrivePlan| {
+        let is_output = |drive: &super::drive_plan::DrivePlan| {
             drive.outputs.iter().flat_map(|pdo| &pdo.entries).any(|entry| {
                 (entry.index, entry.subindex) == (object.index, object.subindex) && entry.index != 0
             })

@@ -1,7 +1,7 @@
 //! How each drive is held to the torque limit of its wheel: in every cycle, or once at start-up.
 
+use super::drive_plan::DriveScale;
 use super::drive_tables::TorqueLimitName;
-use super::plan::DriveScale;
 
 /// Max torque, and the torque limits of either direction.
 pub(crate) const TORQUE_LIMIT_OBJECTS: [u16; 3] = [0x6072, 0x60E0, 0x60E1];

@@ -13,15 +13,14 @@
 //! - d̂ learns nothing at rest, while a wheel slips or torques are saturated, here or by a drive, nor from an η within the
 //!   measurement's noise, and stays within its bounds.
 
-use omnibase_platform::{Kinematics, Twist2};
+use omnibase_platform::{Kinematics, Twist2, axes, pose_error};
 
 use super::torque_design::{INTEGRAL_1_S, TorqueDesign};
 use super::torque_loop::LoopGains;
-use super::{Correction, LEAD_PERIODS, axes, pose_error, saturated, within_speed, wrench};
-use crate::config::{Limits, RobotPlan, WheelLimits};
+use super::{Correction, LEAD_PERIODS, saturated, within_speed, wrench};
+use crate::config::{Limits, RobotPlan, WheelLimits, rated_nm};
 use crate::grip::friction::WheelFriction;
 use crate::registry::{Kind, Made, given, needed, optional};
-use crate::safety::rated_nm;
 use crate::signals::{
     Commands, CycleTime, Dynamics, MAX_WHEELS, PlatformState, Quantity, ReferenceStatus, Setpoint,
 };

@@ -1,8 +1,8 @@
 //! Speed control: by the reference alone, or with the pose error fed back.
 
-use omnibase_platform::{Kinematics, Twist2};
+use omnibase_platform::{Kinematics, Twist2, axes, pose_error};
 
-use super::{LEAD_PERIODS, axes, pose_error, saturated, within_speed};
+use super::{LEAD_PERIODS, saturated, within_speed};
 use crate::config::{Limits, RobotPlan, WheelLimits};
 use crate::registry::Made;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};

@@ -1,7 +1,7 @@
 //! The gains of a law of torque for a robot: designed by what its file says of treads, wheels and delay, or given and checked.
 
 use super::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TorqueLoop};
-use crate::config::{ControllerTable, Problem, RobotPlan};
+use crate::config::{ControllerTable, ESTIMATE_BOUNDS, Problem, RobotPlan, wheel_kg};
 use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Made, StageError, given};
 
@@ -9,14 +9,8 @@ use crate::registry::{Made, StageError, given};
 const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// And its least damping.
 const TREAD_DAMPING_RATIO: f64 = 0.1;
-/// A wheel with its rotor and gear where the file doesn't say, as a mass at its rim: this, kg, or such a part of the first
-/// estimate of the mass, whichever is less.
-const WHEEL_KG: f64 = 2.0;
-const WHEEL_SHARE: f64 = 1.0 / 35.0;
 /// Time constant of a drive's torque where the file doesn't say, s.
 const TORQUE_LAG_S: f64 = 0.5e-3;
-/// Bounds of an estimate without bounds of its own, over its first value.
-pub(crate) const ESTIMATE_BOUNDS: [f64; 2] = [1.0 / 3.0, 3.0];
 /// How fast the law's slow force follows what its error asks for, 1/s.
 pub(super) const INTEGRAL_1_S: f64 = 0.5;
 
@@ -106,13 +100,6 @@ fn softer(told: &TorqueLoop) -> Option<LoopGains> {
         ..told.clone()
     };
     all.design()
-}
-
-/// A wheel of a platform with its rotor and gear, as a mass at its rim, kg.
-pub(crate) fn wheel_kg(plan: &RobotPlan, mass_kg: f64) -> f64 {
-    let radius_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(f64::INFINITY, f64::min);
-    let assumed_kg = WHEEL_KG.min(WHEEL_SHARE * mass_kg);
-    plan.controller.wheel_inertia_kg_m2.map_or(assumed_kg, |inertia| inertia / (radius_m * radius_m))
 }
 
 /// Between what a first estimate and its like may lie.

@@ -5,10 +5,9 @@
 //! that brakes harder than the ramp goes nowhere. What the motors resist counts little: then it is a push, a
 //! slope, or a correction that ran too far.
 
-use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2};
+use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2, axes, pose_error};
 
 use crate::config::{Limits, RobotPlan};
-use crate::controllers::{axes, pose_error};
 use crate::grip::friction::WheelFriction;
 use crate::signals::{Exchange, Phase, Quantity};
 use crate::stages::SafetyView;

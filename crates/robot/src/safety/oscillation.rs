@@ -1,12 +1,10 @@
 //! Whether a wheel's torque swings to and fro, fast and strongly: a control loop that rings, on a tread that gives way or
 //! on a floor that doesn't hold it.
 
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, rated_nm};
 use crate::signals::{Exchange, MAX_WHEELS};
 use crate::stages::SafetyView;
 use crate::swing::{NOISE_OF_RATED, Swing, taken};
-
-use super::rated_nm;
 
 /// So many in a row are no jerk that a tread gives back, and no corner.
 const HALF_SWINGS: u32 = 5;

@@ -2,11 +2,11 @@
 //!
 //! What turns a wheel from outside, a push or a slope, does it against the motor, or without it.
 
-use crate::config::{RobotPlan, find_object};
+use crate::config::{RobotPlan, find_object, rated_nm};
 use crate::signals::{Exchange, MAX_WHEELS, Quantity};
 use crate::stages::SafetyView;
 
-use super::{WHEEL_SPEED_MARGIN, rated_nm};
+use super::WHEEL_SPEED_MARGIN;
 
 /// For so long a law may take to turn its torque round, ns: delay, filter and drive; less would stop a wheel that slipped and is caught.
 const DRIVEN_NS: u64 = 20_000_000;

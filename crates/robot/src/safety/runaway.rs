@@ -4,12 +4,10 @@
 //! The floor can speed a wheel up against its motor as well: a push, a slope, a wheel that locked and grips again. That is slow,
 //! or little, or the motor pushes little.
 
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, rated_nm};
 use crate::decay::Decay;
 use crate::signals::{Exchange, MAX_WHEELS};
 use crate::stages::SafetyView;
-
-use super::rated_nm;
 
 /// Low-pass on speed and torque, 1/s.
 const LOW_PASS_1_S: f64 = 100.0;

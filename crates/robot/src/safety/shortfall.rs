@@ -3,11 +3,9 @@
 //! A law of torques asks in numbers. Under a law of speeds the drive asks, and says so: a limit of its own is active
 //! (bit 11 of the status word) at less torque than it is allowed, and its wheel falls behind.
 
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, rated_nm};
 use crate::signals::{Commands, Exchange, MAX_WHEELS, Quantity};
 use crate::stages::SafetyView;
-
-use super::rated_nm;
 
 /// How much of what is asked for may be missing: of the wheel's torque limit, and of the rated torque.
 const MARGIN_OF_LIMIT: f64 = 0.1;

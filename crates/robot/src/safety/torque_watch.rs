@@ -1,10 +1,8 @@
 //! Whether the torques that the drives measure keep their limit: a drive that doesn't obey it is found by that.
 
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, rated_nm};
 use crate::signals::MAX_WHEELS;
 use crate::stages::SafetyView;
-
-use super::rated_nm;
 
 /// How much of its limit a torque may lie above it by default.
 const MARGIN_OF_LIMIT: f64 = 0.1;

@@ -1,9 +1,8 @@
 //! How a platform's wheels stand on the floor: what each pushes for an acceleration, and what the floor gives it.
 
-use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2};
+use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, axes};
 use omnibase_trajectory::reach::resisting;
 
-use crate::controllers::axes;
 use crate::grip::GRAVITY_M_S2;
 use crate::grip::friction::WheelFriction;
 use crate::grip::loads::Loads;

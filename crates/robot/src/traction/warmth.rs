@@ -2,10 +2,11 @@
 
 use omnibase_platform::MAX_WHEELS;
 
-use crate::ability::HEAT_WINDOW_S;
 use crate::config::DrivePlan;
 use crate::signals::{CycleTime, Measurements};
 
+/// A motor bears its rated torque for ever; a motion may ask for this much of it, as the root of the mean square over a window, s.
+pub(crate) const HEAT_WINDOW_S: f64 = 30.0;
 /// Parts of the window: the oldest of them is forgotten as a whole.
 const PARTS: usize = 30;
 const PART_S: f64 = HEAT_WINDOW_S / PARTS as f64;

@@ -23,7 +23,7 @@ use super::snapshot::Snapshot;
 use super::sources::{NotHeard, SourceCounts, SourceLines, source_lines};
 use super::stamp::{BEGINNING_AGE_NS, Stamp, begins_or_allows};
 use super::trace::{Trace, TraceGap, TracePoint};
-use crate::describe::reference_key;
+use crate::channels::reference_key;
 use omnibase_session::Words;
 
 pub use cycle_end::LiveEnd;

@@ -1,6 +1,7 @@
 //! SubDevices without a wheel: what is wrong in their tables is told with its place, value and what was expected.
 
 use super::*;
+use crate::signals::StopCategory;
 
 const IO: &str = include_str!("../../../../../robots/bmm_io.toml");
 

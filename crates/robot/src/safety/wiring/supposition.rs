@@ -102,7 +102,7 @@ impl Platform {
             let alone = omnibase_platform::PerWheel::from_fn(platform.wheels, |at| {
                 if at == wheel { 1.0 / rim.radius_m } else { 0.0 }
             });
-            platform.twist_per_rim[wheel] = crate::controllers::axes(&kinematics.twist(&alone).twist_in_base);
+            platform.twist_per_rim[wheel] = omnibase_platform::axes(&kinematics.twist(&alone).twist_in_base);
         }
         platform
     }

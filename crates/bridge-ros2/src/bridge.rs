@@ -29,7 +29,7 @@ const LIVE: Duration = Duration::from_millis(100);
 const WATCH: Duration = Duration::from_millis(100);
 
 /// All that the thread holds.
-pub struct Desk {
+pub struct Bridge {
     /// The node.
     pub ros: Ros,
     /// The seat at the robot.
@@ -63,7 +63,7 @@ struct Drive {
     is_told: bool,
 }
 
-impl Desk {
+impl Bridge {
     /// Goes on until something is lost; why.
     pub fn work(mut self) -> anyhow::Result<()> {
         let (mut poll, mut events) = (Poll::new()?, Events::with_capacity(16));

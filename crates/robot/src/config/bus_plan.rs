@@ -1,0 +1,116 @@
+//! The bus and its cycle, resolved, and who is where on it.
+
+use omnibase_ethercat::config as bus_config;
+use omnibase_ethercat::start_up::ReadBack;
+
+use super::file::{ClockSource, Synchronisation};
+
+/// The bus and its cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusPlan {
+    /// Period, ns.
+    pub cycle_ns: u64,
+    /// How long an answer is awaited, ns.
+    pub receive_timeout_ns: u64,
+    /// How the drives are synchronised.
+    pub synchronisation: Synchronisation,
+    /// Shift of SYNC0, ns.
+    pub sync0_shift_ns: i32,
+    /// Who sets the pace.
+    pub clock_source: ClockSource,
+    /// When drives stop by themselves.
+    pub drive_watchdog: DriveWatchdog,
+}
+
+impl BusPlan {
+    /// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
+    pub fn input_age_ns(&self) -> u64 {
+        match self.synchronisation {
+            Synchronisation::Sync0 => self.cycle_ns / 2,
+            // At the arrival of the frame before.
+            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => self.cycle_ns,
+        }
+    }
+
+    /// How a drive's clock beats.
+    pub(super) fn dc(&self) -> bus_config::DcConfig {
+        match self.synchronisation {
+            Synchronisation::Sync0 => bus_config::DcConfig::Sync0 {
+                cycle_ns: u32::try_from(self.cycle_ns).unwrap_or(u32::MAX),
+                shift_ns: self.sync0_shift_ns,
+            },
+            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus_config::DcConfig::Off,
+        }
+    }
+
+    /// By what a drive is synchronised.
+    pub(super) fn sync_mode(&self) -> bus_config::SyncMode {
+        match self.synchronisation {
+            Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
+            Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
+            Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
+        }
+    }
+}
+
+/// The drives' process-data watchdog: when they stop by themselves because the program says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveWatchdog {
+    /// Steps of [`DriveWatchdog::STEP_US`], from 1.
+    pub steps: u16,
+}
+
+impl DriveWatchdog {
+    /// Register 0x0400: (2498 + 2) · 40 ns = 100 us, the standard's own value after power-on.
+    pub const DIVIDER: u16 = 2498;
+    /// What one step of register 0x0420 is then worth, us.
+    pub const STEP_US: u32 = 100;
+
+    /// A watchdog of so many us; `None` where no number of steps is as long.
+    pub fn from_us(us: u32) -> Option<Self> {
+        let steps = u16::try_from(us / Self::STEP_US).ok().filter(|steps| *steps > 0)?;
+        us.is_multiple_of(Self::STEP_US).then_some(DriveWatchdog { steps })
+    }
+
+    /// Its time, us.
+    pub fn us(self) -> u32 {
+        u32::from(self.steps) * Self::STEP_US
+    }
+}
+
+/// Where a SubDevice is on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusPlace {
+    /// By position, from 0.
+    Position(u16),
+    /// By station alias.
+    Alias(u16),
+    /// By explicit device identification, the switch on the device.
+    Identification(u16),
+}
+
+/// Who must be there; what is `None` isn't compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// Vendor.
+    pub vendor_id: Option<u32>,
+    /// Product.
+    pub product_code: Option<u32>,
+    /// Revision.
+    pub revision: Option<u32>,
+}
+
+/// One SDO to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParameterPlan {
+    /// Object index.
+    pub index: u16,
+    /// Subindex.
+    pub subindex: u8,
+    /// The value, little endian, as long as its type.
+    pub data: Vec<u8>,
+    /// Whether it is read back and compared.
+    pub read_back: ReadBack,
+    /// Where it was asked, as `line 12`.
+    pub origin: String,
+}
