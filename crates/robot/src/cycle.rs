@@ -11,7 +11,6 @@ use omnibase_trajectory::LimitsError;
 use crate::ability::Ability;
 use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
-use crate::controllers::axes;
 use crate::devices::mode_of;
 use crate::drive_modes::DriveModes;
 use crate::grip::Grip;
@@ -269,7 +268,7 @@ impl Robot {
             && record.setpoint.status == ReferenceStatus::Moving;
         let wished = drives.then(|| {
             let heading_rad = record.setpoint.odom_from_body.heading_rad;
-            axes(&record.setpoint.acceleration_in_odom.rotated(-heading_rad))
+            omnibase_platform::axes(&record.setpoint.acceleration_in_odom.rotated(-heading_rad))
         });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());

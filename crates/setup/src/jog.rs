@@ -194,11 +194,11 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     pub fn watch(&mut self, cycles: u32) -> Result<i64, LinkError> {
         self.image.outputs.fill(0);
         self.paced.exchange(self.image)?;
-        let mut last = self.said().position;
+        let mut last = self.inputs().position;
         let (mut travel, mut least, mut greatest) = (0i64, 0, 0);
         for _ in 0..cycles {
             self.paced.exchange(self.image)?;
-            let position = self.said().position;
+            let position = self.inputs().position;
             travel += i64::from(position.wrapping_sub(last));
             last = position;
             (least, greatest) = (travel.min(least), travel.max(greatest));
