@@ -1,47 +1,63 @@
 //! How far robots with sensors truly are from where they should be, floor by floor and path by path.
 //!
-//! `cargo run --release -p omnibase-trials --example sensed [-- <robots>]`: 5 robots by default, built with the tolerances of
-//! their file. The table is that of `docs/accuracy.md`.
+//! `cargo run --release -p omnibase-trials --example sensed [-- <robots> [<sensors>]]`: 5 robots by default, built with the tolerances
+//! of their file, with each set of sensors or with that one alone. The table is that of `docs/accuracy.md`; a row stands as soon as
+//! those before it do.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use omnibase_trials::sensed::{Case, FLOORS, PATHS, SETS, Sensed, drive};
 
 fn main() {
-    let robots = std::env::args().nth(1).map_or(5, |text| text.parse().expect("how many robots"));
+    let mut words = std::env::args().skip(1);
+    let robots = words.next().map_or(5, |text| text.parse().expect("how many robots"));
+    let asked = words.next();
     println!("{robots} robots; true distance from the wished place, RMS and of the worst robot\n");
     println!(
         "| sensors | floor, load | path | driving mm | at rest mm | true from believed mm | heading at the end mrad |"
     );
     println!("|---|---|---|---|---|---|---|");
-    let cases: Vec<Case> = Case::all().collect();
+    let is_asked = |case: &Case| asked.as_ref().is_none_or(|asked| *asked == SETS[case.set]);
+    let cases: Vec<Case> = Case::all().filter(is_asked).collect();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut rows: Vec<Vec<Sensed>> = vec![Vec::new(); cases.len()];
-    let share = cases.len().div_ceil(threads);
+    let next = AtomicUsize::new(0);
+    let rows: Mutex<(usize, Vec<Option<String>>)> = Mutex::new((0, vec![None; cases.len()]));
     std::thread::scope(|scope| {
-        for (cases, rows) in cases.chunks(share).zip(rows.chunks_mut(share)) {
-            scope.spawn(move || {
-                for (case, row) in cases.iter().zip(rows) {
-                    *row = (1..=robots).map(|seed| drive(case, seed)).collect();
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some((at, case)) =
+                    cases.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    let driven: Vec<Sensed> = (1..=robots).map(|seed| drive(case, seed)).collect();
+                    let (printed, rows) = &mut *rows.lock().expect("rows");
+                    rows[at] = Some(row(case, &driven));
+                    while let Some(row) = rows.get_mut(*printed).and_then(Option::take) {
+                        println!("{row}");
+                        *printed += 1;
+                    }
                 }
             });
         }
     });
-    for (case, row) in cases.iter().zip(&rows) {
-        let cell = |value: &dyn Fn(&Sensed) -> f64| {
-            let values: Vec<f64> = row.iter().map(|one| 1e3 * value(one).abs()).collect();
-            let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
-            format!("{rms:.2} ({:.2})", values.iter().copied().fold(0.0, f64::max))
-        };
-        let stopped = row.iter().filter(|one| !one.finished).count();
-        let note = if stopped > 0 { format!(" ({stopped} stopped)") } else { String::new() };
-        println!(
-            "| {} | {} | {}{note} | {} | {} | {} | {} |",
-            SETS[case.set],
-            FLOORS[case.floor],
-            PATHS[case.path],
-            cell(&|one| one.driving_m),
-            cell(&|one| one.resting_m),
-            cell(&|one| one.believed_m),
-            cell(&|one| one.heading_rad),
-        );
-    }
+}
+
+fn row(case: &Case, driven: &[Sensed]) -> String {
+    let cell = |value: &dyn Fn(&Sensed) -> f64| {
+        let values: Vec<f64> = driven.iter().map(|one| 1e3 * value(one).abs()).collect();
+        let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+        format!("{rms:.2} ({:.2})", values.iter().copied().fold(0.0, f64::max))
+    };
+    let stopped = driven.iter().filter(|one| !one.finished).count();
+    let note = if stopped > 0 { format!(" ({stopped} stopped)") } else { String::new() };
+    format!(
+        "| {} | {} | {}{note} | {} | {} | {} | {} |",
+        SETS[case.set],
+        FLOORS[case.floor],
+        PATHS[case.path],
+        cell(&|one| one.driving_m),
+        cell(&|one| one.resting_m),
+        cell(&|one| one.believed_m),
+        cell(&|one| one.heading_rad),
+    )
 }

@@ -5,6 +5,7 @@ mod comeback;
 mod driving;
 mod files;
 mod hands;
+mod in_map;
 mod inputs;
 mod joystick;
 mod limits;
