@@ -181,7 +181,7 @@ pub enum Call {
         /// Its name in the robot's file.
         name: String,
     },
-    /// Take another reference; while one is followed, once that is left or this one is started (`track`).
+    /// Take another reference; not while one is followed.
     Load {
         /// The reference, with the keys of its table in a robot's file.
         reference: serde_json::Map<String, serde_json::Value>,

@@ -31,8 +31,6 @@ pub(crate) struct Motion {
     reference: Box<dyn Reference>,
     /// Came from outside and waits for its request; afterwards the one that it replaced.
     offered: Option<(u32, Box<dyn Reference>)>,
-    /// The number of the one that takes the place of the reference once that is left.
-    next: Option<u32>,
     /// Where the reference was laid from.
     laid_from: Pose2,
     course: Course,
@@ -114,7 +112,6 @@ impl Motion {
         Ok(Motion {
             reference,
             offered: None,
-            next: None,
             laid_from: Pose2::default(),
             course: Course::Reference,
             velocity: None,
@@ -273,7 +270,6 @@ impl Motion {
     pub(crate) fn leave(&mut self) {
         self.velocity = None;
         self.course = Course::Reference;
-        self.take_next();
     }
 
     /// Nothing of what was begun counts any more.

@@ -27,7 +27,8 @@ impl Robot {
                 // Who was kept from where he should be doesn't go there once nothing keeps him from it any more.
                 let is_there =
                     here.distance_m(wished) <= HELD && (here.heading_rad - wished.heading_rad).abs() <= HELD;
-                let place = if is_there { wished } else { here };
+                let is_kept_off = !is_there && self.guard.limited_by() != LimitedBy::Nothing;
+                let place = if is_kept_off { here } else { wished };
                 Setpoint { status: ReferenceStatus::Resting, ..Setpoint::at_rest(place) }
             }
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),

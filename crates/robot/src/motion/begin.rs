@@ -61,19 +61,22 @@ impl Motion {
         number: u32,
         reference: Box<dyn Reference>,
     ) -> Option<(u32, Box<dyn Reference>)> {
-        self.next = None;
         self.offered.replace((number, reference))
     }
 
-    /// The reference that waits takes the place of the present one: once that is no longer followed.
+    /// The reference that waits takes the place of the present one, unless that is followed.
     pub(crate) fn use_offered(&mut self, number: u32, is_under_way: bool) -> Result<(), CantBegin> {
-        if self.offered.as_ref().is_none_or(|(offered, _)| *offered != number) {
+        if is_under_way && self.needs_reference() {
+            return Err(CantBegin::UnderWay);
+        }
+        let Some((offered, reference)) = self.offered.as_mut().filter(|(offered, _)| *offered == number)
+        else {
             return Err(CantBegin::Nothing);
-        }
-        self.next = Some(number);
-        if !(is_under_way && self.needs_reference()) {
-            self.take_next();
-        }
+        };
+        std::mem::swap(reference, &mut self.reference);
+        // What was replaced is not offered again.
+        *offered = u32::MAX;
+        self.begun = false;
         Ok(())
     }
 
@@ -86,37 +89,11 @@ impl Motion {
         }
     }
 
-    /// The reference that was loaded takes the place of the one that is left.
-    pub(super) fn take_next(&mut self) {
-        if self.next.take().is_some()
-            && let Some((number, reference)) = &mut self.offered
-        {
-            std::mem::swap(reference, &mut self.reference);
-            // What was replaced is not offered again.
-            *number = u32::MAX;
-            self.begun = false;
-        }
-    }
-
-    /// The reference from its start; one that was loaded meanwhile in place of the one that is followed.
+    /// The reference from its start.
     pub(crate) fn track(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
-        if !(from.is_under_way && self.needs_reference()) {
-            return self.begin_track(from);
+        if from.is_under_way && self.needs_reference() {
+            return Err(CantBegin::UnderWay);
         }
-        let (next, begun) = (self.next.ok_or(CantBegin::UnderWay)?, self.begun);
-        self.take_next();
-        let result = self.begin_track(from);
-        if result.is_err()
-            && let Some((number, reference)) = &mut self.offered
-        {
-            std::mem::swap(reference, &mut self.reference);
-            *number = next;
-            (self.next, self.begun) = (Some(next), begun);
-        }
-        result
-    }
-
-    fn begin_track(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
         let here = from.pose();
         if let Some(start) = self.reference.start_pose() {
             let turn_rad = wrap_angle_rad(start.heading_rad - here.heading_rad);
@@ -203,7 +180,6 @@ impl Motion {
     pub(crate) fn go(&mut self, from: &From<'_>, to: Pose2) -> Result<(), CantBegin> {
         self.plan_way(from, to)?;
         self.take_way(from.time, Then::Rests);
-        self.take_next();
         Ok(())
     }
 

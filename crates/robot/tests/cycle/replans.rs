@@ -175,26 +175,21 @@ fn a_path_that_is_loaded_and_started_while_moving_is_joined_without_a_stop() {
 }
 
 #[test]
-fn a_path_that_is_loaded_while_another_is_driven_takes_its_place_when_it_is_started_or_left() {
+fn a_path_that_is_followed_is_left_before_another_one_takes_its_place() {
     let ahead = path(vec![[0.0, 0.0, 0.0, 0.0], [2.0, 1.5, 0.0, 0.0]], PathFrame::Start);
     let mut robot = Watched::new(CIRCLE);
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
     robot.run(1_500);
-    // What is followed can't be begun anew meanwhile.
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::WrongPhase);
     let time_s = robot.before.reference_time_s;
-    assert_eq!(robot.load(3, &ahead), RequestAnswer::Taken);
+    assert_eq!(robot.load(3, &ahead), RequestAnswer::WrongPhase);
     robot.run(100);
     assert!((robot.before.reference_time_s - time_s - 0.101).abs() < 1e-9, "the circle goes on");
-    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
-    let here = robot.before.setpoint.odom_from_body;
-    let end = robot.until_it_holds();
-    assert!((end.distance_m(here) - 1.5).abs() < 0.01, "{here:?} {end:?}");
-    // Left by a stop, what was loaded counts, from its start.
-    let mut robot = Watched::new(CIRCLE);
-    robot.ask(RequestKind::Track);
-    robot.run(1_500);
-    assert_eq!(robot.load(3, &ahead), RequestAnswer::Taken);
+    // Left for a way to a pose, without a stop.
+    assert_eq!(robot.ask(go(3.0, 0.0, 0.0)), RequestAnswer::Taken);
+    robot.run(300);
+    assert_eq!(robot.load(4, &ahead), RequestAnswer::Taken);
+    assert_eq!(robot.before.course, Course::Way);
     robot.ask(RequestKind::Stop(StopCategory::RampAndHold));
     let here = robot.until_it_holds();
     assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Refused);
@@ -364,20 +359,4 @@ fn the_same_way_asked_again_and_again_is_the_same_way() {
     let (again, there) = drive(Some(20));
     assert!(again.abs_diff(cycles) < 25, "{again} {cycles}");
     assert!(end.distance_m(there) < 1e-5, "{end:?} {there:?}");
-}
-
-#[test]
-fn a_path_that_could_not_be_joined_begins_once_the_one_before_is_over() {
-    let short = path(vec![[0.0, 0.0, 0.0, 0.0], [2.0, -0.01, 0.0, 0.0]], PathFrame::Start);
-    let mut robot = Watched::new(CIRCLE);
-    robot.ask(RequestKind::Track);
-    robot.run(1_500);
-    assert_eq!(robot.load(5, &short), RequestAnswer::Taken);
-    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Moving);
-    assert_eq!((robot.before.course, robot.before.reference_begun), (Course::Reference, 1));
-    let end = robot.until_it_holds();
-    assert!(end.distance_m(Pose2::default()) < 1e-5, "the circle is closed: {end:?}");
-    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
-    let there = robot.until_it_holds();
-    assert!((there.distance_m(end) - 0.01).abs() < 1e-6, "{there:?}");
 }
