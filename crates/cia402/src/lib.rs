@@ -5,7 +5,7 @@
 //! - [`enabling`]: [`Enabling`] takes one drive to Operation Enabled without a jump, switches modes while
 //!   it runs, names faults, and never leaves a stop by itself.
 //! - [`scaling`]: newtypes between the drive's units and SI.
-//! - [`object`]: the profile's objects by index, subindex, type and name; [`error_code`]: 0x603F in words; [`unit`]: what their numbers are of.
+//! - [`object`]: the profile's objects by index, subindex, type and name; [`error_code`]: 0x603F in words; [`mod@unit`]: what their numbers are of.
 //!
 //! Principles: one call per cycle with that cycle's inputs gives that cycle's outputs; time is an argument;
 //! nothing allocates and nothing panics on any value that a drive may send.
