@@ -21,6 +21,9 @@ centre_m = [1.5, 0.5]
 radius_m = 0.2
 ";
 
+/// Where a run ends: some bytes ask for 64 cycles each, and a picture among the seeds for half a million.
+const MOST_CYCLES: u64 = 20_000;
+
 /// Bytes, as numbers of any width; `None` at their end.
 struct Bytes<'a>(&'a [u8]);
 
@@ -123,14 +126,16 @@ fuzz_target!(|bytes: &[u8]| {
     let (mut image, mut buffer) = (ImageBuffer::new(&plan), ImageBuffer::new(&plan));
     let (mut first, mut second) = (Vec::new(), Vec::new());
     let mut index = 0;
-    while let Some(what) = bytes.byte() {
+    while let Some(what) = bytes.byte().filter(|_| index < MOST_CYCLES) {
         let repeats = if what & 0x80 == 0 { 1 } else { u64::from(what & 0x3F) + 1 };
         let (mut exchange, mut request) = (Exchange::Complete, None);
         if what & 0x80 == 0 {
             exchange = match what & 3 {
                 1 => Exchange::Lost,
                 2 => Exchange::ShortCount { expected: 9, received: 6 },
-                3 if what & 8 != 0 => Exchange::Without { wheels: u16::from(what >> 4), devices: u16::from(what >> 6) },
+                3 if what & 8 != 0 => {
+                    Exchange::Without { wheels: u16::from(what >> 4), devices: u16::from(what >> 6) }
+                }
                 3 => Exchange::Restarted { wheels: u16::from(what >> 4) },
                 _ => Exchange::Complete,
             };
@@ -148,13 +153,18 @@ fuzz_target!(|bytes: &[u8]| {
                 let at = usize::from(at) % inputs.len();
                 inputs[at] = lie;
             }
-            let record = *robot.compute(CycleTime::on_grid(index, plan.bus.cycle_ns), exchange, request, &mut image);
+            let record =
+                *robot.compute(CycleTime::on_grid(index, plan.bus.cycle_ns), exchange, request, &mut image);
             index += 1;
             look_at(&record, &plan);
             record.values(&mut first);
             again.replay(&record, &mut buffer).values(&mut second);
             for (number, pair) in first.iter().zip(&second).enumerate() {
-                assert_eq!(omnibase_run::channels::word(*pair.0), omnibase_run::channels::word(*pair.1), "value {number}");
+                assert_eq!(
+                    omnibase_run::channels::word(*pair.0),
+                    omnibase_run::channels::word(*pair.1),
+                    "value {number}"
+                );
             }
             assert_eq!(image.outputs, buffer.outputs);
         }

@@ -163,7 +163,8 @@ impl Check {
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
         let signals = signals.unwrap_or_default();
-        let sensors = sensors::resolve(self, (&file.sensor, &file.estimator), is_known.then_some(&signals));
+        let estimator = registry.estimators.find(file.estimator.kind.as_deref()).map(|(kind, _)| kind.name);
+        let sensors = sensors::resolve(self, (&file.sensor, estimator.ok()), is_known.then_some(&signals));
         sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default());
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);

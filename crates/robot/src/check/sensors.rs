@@ -5,8 +5,7 @@ use omnibase_platform::Pose2;
 
 use super::Check;
 use crate::config::{
-    EstimatorTable, InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable,
-    SourcePlan, nearest,
+    InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable, SourcePlan, nearest,
 };
 use crate::signals::SignalLayout;
 
@@ -16,13 +15,13 @@ const COVARIANCE: [&str; 6] =
 
 pub(super) fn resolve(
     check: &mut Check,
-    (tables, estimator): (&[SensorTable], &EstimatorTable),
+    (tables, estimator): (&[SensorTable], Option<&str>),
     signals: Option<&SignalLayout>,
 ) -> Option<Vec<SensorPlan>> {
     if tables.is_empty() {
         return Some(Vec::new());
     }
-    if estimator.kind.as_deref().unwrap_or("wheel_odometry") == "wheel_odometry" {
+    if estimator == Some("wheel_odometry") {
         let reason = "the wheels alone tell it where the platform is: nobody would hear the sensors";
         let problem = check.report(ProblemKind::Contradiction, "sensor", reason);
         problem.limit = Some("estimator.kind = \"fused\", or no `[[sensor]]`".into());
