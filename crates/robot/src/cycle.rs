@@ -387,9 +387,11 @@ impl Robot {
         let is_followed = self.motion.course() != Course::Velocity;
         let is_paused = self.motion.is_paused();
         let is_held_back = is_paused && self.guard.limited_by() != LimitedBy::Nothing;
+        let [wished, here] = [&record.wished, &record.setpoint].map(|at| &at.odom_from_body);
+        let is_held_off = is_held_back && !is_there(wished, here);
         let is_there = match is_held_back {
-            true => is_there(&record.wished.odom_from_body, &record.setpoint.odom_from_body),
-            false => self.limiter.has_reached(&record.wished.odom_from_body),
+            true => !is_held_off && all_but_rests(&record.setpoint.twist_in_odom),
+            false => self.limiter.has_reached(wished),
         };
         self.lifecycle.advance(&Outcome {
             time: &record.time,
@@ -401,7 +403,7 @@ impl Robot {
             peripherals: self.peripherals.standing(record.exchange).0,
             is_finished: is_followed
                 && (record.setpoint.status == ReferenceStatus::Finished || is_paused && is_there),
-            is_held_off: is_held_back && !is_there,
+            is_held_off,
             finished_by: if self.motion.is_paused_at_fence() {
                 SafetyReason::Fence
             } else {
@@ -458,6 +460,13 @@ impl Robot {
         };
         self.peripherals.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
     }
+}
+
+/// Slower than this, m/s and rad/s, what is left of a way until it rests is micrometres.
+const ALL_BUT_REST: f64 = 1e-3;
+
+fn all_but_rests(twist: &omnibase_platform::Twist2) -> bool {
+    twist.speed_m_s() <= ALL_BUT_REST && twist.w_rad_s.abs() <= ALL_BUT_REST
 }
 
 /// How fast the wheel that slips most slips, m/s.

@@ -3,6 +3,7 @@
 use omnibase_robot::Registry;
 use omnibase_robot::config::AvoidanceKind;
 use omnibase_trials::approaches::{register_kinematic, run};
+use omnibase_trials::replans::{self, Replans};
 use omnibase_trials::{plan_of, robots};
 
 /// What braking may give back where an obstacle drives through a robot and its nearest side becomes another one, m.
@@ -32,4 +33,22 @@ fn no_footprint_crosses_a_fence_or_meets_an_obstacle_by_its_own_motion() {
     assert!(limited > 500 && fenced > 100 && fast > 200, "{limited} {fenced} {fast}");
     // Odometry drifts, and ways are blocked.
     assert!(off > 100 && given_up > 50, "{off} {given_up}");
+}
+
+/// Seeds 1 to 100, and one in which a platform that was paused beside a fence held before it stood.
+#[test]
+fn motions_that_are_replaced_under_way_keep_every_limit_and_stay_stopped_once_they_are() {
+    let mut registry = Registry::with_built_in();
+    register_kinematic(&mut registry);
+    let bases = [plan_of(robots::BMM), plan_of(robots::MECANUM)];
+    let mut all = Replans { fence_m: f64::INFINITY, ..Default::default() };
+    for seed in (1..=100).chain([304_552]) {
+        let result = replans::run(&bases[(seed % 2) as usize], &registry, seed, 40);
+        let wrong = [result.beyond, result.steps, result.outside, result.moved];
+        assert_eq!(wrong, [0; 4], "seed {seed}: beyond a limit, steps, outside, moved by nobody");
+        all.add(&result);
+    }
+    let taken_while_moving = all.counts.map(|[_, _, moving]| moving);
+    assert!(taken_while_moving[..2].iter().all(|times| *times > 100), "{taken_while_moving:?}");
+    assert!(all.joined > 100 && all.stops > 100, "{} {}", all.joined, all.stops);
 }

@@ -6,7 +6,8 @@ use super::Robot;
 use crate::guard::Drive;
 use crate::signals::{Frame, LimitedBy, Phase, ReferenceStatus, Request, RequestKind, Setpoint};
 
-/// A robot that holds ends its way to a place that is nearer than this, m and rad.
+/// A robot that holds ends its way to a place that is nearer than this, m and rad; and where fence or obstacles hold it back.
+const SETTLES: f64 = 1e-4;
 const HELD: f64 = 1e-5;
 
 impl Robot {
@@ -25,9 +26,10 @@ impl Robot {
                 let [wished, here] =
                     [self.record.wished, self.limiter.setpoint()].map(|at| at.odom_from_body);
                 // Who was kept from where he should be doesn't go there once nothing keeps him from it any more.
-                let is_there =
-                    here.distance_m(wished) <= HELD && (here.heading_rad - wished.heading_rad).abs() <= HELD;
-                let is_kept_off = !is_there && self.guard.limited_by() != LimitedBy::Nothing;
+                let apart = here.distance_m(wished).max((here.heading_rad - wished.heading_rad).abs());
+                let settles = if self.guard.limited_by() == LimitedBy::Nothing { SETTLES } else { HELD };
+                // What is no number is no place to go to.
+                let is_kept_off = !(apart <= settles);
                 let place = if is_kept_off { here } else { wished };
                 Setpoint { status: ReferenceStatus::Resting, ..Setpoint::at_rest(place) }
             }
