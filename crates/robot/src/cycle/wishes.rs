@@ -28,9 +28,7 @@ impl Robot {
                 // Who was kept from where he should be doesn't go there once nothing keeps him from it any more.
                 let apart = here.distance_m(wished).max((here.heading_rad - wished.heading_rad).abs());
                 let settles = if self.guard.limited_by() == LimitedBy::Nothing { SETTLES } else { HELD };
-                // What is no number is no place to go to.
-                let is_kept_off = !(apart <= settles);
-                let place = if is_kept_off { here } else { wished };
+                let place = if apart <= settles { wished } else { here };
                 Setpoint { status: ReferenceStatus::Resting, ..Setpoint::at_rest(place) }
             }
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
