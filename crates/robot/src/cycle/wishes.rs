@@ -26,9 +26,10 @@ impl Robot {
                 let [wished, here] =
                     [self.record.wished, self.limiter.setpoint()].map(|at| at.odom_from_body);
                 // Who was kept from where he should be doesn't go there once nothing keeps him from it any more.
-                let apart = here.distance_m(wished).max((here.heading_rad - wished.heading_rad).abs());
                 let settles = if self.guard.limited_by() == LimitedBy::Nothing { SETTLES } else { HELD };
-                let place = if apart <= settles { wished } else { here };
+                let is_there = here.distance_m(wished) <= settles
+                    && (here.heading_rad - wished.heading_rad).abs() <= settles;
+                let place = if is_there { wished } else { here };
                 Setpoint { status: ReferenceStatus::Resting, ..Setpoint::at_rest(place) }
             }
             Phase::Stopping => Setpoint::at_rest(self.limiter.setpoint().odom_from_body),
