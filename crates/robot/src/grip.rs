@@ -10,6 +10,7 @@ pub(crate) mod friction;
 mod identification;
 pub(crate) mod loads;
 mod sliding;
+mod steady;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
@@ -20,6 +21,7 @@ use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion};
 use loads::Loads;
 use sliding::{Slide, Sliding};
+use steady::{Shown, Steady};
 
 /// Standard gravity, m/s² (ISO 80000-3).
 pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
@@ -69,6 +71,7 @@ pub(crate) struct Grip {
     loads: Loads,
     identification: Identification,
     sliding: Sliding,
+    steady: Steady,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
@@ -170,6 +173,7 @@ impl Grip {
         Grip {
             identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
+            steady: Steady::new(plan.controller.mass_bounds_kg.map(|[least, _]| least)),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
@@ -238,6 +242,7 @@ impl Grip {
     fn forget(&mut self) {
         (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
         self.sliding.forget();
+        self.steady.forget();
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -290,7 +295,7 @@ impl Grip {
             period_s: span_s,
         };
         self.identification.learn(&motion);
-        self.slide(wished.filter(|_| is_whole), motion.acceleration, span_s);
+        self.slide(wished.filter(|_| is_whole), &motion, span_s);
         let dynamics = self.identification.dynamics();
         let [spin_n, roller_n] = dynamics.friction_n;
         let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
@@ -333,17 +338,46 @@ impl Grip {
         }
     }
 
-    /// Which wheels' forces stay where they should follow the setpoint's acceleration.
-    fn slide(&mut self, wished: Option<[f64; 3]>, driven: [f64; 3], span_s: f64) {
+    /// Which wheels' forces stay where they should follow the setpoint's acceleration, or are less than the least that it can weigh
+    /// asks for.
+    fn slide(&mut self, wished: Option<[f64; 3]>, motion: &Motion, span_s: f64) {
         let Some(wished) = wished else {
             self.sliding.forget();
+            self.steady.forget();
             self.wheels.iter_mut().for_each(|wheel| wheel.slide = None);
             return;
         };
-        let change = self.sliding.change(wished, driven, span_s);
-        for (at, wheel) in self.wheels.iter_mut().enumerate().take(self.kinematics.wheel_count()) {
-            let force_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
-            wheel.slide = self.sliding.look(at, &change, (wheel.rim_m_s, force_n), span_s);
+        let count = self.kinematics.wheel_count();
+        let mut pushes_n = [0.0; MAX_WHEELS];
+        for (push_n, wheel) in pushes_n.iter_mut().zip(&self.wheels).take(count) {
+            *push_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
+        }
+        let change = self.sliding.change(wished, motion.acceleration, span_s);
+        for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
+            wheel.slide = self.sliding.look(at, &change, (wheel.rim_m_s, pushes_n[at]), span_s);
+        }
+        let shown = self.pushed(wished, motion, &pushes_n[..count]);
+        let Some(slides) = self.steady.look(&shown, span_s) else { return };
+        let greatest_n = pushes_n.iter().fold(0.0, |most: f64, push_n| most.max(push_n.abs()));
+        for ((wheel, row), push_n) in self.wheels.iter_mut().zip(self.kinematics.matrix()).zip(pushes_n) {
+            wheel.slide = wheel.slide.or_else(|| slides.of_wheel(row, push_n, greatest_n));
+        }
+    }
+
+    /// What the wheels push the platform with, beside how it moves by them.
+    fn pushed(&self, wished: [f64; 3], motion: &Motion, pushes_n: &[f64]) -> Shown {
+        let rims = self.kinematics.wheels();
+        let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
+        let wrench = self.kinematics.wrench(&torques_nm);
+        let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = self.identification.dynamics();
+        let [by_spin, by_roller] = motion.friction_per_newton;
+        Shown {
+            wished,
+            driven: motion.acceleration,
+            push_n: [wrench.fx_n, wrench.fy_n],
+            friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
+            speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
+            learnt_kg: mass_kg - SIGMAS * self.identification.mass_sigma_kg(),
         }
     }
 

@@ -11,6 +11,7 @@ mod braking;
 mod draft;
 pub(crate) mod fence;
 pub(crate) mod outline;
+mod planes;
 mod retreat;
 pub(crate) mod shape;
 mod shaping;

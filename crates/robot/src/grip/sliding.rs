@@ -12,16 +12,16 @@ use crate::decay::Decay;
 use crate::signals::MAX_WHEELS;
 
 /// What changes is what a low-pass lets through, 1/s, and one that is slower, 1/s, holds back: slower than treads swing.
-const FAST_1_S: f64 = 40.0;
+pub(super) const FAST_1_S: f64 = 40.0;
 const SLOW_1_S: f64 = 7.0;
 /// A force follows where it changes by this part of the least that it should.
 const FOLLOWS: f64 = 0.25;
 /// The least change of a force, and the least force, that say anything: over the least load of a wheel, as what rubs changes by a part of it.
 const LEAST_SHARE: f64 = 0.1;
 /// Slower than this a wheel may be held, m/s: dry friction has no direction there.
-const HELD_M_S: f64 = 0.03;
+pub(super) const HELD_M_S: f64 = 0.03;
 /// For how long a force must stay, s: a soft tread takes half of that until it pushes.
-const LASTING_S: f64 = 0.05;
+pub(super) const LASTING_S: f64 = 0.05;
 
 /// A value behind both low-passes.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,15 +9,12 @@
 use omnibase_platform::Twist2;
 
 use super::fence::Wall;
+use super::planes::{MOST, Plane, Planes};
 use super::shape::{MAX_FENCE_CORNERS, Point, cross, dot, length, plus};
 use super::{Drive, Guard, Now};
 use crate::config::AvoidanceKind;
 use crate::signals::{LimitedBy, Setpoint};
 
-/// Most constraints that shape a wish; the check behind it forgets none.
-const MOST: usize = 32;
-/// Rounds in which a speed is brought within all constraints.
-const ROUNDS: usize = 24;
 /// Distance that is kept more than must be, at least and at most, m: what the check's own bounds cost.
 const BUFFER_M: [f64; 2] = [0.003, 0.05];
 /// How fast a place too near is left while moving along, 1/s, and as a part of the wished speed.
@@ -143,25 +140,11 @@ impl Constraints {
 
     /// At a turn, none of them stricter than `least_m_s`.
     fn planes(&self, w_rad_s: f64, least_m_s: f64) -> Planes {
-        let mut planes = Planes { list: [Plane::default(); MOST], count: self.count };
-        for (plane, constraint) in planes.list.iter_mut().zip(self.all()) {
+        Planes::of(self.all().iter().map(|constraint| {
             let most_m_s = constraint.most_m_s.max(least_m_s) - w_rad_s * constraint.moment_m;
-            *plane = Plane { normal: constraint.normal, most_m_s };
-        }
-        planes
+            Plane { normal: constraint.normal, most_m_s }
+        }))
     }
-}
-
-/// A constraint at a turn: the greatest speed along a normal.
-#[derive(Clone, Copy, Debug, Default)]
-struct Plane {
-    normal: Point,
-    most_m_s: f64,
-}
-
-struct Planes {
-    list: [Plane; MOST],
-    count: usize,
 }
 
 /// Speeds that leave what is too near; in a pocket that closes not everything can be left at once, and then it is enough to come
@@ -174,40 +157,17 @@ struct Speeds<'a> {
 }
 
 impl Speeds<'_> {
-    /// A speed within all constraints and near to a wished one.
+    /// The speed within all constraints that is nearest to a wished one.
     fn within(&mut self, wish: Point) -> Point {
         if let Some(leaving) = &self.leaving {
-            match leaving.projected(wish) {
+            match leaving.nearest(wish) {
                 Some(speed) => return speed,
                 // It isn't tried with another wish in this cycle.
                 None => self.leaving = None,
             }
         }
         let staying = self.staying.get_or_insert_with(|| self.constraints.planes(self.w_rad_s, 0.0));
-        staying.projected(wish).unwrap_or_default()
-    }
-}
-
-impl Planes {
-    /// By projection on one constraint after the other; `None` where that doesn't end within all of them.
-    fn projected(&self, wish: Point) -> Option<Point> {
-        let planes = &self.list[..self.count];
-        let excess_of = |plane: &Plane, speed: Point| dot(plane.normal, speed) - plane.most_m_s;
-        let mut speed = wish;
-        for _ in 0..ROUNDS {
-            let mut held = true;
-            for plane in planes {
-                let excess = excess_of(plane, speed);
-                if excess > 1e-12 {
-                    speed = plus(speed, plane.normal, -excess);
-                    held &= excess < 1e-9;
-                }
-            }
-            if held {
-                return Some(speed);
-            }
-        }
-        planes.iter().all(|plane| excess_of(plane, speed) < 1e-3).then_some(speed)
+        staying.nearest(wish).unwrap_or_default()
     }
 }
 
