@@ -11,7 +11,8 @@ const MAX_AGE_MS: u32 = 100;
 
 pub(super) fn resolve(
     check: &mut Check,
-    (tables, devices): (&[SourceTable], &[DeviceTable]),
+    tables: &[SourceTable],
+    devices: &[DeviceTable],
     registry: &Registry,
 ) -> Option<Vec<SourcePlan>> {
     if tables.len() > MAX_SOURCES {

@@ -78,7 +78,7 @@ impl TorqueDesign {
                 gains[1] = gains[0];
                 continue;
             }
-            match chosen(table, (axis, names[axis]), one, designed) {
+            match chosen(table, axis, names[axis], one, designed) {
                 Ok(found) => gains[axis] = found,
                 Err(StageError(found)) => problems.extend(found),
             }
@@ -117,7 +117,8 @@ fn bounds(key: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64;
 /// An axis's gains: as designed, but for what the file gives.
 fn chosen(
     table: &ControllerTable,
-    (axis, name): (usize, &str),
+    axis: usize,
+    name: &str,
     one: &TorqueLoop,
     designed: Option<LoopGains>,
 ) -> Made<LoopGains> {
