@@ -336,7 +336,7 @@ impl Device<'_> {
         {
             if !is_sound {
                 let problem =
-                    self.check.report(ProblemKind::OutOfRange, &setting, "no value follows from it");
+                    self.check.report(ProblemKind::OutOfRange, &setting, "values can't be scaled by it");
                 problem.value = Some(value.to_string());
                 problem.limit = Some("a finite number, the scale not 0".into());
                 return None;

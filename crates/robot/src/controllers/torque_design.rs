@@ -40,7 +40,8 @@ impl TorqueDesign {
             let [low, high] = stiffness_n_m;
             let problem =
                 Problem::refused("tread_stiffness_n_m", "least and greatest stiffness, in this order");
-            return Err(Problem { value: Some(format!("{low} to {high}")), ..problem }.into());
+            let limit = Some("the first at most the second".into());
+            return Err(Problem { value: Some(format!("[{low}, {high}]")), limit, ..problem }.into());
         }
         let wheel_kg = wheel_kg(plan, given(table.mass_kg, "mass_kg")?);
         let product = |one: usize, other: usize| -> f64 {
