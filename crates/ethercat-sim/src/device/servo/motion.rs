@@ -77,7 +77,7 @@ pub(super) struct Actuation {
 /// What the loops follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Reference {
-    /// A position that moves from `from` with `speed` until `end`, counts.
+    /// A position that moves evenly from `from` at `start` to `to` at `end`, counts.
     Position { from: f64, to: f64, start: HostTime, end: HostTime },
     /// A trapezoid to `to`, counts.
     Profile { to: f64, velocity: f64, acceleration: f64, deceleration: f64 },
