@@ -90,10 +90,10 @@ impl Bridge {
             if let Ok(error) = self.ended.try_recv() {
                 return Err(error.context("following the robot"));
             }
-            self.hear_commands(&mut drive, &mut loud, (now, waited));
+            self.hear_commands(&mut drive, &mut loud, now, waited);
             self.drive(&mut drive, &mut loud, now)?;
             let phase = situation.as_ref().map_or("", |situation: &Situation| situation.phase.as_str());
-            self.services.take(&mut self.seat, (phase, self.parameters.path_name()))?;
+            self.services.take(&mut self.seat, phase, self.parameters.path_name())?;
             self.parameters.take(&mut self.seat)?;
             let mut refused = self.poses.take(&mut self.seat, &self.clock, now)?;
             if let Some(situation) = &situation {
@@ -117,7 +117,7 @@ impl Bridge {
         }
     }
 
-    fn hear_commands(&mut self, drive: &mut Drive, loud: &mut Loud, (now, waited): (Instant, bool)) {
+    fn hear_commands(&mut self, drive: &mut Drive, loud: &mut Loud, now: Instant, waited: bool) {
         let (wish, mut refusals) = self.commands.newest(self.clock.now_ns(), now, waited);
         if let Some(objection) = self.commands.objection(now) {
             drive.wish = None;

@@ -41,7 +41,8 @@ impl Diagnostics {
     pub fn of(
         &mut self,
         status: &Value,
-        (columns, wheels): (&[String], &[String]),
+        columns: &[String],
+        wheels: &[String],
         bridge: &OfBridge,
     ) -> Vec<DiagnosticStatus> {
         let value = |name: &str| {
@@ -179,7 +180,7 @@ mod tests {
             })
         };
         let mut levels = |status: &Value, bridge: &OfBridge| -> Vec<(String, u8)> {
-            let all = diagnostics.of(status, (&columns, &wheels), bridge);
+            let all = diagnostics.of(status, &columns, &wheels, bridge);
             all.into_iter().map(|one| (one.name, one.level.0)).collect()
         };
         let names = ["state", "bus", "drive left", "slip", "timing", "bridge"];

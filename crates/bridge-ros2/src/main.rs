@@ -66,7 +66,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let commands = command::Commands::new(&mut ros, arguments)?;
     let wheels = facts.wheels.iter().map(|wheel| wheel.name.clone()).collect();
     let teller = states::Teller::new(&mut ros, &found, wheels, arguments, clock.clone())?;
-    let news = news::News::new(&mut ros, (found.clone(), &facts), arguments, teller.counts())?;
+    let news = news::News::new(&mut ros, found.clone(), &facts, arguments, teller.counts())?;
     let services = services::Services::new(&mut ros, arguments.odom_frame())?;
     let parameters = parameters::Parameters::new(&mut ros)?;
     let actions = actions::Actions::new(&mut ros, arguments.odom_frame(), facts.limits.clone())?;

@@ -45,7 +45,8 @@ impl News {
     /// Tells what never changes.
     pub fn new(
         ros: &mut Ros,
-        (found, facts): (Found, &Facts),
+        found: Found,
+        facts: &Facts,
         arguments: &Arguments,
         counts: Arc<Counts>,
     ) -> anyhow::Result<News> {
@@ -111,7 +112,7 @@ impl News {
             missing: count(&self.counts.missing),
             unsent: count(&self.counts.unsent),
         };
-        let mut all = self.diagnostics.0.of(status, (&self.columns, &self.wheels), &of_bridge);
+        let mut all = self.diagnostics.0.of(status, &self.columns, &self.wheels, &of_bridge);
         for one in &mut all {
             one.name = format!("{}: {}", self.robot, one.name);
             one.hardware_id = self.robot.clone();

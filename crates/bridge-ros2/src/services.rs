@@ -88,7 +88,8 @@ impl Services {
     pub fn take(
         &mut self,
         seat: &mut Seat,
-        (phase, path_name): (&str, &str),
+        phase: &str,
+        path_name: &str,
     ) -> Result<(), omnibase_client::Error> {
         for (at, (name, call, server)) in self.plain.iter().enumerate() {
             while let Ok(Some((id, _))) = server.receive_request() {

@@ -22,12 +22,12 @@ impl Default for Names<'_> {
 pub fn urdf(robot: &Description, names: Names<'_>) -> String {
     let (base, wheels) = parts(robot);
     let mut text = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
-    let base_link = escaped(names.base);
+    let (prefix, base_link) = (escaped(names.prefix), escaped(names.base));
     let outline: Vec<String> = robot.footprint_m.iter().map(|[x, y]| format!("{x} {y}")).collect();
     text += &format!("  <!-- footprint in base_link, m: {} -->\n", outline.join(", "));
     text += &format!("  <link name=\"{base_link}\">\n{}{}  </link>\n", inertial(&base), slab(robot));
     for (wheel, part) in robot.wheels.iter().zip(&wheels) {
-        text += &joint(robot, wheel, part, (&escaped(names.prefix), &base_link));
+        text += &joint(robot, wheel, part, Names { prefix: &prefix, base: &base_link });
     }
     text + "</robot>\n"
 }
@@ -61,7 +61,8 @@ fn slab(robot: &Description) -> String {
     )
 }
 
-fn joint(robot: &Description, wheel: &Wheel, part: &Part, (prefix, base): (&str, &str)) -> String {
+fn joint(robot: &Description, wheel: &Wheel, part: &Part, escaped_names: Names<'_>) -> String {
+    let Names { prefix, base } = escaped_names;
     let name = format!("{prefix}{}", escaped(&wheel.name));
     let ([x, y], [axis_x, axis_y], radius) = (wheel.position_m, wheel.axis(), wheel.radius_m);
     // A cylinder lies along z: rolled about x it lies along y, turned about z along the axis.

@@ -100,7 +100,8 @@ struct Item {
 /// A profile: its numbers and its dictionary.
 pub(crate) fn profile(
     element: Element,
-    (numbers, dictionary): (&mut Vec<u32>, &mut Vec<OdObject>),
+    numbers: &mut Vec<u32>,
+    dictionary: &mut Vec<OdObject>,
     notes: &mut Notes,
 ) {
     for child in element.children() {
@@ -111,7 +112,7 @@ pub(crate) fn profile(
                 for list in child.children() {
                     match list.name() {
                         "DataTypes" => read_types(list, &mut types, notes),
-                        "Objects" => read_objects(list, (&types, dictionary), notes),
+                        "Objects" => read_objects(list, &types, dictionary, notes),
                         _ => list.skip(notes),
                     }
                 }
@@ -201,7 +202,8 @@ fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
 
 fn read_objects(
     list: Element,
-    (types, dictionary): (&BTreeMap<String, Type>, &mut Vec<OdObject>),
+    types: &BTreeMap<String, Type>,
+    dictionary: &mut Vec<OdObject>,
     notes: &mut Notes,
 ) {
     let mut entries = dictionary.iter().map(|object| object.entries.len()).sum::<usize>();

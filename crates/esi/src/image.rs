@@ -36,7 +36,7 @@ pub fn with_modules(assembly: &Assembly, vendor_id: u32) -> Image {
         let all = assembly.pdos(outputs);
         let shown = all.iter().map(|pdo| {
             let default = chosen.iter().find(|one| one.index.index == pdo.index.index);
-            sii_pdo((pdo, default.and_then(|one| one.sync_manager)), &mut strings)
+            sii_pdo(pdo, default.and_then(|one| one.sync_manager), &mut strings)
         });
         shown.collect()
     };
@@ -233,7 +233,7 @@ fn sync_manager(
     }
 }
 
-fn sii_pdo((pdo, default): (&Pdo, Option<u8>), strings: &mut Strings) -> sii::Pdo {
+fn sii_pdo(pdo: &Pdo, default: Option<u8>, strings: &mut Strings) -> sii::Pdo {
     let flags = [
         (pdo.mandatory, MANDATORY),
         (default.is_some(), DEFAULT),

@@ -61,7 +61,7 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
         "Name" => name(child, &mut device.names, notes),
         "Info" => info(child, device, notes),
         "GroupType" => device.group = short(child.text()),
-        "Profile" => dictionary::profile(child, (&mut device.profiles, &mut device.dictionary), notes),
+        "Profile" => dictionary::profile(child, &mut device.profiles, &mut device.dictionary, notes),
         "Fmmu" => device.fmmus.push(fmmu(child, notes)),
         "Sm" => device.sync_managers.push(sync_manager(child, notes)),
         "RxPdo" => device.rx_pdos.extend(pdo::read(child, notes)),

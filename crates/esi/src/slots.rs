@@ -99,7 +99,7 @@ fn module(element: Element, notes: &mut Notes) -> Module {
             "RxPdo" => module.rx_pdos.extend(pdo::read(child, notes)),
             "TxPdo" => module.tx_pdos.extend(pdo::read(child, notes)),
             "Mailbox" => module.mailbox = Some(mailbox::read(child, notes)),
-            "Profile" => dictionary::profile(child, (&mut profiles, &mut module.dictionary), notes),
+            "Profile" => dictionary::profile(child, &mut profiles, &mut module.dictionary, notes),
             _ => child.skip(notes),
         }
     }

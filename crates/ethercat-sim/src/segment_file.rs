@@ -279,10 +279,10 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
             }
             Kind::DigitalIo(DigitalIo { inputs, outputs })
         }
-        "sii" => Kind::Sii(need(("sii", "the file with the image"), span, entry, document)?.into()),
+        "sii" => Kind::Sii(need("sii", "the file with the image", span, entry, document)?.into()),
         "esi" => {
-            let file = need(("esi", "the maker's file"), span.clone(), entry, document);
-            let device = need(("device", "which device of the file"), span, entry, document);
+            let file = need("esi", "the maker's file", span.clone(), entry, document);
+            let device = need("device", "which device of the file", span, entry, document);
             let mut texts = |key| -> Vec<String> {
                 let texts = entry.texts(key, document).unwrap_or_default();
                 texts.into_iter().map(|(text, _)| text).collect()
@@ -303,7 +303,8 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
 
 /// A text that must be there; what is missing is noted.
 fn need(
-    (key, what): (&'static str, &str),
+    key: &'static str,
+    what: &str,
     place: core::ops::Range<usize>,
     entry: &mut TableReader,
     document: &mut Document,

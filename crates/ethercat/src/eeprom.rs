@@ -284,7 +284,7 @@ impl SiiReader {
         }
         let has_read = matches!(self.phase, Stage::Fetch);
         self.phase = Stage::Order;
-        if !has_read || !self.interface.is_acknowledged(status, (u32_at(data, 2), self.word()), now)? {
+        if !has_read || !self.interface.is_acknowledged(status, u32_at(data, 2), self.word(), now)? {
             return Ok(());
         }
         let length = if status & READS_EIGHT_BYTES != 0 { 8 } else { 4 };

@@ -55,7 +55,7 @@ impl Receivers {
             let Some(receiver) = open(&source.receiver).map_err(named)? else { continue };
             let (plan, seat, ends) = (source.clone(), Arc::clone(seat), Arc::clone(&all.ends));
             let thread = std::thread::Builder::new().name(format!("source {}", source.name));
-            let thread = thread.spawn(move || run(receiver, (place, &plan), &*seat, &ends));
+            let thread = thread.spawn(move || run(receiver, place, &plan, &*seat, &ends));
             all.threads.push(thread.map_err(named)?);
         }
         Ok(all)
@@ -77,7 +77,7 @@ impl Drop for Receivers {
     }
 }
 
-fn run(receiver: Box<dyn Receiver>, (place, plan): (usize, &SourcePlan), seat: &dyn Seat, ends: &AtomicBool) {
+fn run(receiver: Box<dyn Receiver>, place: usize, plan: &SourcePlan, seat: &dyn Seat, ends: &AtomicBool) {
     let mut turn = Turn::new(place, &plan.name, seat);
     let mut receiver = Some(receiver);
     while !ends.load(Ordering::Relaxed) {

@@ -95,7 +95,7 @@ impl Ability {
         if controller.mass_kg.is_some() && controller.inertia_kg_m2.is_some() {
             let mass_kg = dynamics.mass_kg;
             ability.sure = ability.friction.map(|friction| PlannedFor { friction, mass_kg, heat: 0.0 });
-            ability.add_torques(&footing, kinematics, (drives, &dynamics));
+            ability.add_torques(&footing, kinematics, drives, &dynamics);
         }
         ability.stance = Some((footing, dynamics));
         ability
@@ -127,7 +127,8 @@ impl Ability {
         &mut self,
         footing: &Footing,
         kinematics: &Kinematics,
-        (drives, dynamics): (&[DrivePlan], &Dynamics),
+        drives: &[DrivePlan],
+        dynamics: &Dynamics,
     ) {
         let mut heat = Heat { window_s: HEAT_WINDOW_S, torques: Vec::new() };
         for (wheel, drive) in (0..footing.wheel_count()).zip(drives) {

@@ -158,13 +158,13 @@ impl Check {
         let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);
-        let sources = sources::resolve(self, (&file.source, &file.device), registry);
+        let sources = sources::resolve(self, &file.source, &file.device, registry);
         let beside = devices.zip(sources);
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
         let signals = signals.unwrap_or_default();
         let estimator = registry.estimators.find(file.estimator.kind.as_deref()).map(|(kind, _)| kind.name);
-        let sensors = sensors::resolve(self, (&file.sensor, estimator.ok()), is_known.then_some(&signals));
+        let sensors = sensors::resolve(self, &file.sensor, estimator.ok(), is_known.then_some(&signals));
         sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default());
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);
@@ -294,10 +294,10 @@ impl Check {
         let of =
             |file: &Option<String>, key| file.clone().filter(|_| kind.reads(key)).map(|name| (name, key));
         let read_points = |name: &str| crate::references::read_points(&read_file(name)?);
-        self.read_in_place((points, "points"), of(points_file, "points_file"), read_points)?;
-        self.read_in_place((correction, "correction"), of(correction_file, "correction_file"), read_points)?;
+        self.read_in_place(points, "points", of(points_file, "points_file"), read_points)?;
+        self.read_in_place(correction, "correction", of(correction_file, "correction_file"), read_points)?;
         let read_drawing = |name: &str| crate::references::read_drawing(&read_file(name)?);
-        self.read_in_place((drawing, "drawing"), of(drawing_file, "drawing_file"), read_drawing)?;
+        self.read_in_place(drawing, "drawing", of(drawing_file, "drawing_file"), read_drawing)?;
         self.keys(kind, &Given::of(&table), &kinds.sort);
         Some(table)
     }
@@ -305,7 +305,8 @@ impl Check {
     /// A key of the reference from the file that stands in its place; `None` where that can't be read.
     fn read_in_place<T>(
         &mut self,
-        (value, key): (&mut Option<T>, &str),
+        value: &mut Option<T>,
+        key: &str,
         file: Option<(String, &str)>,
         read: impl Fn(&str) -> Result<T, String>,
     ) -> Option<()> {

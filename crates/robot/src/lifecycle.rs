@@ -132,7 +132,7 @@ impl Lifecycle {
             (RequestKind::Stop(category), phase) => {
                 // Drives on their way to operation have nothing to ramp down.
                 let category = if phase == Phase::Enabling { StopCategory::RemoveTorque } else { *category };
-                self.stop(time, SafetyAction::Stop(category), (SafetyReason::Requested, 0));
+                self.stop(time, SafetyAction::Stop(category), SafetyReason::Requested, 0);
                 taken(Change::None)
             }
             (RequestKind::Acknowledge, Phase::Fault) => {
@@ -223,7 +223,7 @@ impl Lifecycle {
             ) => SafetyAction::QuickStop,
             (action, _) => action,
         };
-        self.stop(outcome.time, action, (reason, where_index));
+        self.stop(outcome.time, action, reason, where_index);
         let is_lost = matches!(
             reason,
             SafetyReason::DeviceLost | SafetyReason::ExchangeLost | SafetyReason::PoseUnknown
@@ -253,7 +253,7 @@ impl Lifecycle {
     }
 
     /// A stop, in whatever phase: it takes over where it is harder than the present one, and never weakens it.
-    fn stop(&mut self, time: &CycleTime, action: SafetyAction, (reason, where_index): (SafetyReason, u64)) {
+    fn stop(&mut self, time: &CycleTime, action: SafetyAction, reason: SafetyReason, where_index: u64) {
         let present = self.present_stop();
         let is_asked = reason == SafetyReason::Requested;
         let is_harder = action.severity() > present.severity();

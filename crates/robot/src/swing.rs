@@ -26,7 +26,7 @@ pub(crate) fn taken(period_s: f64) -> f64 {
 
 impl Swing {
     /// Takes in a torque, once a cycle; what is nearer to its average than `least_nm` reaches nowhere.
-    pub(crate) fn see(&mut self, torque_nm: f64, least_nm: f64, (now_ns, taken): (u64, f64)) {
+    pub(crate) fn see(&mut self, torque_nm: f64, least_nm: f64, now_ns: u64, taken: f64) {
         let average_nm = self.average_nm.get_or_insert(torque_nm);
         *average_nm += taken * (torque_nm - *average_nm);
         let off_nm = torque_nm - *average_nm;

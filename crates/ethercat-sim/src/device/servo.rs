@@ -14,7 +14,7 @@ use crate::dictionary::Dictionary;
 use crate::dictionary::standard::{Nameplate, PdoMap};
 use crate::firmware::{SyncMonitoring, Synchronization};
 use core::f64::consts::TAU;
-use motion::{Limits, Motion};
+use motion::{Actuation, Limits, Motion};
 use objects::Fields;
 use omnibase_ethercat_wire::coe::{AbortCode, Emergency, ObjectAddress};
 use omnibase_ethercat_wire::{AlState, AlStatusCode, HostTime};
@@ -304,9 +304,11 @@ impl Servo {
         self.stop = Some(Stop { rate_counts_s2, then: Some(then) });
     }
 
-    /// Whether the motor has current, and the rate of a stop on its way.
-    fn drive(&self) -> (bool, Option<f64>) {
-        (self.power.is_energized(), self.stop.map(|stop| stop.rate_counts_s2))
+    fn actuation(&self) -> Actuation {
+        Actuation {
+            is_energized: self.power.is_energized(),
+            stop_rate_counts_s2: self.stop.map(|stop| stop.rate_counts_s2),
+        }
     }
 
     fn limits(&self, dictionary: &Dictionary) -> Limits {
@@ -362,8 +364,8 @@ impl Device for Servo {
     }
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
-        let drive = self.drive();
-        self.motion.advance(self.axis.as_mut(), moment.now, drive);
+        let actuation = self.actuation();
+        self.motion.advance(self.axis.as_mut(), moment.now, actuation);
         self.motion.limit(self.limits(dictionary));
         self.run_power(dictionary, moment.now);
         let follows = self.power == PowerState::OperationEnabled && self.stop.is_none();
@@ -372,8 +374,8 @@ impl Device for Servo {
         if follows && self.motion.follows_badly(dictionary, &self.fields, moment.now) {
             self.raise_fault(dictionary, FOLLOWING_ERROR);
         }
-        let drive = self.drive();
-        self.motion.apply(self.axis.as_mut(), drive);
+        let actuation = self.actuation();
+        self.motion.apply(self.axis.as_mut(), actuation);
         self.show(dictionary);
     }
 
@@ -382,12 +384,12 @@ impl Device for Servo {
     }
 
     fn tick(&mut self, dictionary: &mut Dictionary, now: HostTime) {
-        let drive = self.drive();
-        self.motion.advance(self.axis.as_mut(), now, drive);
+        let actuation = self.actuation();
+        self.motion.advance(self.axis.as_mut(), now, actuation);
         self.motion.limit(self.limits(dictionary));
         self.finish_stop();
-        let drive = self.drive();
-        self.motion.apply(self.axis.as_mut(), drive);
+        let actuation = self.actuation();
+        self.motion.apply(self.axis.as_mut(), actuation);
     }
 
     fn check_write(&self, _: &Dictionary, address: ObjectAddress, data: &[u8]) -> Result<(), AbortCode> {
@@ -425,8 +427,8 @@ impl Device for Servo {
         if active && self.power.is_switched_on() {
             let is_fault = self.power == PowerState::FaultReactionActive;
             self.enter(if is_fault { PowerState::Fault } else { PowerState::SwitchOnDisabled });
-            let drive = self.drive();
-            self.motion.apply(self.axis.as_mut(), drive);
+            let actuation = self.actuation();
+            self.motion.apply(self.axis.as_mut(), actuation);
         }
         true
     }

@@ -69,7 +69,8 @@ impl Interface {
     pub(super) fn is_acknowledged(
         &mut self,
         status: u16,
-        (address, word): (u32, u32),
+        address: u32,
+        word: u32,
         now: HostTime,
     ) -> Result<bool, EepromFailure> {
         if status & (NOT_ACKNOWLEDGED | WRITE_ENABLE_ERROR) == 0 && address == word {

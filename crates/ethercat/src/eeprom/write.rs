@@ -179,7 +179,7 @@ impl SiiWriter {
         let WordWrite { word, value } = self.step();
         let was_written = self.stage == Stage::Written;
         // An EEPROM that is still storing the last word acknowledges nothing.
-        if !self.interface.is_acknowledged(status, (u32_at(data, 2), word), now)? {
+        if !self.interface.is_acknowledged(status, u32_at(data, 2), word, now)? {
             self.stage = if was_written { Stage::Write } else { Stage::Read };
             return Ok(());
         }

@@ -105,7 +105,8 @@ impl CovarianceSettings {
         &self,
         covariance: &Matrix3<f64>,
         (from, to): (Pose2, Pose2),
-        (step, slip_m): (BodyStep, f64),
+        step: BodyStep,
+        slip_m: f64,
     ) -> Matrix3<f64> {
         let carry = carry(from, to);
         let (way_m, turn_rad) = (step.distance_m(), step.angle_rad.abs());

@@ -54,7 +54,7 @@ fn body(sent: &Sent) -> Vec<u8> {
 }
 
 /// A frame with all sorts of things beside the rigid bodies; ticks when the shutters were open, and when it was sent.
-pub fn frame([major, minor]: [u8; 2], (number, bodies): (u32, &[Sent]), ticks: [u64; 2]) -> Vec<u8> {
+pub fn frame([major, minor]: [u8; 2], number: u32, bodies: &[Sent], ticks: [u64; 2]) -> Vec<u8> {
     let is_sized = (major, minor) >= (4, 1);
     let section = |items: &[Vec<u8>]| {
         let all = items.concat();

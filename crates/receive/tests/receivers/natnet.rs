@@ -45,7 +45,7 @@ fn met(version: [u8; 2], plan: &NatNetPlan) -> NatNet {
 }
 
 fn frame(version: [u8; 2], number: u32, bodies: &[Sent], now_ns: u64) -> Vec<u8> {
-    motive::frame(version, (number, bodies), [ticks(now_ns - 8 * MS), ticks(now_ns - MS)])
+    motive::frame(version, number, bodies, [ticks(now_ns - 8 * MS), ticks(now_ns - MS)])
 }
 
 fn near(found: &[f64], expected: [f64; 3]) {

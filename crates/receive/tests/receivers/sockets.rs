@@ -115,7 +115,7 @@ fn a_server_is_asked_and_its_frames_come_in() {
             0 => (motive::server_info(version, 1_000_000_000), from),
             4 => (motive::descriptions(version, &[("robot", 4)]), from),
             12 => (
-                motive::frame(version, (number, &[body]), [1000 + u64::from(number); 2]),
+                motive::frame(version, number, &[body], [1000 + u64::from(number); 2]),
                 if number % 2 == 0 { from } else { data },
             ),
             _ => continue,

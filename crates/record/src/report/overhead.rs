@@ -91,7 +91,8 @@ impl Floor {
     /// The floor that holds all paths, platforms and places of a room; `None` where there is no finite point.
     fn around(
         paths: &[Path<'_>],
-        (platforms, reach): (&[(f64, f64, f64)], f64),
+        platforms: &[(f64, f64, f64)],
+        reach: f64,
         room: Option<&Room>,
     ) -> Option<Floor> {
         let axis = |values: &mut dyn Iterator<Item = f64>| Span::of(values);
@@ -159,7 +160,7 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape, room: &Roo
     let shown = tracking.truth.as_ref().or(tracking.believed.as_ref()).or(tracking.planned.as_ref())?;
     let rows = platforms(shown, shape.reach());
     let poses: Vec<_> = rows.iter().map(|&row| (shown.x[row], shown.y[row], shown.heading[row])).collect();
-    let floor = Floor::around(&paths, (&poses, shape.reach()), Some(room))?;
+    let floor = Floor::around(&paths, &poses, shape.reach(), Some(room))?;
     let (mut inner, mut labels, mut legend) = (String::new(), String::new(), String::new());
     room.draw(&floor, &mut inner, &mut legend);
     for pose in &poses {
@@ -292,7 +293,7 @@ fn magnified(tracking: &Tracking, floor: &Floor) -> Option<String> {
     for (name, scaled) in [("true", &truth), ("believed", &believed)] {
         paths.extend(scaled.as_ref().map(|(x, y)| Path { name, class: name, x, y }));
     }
-    let floor = Floor::around(&paths, (&[], 0.0), None)?;
+    let floor = Floor::around(&paths, &[], 0.0, None)?;
     let (mut inner, mut legend) = (String::new(), String::new());
     for path in &paths {
         let _ = write!(inner, "<path class=\"{}\" d=\"{}\"/>", path.class, floor.path_data(path));

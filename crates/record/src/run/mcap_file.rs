@@ -211,7 +211,7 @@ impl<W: Write + Seek> McapRun<W> {
     /// That from which a row is replayed.
     fn push_words(&mut self, values: &[f64], raw: &[u8]) {
         self.rest.clear();
-        match words::push_rest(&mut self.rest, &self.words, (values, raw)) {
+        match words::push_rest(&mut self.rest, &self.words, values, raw) {
             Some(()) => protobuf::push_bytes(&mut self.message, REST_FIELD, &self.rest),
             None => protobuf::push_bytes(&mut self.message, DATA_FIELD, raw),
         }

@@ -394,7 +394,7 @@ impl<'a> Reading<'a> {
             }
             None => {
                 let (values, words) = (&self.values, &self.run.schema.words);
-                words::whole(&mut self.raw, words, (values, rest.unwrap_or_default()));
+                words::whole(&mut self.raw, words, values, rest.unwrap_or_default());
             }
         }
     }

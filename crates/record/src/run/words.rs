@@ -26,7 +26,7 @@ impl Word {
 }
 
 /// Appends what the values don't tell of the words; `None` where the bytes aren't those words.
-pub(super) fn push_rest(rest: &mut Vec<u8>, words: &[Word], (values, raw): (&[f64], &[u8])) -> Option<()> {
+pub(super) fn push_rest(rest: &mut Vec<u8>, words: &[Word], values: &[f64], raw: &[u8]) -> Option<()> {
     if words.is_empty() || raw.len() != 8 * words.len() || words.len() > usize::from(u16::MAX) {
         return None;
     }
@@ -40,7 +40,7 @@ pub(super) fn push_rest(rest: &mut Vec<u8>, words: &[Word], (values, raw): (&[f6
 }
 
 /// All bytes of the words, by the row's values and what those don't tell.
-pub(super) fn whole(raw: &mut Vec<u8>, words: &[Word], (values, rest): (&[f64], &[u8])) {
+pub(super) fn whole(raw: &mut Vec<u8>, words: &[Word], values: &[f64], rest: &[u8]) {
     raw.clear();
     words.iter().for_each(|word| raw.extend_from_slice(&word.told_by(values).to_le_bytes()));
     for entry in rest.chunks_exact(ENTRY_BYTES) {
@@ -90,13 +90,13 @@ mod tests {
             let values = [counts[0] as f64, payload, counts[1] as f64, -0.0, counts[2] as f64];
             let raw: Vec<u8> = exact.iter().flat_map(|word| word.to_le_bytes()).collect();
             let (mut rest, mut back) = (Vec::new(), Vec::new());
-            push_rest(&mut rest, &words, (&values, &raw)).expect("its words");
-            whole(&mut back, &words, (&values, &rest));
+            push_rest(&mut rest, &words, &values, &raw).expect("its words");
+            whole(&mut back, &words, &values, &rest);
             assert_eq!(back, raw);
             // The greatest number of 64 bits is what the nearest double becomes.
             assert_eq!(rest.len(), if counts[1] == 7 { 0 } else { 2 * ENTRY_BYTES });
         }
-        assert_eq!(push_rest(&mut Vec::new(), &words, (&[], &[0; 7])), None);
-        assert_eq!(push_rest(&mut Vec::new(), &[], (&[], &[])), None);
+        assert_eq!(push_rest(&mut Vec::new(), &words, &[], &[0; 7]), None);
+        assert_eq!(push_rest(&mut Vec::new(), &[], &[], &[]), None);
     }
 }

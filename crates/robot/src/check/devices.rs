@@ -118,9 +118,9 @@ impl Device<'_> {
             axis::resolve(self.check, &table, axis, f64::from(cycle_us(&self.file.bus)) * 1e-6)
         });
         let (outputs, inputs) = (outputs?, inputs?);
-        let group = self.group(place, (&outputs, &inputs));
+        let group = self.group(place, &outputs, &inputs);
         let setting = self.setting("every");
-        let every = rates::resolve(self.check, self.file, (&setting, own), !outputs.is_empty());
+        let every = rates::resolve(self.check, self.file, &setting, own, !outputs.is_empty());
         let axis = match axis {
             Some(axis) => Some(axis?),
             None => None,
@@ -133,7 +133,7 @@ impl Device<'_> {
             own.retain(|one| !is_given(one, &parameters));
             parameters.extend(own.into_iter().filter_map(|one| self.object_of_axis(one)));
         }
-        let input = self.inputs((defaults, axis.as_ref()), &inputs);
+        let input = self.inputs(defaults, axis.as_ref(), &inputs);
         let output = self.outputs(defaults, &outputs);
         let (input, output) = (input?, output?);
         self.one_name_each(&input, &output);
@@ -158,7 +158,8 @@ impl Device<'_> {
     fn group(
         &mut self,
         place: Option<BusPlace>,
-        (outputs, inputs): (&[PdoPlan], &[PdoPlan]),
+        outputs: &[PdoPlan],
+        inputs: &[PdoPlan],
     ) -> Option<Option<String>> {
         if self.own.group.is_none() {
             return Some(None);
@@ -220,7 +221,8 @@ impl Device<'_> {
 
     fn inputs(
         &mut self,
-        (defaults, axis): (&PeripheralDefaults, Option<&AxisPlan>),
+        defaults: &PeripheralDefaults,
+        axis: Option<&AxisPlan>,
         pdos: &[PdoPlan],
     ) -> Option<Vec<InputPlan>> {
         let own = self.own.input.iter().enumerate().map(|(n, table)| {
@@ -334,7 +336,7 @@ impl Device<'_> {
         {
             if !is_sound {
                 let problem =
-                    self.check.report(ProblemKind::OutOfRange, &setting, "no value follows from it");
+                    self.check.report(ProblemKind::OutOfRange, &setting, "values can't be scaled by it");
                 problem.value = Some(value.to_string());
                 problem.limit = Some("a finite number, the scale not 0".into());
                 return None;

@@ -237,9 +237,9 @@ impl Drive<'_> {
         let objects = self.pick("torque_limit", |table| &table.torque_limit).0;
         let objects = objects.unwrap_or(TorqueLimitName::MaxTorque);
         let setting = self.setting("parameters", self.own.parameters.is_some());
-        torque_limit::no_parameter_contradicts(self.check, (&setting, parameters), objects);
+        torque_limit::no_parameter_contradicts(self.check, &setting, parameters, objects);
         let setting = self.setting("outputs", self.own.outputs.is_some());
-        let told = torque_limit::told(self.check, (&setting, outputs.as_ref()?), objects);
+        let told = torque_limit::told(self.check, &setting, outputs.as_ref()?, objects);
         Some(TorqueLimit { wheel_nm: 0.0, objects, told })
     }
 

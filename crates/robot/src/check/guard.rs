@@ -63,13 +63,13 @@ fn given_footprint(check: &mut Check, corners: &[Point]) -> Option<Vec<Point>> {
     all_possible(check, setting, corners)?;
     let hull = shape::hull(corners);
     if hull.len() < 3 {
-        let problem = check.report(ProblemKind::Contradiction, setting, "a footprint covers some floor");
+        let problem = check.report(ProblemKind::Contradiction, setting, "the footprint has no area");
         problem.value = Some(format!("{} corners of a hull", hull.len()));
         problem.limit = Some("at least 3 corners that don't lie on one line".into());
         return None;
     }
     if hull.len() > MAX_FOOTPRINT_CORNERS {
-        let problem = check.report(ProblemKind::OutOfRange, setting, "each corner costs time in every cycle");
+        let problem = check.report(ProblemKind::OutOfRange, setting, "the footprint has too many corners");
         problem.value = Some(format!("{} corners of a hull", hull.len()));
         problem.limit = Some(format!("at most {MAX_FOOTPRINT_CORNERS}"));
         return None;
@@ -121,11 +121,8 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
             (setting, vec![[*x_min, *y_min], [*x_max, *y_min], [*x_max, *y_max], [*x_min, *y_max]])
         }
         (None, Some(corners)) => ("fence.polygon_m", corners.clone()),
-        (None, None) if check.refused("fence.rectangle_m") || check.refused("fence.polygon_m") => {
-            return None;
-        }
         (None, None) => {
-            check.report(ProblemKind::Missing, "fence", "must say `rectangle_m` or `polygon_m`");
+            check.report(ProblemKind::Missing, "fence", "give `rectangle_m` or `polygon_m`");
             return None;
         }
         (Some(_), Some(_)) => {
@@ -136,7 +133,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
     };
     all_possible(check, setting, &corners_m)?;
     if !(3..=MAX_FENCE_CORNERS).contains(&corners_m.len()) {
-        let problem = check.report(ProblemKind::OutOfRange, setting, "a fence has corners, not too many");
+        let problem = check.report(ProblemKind::OutOfRange, setting, "a fence is a polygon of few corners");
         problem.value = Some(format!("{} corners", corners_m.len()));
         problem.limit = Some(format!("3 to {MAX_FENCE_CORNERS}"));
         return None;
@@ -164,7 +161,7 @@ fn fence(check: &mut Check, table: &FenceTable, footprint: Option<&[Point]>) -> 
 fn obstacles(check: &mut Check, file: &RobotFile) -> Option<Vec<Obstacle>> {
     if file.obstacle.len() > MAX_OBSTACLES {
         let setting = format!("obstacle[{MAX_OBSTACLES}]");
-        let problem = check.report(ProblemKind::OutOfRange, &setting, "one obstacle too many");
+        let problem = check.report(ProblemKind::OutOfRange, &setting, "too many obstacles");
         problem.value = Some(file.obstacle.len().to_string());
         problem.limit = Some(format!("at most {MAX_OBSTACLES}"));
         return None;
@@ -213,8 +210,11 @@ fn stand_outside(check: &mut Check, footprint: &[Point], obstacles: &[Obstacle])
 fn all_possible(check: &mut Check, setting: &str, corners: &[Point]) -> Option<()> {
     let possible = |corner: &Point| corner.iter().all(|value| value.abs() <= GREATEST);
     let Some(wrong) = corners.iter().position(|corner| !possible(corner)) else { return Some(()) };
-    let problem =
-        check.report(ProblemKind::OutOfRange, &format!("{setting}[{wrong}]"), "a corner is a place");
+    let problem = check.report(
+        ProblemKind::OutOfRange,
+        &format!("{setting}[{wrong}]"),
+        "the corner is no place on the floor",
+    );
     problem.value = Some(format!("{:?}", corners[wrong]));
     problem.limit = Some(format!("numbers from -{GREATEST:?} to {GREATEST:?}"));
     None

@@ -18,14 +18,21 @@ pub(super) fn check(check: &mut Check, table: &MapTable) {
         }
         let is_place = |corner: &[f64; 2]| corner.iter().all(|part| part.abs() <= GREATEST);
         if let Some(wrong) = corners.iter().position(|corner| !is_place(corner)) {
-            let problem =
-                check.report(ProblemKind::OutOfRange, &format!("{setting}[{wrong}]"), "a corner is a place");
+            let problem = check.report(
+                ProblemKind::OutOfRange,
+                &format!("{setting}[{wrong}]"),
+                "the corner is no place on the floor",
+            );
             problem.value = Some(format!("{:?}", corners[wrong]));
             problem.limit = Some(format!("numbers from -{GREATEST:?} to {GREATEST:?}"));
         }
     }
     if let Some(pose) = table.odom_from_map.filter(|pose| !pose.iter().all(|part| part.abs() <= GREATEST)) {
-        let problem = check.report(ProblemKind::OutOfRange, "map.odom_from_map", "a map lies somewhere");
+        let problem = check.report(
+            ProblemKind::OutOfRange,
+            "map.odom_from_map",
+            "the pose isn't finite, or too far away",
+        );
         problem.value = Some(format!("{pose:?}"));
         problem.limit = Some(format!("numbers from -{GREATEST:?} to {GREATEST:?}"));
     }

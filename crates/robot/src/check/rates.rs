@@ -13,7 +13,8 @@ const MOST_US: u64 = 500_000;
 pub(super) fn resolve(
     check: &mut Check,
     file: &RobotFile,
-    (setting, own): (&str, &DeviceTable),
+    setting: &str,
+    own: &DeviceTable,
     is_written: bool,
 ) -> Option<Every> {
     let n = own.every.unwrap_or(1);

@@ -15,7 +15,8 @@ const COVARIANCE: [&str; 6] =
 
 pub(super) fn resolve(
     check: &mut Check,
-    (tables, estimator): (&[SensorTable], Option<&str>),
+    tables: &[SensorTable],
+    estimator: Option<&str>,
     signals: Option<&SignalLayout>,
 ) -> Option<Vec<SensorPlan>> {
     if tables.is_empty() {
@@ -53,7 +54,7 @@ pub(super) fn resolve(
             let kind = check.need(table.kind, &format!("{setting}.kind"), "what it tells");
             let from = check.need(table.from.as_deref(), &format!("{setting}.from"), "where that comes in");
             unread(check, &setting, table, kind?);
-            let (inputs, owner) = inputs(check, &format!("{setting}.from"), (from?, kind?), signals?)?;
+            let (inputs, owner) = inputs(check, &format!("{setting}.from"), from?, kind?, signals?)?;
             Some(SensorPlan {
                 name: name?,
                 kind: kind?,
@@ -136,7 +137,8 @@ fn unread(check: &mut Check, setting: &str, table: &SensorTable, kind: SensorNam
 fn inputs(
     check: &mut Check,
     setting: &str,
-    (from, kind): (&str, SensorName),
+    from: &str,
+    kind: SensorName,
     signals: &SignalLayout,
 ) -> Option<(Vec<usize>, InputOwner)> {
     let (owner, values): (&str, &[&str]) = match kind {

@@ -46,7 +46,11 @@ impl Check {
         if unit.chars().count() <= LONGEST_UNIT && !unit.chars().any(char::is_control) {
             return Some(unit.to_owned());
         }
-        let problem = self.report(ProblemKind::OutOfRange, setting, "not a unit");
+        let problem = self.report(
+            ProblemKind::OutOfRange,
+            setting,
+            "a unit is a short text without control characters",
+        );
         problem.value = Some(format!("\"{unit}\""));
         problem.limit = Some(format!("at most {LONGEST_UNIT} characters, such as \"V\" or \"°C\""));
         None

@@ -11,7 +11,8 @@ const MAX_AGE_MS: u32 = 100;
 
 pub(super) fn resolve(
     check: &mut Check,
-    (tables, devices): (&[SourceTable], &[DeviceTable]),
+    tables: &[SourceTable],
+    devices: &[DeviceTable],
     registry: &Registry,
 ) -> Option<Vec<SourcePlan>> {
     if tables.len() > MAX_SOURCES {
@@ -85,7 +86,8 @@ fn sent(check: &mut Check, table: &str, own: &SourceTable, received: &Received) 
         return Some(carries.values().iter().map(plan).collect());
     }
     if own.input.is_empty() || own.input.len() > MAX_SOURCE_VALUES {
-        let problem = check.report(ProblemKind::OutOfRange, &setting, "it sends values by name");
+        let problem =
+            check.report(ProblemKind::OutOfRange, &setting, "too few or too many values of one program");
         problem.value = Some(format!("{} values", own.input.len()));
         problem.limit = Some(format!("1 to {MAX_SOURCE_VALUES}"));
         return None;
@@ -121,7 +123,11 @@ fn value(check: &mut Check, table: &str, own: &SentTable) -> Option<SentPlan> {
     let bounds = [own.least.unwrap_or(f64::NEG_INFINITY), own.greatest.unwrap_or(f64::INFINITY)];
     let [least, greatest] = bounds;
     if least.is_nan() || greatest.is_nan() || least >= greatest {
-        let problem = check.report(ProblemKind::OutOfRange, &format!("{table}.greatest"), "no value fits");
+        let problem = check.report(
+            ProblemKind::OutOfRange,
+            &format!("{table}.greatest"),
+            "no value lies between `least` and `greatest`",
+        );
         (problem.value, problem.limit) = (Some(greatest.to_string()), Some(format!("above least = {least}")));
         return None;
     }

@@ -9,7 +9,8 @@ use crate::config::{TORQUE_LIMIT_OBJECTS, find_object as find, is_mapped};
 /// Whether the objects of the limit lie in the process data; every problem with where they lie is told.
 pub(super) fn told(
     check: &mut Check,
-    (setting, outputs): (&str, &[PdoPlan]),
+    setting: &str,
+    outputs: &[PdoPlan],
     objects: TorqueLimitName,
 ) -> TorqueLimitTold {
     let is_there = |object: &u16| find(outputs, *object, 0).is_some();
@@ -39,7 +40,8 @@ pub(super) fn told(
 /// What a file's parameters say about the limit's objects would be overwritten, or overwrite it.
 pub(super) fn no_parameter_contradicts(
     check: &mut Check,
-    (setting, parameters): (&str, &[ParameterPlan]),
+    setting: &str,
+    parameters: &[ParameterPlan],
     objects: TorqueLimitName,
 ) {
     for parameter in parameters.iter().filter(|parameter| objects.objects().contains(&parameter.index)) {

@@ -127,10 +127,10 @@ impl AdaptiveTorque {
         if self.softer.is_none() || self.is_softer {
             return;
         }
-        let now = (time.now_ns, taken(time.period_s()));
+        let taken = taken(time.period_s());
         let wheels = self.kinematics.wheel_count();
         for (wheel, swing) in self.swings.iter_mut().take(wheels).enumerate() {
-            swing.see(commands.values[wheel], self.noise_nm[wheel], now);
+            swing.see(commands.values[wheel], self.noise_nm[wheel], time.now_ns, taken);
         }
         self.is_softer = self.swings.iter().any(|swing| swing.half_swings >= HALF_SWINGS);
     }

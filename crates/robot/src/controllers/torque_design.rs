@@ -40,7 +40,8 @@ impl TorqueDesign {
             let [low, high] = stiffness_n_m;
             let problem =
                 Problem::refused("tread_stiffness_n_m", "least and greatest stiffness, in this order");
-            return Err(Problem { value: Some(format!("{low} to {high}")), ..problem }.into());
+            let limit = Some("the first at most the second".into());
+            return Err(Problem { value: Some(format!("[{low}, {high}]")), limit, ..problem }.into());
         }
         let wheel_kg = wheel_kg(plan, given(table.mass_kg, "mass_kg")?);
         let product = |one: usize, other: usize| -> f64 {
@@ -78,7 +79,7 @@ impl TorqueDesign {
                 gains[1] = gains[0];
                 continue;
             }
-            match chosen(table, (axis, names[axis]), one, designed) {
+            match chosen(table, axis, names[axis], one, designed) {
                 Ok(found) => gains[axis] = found,
                 Err(StageError(found)) => problems.extend(found),
             }
@@ -117,7 +118,8 @@ fn bounds(key: &str, first: Option<f64>, bounds: Option<[f64; 2]>) -> Made<[f64;
 /// An axis's gains: as designed, but for what the file gives.
 fn chosen(
     table: &ControllerTable,
-    (axis, name): (usize, &str),
+    axis: usize,
+    name: &str,
     one: &TorqueLoop,
     designed: Option<LoopGains>,
 ) -> Made<LoopGains> {

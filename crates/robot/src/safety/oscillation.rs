@@ -40,10 +40,10 @@ impl OscillationWatch {
         }
         let least_nm =
             if self.share < 1.0 { self.share * view.wheel_limits.torque_nm } else { f64::INFINITY };
-        let now = (view.time.now_ns, taken(view.time.period_s()));
+        let taken = taken(view.time.period_s());
         let drives = view.measurements.present().iter().zip(&self.rated_nm);
         for (wheel, (drive, rated_nm)) in self.wheels.iter_mut().zip(drives) {
-            wheel.see(drive.torque_nm, least_nm.max(NOISE_OF_RATED * rated_nm), now);
+            wheel.see(drive.torque_nm, least_nm.max(NOISE_OF_RATED * rated_nm), view.time.now_ns, taken);
         }
     }
 

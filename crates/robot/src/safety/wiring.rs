@@ -159,7 +159,7 @@ impl WiringWatch {
         let against = (turn != 0).then_some(of_file);
         let supposition = &mut self.suppositions[turn];
         if supposition.score > REFUTED {
-            supposition.look(&self.platform, &self.rims, (span_s, against));
+            supposition.look(&self.platform, &self.rims, span_s, against);
         }
         // Never 0 again before all begins anew.
         self.next = turn + 1;

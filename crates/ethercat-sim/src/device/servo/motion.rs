@@ -65,10 +65,19 @@ pub(super) struct Limits {
     pub speed_counts_s: f64,
 }
 
+/// What the power state makes of the motor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Actuation {
+    /// The motor has current.
+    pub is_energized: bool,
+    /// The rate of a stop on its way.
+    pub stop_rate_counts_s2: Option<f64>,
+}
+
 /// What the loops follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Reference {
-    /// A position that moves from `from` with `speed` until `end`, counts.
+    /// A position that moves evenly from `from` at `start` to `to` at `end`, counts.
     Position { from: f64, to: f64, start: HostTime, end: HostTime },
     /// A trapezoid to `to`, counts.
     Profile { to: f64, velocity: f64, acceleration: f64, deceleration: f64 },
@@ -225,18 +234,18 @@ impl Motion {
     }
 
     /// Moves axis and loops on to `now` under the references that held so far.
-    pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, power: (bool, Option<f64>)) {
+    pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, actuation: Actuation) {
         while self.now < now {
             let left = now - self.now;
             let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
-            let step = if power.0 || !still { left.min(self.loop_period) } else { left };
+            let step = if actuation.is_energized || !still { left.min(self.loop_period) } else { left };
             self.now = self.now + step;
             self.state = axis.advance(self.now);
             let step_s = step.as_nanos() as u64 as f64 * 1e-9;
-            self.move_demands(step_s, power.1);
-            self.integrate(step_s, power);
+            self.move_demands(step_s, actuation.stop_rate_counts_s2);
+            self.integrate(step_s, actuation.is_energized);
             if self.now < now {
-                self.apply(axis, power);
+                self.apply(axis, actuation);
             }
         }
     }
@@ -278,7 +287,8 @@ impl Motion {
                 self.run_profile(
                     to,
                     velocity.min(self.limits.speed_counts_s),
-                    (acceleration, deceleration),
+                    acceleration,
+                    deceleration,
                     step_s,
                 );
             }
@@ -295,8 +305,8 @@ impl Motion {
     }
 
     /// The integral part and the current loop's lag over a step.
-    fn integrate(&mut self, step_s: f64, (energized, _): (bool, Option<f64>)) {
-        if !energized {
+    fn integrate(&mut self, step_s: f64, is_energized: bool) {
+        if !is_energized {
             self.torque = 0.0;
             self.integral = 0.0;
             return;
@@ -330,14 +340,14 @@ impl Motion {
     }
 
     /// Computes the torque of the next step and applies it.
-    pub fn apply(&mut self, axis: &mut dyn Axis, (energized, stop): (bool, Option<f64>)) {
-        if !energized {
+    pub fn apply(&mut self, axis: &mut dyn Axis, actuation: Actuation) {
+        if !actuation.is_energized {
             self.torque_demand = 0.0;
             self.torque = 0.0;
             axis.apply(0.0);
             return;
         }
-        if self.uses_speed_loop() || stop.is_some() {
+        if self.uses_speed_loop() || actuation.stop_rate_counts_s2.is_some() {
             self.torque_demand = self.speed_gain * self.speed_error() + self.integral + self.torque_offset;
         }
         let wished = self.torque_demand;

@@ -183,7 +183,7 @@ impl Supposition {
     }
 
     /// Looks at the wheels once in so many s; `against` is the likelihood of the file's wiring, `None` for itself.
-    pub(super) fn look(&mut self, platform: &Platform, rims: &Rims, (span_s, against): (f64, Option<f64>)) {
+    pub(super) fn look(&mut self, platform: &Platform, rims: &Rims, span_s: f64, against: Option<f64>) {
         let (likelihood, misfit) = self.learn(platform, rims, span_s);
         self.last = likelihood;
         let keep = |lasting_s: f64| (-span_s / lasting_s).exp();
@@ -255,7 +255,7 @@ impl Supposition {
             let lever_m = if axis == 2 { platform.lever_m } else { 1.0 };
             let untold = (NOISE_M_S2 * mass_kg * lever_m).powi(2) + held_n * held_n * held[axis];
             let off = wrench[axis] + slips[axis] - self.estimate.told(row);
-            let (said, left) = self.take(row, off, (untold, span_s));
+            let (said, left) = self.take(row, off, untold, span_s);
             likelihood += said;
             misfit += left / 3.0;
         }
@@ -264,7 +264,7 @@ impl Supposition {
     }
 
     /// One equation, `off` by how much the wrench exceeds what θ tells; its likelihood, and its square over its variance.
-    fn take(&mut self, row: &[f64; PARAMETERS], off: f64, (untold, span_s): (f64, f64)) -> (f64, f64) {
+    fn take(&mut self, row: &[f64; PARAMETERS], off: f64, untold: f64, span_s: f64) -> (f64, f64) {
         let (known, spread) = self.estimate.spread(row);
         let noise = untold * NOISE_S / span_s;
         let whole = noise + known;

@@ -15,7 +15,8 @@ impl Motion {
         &mut self,
         to: f64,
         velocity: f64,
-        (acceleration, deceleration): (f64, f64),
+        acceleration: f64,
+        deceleration: f64,
         step_s: f64,
     ) {
         let distance = to - self.position_demand;
