@@ -261,8 +261,7 @@ impl DriveTo {
         let snapshot = live.snapshot();
         match &drive.stage {
             Stage::Driving { is_seen, .. } => {
-                let is_own =
-                    snapshot.reference == drive.number && snapshot.record.course == Course::Reference;
+                let is_own = snapshot.reference == drive.number && follows(&snapshot);
                 match snapshot.phase {
                     Phase::Tracking if is_own => self.watch(live, about, (drive, &snapshot)),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
@@ -279,7 +278,7 @@ impl DriveTo {
             Stage::Blocked { tried } => {
                 let is_due = tried.is_none_or(|tried| tried.elapsed() >= AGAIN);
                 // Whoever leads it elsewhere, or loads something else, has it.
-                let is_led = snapshot.phase == Phase::Tracking && snapshot.record.course != Course::Reference;
+                let is_led = snapshot.phase == Phase::Tracking && !follows(&snapshot);
                 match snapshot.phase {
                     _ if is_led || snapshot.reference != drive.number => {
                         self.end(live, &drive, Err("something else was asked of the robot"));
@@ -426,6 +425,11 @@ fn new_obstacles(now: &Obstacles, planned: &Obstacles) -> Vec<Obstacle> {
         (None, _) => false,
     };
     now.iter().zip(planned).filter(is_new).filter_map(|(obstacle, _)| *obstacle).collect()
+}
+
+/// Whether it follows its reference, or is on the way onto it.
+fn follows(snapshot: &Snapshot) -> bool {
+    matches!(snapshot.record.course, Course::Reference | Course::Onto)
 }
 
 /// What is left of a way from the place nearest to a pose on.

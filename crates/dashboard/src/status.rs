@@ -296,6 +296,7 @@ fn course_name(course: Course) -> &'static str {
         Course::Reference => "reference",
         Course::Velocity => "velocity",
         Course::Way => "way",
+        Course::Onto => "onto",
     }
 }
 

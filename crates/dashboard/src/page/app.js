@@ -251,7 +251,7 @@ function draw() {
   badge.textContent = seen.phase;
   badge.className = `badge seen ${seen.phase.split(" ")[0]}`;
   const mine = seen.commander === me ? `you (${me})` : seen.commander;
-  const how = seen.by_stick ? "by hand" : seen.course === "way" ? "going somewhere" : "on the path";
+  const how = seen.by_stick ? "by hand" : ({ way: "going somewhere", onto: "onto the path" })[seen.course] || "on the path";
   by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
   showAge();
   showActions(seen, me !== null);
@@ -284,7 +284,7 @@ function draw() {
 /** How long the path still takes, and what became of the way to a pose. */
 function showLeft(seen) {
   const left_s = planned?.duration_s && seen.reference_begun ? planned.duration_s - seen.reference_time_s : null;
-  const left = left_s > 0.05 && seen.course === "reference" ? `${left_s.toFixed(1)} s left` : "";
+  const left = left_s > 0.05 && (seen.course === "reference" || seen.course === "onto") ? `${left_s.toFixed(1)} s left` : "";
   const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
   const text = [left, way].filter(Boolean).join(". ");
   by("left").hidden = !text;
