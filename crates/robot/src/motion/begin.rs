@@ -27,6 +27,11 @@ const JOIN_LONGER: f64 = 1.25;
 /// A way is planned anew where it came nearer to its end by so much since it was planned, m: that ends.
 const GAINED_M: f64 = 0.02;
 
+/// How far ahead on a reference a platform that moves may be at its start: so many looks, so far apart, s.
+const BESIDE_S: f64 = 0.1;
+const BESIDE_LOOKS: u32 = 15;
+/// Slower than this it stands there, m/s and rad/s.
+const ALL_BUT_REST: f64 = 0.01;
 /// The number of a reference that was replaced.
 const REPLACED: u32 = u32::MAX;
 
@@ -143,11 +148,10 @@ impl Motion {
 
     fn begin_anew(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
         let here = from.pose();
-        if let Some(start) = self.reference.start_pose() {
-            let turn_rad = wrap_angle_rad(start.heading_rad - here.heading_rad);
-            if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
-                return Err(CantBegin::TooFar);
-            }
+        if self.reference.start_pose().is_some_and(|start| !self.is_near(from, [start; 2]))
+            && !self.is_beside(from)
+        {
+            return Err(CantBegin::TooFar);
         }
         let start = self.reference.start_pose().unwrap_or(here);
         let end = self.reference.end_pose(&here).unwrap_or(start);
@@ -167,6 +171,32 @@ impl Motion {
             self.reference.start(&Setpoint::at_rest(laid_from));
         }
         joined
+    }
+
+    /// Whether the platform is where a motion may begin, between two poses of it.
+    fn is_near(&self, from: &From<'_>, [one, other]: [Pose2; 2]) -> bool {
+        let here = from.pose();
+        let [along, way] = [here, other].map(|pose| [pose.x_m - one.x_m, pose.y_m - one.y_m]);
+        let square = way[0] * way[0] + way[1] * way[1];
+        let part = if square > 0.0 {
+            ((along[0] * way[0] + along[1] * way[1]) / square).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let off_m = (along[0] - part * way[0]).hypot(along[1] - part * way[1]);
+        let turned_rad = one.heading_rad + part * (other.heading_rad - one.heading_rad);
+        off_m <= self.start_distance_m
+            && wrap_angle_rad(turned_rad - here.heading_rad).abs() <= self.start_heading_rad
+    }
+
+    /// Whether a platform that moves is on the way already with which the reference begins.
+    fn is_beside(&self, from: &From<'_>) -> bool {
+        let place =
+            |look: u32| self.reference.preview(BESIDE_S * f64::from(look)).map(|at| at.odom_from_body);
+        let mut looks = (1..=BESIDE_LOOKS).map_while(|look| Some([place(look - 1)?, place(look)?]));
+        let twist = &from.setpoint.twist_in_odom;
+        let moves = twist.speed_m_s() > ALL_BUT_REST || twist.w_rad_s.abs() > ALL_BUT_REST;
+        moves && looks.any(|places| self.is_near(from, places))
     }
 
     /// A way onto the reference while moving.

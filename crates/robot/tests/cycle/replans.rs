@@ -448,3 +448,27 @@ fn the_same_way_asked_again_and_again_is_the_same_way() {
     assert!(again.abs_diff(cycles) < 25, "{again} {cycles}");
     assert!(end.distance_m(there) < 1e-5, "{end:?} {there:?}");
 }
+
+#[test]
+fn a_path_may_begin_behind_a_platform_that_moves_along_it_and_not_beside_it() {
+    let odom = |y_m: f64| {
+        path(vec![[0.0, 0.0, y_m, 0.0], [2.0, 0.5, y_m, 0.0], [4.0, 2.0, y_m + 0.5, 0.0]], PathFrame::Odom)
+    };
+    let mut robot = Watched::new(CIRCLE);
+    robot.drive(Twist2::new(0.5, 0.0, 0.0), 900);
+    let x_m = robot.before.setpoint.odom_from_body.x_m;
+    assert!(x_m > 0.3, "{x_m}");
+    robot.load(1, &odom(0.2));
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
+    robot.load(2, &odom(0.0));
+    robot.slowest_m_s = f64::INFINITY;
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+    robot.run(500);
+    assert!(robot.slowest_m_s > 0.2, "without a stop: {}", robot.slowest_m_s);
+    let end = robot.until_it_holds();
+    assert!(end.distance_m(Pose2::new(2.0, 0.5, 0.0)) < 1e-5, "{end:?}");
+    // Who stands there is too far from its start.
+    robot.ask(go(0.4, 0.0, 0.0));
+    robot.until_it_holds();
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
+}
