@@ -343,7 +343,9 @@ impl Grip {
         let change = self.sliding.change(wished, driven, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(self.kinematics.wheel_count()) {
             let force_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
-            wheel.slide = self.sliding.look(at, &change, (wheel.rim_m_s, force_n), span_s);
+            let slide = self.sliding.look(at, &change, (wheel.rim_m_s, force_n), span_s);
+            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
+            wheel.slide = slide.filter(|_| wheel.force_n * force_n.signum() > LEAST_N);
         }
     }
 

@@ -28,6 +28,9 @@ use way::{Then, Way};
 /// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
 const WITH_PLAN: f64 = 0.02;
 
+/// Farther than this from the place that was wished the platform has left its plan, m, whatever kept it from there.
+const LEFT_M: f64 = 0.05;
+
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
     reference: Box<dyn Reference>,
@@ -44,7 +47,7 @@ pub(crate) struct Motion {
     way: Way,
     /// One that is planned, and gone only where it can be.
     tried: Way,
-    /// Fence or obstacles changed the last wish; and one since the way was planned.
+    /// Fence or obstacles changed the last wish; and one since the plan began, or the platform left it.
     is_hindered: bool,
     was_hindered: bool,
     catch_up: CatchUp,
@@ -416,7 +419,8 @@ impl Motion {
     /// What became of a cycle's wish, and whether fence or obstacles changed it.
     pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint, is_hindered: bool) {
         self.is_hindered = is_hindered;
-        self.was_hindered |= is_hindered;
+        let lag_m = wished.odom_from_body.distance_m(setpoint.odom_from_body);
+        self.was_hindered |= is_hindered || lag_m > LEFT_M;
         self.wished_last = wished.odom_from_body;
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);

@@ -225,6 +225,14 @@ async function drawPlanned(seen) {
   planned = await read("planned");
   view.planned = planned.poses;
   view.speeds = planned.speeds_m_s;
+  view.binds = planned.binds;
+  by("binds-key").replaceChildren(...planned.binds.limits.map(({ name, colour, share }) => {
+    const key = document.createElement("span");
+    const mark = key.appendChild(document.createElement("i"));
+    mark.style.background = colour;
+    key.append(` ${name} ${Math.round(100 * share)} %`);
+    return key;
+  }));
   const most = Math.max(0, ...planned.speeds_m_s);
   by("speed-key").hidden = most <= 0;
   by("speed-most").textContent = `${most.toFixed(2)} m/s`;
@@ -285,8 +293,12 @@ function draw() {
 function showLeft(seen) {
   const left_s = planned?.duration_s && seen.reference_begun ? planned.duration_s - seen.reference_time_s : null;
   const left = left_s > 0.05 && (seen.course === "reference" || seen.course === "onto") ? `${left_s.toFixed(1)} s left` : "";
+  const { limits = [], at = [] } = planned?.binds ?? {};
+  const bound = limits[at[Math.round((at.length - 1) * seen.reference_time_s / planned?.duration_s)]]?.name;
+  const now = left && bound ? `Bound by ${bound}` : "";
+  const next = seen.reference_next !== seen.reference ? "Another path waits: follow it" : "";
   const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
-  const text = [left, way].filter(Boolean).join(". ");
+  const text = [left, now, next, way].filter(Boolean).join(". ");
   by("left").hidden = !text;
   if (by("left").textContent !== text) by("left").textContent = text;
   by("left").classList.toggle("no", Boolean(seen.drive_to?.failed));
