@@ -391,7 +391,8 @@ impl Actions {
     pub fn look(&mut self, situation: &Situation) {
         let Some(motion) = &mut self.motion else { return };
         let Stage::Follows(was_seen) = motion.stage else { return };
-        let is_followed = situation.phase == "tracking" && situation.course == "reference";
+        let is_followed =
+            situation.phase == "tracking" && ["reference", "onto"].contains(&situation.course.as_str());
         if is_followed {
             motion.stage = Stage::Follows(true);
             self.ports[motion.action].feedback(motion.id, situation, &motion.end, &self.facts);

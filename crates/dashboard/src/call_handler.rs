@@ -303,7 +303,7 @@ impl CallHandler {
 
     fn start(&self) -> Result<Pose2, String> {
         let snapshot = self.live.snapshot();
-        let drawn = self.drawn(snapshot.reference)?;
+        let drawn = self.drawn(snapshot.record.reference_next as u32)?;
         let start = drawn.start_pose.ok_or("the path begins where the platform stands")?;
         Ok(turned_least(start, &snapshot.record.setpoint.odom_from_body))
     }

@@ -11,7 +11,8 @@ use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
-use omnibase_robot::signals::{Course, Phase, SafetyReason};
+use omnibase_robot::signals::{Course, Phase, SafetyReason, Setpoint};
+use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, RequestKind};
 use omnibase_run::live::{Answer, Ask, Asker, Live, Snapshot, Stamp};
 use omnibase_run::room::WayRequest;
@@ -38,6 +39,11 @@ const THERE: f64 = 0.02;
 const LONGEST: Duration = Duration::from_secs(1);
 /// Whoever asked so long ago may have given up: nothing begins for them.
 const TOO_LATE: Duration = Duration::from_millis(3500);
+/// Slower than this it stands, m/s and rad/s.
+const STANDS: f64 = 0.01;
+/// A robot that moves goes on for so long until another way is planned, s; and places that are kept of where it goes.
+const PLANNING_S: f64 = 0.2;
+const LEADS: u32 = 8;
 /// Why something can't be sent.
 const FULL: &str = "too much was asked at once";
 
@@ -69,6 +75,8 @@ enum Stage {
         /// The walls' number.
         walls: u32,
         is_seen: bool,
+        /// Of what asked the robot to go.
+        ticket: u64,
     },
     /// It comes to rest, or stands, and is planned again.
     Blocked { tried: Option<Instant> },
@@ -157,7 +165,7 @@ impl DriveTo {
         (goal, best): (Pose2, Option<BestWay>),
     ) -> Result<Begun, String> {
         let snapshot = live.snapshot();
-        if snapshot.phase != Phase::Holding {
+        if !matches!(snapshot.phase, Phase::Holding | Phase::Tracking) {
             return Err(crate::status::unfit(snapshot.phase).trim_start_matches("refused: ").to_owned());
         }
         // It is as old as it is now, however long planning takes; a stop that comes meanwhile still counts.
@@ -260,11 +268,11 @@ impl DriveTo {
         let drive = lock(&self.under_way).clone()?;
         let snapshot = live.snapshot();
         match &drive.stage {
-            Stage::Driving { is_seen, .. } => {
-                let is_own =
-                    snapshot.reference == drive.number && snapshot.record.course == Course::Reference;
+            Stage::Driving { is_seen, ticket, .. } => {
+                let is_own = snapshot.reference == drive.number && follows(&snapshot);
                 match snapshot.phase {
-                    Phase::Tracking if is_own => self.watch(live, about, (drive, &snapshot)),
+                    _ if is_refused(live, *ticket) => self.pause(live, drive),
+                    Phase::Tracking if is_own => return self.watch(live, about, (drive, &snapshot)),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
                     Phase::Holding if is_there(&snapshot, &drive.goal) => self.end(live, &drive, Ok("there")),
                     Phase::Stopping | Phase::Holding
@@ -279,7 +287,7 @@ impl DriveTo {
             Stage::Blocked { tried } => {
                 let is_due = tried.is_none_or(|tried| tried.elapsed() >= AGAIN);
                 // Whoever leads it elsewhere, or loads something else, has it.
-                let is_led = snapshot.phase == Phase::Tracking && snapshot.record.course != Course::Reference;
+                let is_led = snapshot.phase == Phase::Tracking && !follows(&snapshot);
                 match snapshot.phase {
                     _ if is_led || snapshot.reference != drive.number => {
                         self.end(live, &drive, Err("something else was asked of the robot"));
@@ -300,21 +308,44 @@ impl DriveTo {
         }
     }
 
-    /// Pauses a way onto which something came.
-    fn watch(&self, live: &Live, about: &RobotInfo, (mut drive, snapshot): (Drive, &Snapshot)) {
-        let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return };
+    /// Goes over into another way where something came onto this one; where there is none the robot is paused.
+    fn watch(
+        &self,
+        live: &Live,
+        about: &RobotInfo,
+        (mut drive, snapshot): (Drive, &Snapshot),
+    ) -> Option<Begun> {
+        let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return None };
         *is_seen = true;
         let here = snapshot.record.setpoint.odom_from_body;
         let now = new_obstacles(&snapshot.obstacles, obstacles);
         // Walls that were drawn meanwhile: it is planned anew whatever they are.
         let is_blocked = *walls != self.walls_number()
             || now.iter().any(|obstacle| about.room.meets(left(poses, &here), obstacle));
-        if is_blocked {
-            live.send(drive.asker, Ask::Robot(RequestKind::Pause));
-            self.block(drive);
-        } else {
+        if !is_blocked {
             self.keep(drive, None);
+            return None;
         }
+        let mut other = drive.clone();
+        let Ok(begun) = other.go((live, about), (snapshot, &Waiting::here()), self) else {
+            self.pause(live, drive);
+            return None;
+        };
+        Some(self.go_on(live, other, begun))
+    }
+
+    /// The robot goes on by another way.
+    fn go_on(&self, live: &Live, mut drive: Drive, begun: Begun) -> Begun {
+        drive.replans += 1;
+        let text = format!("{}; planned again {} times", begun.text, drive.replans);
+        live.tell(&format!("drive_to: the way was blocked, another one of {}", begun.text), None);
+        self.keep(drive, Some(text));
+        begun
+    }
+
+    fn pause(&self, live: &Live, drive: Drive) {
+        live.send(drive.asker, Ask::Robot(RequestKind::Pause));
+        self.block(drive);
     }
 
     fn block(&self, mut drive: Drive) {
@@ -326,13 +357,7 @@ impl DriveTo {
     fn again(&self, robot: (&Live, &RobotInfo), mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let give_up_s = robot.1.robot.plan.guard.give_up_s;
         match drive.go(robot, (snapshot, &Waiting::here()), self) {
-            Ok(begun) => {
-                drive.replans += 1;
-                let text = format!("{}; planned again {} times", begun.text, drive.replans);
-                robot.0.tell(&format!("drive_to: the way was blocked, another one of {}", begun.text), None);
-                self.keep(drive, Some(text));
-                Some(begun)
-            }
+            Ok(begun) => Some(self.go_on(robot.0, drive, begun)),
             Err(why) if drive.since.elapsed().as_secs_f64() >= give_up_s => {
                 self.end(robot.0, &drive, Err(&why));
                 None
@@ -347,7 +372,7 @@ impl DriveTo {
 }
 
 impl Drive {
-    /// Plans from where the robot stands, and asks it to go.
+    /// Plans from where the robot stands, or from where it goes, and asks it to go.
     fn go(
         &mut self,
         (live, about): (&Live, &RobotInfo),
@@ -362,9 +387,11 @@ impl Drive {
         };
         let walls = drives.walls();
         let obstacles: Vec<Obstacle> = snapshot.obstacles.iter().flatten().copied().collect();
-        let from = snapshot.record.setpoint.odom_from_body;
+        let lead = lead(live, about, snapshot);
+        let from = lead.last().copied().unwrap_or(snapshot.record.setpoint.odom_from_body);
         let way = WayRequest {
             from,
+            lead: &lead,
             to: self.goal,
             obstacles: &obstacles,
             fence_m: snapshot.fence.corners_m(),
@@ -396,6 +423,7 @@ impl Drive {
             obstacles: Box::new(snapshot.obstacles),
             walls: walls.number,
             is_seen: false,
+            ticket,
         };
         self.since = Instant::now();
         let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s);
@@ -426,6 +454,58 @@ fn new_obstacles(now: &Obstacles, planned: &Obstacles) -> Vec<Obstacle> {
         (None, _) => false,
     };
     now.iter().zip(planned).filter(is_new).filter_map(|(obstacle, _)| *obstacle).collect()
+}
+
+/// Whether it follows its reference, or is on the way onto it.
+fn follows(snapshot: &Snapshot) -> bool {
+    matches!(snapshot.record.course, Course::Reference | Course::Onto)
+}
+
+/// Whether the robot couldn't go over into it.
+fn is_refused(live: &Live, ticket: u64) -> bool {
+    live.answer(ticket).is_some_and(|answer| !answer.is_done())
+}
+
+/// Where a robot that moves goes before it turns to another way: on its path as long as it takes to come to rest there, otherwise where a
+/// stop would lead it. None where it stands.
+fn lead(live: &Live, about: &RobotInfo, snapshot: &Snapshot) -> Vec<Pose2> {
+    let (record, limits) = (&snapshot.record, &about.robot.plan.limits);
+    let Setpoint { odom_from_body: here, twist_in_odom: twist, .. } = record.setpoint;
+    let ramp_s = |speed: f64, gain: f64, jerk: f64| speed / gain + gain / jerk;
+    let (speed, turn) = (twist.speed_m_s(), twist.w_rad_s.abs());
+    if snapshot.phase != Phase::Tracking || (speed < STANDS && turn < STANDS) {
+        return Vec::new();
+    }
+    let stop_s = PLANNING_S
+        + ramp_s(speed, limits.acceleration_m_s2, limits.jerk_m_s3).max(ramp_s(
+            turn,
+            limits.turn_acceleration_rad_s2,
+            limits.turn_jerk_rad_s3,
+        ));
+    let path = (record.course == Course::Reference).then(|| followed(live, about, snapshot)).flatten();
+    let along = |share: f64| match &path {
+        Some(path) => path.preview(record.reference_time_s + share * stop_s).map(|at| at.odom_from_body),
+        None => {
+            let s = PLANNING_S * share + 0.5 * (stop_s - PLANNING_S) * share * (2.0 - share);
+            Some(Pose2::new(
+                here.x_m + s * twist.vx_m_s,
+                here.y_m + s * twist.vy_m_s,
+                here.heading_rad + s * twist.w_rad_s,
+            ))
+        }
+    };
+    let ahead = (1..=LEADS).map_while(|part| along(f64::from(part) / f64::from(LEADS)));
+    std::iter::once(here).chain(ahead.filter(Pose2::is_finite)).collect()
+}
+
+/// The path that is followed, laid where it is.
+fn followed(live: &Live, about: &RobotInfo, snapshot: &Snapshot) -> Option<Box<dyn Reference>> {
+    let loaded = live.reference(snapshot.reference);
+    let table = loaded.as_deref().unwrap_or(&about.robot.plan.reference);
+    let ability = Ability::of(&about.robot.plan);
+    let mut path = about.registry.make_reference(table, &ability).ok()?;
+    path.start(&snapshot.reference_start?);
+    Some(path)
 }
 
 /// What is left of a way from the place nearest to a pose on.

@@ -1,7 +1,9 @@
 //! The planned path as the page draws it: drawn once, and laid where the robot began it.
 
 use omnibase_platform::Pose2;
+use omnibase_robot::RobotPlan;
 use omnibase_robot::config::ReferenceTable;
+use omnibase_robot::dry::{DryRun, limit_colour, limit_name};
 use omnibase_robot::signals::Setpoint;
 use omnibase_robot::stages::Reference;
 use schemars::JsonSchema;
@@ -23,6 +25,47 @@ pub(crate) struct Drawn {
     poses: Vec<Pose2>,
     /// The speed at each, m/s.
     speeds_m_s: Vec<f64>,
+    binds: Binds,
+}
+
+/// Which limits bind a motion, and where.
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
+pub(crate) struct Binds {
+    /// Those that bind it anywhere.
+    limits: Vec<BindingLimit>,
+    /// Which of them binds at each pose; nothing where none does, or where that isn't known beforehand.
+    at: Vec<Option<u8>>,
+}
+
+/// A limit that binds a motion.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub(crate) struct BindingLimit {
+    name: &'static str,
+    colour: &'static str,
+    /// The part of the time in which it binds.
+    share: f64,
+}
+
+impl Binds {
+    /// Of a motion that is planned dry.
+    fn of(plan: &RobotPlan, reference: &mut dyn Reference) -> Binds {
+        let Ok(run) = DryRun::of(plan, reference) else { return Binds::default() };
+        let asked: Vec<_> = run.asked.iter().filter(|asked| asked.share > 0.0).collect();
+        let number = |limit| asked.iter().position(|asked| asked.limit == limit).map(|number| number as u8);
+        let last = run.moments.len() - 1;
+        let moment = |point: u32| &run.moments[last * point as usize / POINTS as usize];
+        Binds {
+            limits: asked
+                .iter()
+                .map(|asked| BindingLimit {
+                    name: limit_name(asked.limit),
+                    colour: limit_colour(Some(asked.limit)),
+                    share: asked.share,
+                })
+                .collect(),
+            at: (0..=POINTS).map(|point| moment(point).binding().and_then(number)).collect(),
+        }
+    }
 }
 
 /// The planned path, where the robot follows it.
@@ -35,11 +78,14 @@ pub(crate) struct Planned {
     poses: Vec<[f64; 3]>,
     /// The speed at each, m/s.
     speeds_m_s: Vec<f64>,
+    /// What binds it where.
+    binds: Binds,
 }
 
 impl Drawn {
-    /// Draws a reference, which is used up by it.
-    pub(crate) fn of(table: &ReferenceTable, mut made: Box<dyn Reference>) -> Self {
+    /// Draws a robot's reference, which is used up by it.
+    pub(crate) fn of(plan: &RobotPlan, table: &ReferenceTable, mut made: Box<dyn Reference>) -> Self {
+        let binds = Binds::of(plan, &mut *made);
         made.start(&Setpoint::at_rest(Pose2::default()));
         let duration_s = made.duration_s();
         let at = |duration_s: f64, n: u32| duration_s * f64::from(n) / f64::from(POINTS);
@@ -56,6 +102,7 @@ impl Drawn {
             start_pose: made.start_pose(),
             poses,
             speeds_m_s,
+            binds,
         }
     }
 
@@ -72,6 +119,7 @@ impl Drawn {
             duration_s: self.duration_s,
             poses: laid.collect(),
             speeds_m_s: self.speeds_m_s.clone(),
+            binds: self.binds.clone(),
         }
     }
 }
@@ -100,16 +148,39 @@ mod tests {
         for text in [circle, path] {
             let table: ReferenceTable = toml::from_str(text).unwrap();
             let made = || registry.make_reference(&table, &omnibase_robot::Ability::of(&robot.plan)).unwrap();
-            let laid = Drawn::of(&table, made()).laid(1, begin);
+            let laid = Drawn::of(&robot.plan, &table, made()).laid(1, begin);
             let mut made = made();
             made.start(&Setpoint::at_rest(begin));
             let duration_s = made.duration_s().unwrap();
             assert_eq!((laid.duration_s, laid.poses.len()), (Some(duration_s), 401));
+            assert_eq!(laid.binds.at.len(), 401);
             for (n, [x_m, y_m, heading_rad]) in laid.poses.iter().enumerate() {
                 let pose = made.sample(duration_s * n as f64 / 400.0).odom_from_body;
                 let turned = (heading_rad - pose.heading_rad).sin().abs();
                 assert!((x_m - pose.x_m).hypot(y_m - pose.y_m) < 1e-9 && turned < 1e-9, "{text}: {n}");
             }
         }
+    }
+
+    #[test]
+    fn what_binds_a_straight_way_is_told_where_it_does() {
+        let text = include_str!("../../../robots/bmm.toml").into();
+        let registry = Registry::with_built_in();
+        let robot = RobotText { text, ..RobotText::default() }.load(&registry).unwrap();
+        let table: ReferenceTable = toml::from_str(
+            "kind = \"path\"\ntiming = \"fastest\"\npoints = [[0.0, 0.0, 0.0, 0.0], [9.0, 4.0, 0.0, 0.0]]",
+        )
+        .unwrap();
+        let made = registry.make_reference(&table, &omnibase_robot::Ability::of(&robot.plan)).unwrap();
+        let Binds { limits, at } = Drawn::of(&robot.plan, &table, made).binds;
+        let name = |point: usize| at[point].map(|number| limits[usize::from(number)].name);
+        assert_eq!([name(40), name(200), name(360)], ["acceleration", "speed", "acceleration"].map(Some));
+        assert_eq!(name(0), None, "it stands");
+        assert!(limits.iter().map(|limit| limit.share).sum::<f64>() <= 1.0);
+        // Who can't be foreseen is bound by nothing that is known.
+        let turns: ReferenceTable =
+            toml::from_str("kind = \"circle\"\nradius_m = 0.5\nperiod_s = 9.0\nturns = \"endless\"").unwrap();
+        let made = registry.make_reference(&turns, &omnibase_robot::Ability::of(&robot.plan)).unwrap();
+        assert!(Drawn::of(&robot.plan, &turns, made).binds.at.is_empty());
     }
 }

@@ -223,6 +223,6 @@ impl RobotInfo {
     /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.
     pub(crate) fn drawn(&self, table: &ReferenceTable) -> Result<Drawn, String> {
         let made = self.registry.make_reference(table, &Ability::of(&self.robot.plan));
-        made.map(|made| Drawn::of(table, made)).map_err(|error| error.to_string())
+        made.map(|made| Drawn::of(&self.robot.plan, table, made)).map_err(|error| error.to_string())
     }
 }

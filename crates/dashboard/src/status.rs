@@ -50,6 +50,8 @@ pub struct StatusMessage {
     pub axis_problem: String,
     /// The number of the reference; 0 for the robot file's own.
     pub reference: u32,
+    /// The number of the one that the next `track` begins: the same where none waits.
+    pub reference_next: u32,
     /// Where that began: x m, y m, heading rad.
     pub reference_start: Option<[f64; 3]>,
     /// Where it goes by the straight way: x m, y m, heading rad; nothing where it doesn't.
@@ -230,6 +232,7 @@ impl StatusMessage {
             stop_device: stop_device(record),
             axis_problem: snapshot.axis_problem.to_string(),
             reference: snapshot.reference,
+            reference_next: record.reference_next as u32,
             reference_start: snapshot.reference_start.map(|start| pose(start.odom_from_body)),
             drive_to: None,
             walls: 0,
@@ -296,6 +299,7 @@ fn course_name(course: Course) -> &'static str {
         Course::Reference => "reference",
         Course::Velocity => "velocity",
         Course::Way => "way",
+        Course::Onto => "onto",
     }
 }
 

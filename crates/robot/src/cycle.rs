@@ -149,6 +149,7 @@ impl Robot {
         self.record.reference_time_s = self.motion.time_s();
         self.record.reference_rate = self.motion.rate();
         self.record.reference_begun = u64::from(self.motion.is_interrupted());
+        [self.record.reference, self.record.reference_next] = self.motion.numbers().map(u64::from);
         &self.record
     }
 
@@ -414,6 +415,7 @@ impl Robot {
         if self.lifecycle.phase() != Phase::Tracking {
             self.motion.leave();
         }
+        self.motion.settle(self.lifecycle.phase() == Phase::Tracking);
     }
 
     /// Devices: from commands to process data.

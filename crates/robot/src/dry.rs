@@ -1,6 +1,7 @@
 //! A motion planned dry: how long it takes, which limit binds where, the friction that it needs, and the room that it leaves.
 
 use omnibase_trajectory::fastest::Limit;
+use omnibase_trajectory::limits::Quantity;
 use omnibase_trajectory::{PlatformBounds, trajectory};
 
 use crate::ability::Ability;
@@ -15,6 +16,34 @@ const LOOK_S: f64 = 0.002;
 const MOST_LOOKS: f64 = 20_000.0;
 /// A limit binds where the motion takes this part of it.
 const BINDS: f64 = 0.95;
+
+/// A limit in words.
+pub fn limit_name(limit: Limit) -> &'static str {
+    match limit {
+        Limit::Platform(quantity) => quantity.name_and_unit().0,
+        Limit::WheelSpeed => "wheel speed",
+        Limit::WheelTorque => "wheel torque",
+        Limit::Grip => "grip",
+        Limit::Heat => "motor heat",
+    }
+}
+
+/// A limit's colour in pictures, and that of where none binds.
+pub fn limit_colour(limit: Option<Limit>) -> &'static str {
+    match limit {
+        None => "#9aa4ae",
+        Some(Limit::Platform(Quantity::Speed)) => "#0b5fa5",
+        Some(Limit::Platform(Quantity::Acceleration)) => "#c4501b",
+        Some(Limit::Platform(Quantity::Jerk)) => "#8a6d00",
+        Some(Limit::Platform(Quantity::Rate)) => "#3f8fd2",
+        Some(Limit::Platform(Quantity::AngularAcceleration)) => "#e08a5a",
+        Some(Limit::Platform(Quantity::AngularJerk)) => "#c9aa2c",
+        Some(Limit::WheelSpeed) => "#2d8a4e",
+        Some(Limit::WheelTorque) => "#7b4ab0",
+        Some(Limit::Grip) => "#c2185b",
+        Some(Limit::Heat) => "#5d4037",
+    }
+}
 
 /// A moment of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -199,7 +228,6 @@ mod tests {
             let of = |asked: &&Asked| asked.limit == Limit::Platform(quantity);
             run.asked.iter().find(of).map_or(0.0, |asked| asked.share)
         };
-        use omnibase_trajectory::limits::Quantity;
         assert!(share(Quantity::Speed) > 0.5 && share(Quantity::Acceleration) > 0.3, "{:?}", run.asked);
         // 1.5 m/s² from three wheels of which two push, with a centre of mass at 0.4 m: between a/g and three times as much.
         assert!((0.15..0.45).contains(&run.friction.0), "{:?}", run.friction);

@@ -354,7 +354,9 @@ impl Grip {
         }
         let change = self.sliding.change(wished, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
-            wheel.slide = self.sliding.look(at, &change, (wheel.rim_m_s, pushes_n[at]), span_s);
+            let slide = self.sliding.look(at, &change, (wheel.rim_m_s, pushes_n[at]), span_s);
+            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
+            wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(wished, motion, &pushes_n[..count]);
         let Some(slides) = self.steady.look(&shown, span_s) else { return };

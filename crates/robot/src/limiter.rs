@@ -16,6 +16,11 @@ pub(crate) struct SpeedBound {
 }
 
 impl SpeedBound {
+    /// The speeds of a twist.
+    pub(crate) fn of(twist: &Twist2) -> Self {
+        SpeedBound { speed_m_s: twist.speed_m_s(), turn_speed_rad_s: twist.w_rad_s.abs() }
+    }
+
     /// A twist with no more than these speeds, its direction kept.
     pub(crate) fn hold(&self, twist: Twist2) -> Twist2 {
         let speed = twist.speed_m_s();

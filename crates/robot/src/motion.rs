@@ -1,6 +1,7 @@
 //! What a tracking robot follows: its reference at a rate, a velocity command, or the way to a pose.
 
 mod begin;
+mod catch_up;
 mod foothold;
 mod headway;
 mod room;
@@ -16,6 +17,7 @@ use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
 use crate::stages::Reference;
 pub(crate) use begin::From;
+use catch_up::CatchUp;
 pub(crate) use foothold::{Asked, Carried};
 use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
 pub(crate) use headway::is_there;
@@ -26,11 +28,18 @@ use way::{Then, Way};
 /// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
 const WITH_PLAN: f64 = 0.02;
 
+/// Farther than this from the place that was wished the platform has left its plan, m, whatever kept it from there.
+const LEFT_M: f64 = 0.05;
+
 /// What is followed, and where it is on its way.
 pub(crate) struct Motion {
     reference: Box<dyn Reference>,
+    /// Its number; 0 for the one of the plan.
+    number: u32,
     /// Came from outside and waits for its request; afterwards the one that it replaced.
     offered: Option<(u32, Box<dyn Reference>)>,
+    /// What is offered was asked for while the present one was followed: it is begun with the next `track`.
+    is_next: bool,
     /// Where the reference was laid from.
     laid_from: Pose2,
     course: Course,
@@ -38,9 +47,12 @@ pub(crate) struct Motion {
     way: Way,
     /// One that is planned, and gone only where it can be.
     tried: Way,
-    /// Fence or obstacles changed the last wish; and one since the way was planned.
+    /// Fence or obstacles changed the last wish; and one since the plan began, or the platform left it.
     is_hindered: bool,
     was_hindered: bool,
+    catch_up: CatchUp,
+    /// Where the last wish was.
+    wished_last: Pose2,
     /// The reference's own time, ns: exact as long as it runs at its full rate.
     time_ns: f64,
     now_ns: u64,
@@ -111,7 +123,9 @@ impl Motion {
         let rate_limits = rate_limits(limits, 1.0);
         Ok(Motion {
             reference,
+            number: 0,
             offered: None,
+            is_next: false,
             laid_from: Pose2::default(),
             course: Course::Reference,
             velocity: None,
@@ -119,6 +133,8 @@ impl Motion {
             tried: Way::default(),
             is_hindered: false,
             was_hindered: false,
+            catch_up: CatchUp::default(),
+            wished_last: Pose2::default(),
             time_ns: 0.0,
             now_ns: 0,
             rate: TwistLimiter::new(&limits_of_rate(limits, rate_limits), period_s)?,
@@ -188,7 +204,10 @@ impl Motion {
     }
 
     pub(crate) fn course(&self) -> Course {
-        self.course
+        match (self.course, self.way.then) {
+            (Course::Way, Then::Joins { .. }) => Course::Onto,
+            (course, _) => course,
+        }
     }
 
     pub(crate) fn velocity(&self) -> Option<&Request> {
@@ -197,6 +216,12 @@ impl Motion {
 
     pub(crate) fn reference(&self) -> &dyn Reference {
         &*self.reference
+    }
+
+    /// The numbers of the reference that is followed, or would be gone on with, and of the one that is begun next.
+    pub(crate) fn numbers(&self) -> [u32; 2] {
+        let next = self.offered.as_ref().filter(|_| self.is_next);
+        [self.number, next.map_or(self.number, |(number, _)| *number)]
     }
 
     /// The reference's own time, s.
@@ -208,7 +233,7 @@ impl Motion {
     pub(crate) fn correction(&self) -> Pose2 {
         match self.course {
             Course::Reference => self.reference.correction(self.time_s()),
-            Course::Velocity | Course::Way => Pose2::default(),
+            Course::Velocity | Course::Way | Course::Onto => Pose2::default(),
         }
     }
 
@@ -285,9 +310,12 @@ impl Motion {
         here: &Setpoint,
         (settings, guard): (&Settings, &Guard),
     ) -> Setpoint {
+        self.catch_up(&From { time, setpoint: *here, is_under_way: true, settings, guard });
         let wished = match self.course {
             Course::Way => self.sample_way(time, here, (settings, guard)),
-            Course::Reference | Course::Velocity => self.sample_reference(time, settings, guard),
+            Course::Reference | Course::Velocity | Course::Onto => {
+                self.sample_reference(time, settings, guard)
+            }
         };
         self.spare_room_m = self.room_had.spare_m(guard.room_left(&wished.odom_from_body));
         wished
@@ -316,14 +344,18 @@ impl Motion {
         let rate = settings.rate(self.planned).min(carried);
         let left_s = self.way.left_s();
         self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
-        if let Then::Joins { rate } = self.way.then
-            && self.way.is_over()
-        {
-            self.time_ns -= rate * 1e9 * self.way.left_s();
-            self.begin_reference(time, rate);
-            return self.sample_reference(time, settings, guard);
+        if let Then::Joins { at_ns, rate } = self.way.then {
+            // The path's own time that it would be at, were it followed so far.
+            self.time_ns = self.time_ns.max(at_ns - rate * 1e9 * self.way.left_s());
+            if self.way.is_over() {
+                let was_hindered = self.was_hindered;
+                self.begin_reference(time, rate);
+                self.was_hindered = was_hindered;
+                return self.sample_reference(time, settings, guard);
+            }
         }
         let own = self.way.sample();
+        self.step.speed = self.step.speed.greater(&SpeedBound::of(&own.twist_in_odom));
         let wished = self.at_rate(own);
         // From a state of motion at a limit, where its acceleration still ends, a way may lead beyond it for a moment.
         let Limits { speed_m_s, turn_speed_rad_s, .. } = self.limits;
@@ -363,7 +395,7 @@ impl Motion {
         // It is still faster than it shall be while it is slowed down.
         let planned = self.planned.scaled(rate.max(self.rate_now));
         let passed_s = (passed_ns * 1e-9).min(left_s).max(0.0);
-        let speed = SpeedBound { speed_m_s: planned.speed_m_s(), turn_speed_rad_s: planned.w_rad_s.abs() };
+        let speed = SpeedBound::of(&planned);
         self.step = PlanStep { elapsed_s: elapsed_ns * 1e-9, passed_s, rate, speed };
         passed_ns
     }
@@ -387,7 +419,9 @@ impl Motion {
     /// What became of a cycle's wish, and whether fence or obstacles changed it.
     pub(crate) fn note(&mut self, wished: &Setpoint, setpoint: &Setpoint, is_hindered: bool) {
         self.is_hindered = is_hindered;
-        self.was_hindered |= is_hindered;
+        let lag_m = wished.odom_from_body.distance_m(setpoint.odom_from_body);
+        self.was_hindered |= is_hindered || lag_m > LEFT_M;
+        self.wished_last = wished.odom_from_body;
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);
         }

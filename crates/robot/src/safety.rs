@@ -41,7 +41,7 @@ pub struct SafetyChain {
     wiring: WiringWatch,
     overspeed: OverspeedWatch,
     astray: AstrayWatch,
-    /// The platform gave way to an obstacle, and isn't back where the plan is.
+    /// The platform gave way to an obstacle or the fence, and isn't back where the plan is.
     gives_way: bool,
 }
 
@@ -211,7 +211,7 @@ impl SafetyChain {
     }
 
     fn tracking(&self, view: &SafetyView<'_>) -> Objection {
-        // Who gives way to an obstacle is where he shall be if he is where the way around leads.
+        // Who gives way is where he shall be if he is where the way around leads.
         let shall = if self.gives_way { view.setpoint } else { view.wished };
         let distance_m = shall.odom_from_body.distance_m(view.state.odom_from_body);
         let far = distance_m > self.plan.tracking_error_m;
@@ -300,7 +300,7 @@ impl Safety for SafetyChain {
         };
         let behind_m = view.setpoint.odom_from_body.distance_m(view.wished.odom_from_body);
         self.gives_way =
-            view.guard.limited_by == LimitedBy::Obstacle || self.gives_way && behind_m > CAUGHT_UP_M;
+            view.guard.limited_by != LimitedBy::Nothing || self.gives_way && behind_m > CAUGHT_UP_M;
         let is_powered = is_powered(view.phase);
         // The drives' own quick stop is theirs, and its torque too: many have an emergency torque of their own.
         let torque_counts = is_powered && view.phase != Phase::QuickStopping;

@@ -51,6 +51,8 @@ pub struct Room {
 pub struct WayRequest<'a> {
     /// Where the robot stands, in odom.
     pub from: Pose2,
+    /// Where it goes already, up to `from`: the way begins there. None where it stands.
+    pub lead: &'a [Pose2],
     /// Where it shall stand, in odom.
     pub to: Pose2,
     /// Obstacles as they are now.
@@ -287,11 +289,13 @@ impl Room {
         registry: &Registry,
     ) -> Result<TimedWay, RoomError> {
         let space = self.space(way)?;
-        let plan = self.plan(way, &space)?;
+        let mut plan = self.plan(way, &space)?;
+        let begun = way.lead.first().copied().unwrap_or(way.from);
+        plan.poses.splice(0..0, way.lead.iter().copied());
         let table = table_of(&plan, &ability.limits);
         let mut reference =
             registry.make_reference(&table, ability).map_err(|error| RoomError::Timing(error.to_string()))?;
-        reference.start(&omnibase_robot::signals::Setpoint::at_rest(way.from));
+        reference.start(&omnibase_robot::signals::Setpoint::at_rest(begun));
         let duration_s = reference.duration_s().unwrap_or_default();
         let limits = &ability.limits;
         let fastest_m_s =

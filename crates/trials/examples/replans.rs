@@ -6,11 +6,17 @@
 use std::time::Instant;
 
 use omnibase_robot::Registry;
+use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::approaches::register_kinematic;
 use omnibase_trials::replans::{ROUNDING, Replans, SORTS, run};
 use omnibase_trials::{plan_of, robots};
 
 const IN_A_WORLD: u64 = 40;
+
+/// What ends motions in these worlds: obstacles, fences, lost exchanges.
+fn is_expected(reason: SafetyReason) -> bool {
+    !matches!(reason, SafetyReason::WheelSlip | SafetyReason::TrackingError)
+}
 
 fn main() {
     let mut numbers = std::env::args().skip(1).filter_map(|word| word.parse::<u64>().ok());
@@ -30,6 +36,10 @@ fn main() {
                 "seed {seed}: {} beyond a limit, {} steps, {} outside, {} moved without a person, {:?}",
                 result.beyond, result.steps, result.outside, result.moved, result.shares
             );
+        }
+        // Nothing slips and nothing is weak in these worlds.
+        for (reason, _) in result.by_itself.iter().filter(|(reason, _)| !is_expected(*reason)) {
+            println!("seed {seed}: stopped by itself, {reason:?}");
         }
         all.add(&result);
     }

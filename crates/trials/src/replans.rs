@@ -424,7 +424,7 @@ impl Session {
             result.outside += u64::from(room_m < 0.0 || room_m.is_nan());
         }
         result.joined += u64::from(
-            before.course == Course::Way
+            before.course == Course::Onto
                 && record.course == Course::Reference
                 && record.phase == Phase::Tracking
                 && moves(record),

@@ -2,6 +2,7 @@
 
 use omnibase_robot::Registry;
 use omnibase_robot::config::AvoidanceKind;
+use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::approaches::{register_kinematic, run};
 use omnibase_trials::replans::{self, Replans};
 use omnibase_trials::{plan_of, robots};
@@ -35,17 +36,22 @@ fn no_footprint_crosses_a_fence_or_meets_an_obstacle_by_its_own_motion() {
     assert!(off > 100 && given_up > 50, "{off} {given_up}");
 }
 
-/// Seeds 1 to 100, and one in which a platform that was paused beside a fence held before it stood.
+/// Seeds 1 to 100; one in which a platform that was paused beside a fence held before it stood; and some in which it was stopped for slip
+/// or for being too far off, where nothing slips and a plan that is held back leads it.
 #[test]
 fn motions_that_are_replaced_under_way_keep_every_limit_and_stay_stopped_once_they_are() {
     let mut registry = Registry::with_built_in();
     register_kinematic(&mut registry);
     let bases = [plan_of(robots::BMM), plan_of(robots::MECANUM)];
     let mut all = Replans { fence_m: f64::INFINITY, ..Default::default() };
-    for seed in (1..=100).chain([304_552]) {
+    for seed in (1..=100).chain([304_552, 101_048, 102_738, 106_792, 107_928, 109_106]) {
         let result = replans::run(&bases[(seed % 2) as usize], &registry, seed, 40);
         let wrong = [result.beyond, result.steps, result.outside, result.moved];
         assert_eq!(wrong, [0; 4], "seed {seed}: beyond a limit, steps, outside, moved by nobody");
+        let is_wrong = |(reason, _): &&(SafetyReason, u64)| {
+            matches!(reason, SafetyReason::WheelSlip | SafetyReason::TrackingError)
+        };
+        assert_eq!(result.by_itself.iter().find(is_wrong), None, "seed {seed}");
         all.add(&result);
     }
     let taken_while_moving = all.counts.map(|[_, _, moving]| moving);

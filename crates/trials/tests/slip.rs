@@ -128,6 +128,20 @@ fn a_floor_that_was_told_is_driven_at_its_limit_and_no_wheel_slips() {
 }
 
 #[test]
+fn who_is_thrown_off_a_fast_plan_gets_back_onto_it_by_another_one() {
+    // What its rollers take is learnt as more than it was planned with: it leaves its plan at the third side.
+    let (name, motion) = fast::MOTIONS[0];
+    assert_eq!(name, "square");
+    let (robot, law) = (MECANUM, "closed_loop_speed");
+    let slid = fast::Case { robot, law, motion: motion.to_owned(), told: 0.5, floor: [0.5, 0.45] }.ride();
+    assert_eq!(slid.end(), "finished");
+    println!("mecanum's square: {:?}", slid.run);
+    // 15.3 s and 457 mm behind where it is caught up with at a rate.
+    assert!(slid.run.believed_greatest_m < 0.07 && slid.run.cycles < 10_600, "{:?}", slid.run);
+    assert!(slid.run.true_final_m < 1e-3, "{:?}", slid.run);
+}
+
+#[test]
 fn a_floor_that_has_half_of_what_was_told_stops_the_robot_by_name() {
     let slid = fast("closed_loop_speed", [0.25, 0.2]);
     assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{}", slid.end());

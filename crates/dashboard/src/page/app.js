@@ -225,6 +225,14 @@ async function drawPlanned(seen) {
   planned = await read("planned");
   view.planned = planned.poses;
   view.speeds = planned.speeds_m_s;
+  view.binds = planned.binds;
+  by("binds-key").replaceChildren(...planned.binds.limits.map(({ name, colour, share }) => {
+    const key = document.createElement("span");
+    const mark = key.appendChild(document.createElement("i"));
+    mark.style.background = colour;
+    key.append(` ${name} ${Math.round(100 * share)} %`);
+    return key;
+  }));
   const most = Math.max(0, ...planned.speeds_m_s);
   by("speed-key").hidden = most <= 0;
   by("speed-most").textContent = `${most.toFixed(2)} m/s`;
@@ -251,7 +259,7 @@ function draw() {
   badge.textContent = seen.phase;
   badge.className = `badge seen ${seen.phase.split(" ")[0]}`;
   const mine = seen.commander === me ? `you (${me})` : seen.commander;
-  const how = seen.by_stick ? "by hand" : seen.course === "way" ? "going somewhere" : "on the path";
+  const how = seen.by_stick ? "by hand" : ({ way: "going somewhere", onto: "onto the path" })[seen.course] || "on the path";
   by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
   showAge();
   showActions(seen, me !== null);
@@ -284,9 +292,13 @@ function draw() {
 /** How long the path still takes, and what became of the way to a pose. */
 function showLeft(seen) {
   const left_s = planned?.duration_s && seen.reference_begun ? planned.duration_s - seen.reference_time_s : null;
-  const left = left_s > 0.05 && seen.course === "reference" ? `${left_s.toFixed(1)} s left` : "";
+  const left = left_s > 0.05 && (seen.course === "reference" || seen.course === "onto") ? `${left_s.toFixed(1)} s left` : "";
+  const { limits = [], at = [] } = planned?.binds ?? {};
+  const bound = limits[at[Math.round((at.length - 1) * seen.reference_time_s / planned?.duration_s)]]?.name;
+  const now = left && bound ? `Bound by ${bound}` : "";
+  const next = seen.reference_next !== seen.reference ? "Another path waits: follow it" : "";
   const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
-  const text = [left, way].filter(Boolean).join(". ");
+  const text = [left, now, next, way].filter(Boolean).join(". ");
   by("left").hidden = !text;
   if (by("left").textContent !== text) by("left").textContent = text;
   by("left").classList.toggle("no", Boolean(seen.drive_to?.failed));

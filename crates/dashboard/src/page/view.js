@@ -319,9 +319,17 @@ export class View {
   drawSpeeds(g) {
     const most = Math.max(...this.speeds, 0);
     if (most <= 0 || this.speeds.length !== this.planned.length) return;
-    g.lineWidth = 4;
     g.lineCap = "round";
     const places = this.planned.map((place) => this.toScreen(place));
+    // What binds it, as a border around its speed.
+    const { limits = [], at = [] } = this.binds ?? {};
+    g.lineWidth = 10;
+    for (let n = 1; n < places.length; n++) {
+      if (at[n] == null) continue;
+      g.strokeStyle = limits[at[n]].colour;
+      line(g, ...places[n - 1], ...places[n]);
+    }
+    g.lineWidth = 4;
     for (let n = 1; n < places.length; n++) {
       g.strokeStyle = `hsl(${230 - 230 * (this.speeds[n] / most)} 75% 50%)`;
       line(g, ...places[n - 1], ...places[n]);

@@ -78,7 +78,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let fence_m = robot.guard.fence.as_ref().map_or(&[][..], |fence| &fence.corners_m);
     let obstacles = &robot.guard.obstacles;
-    let way = WayRequest { from, to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
+    let way =
+        WayRequest { from, lead: &[], to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
     let begun = Instant::now();
     let mut timed = match room.timed(&way, &Ability::of(&robot), registry) {
         Ok(timed) => timed,

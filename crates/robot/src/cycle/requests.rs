@@ -121,7 +121,7 @@ impl Robot {
         let from = From { time: &time, setpoint, is_under_way, settings: &self.settings, guard: &self.guard };
         let begun = match kind {
             // A way has nothing to be gone on with: it ends in a stop, and a path that it leads to can be resumed.
-            RequestKind::Pause if self.motion.course() == Course::Way => {
+            RequestKind::Pause if matches!(self.motion.course(), Course::Way | Course::Onto) => {
                 return self.lifecycle.request(&time, &RequestKind::Stop(StopCategory::RampAndHold)).0;
             }
             RequestKind::Pause => return answer(self.motion.pause()),

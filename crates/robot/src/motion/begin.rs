@@ -16,16 +16,39 @@ use crate::stages::Reference;
 
 /// Nearer than this to where it was left, a reference goes on without a way back to it: m, and rad.
 const ON_PATH: f64 = 1e-4;
-/// A reference is joined at this rate at most: its own speeds and accelerations may be the limits, which a way needs some of.
-const JOIN_RATE: f64 = 0.7;
+/// A reference is joined at a rate at which it needs this part of the limits at most, and half of their accelerations: a way needs the rest.
+pub(super) const JOIN_RATE: f64 = 0.7;
 /// First time of a reference at which it may be joined, s; how many are tried, and by what factor each is later.
 const JOIN_S: f64 = 0.05;
-const JOINS: i32 = 16;
+pub(super) const JOINS: i32 = 16;
 const JOIN_FACTOR: f64 = 1.35;
 /// A way onto a reference takes so much longer at most than the reference itself takes.
 const JOIN_LONGER: f64 = 1.25;
 /// A way is planned anew where it came nearer to its end by so much since it was planned, m: that ends.
 const GAINED_M: f64 = 0.02;
+
+/// How far ahead on a reference a platform that moves may be at its start: so many looks, so far apart, s.
+const BESIDE_S: f64 = 0.1;
+const BESIDE_LOOKS: u32 = 15;
+/// Slower than this it stands there, m/s and rad/s.
+const ALL_BUT_REST: f64 = 0.01;
+/// The number of a reference that was replaced.
+const REPLACED: u32 = u32::MAX;
+
+/// Where a way leads onto the reference.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Joint {
+    at_ns: f64,
+    rate: f64,
+    /// By how much longer than it may be it takes, s.
+    pub(super) longer_s: f64,
+}
+
+impl Joint {
+    pub(super) fn is_quick(&self) -> bool {
+        self.longer_s <= 0.0
+    }
+}
 
 /// Where a motion begins, and what it must keep to.
 #[derive(Clone, Copy)]
@@ -64,20 +87,33 @@ impl Motion {
         self.offered.replace((number, reference))
     }
 
-    /// The reference that waits takes the place of the present one, unless that is followed.
+    /// The reference that waits takes the place of the present one; where that is followed, once it is begun, or the present one came
+    /// to its end.
     pub(crate) fn use_offered(&mut self, number: u32, is_under_way: bool) -> Result<(), CantBegin> {
-        if is_under_way && self.needs_reference() {
-            return Err(CantBegin::UnderWay);
-        }
-        let Some((offered, reference)) = self.offered.as_mut().filter(|(offered, _)| *offered == number)
-        else {
+        if self.offered.as_ref().is_none_or(|(offered, _)| *offered != number || number == REPLACED) {
             return Err(CantBegin::Nothing);
-        };
+        }
+        self.is_next = true;
+        if !(is_under_way && self.needs_reference()) {
+            self.take_next();
+        }
+        Ok(())
+    }
+
+    /// The next reference takes the place of the present one.
+    fn take_next(&mut self) {
+        let Some((number, reference)) = self.offered.as_mut().filter(|_| self.is_next) else { return };
         std::mem::swap(reference, &mut self.reference);
         // What was replaced is not offered again.
-        *offered = u32::MAX;
-        self.begun = false;
-        Ok(())
+        self.number = std::mem::replace(number, REPLACED);
+        (self.is_next, self.begun) = (false, false);
+    }
+
+    /// Nothing more is to come of the present reference where it is at its end and isn't followed.
+    pub(crate) fn settle(&mut self, is_under_way: bool) {
+        if self.is_next && !self.begun && !(is_under_way && self.needs_reference()) {
+            self.take_next();
+        }
     }
 
     /// Whether the reference is followed, or will be.
@@ -85,21 +121,37 @@ impl Motion {
         match self.course {
             Course::Reference => true,
             Course::Way => self.way.then != Then::Rests,
-            Course::Velocity => false,
+            Course::Velocity | Course::Onto => false,
         }
     }
 
-    /// The reference from its start.
+    /// The next reference, or the present one, from its start.
     pub(crate) fn track(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
-        if from.is_under_way && self.needs_reference() {
-            return Err(CantBegin::UnderWay);
+        if !self.is_next {
+            let is_followed = from.is_under_way && self.needs_reference();
+            return if is_followed { Err(CantBegin::UnderWay) } else { self.begin_anew(from) };
         }
+        let before = (self.number, self.begun, self.laid_from, self.time_ns);
+        self.take_next();
+        let begun = self.begin_anew(from);
+        if let Err(_) = begun
+            && let Some((number, reference)) = &mut self.offered
+        {
+            // What is under way goes on, and the next one is still the next.
+            std::mem::swap(reference, &mut self.reference);
+            *number = self.number;
+            (self.number, self.begun, self.laid_from, self.time_ns) = before;
+            self.is_next = true;
+        }
+        begun
+    }
+
+    fn begin_anew(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
         let here = from.pose();
-        if let Some(start) = self.reference.start_pose() {
-            let turn_rad = wrap_angle_rad(start.heading_rad - here.heading_rad);
-            if here.distance_m(start) > self.start_distance_m || turn_rad.abs() > self.start_heading_rad {
-                return Err(CantBegin::TooFar);
-            }
+        if self.reference.start_pose().is_some_and(|start| !self.is_near(from, [start; 2]))
+            && !self.is_beside(from)
+        {
+            return Err(CantBegin::TooFar);
         }
         let start = self.reference.start_pose().unwrap_or(here);
         let end = self.reference.end_pose(&here).unwrap_or(start);
@@ -121,30 +173,78 @@ impl Motion {
         joined
     }
 
+    /// Whether the platform is where a motion may begin, between two poses of it.
+    fn is_near(&self, from: &From<'_>, [one, other]: [Pose2; 2]) -> bool {
+        let here = from.pose();
+        let [along, way] = [here, other].map(|pose| [pose.x_m - one.x_m, pose.y_m - one.y_m]);
+        let square = way[0] * way[0] + way[1] * way[1];
+        let part = if square > 0.0 {
+            ((along[0] * way[0] + along[1] * way[1]) / square).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let off_m = (along[0] - part * way[0]).hypot(along[1] - part * way[1]);
+        let turned_rad = one.heading_rad + part * (other.heading_rad - one.heading_rad);
+        off_m <= self.start_distance_m
+            && wrap_angle_rad(turned_rad - here.heading_rad).abs() <= self.start_heading_rad
+    }
+
+    /// Whether a platform that moves is on the way already with which the reference begins.
+    fn is_beside(&self, from: &From<'_>) -> bool {
+        let place =
+            |look: u32| self.reference.preview(BESIDE_S * f64::from(look)).map(|at| at.odom_from_body);
+        let mut looks = (1..=BESIDE_LOOKS).map_while(|look| Some([place(look - 1)?, place(look)?]));
+        let twist = &from.setpoint.twist_in_odom;
+        let moves = twist.speed_m_s() > ALL_BUT_REST || twist.w_rad_s.abs() > ALL_BUT_REST;
+        moves && looks.any(|places| self.is_near(from, places))
+    }
+
     /// A way onto the reference while moving.
     fn join(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
-        let end_s = self.reference.duration_s().unwrap_or(f64::INFINITY);
-        let share = self.carried.share.min(1.0);
-        for at_s in (0..JOINS).map(|number| JOIN_S * JOIN_FACTOR.powi(number)) {
-            let Some(place) = self.reference.preview(at_s).filter(|_| at_s < end_s) else { break };
-            let rate = (JOIN_RATE * share.sqrt()).min(from.settings.rate(place.twist_in_odom));
-            let to = Setpoint {
-                twist_in_odom: place.twist_in_odom.scaled(rate),
-                acceleration_in_odom: place.acceleration_in_odom.scaled(rate * rate),
-                ..place
-            };
-            let allowed = self.allowed(from.settings);
-            let is_there = self.tried.plan([&from.setpoint, &to], &allowed).is_ok()
-                && self.tried.duration_s() <= JOIN_LONGER * at_s
-                && !from.guard.is_blocked(&to.odom_from_body)
-                && !self.tried.leads_out(from.guard, from.room_m());
-            if is_there {
-                self.take_way(from.time, Then::Joins { rate });
-                (self.time_ns, self.begun) = (1e9 * at_s, true);
+        let allowed = self.allowed(from.settings);
+        for number in 0..JOINS {
+            let Some(joint) = self.joint(from, &allowed, (0.0, number)) else { continue };
+            if joint.is_quick() {
+                self.time_ns = 0.0;
+                self.take_joint(from.time, &joint);
                 return Ok(());
             }
         }
         Err(CantBegin::Moving)
+    }
+
+    /// Tries a way onto the reference, the next but `number`, behind a time of its own, s.
+    pub(super) fn joint(
+        &mut self,
+        from: &From<'_>,
+        allowed: &Allowed,
+        (since_s, number): (f64, i32),
+    ) -> Option<Joint> {
+        let end_s = self.reference.duration_s().unwrap_or(f64::INFINITY);
+        let later_s = JOIN_S * JOIN_FACTOR.powi(number);
+        let at_s = since_s + later_s;
+        let place = self.reference.preview(at_s).filter(|_| at_s < end_s)?;
+        let rate = allowed.rate_at(&place).min(from.settings.rate(place.twist_in_odom));
+        let to = Setpoint {
+            twist_in_odom: place.twist_in_odom.scaled(rate),
+            acceleration_in_odom: place.acceleration_in_odom.scaled(rate * rate),
+            ..place
+        };
+        let is_there = self.tried.plan([&from.setpoint, &to], allowed).is_ok()
+            && !from.guard.is_blocked(&to.odom_from_body)
+            && !self.tried.leads_out(from.guard, from.room_m());
+        is_there.then(|| Joint {
+            at_ns: 1e9 * at_s,
+            rate,
+            longer_s: self.tried.duration_s() - JOIN_LONGER * later_s,
+        })
+    }
+
+    /// The way that was tried last leads onto the reference.
+    pub(super) fn take_joint(&mut self, time: &CycleTime, joint: &Joint) {
+        let Joint { at_ns, rate, .. } = *joint;
+        self.take_way(time, Then::Joins { at_ns, rate });
+        self.begun = true;
     }
 
     /// The reference from where it was left: first the way back to it. One that is being paused goes on at once.
@@ -194,7 +294,7 @@ impl Motion {
         Ok(())
     }
 
-    fn allowed(&self, settings: &Settings) -> Allowed {
+    pub(super) fn allowed(&self, settings: &Settings) -> Allowed {
         let share = self.carried.share;
         let share = if share >= 1.0 { 1.0 } else { SHARE_OF_PATH * share };
         Allowed { limits: self.limits, speeds: settings.speeds(), share }
@@ -246,6 +346,7 @@ impl Motion {
         (self.rate_now, self.rate_change_1_s, self.own) = (rate, 0.0, Default::default());
         self.headway.begin();
         (self.pausing, self.begun, self.now_ns) = (Pausing::No, true, time.now_ns);
+        self.was_hindered = false;
     }
 
     /// A way that leads back to the reference ends: the reference goes on from where it stands.

@@ -72,6 +72,11 @@ impl Headway {
         self.own = SpeedBound::default();
     }
 
+    /// The plan leads elsewhere, and gets on as it did.
+    pub(super) fn turn_aside(&mut self) {
+        (self.nearest_m, self.place) = (0.0, None);
+    }
+
     /// One cycle of a plan: where it should be, and where the platform was led.
     pub(super) fn note(&mut self, step: &PlanStep, [wished, setpoint]: [&Setpoint; 2]) {
         let (place, here) = (&wished.odom_from_body, &setpoint.odom_from_body);

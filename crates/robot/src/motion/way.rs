@@ -3,6 +3,7 @@
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{NoMotion, PointToPoint};
 
+use super::begin::JOIN_RATE;
 use super::room::RoomHad;
 use crate::config::{Limits, motion_limits};
 use crate::guard::Guard;
@@ -21,8 +22,8 @@ pub(super) enum Then {
     Rests,
     /// The reference goes on from where it stands.
     GoesOn,
-    /// The reference goes on at this rate, without a stop.
-    Joins { rate: f64 },
+    /// The reference goes on from its own time, ns, at this rate, without a stop.
+    Joins { at_ns: f64, rate: f64 },
 }
 
 /// What a way may take.
@@ -33,6 +34,19 @@ pub(super) struct Allowed {
     pub(super) speeds: [f64; 2],
     /// Part of the limits' accelerations.
     pub(super) share: f64,
+}
+
+impl Allowed {
+    /// The rate at which a reference is joined at a place.
+    pub(super) fn rate_at(&self, place: &Setpoint) -> f64 {
+        let Allowed { limits, speeds: [speed_m_s, turn_rad_s], share } = *self;
+        let (v, a) = (&place.twist_in_odom, &place.acceleration_in_odom);
+        let speed = (v.speed_m_s() / limits.speed_m_s.min(speed_m_s))
+            .max(v.w_rad_s.abs() / limits.turn_speed_rad_s.min(turn_rad_s));
+        let gain =
+            (a.speed_m_s() / limits.acceleration_m_s2).max(a.w_rad_s.abs() / limits.turn_acceleration_rad_s2);
+        (JOIN_RATE / speed.max((gain / share).sqrt())).min(1.0)
+    }
 }
 
 #[derive(Debug, Default)]
@@ -140,6 +154,13 @@ impl Way {
         };
         // What isn't known leads out.
         !(1..=LOOKS).all(|look| spare_m(look) >= 0.0)
+    }
+
+    /// Whether an obstacle stands in it.
+    pub(super) fn is_blocked(&self, guard: &Guard) -> bool {
+        let part_s = self.duration_s() / f64::from(LOOKS);
+        let mut places = (1..=LOOKS).map(|look| self.motion.sample(part_s * f64::from(look)));
+        places.any(|place| guard.is_blocked(&place.odom_from_base))
     }
 
     /// The place at its own time.

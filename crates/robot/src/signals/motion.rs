@@ -102,10 +102,12 @@ pub enum Course {
     Reference,
     /// Velocity commands.
     Velocity,
-    /// The straight way to a pose.
+    /// The way to a pose.
     Way,
+    /// The way onto its reference, without a stop: at its beginning, or from where obstacles kept it.
+    Onto,
 }
 
-coded!(Course { Reference = 0, Velocity = 1, Way = 2 });
+coded!(Course { Reference = 0, Velocity = 1, Way = 2, Onto = 3 });
 
 coded!(ReferenceStatus { Resting = 0, Moving = 1, Finished = 2 });

@@ -72,6 +72,10 @@ pub struct CycleRecord {
     pub reference_rate: f64,
     /// 1 where the reference was begun and isn't at its end.
     pub reference_begun: u64,
+    /// The number with which the reference was loaded that is followed, or would be gone on with; 0 for the robot's own.
+    pub reference: u64,
+    /// The number of the one that the next `track` begins: the same where none waits.
+    pub reference_next: u64,
     /// How far the wished pose is beside the motion that was asked for, in its axes: what repeats taught.
     pub correction: Pose2,
     /// What is wished.
@@ -324,6 +328,8 @@ impl CycleRecord {
         v.f64("reference.time", "s", &mut self.reference_time_s);
         v.f64("reference.rate", "", &mut self.reference_rate);
         v.u64("reference.begun", "", &mut self.reference_begun);
+        v.u64("reference.number", "", &mut self.reference);
+        v.u64("reference.next", "", &mut self.reference_next);
         v.pose("reference.correction", &mut self.correction);
         v.setpoint(["wished.pose", "wished.twist", "wished.acceleration", "wished.status"], &mut self.wished);
         v.setpoint(

@@ -66,7 +66,8 @@ pub enum RequestKind {
         /// The pose; its heading isn't wrapped.
         odom_from_body: Pose2,
     },
-    /// Take the reference that was [offered](crate::Robot::offer_reference) in place of the present one, once that is no longer followed.
+    /// Take the reference that was [offered](crate::Robot::offer_reference) in place of the present one: at once, or where that is followed, with
+    /// [`RequestKind::Track`] or at its end.
     UseReference {
         /// The number by which it was offered.
         number: u32,

@@ -2,7 +2,7 @@
 
 use omnibase_platform::Twist2;
 use omnibase_robot::guard::Obstacle;
-use omnibase_robot::signals::{LimitedBy, SafetyReason};
+use omnibase_robot::signals::{Course, LimitedBy, SafetyReason};
 use omnibase_robot::{CycleRecord, Phase, RequestKind};
 
 use super::support::{BMM, Bench, plan};
@@ -109,8 +109,7 @@ fn who_is_off_the_plan_keeps_to_it_too_until_the_plan_needs_no_more() {
         if cycle == 900 {
             bench.step(Some(RequestKind::RemoveObstacle { index: 0 }));
         }
-        let lag_m = record.wished.odom_from_body.distance_m(record.setpoint.odom_from_body);
-        if cycle > 920 && lag_m > 0.01 {
+        if cycle > 920 && record.course == Course::Onto {
             behind += 1;
             more = more.max(more_m_s2(record));
         }

@@ -3,7 +3,10 @@
 use omnibase_host::CountingAllocator;
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{PathFrame, ReferenceTable, Timing};
-use omnibase_robot::signals::{Batch, Course, CycleRecord, Frame, RequestAnswer, StopCategory};
+use omnibase_robot::guard::Obstacle;
+use omnibase_robot::signals::{
+    Batch, Course, CycleRecord, Frame, LimitedBy, RequestAnswer, SafetyReason, StopCategory,
+};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, Phase, Registry, RequestKind};
 
@@ -160,7 +163,7 @@ fn a_path_that_is_loaded_and_started_while_moving_is_joined_without_a_stop() {
         assert_eq!(robot.load(7, &path(points, frame)), RequestAnswer::Taken);
         robot.slowest_m_s = f64::INFINITY;
         assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken, "{frame:?}");
-        assert_eq!(robot.before.course, Course::Way);
+        assert_eq!(robot.before.course, Course::Onto);
         let mut joined = false;
         for _ in 0..1_550 {
             joined |= robot.step(None).course == Course::Reference;
@@ -175,27 +178,112 @@ fn a_path_that_is_loaded_and_started_while_moving_is_joined_without_a_stop() {
 }
 
 #[test]
-fn a_path_that_is_followed_is_left_before_another_one_takes_its_place() {
+fn a_path_goes_over_into_another_one_that_was_loaded_while_it_was_followed() {
     let ahead = path(vec![[0.0, 0.0, 0.0, 0.0], [2.0, 1.5, 0.0, 0.0]], PathFrame::Start);
     let mut robot = Watched::new(CIRCLE);
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
     robot.run(1_500);
-    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::WrongPhase);
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::WrongPhase, "it is followed already");
     let time_s = robot.before.reference_time_s;
-    assert_eq!(robot.load(3, &ahead), RequestAnswer::WrongPhase);
+    assert_eq!(robot.load(3, &ahead), RequestAnswer::Taken);
     robot.run(100);
-    assert!((robot.before.reference_time_s - time_s - 0.101).abs() < 1e-9, "the circle goes on");
-    // Left for a way to a pose, without a stop.
-    assert_eq!(robot.ask(go(3.0, 0.0, 0.0)), RequestAnswer::Taken);
-    robot.run(300);
+    let numbers = |robot: &Watched| [robot.before.reference, robot.before.reference_next];
+    assert_eq!(numbers(&robot), [0, 3], "the circle is followed");
+    assert!((robot.before.reference_time_s - time_s - 0.101).abs() < 1e-9, "and goes on");
+    // One that is loaded meanwhile takes the place of the next.
     assert_eq!(robot.load(4, &ahead), RequestAnswer::Taken);
-    assert_eq!(robot.before.course, Course::Way);
-    robot.ask(RequestKind::Stop(StopCategory::RampAndHold));
-    let here = robot.until_it_holds();
+    assert_eq!(numbers(&robot), [0, 4]);
+    robot.slowest_m_s = f64::INFINITY;
+    let here = robot.before.setpoint.odom_from_body;
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+    assert_eq!(numbers(&robot), [4, 4]);
+    let lag_m = |at: &CycleRecord| at.wished.odom_from_body.distance_m(at.setpoint.odom_from_body);
+    let mut greatest_m = 0.0_f64;
+    while robot.before.course == Course::Onto {
+        let record = robot.step(None);
+        greatest_m = greatest_m.max(lag_m(&record));
+        assert!(record.reference_time_s >= 0.0);
+    }
+    assert!(greatest_m < 1e-4, "as planned: {greatest_m}");
+    assert!(robot.slowest_m_s > 0.05, "without a stop: {}", robot.slowest_m_s);
+    let end = robot.until_it_holds();
+    assert!((end.distance_m(here) - 1.5).abs() < 2e-3, "{here:?} {end:?}");
+    assert_eq!((numbers(&robot), robot.before.reference_begun), ([4, 4], 0));
+}
+
+#[test]
+fn a_path_that_waits_is_begun_when_it_can_be_and_takes_the_place_of_one_that_ended() {
+    let ahead = path(vec![[0.0, 0.0, 0.0, 0.0], [2.0, 1.5, 0.0, 0.0]], PathFrame::Start);
+    let far = path(vec![[0.0, 9.0, 0.0, 0.0], [2.0, 9.5, 0.0, 0.0]], PathFrame::Odom);
+    let mut robot = Watched::new(CIRCLE);
+    robot.ask(RequestKind::Track);
+    robot.run(1_500);
+    // What can't begin changes nothing: the circle goes on, and its time.
+    assert_eq!(robot.load(5, &far), RequestAnswer::Taken);
+    let time_s = robot.before.reference_time_s;
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
+    robot.run(99);
+    let numbers = |robot: &Watched| [robot.before.reference, robot.before.reference_next];
+    assert_eq!(numbers(&robot), [0, 5]);
+    assert!((robot.before.reference_time_s - time_s - 0.1).abs() < 1e-9);
+    assert_eq!(robot.load(6, &ahead), RequestAnswer::Taken);
+    // Paused it is the circle that is gone on with.
+    assert_eq!(robot.ask(RequestKind::Pause), RequestAnswer::Taken);
+    robot.until_it_holds();
+    assert_eq!(numbers(&robot), [0, 6]);
+    assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Taken);
+    let end = robot.until_it_holds();
+    assert!(end.distance_m(Pose2::default()) < 1e-5, "the circle is closed: {end:?}");
+    // At its end nothing is left of it.
+    assert_eq!(numbers(&robot), [6, 6]);
     assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Refused);
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
     let end = robot.until_it_holds();
-    assert!((end.distance_m(here) - 1.5).abs() < 1e-6, "{here:?} {end:?}");
+    assert!((end.x_m - 1.5).abs() < 1e-5, "{end:?}");
+    // Who left his path for a way to a pose loads another one at once, and nothing is left of the first.
+    robot.ask(go(0.0, 0.0, 0.0));
+    robot.run(300);
+    assert_eq!(robot.load(7, &ahead), RequestAnswer::Taken);
+    assert_eq!((robot.before.course, numbers(&robot)), (Course::Way, [7, 7]));
+    robot.ask(RequestKind::Stop(StopCategory::RampAndHold));
+    robot.until_it_holds();
+    assert_eq!(robot.ask(RequestKind::Resume), RequestAnswer::Refused);
+}
+
+#[test]
+fn who_was_kept_from_his_path_gets_back_onto_it_by_a_plan() {
+    // Past an obstacle beside a straight path, and from before one that is taken away, by whatever law of avoidance.
+    for is_taken_away in [false, true] {
+        let mut robot = Watched::new("[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [7, 4, 0, 0]]\n");
+        let lag_m = |at: &CycleRecord| at.wished.odom_from_body.distance_m(at.setpoint.odom_from_body);
+        assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+        robot.run(1_500);
+        let centre_m = [robot.before.setpoint.odom_from_body.x_m + 1.0, 0.05];
+        let obstacle = Obstacle { centre_m, radius_m: 0.2, velocity_m_s: [0.0; 2] };
+        robot.ask(RequestKind::SetObstacle { index: 0, obstacle });
+        let (mut greatest_m, mut off_plan_m, mut hindered, mut led) = (0.0_f64, 0.0_f64, false, 0_u32);
+        let mut cycles = 0_u32;
+        while robot.bench.robot.phase() == Phase::Tracking {
+            let kind = (is_taken_away && cycles == 1_600).then_some(RequestKind::RemoveObstacle { index: 0 });
+            let record = robot.step(kind);
+            cycles += 1;
+            greatest_m = greatest_m.max(lag_m(&record));
+            let is_hindered = record.guard.limited_by != LimitedBy::Nothing;
+            hindered |= is_hindered;
+            if record.course == Course::Onto && !is_hindered {
+                led += 1;
+                off_plan_m = off_plan_m.max(lag_m(&record));
+            }
+            assert!(cycles < 30_000, "it arrives");
+        }
+        let end = robot.before.setpoint.odom_from_body;
+        assert_eq!(robot.before.stop_reason, SafetyReason::None);
+        assert!(end.distance_m(Pose2::new(4.0, 0.0, 0.0)) < 1e-5, "{end:?}");
+        assert!(hindered && greatest_m > 0.1 && led > 200, "{hindered} {greatest_m} {led}");
+        println!(
+            "taken away {is_taken_away}: {greatest_m:.3} m off, {led} cycles by plan, {off_plan_m:.6} m off that"
+        );
+    }
 }
 
 #[test]
@@ -308,7 +396,7 @@ fn a_pause_on_a_way_stops_and_a_path_that_it_led_to_can_be_resumed() {
     robot.drive(Twist2::new(0.5, 0.0, 0.0), 800);
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
     robot.run(100);
-    assert_eq!(robot.before.course, Course::Way);
+    assert_eq!(robot.before.course, Course::Onto);
     assert_eq!(robot.ask(RequestKind::Pause), RequestAnswer::Taken);
     let here = robot.until_it_holds();
     robot.run(300);
@@ -359,4 +447,28 @@ fn the_same_way_asked_again_and_again_is_the_same_way() {
     let (again, there) = drive(Some(20));
     assert!(again.abs_diff(cycles) < 25, "{again} {cycles}");
     assert!(end.distance_m(there) < 1e-5, "{end:?} {there:?}");
+}
+
+#[test]
+fn a_path_may_begin_behind_a_platform_that_moves_along_it_and_not_beside_it() {
+    let odom = |y_m: f64| {
+        path(vec![[0.0, 0.0, y_m, 0.0], [2.0, 0.5, y_m, 0.0], [4.0, 2.0, y_m + 0.5, 0.0]], PathFrame::Odom)
+    };
+    let mut robot = Watched::new(CIRCLE);
+    robot.drive(Twist2::new(0.5, 0.0, 0.0), 900);
+    let x_m = robot.before.setpoint.odom_from_body.x_m;
+    assert!(x_m > 0.3, "{x_m}");
+    robot.load(1, &odom(0.2));
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
+    robot.load(2, &odom(0.0));
+    robot.slowest_m_s = f64::INFINITY;
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+    robot.run(500);
+    assert!(robot.slowest_m_s > 0.2, "without a stop: {}", robot.slowest_m_s);
+    let end = robot.until_it_holds();
+    assert!(end.distance_m(Pose2::new(2.0, 0.5, 0.0)) < 1e-5, "{end:?}");
+    // Who stands there is too far from its start.
+    robot.ask(go(0.4, 0.0, 0.0));
+    robot.until_it_holds();
+    assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
 }

@@ -374,15 +374,18 @@ impl Live {
 
     /// Drops the tables of references that nothing will use any more.
     fn loading_ended(&self, ticket: u64, answer: Answer) {
+        let followed = self.seen(|seen| seen.output.read().reference);
         let mut references = lock(&self.shared.references);
         let Some(number) = references.iter().find(|(_, loaded)| loaded.ticket == ticket).map(|(n, _)| *n)
         else {
             return;
         };
         let over = if answer.is_done() {
-            // It takes the place of all before it.
-            let kept = references.split_off(&number);
-            std::mem::replace(&mut *references, kept)
+            // It takes the place of all before it, but of one that is followed still.
+            let mut over = std::mem::take(&mut *references);
+            *references = over.split_off(&number);
+            references.extend(over.remove_entry(&followed));
+            over
         } else {
             BTreeMap::from_iter(references.remove_entry(&number))
         };

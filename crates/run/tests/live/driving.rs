@@ -294,17 +294,22 @@ fn references_that_were_replaced_or_refused_are_dropped_and_the_recording_keeps_
             assert_eq!(KEPT.load(Ordering::Relaxed), 2);
         });
         hands.ask(3.5, Client::Page(1), robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
-        // While it is tracked no other one is taken.
+        // While it is tracked the others are only the next one by turns.
         for number in 0..100 {
             hands.at(4.0 + f64::from(number) * 0.02, move |live, _| load(live, 0.1));
         }
         hands.at(6.3, |live, seen| {
             assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 100));
-            assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100]);
+            assert_eq!(seen.record.reference_next, 200);
+            assert!(seen.reference_start.is_some());
+            assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [100, 200]);
             // It, and the last that was offered.
             assert_eq!(KEPT.load(Ordering::Relaxed), 2);
         });
         hands.at(8.5, |_, seen| {
+            // At its end the last one takes its place, and hasn't begun anywhere.
+            assert_eq!((seen.reference, seen.record.reference_next), (200, 200));
+            assert!(seen.reference_start.is_none());
             let pose = seen.record.state.odom_from_body;
             assert!((pose.x_m - 0.4).abs() < 1e-3 && pose.y_m.abs() < 1e-3, "{pose:?}");
         });

@@ -17,7 +17,7 @@ fn references(file: &RecordedRun) -> Vec<u32> {
 }
 
 #[test]
-fn a_later_file_carries_the_reference_in_use_and_none_that_was_replaced_or_refused() {
+fn a_later_file_carries_the_references_in_use_and_next_and_none_that_was_replaced_or_refused() {
     let run = played(9.0, |hands: &mut Hands| {
         hands.file_bytes = Some(240_000);
         hands.send(0.5, Client::Page(1), Ask::Robot(RequestKind::Enable));
@@ -32,11 +32,11 @@ fn a_later_file_carries_the_reference_in_use_and_none_that_was_replaced_or_refus
         (0..10).for_each(|number| hands.at(1.0 + f64::from(number) * 0.02, move |live, _| load(live)));
         let track = Ask::Robot(RequestKind::Track);
         hands.ask(1.5, Client::Page(1), track, Answer::Robot(RequestAnswer::Taken));
-        // While it is tracked no other one is taken.
+        // While it is tracked the others are only the next one by turns.
         (0..10).for_each(|number| hands.at(2.0 + f64::from(number) * 0.02, move |live, _| load(live)));
         hands.at(2.5, |live, seen| {
             assert_eq!((seen.phase, seen.reference), (Phase::Tracking, 10));
-            assert_eq!(live.references().len(), 1);
+            assert_eq!(live.references().into_keys().collect::<Vec<_>>(), [10, 20]);
         });
     });
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
@@ -46,7 +46,7 @@ fn a_later_file_carries_the_reference_in_use_and_none_that_was_replaced_or_refus
     for file in run.later_files.iter().filter(|file| starts_s(file) > 2.6) {
         assert_eq!(
             references(file),
-            [10],
+            [10, 20],
             "of a file that begins at {} s; all: {loaded_in:?}",
             starts_s(file)
         );

@@ -3,9 +3,8 @@
 use std::io::{self, Write};
 
 use omnibase_robot::Registry;
-use omnibase_robot::dry::{Asked, DryRun};
+use omnibase_robot::dry::{Asked, DryRun, limit_name};
 use omnibase_run::LoadedRobot;
-use omnibase_trajectory::fastest::Limit;
 use serde_json::{Value, json};
 
 /// The motion of a robot, planned dry.
@@ -13,17 +12,6 @@ pub(super) fn plan(robot: &LoadedRobot, registry: &Registry) -> anyhow::Result<D
     let plan = &robot.plan;
     let mut reference = registry.make_reference(&plan.reference, &omnibase_robot::Ability::of(plan))?;
     Ok(DryRun::of(plan, &mut *reference)?)
-}
-
-/// A limit in words.
-pub(super) fn name(limit: Limit) -> &'static str {
-    match limit {
-        Limit::Platform(quantity) => quantity.name_and_unit().0,
-        Limit::WheelSpeed => "wheel speed",
-        Limit::WheelTorque => "wheel torque",
-        Limit::Grip => "grip",
-        Limit::Heat => "motor heat",
-    }
 }
 
 /// What stands in a table of limits.
@@ -53,7 +41,7 @@ pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
     for asked in run.asked.iter().filter(is_asked) {
         let (load, time_s) = asked.most;
         let (share, load) = (100.0 * asked.share, 100.0 * load);
-        writeln!(output, "  {:<20} {share:4.0} %   {load:3.0} % at {time_s:.3} s", name(asked.limit))?;
+        writeln!(output, "  {:<20} {share:4.0} %   {load:3.0} % at {time_s:.3} s", limit_name(asked.limit))?;
     }
     Ok(())
 }
@@ -67,7 +55,7 @@ pub(super) fn json(run: &DryRun) -> Value {
         .filter(is_asked)
         .map(|asked| {
             let (load, time_s) = asked.most;
-            json!({ "limit": name(asked.limit), "binds": asked.share, "most": load, "time_s": time_s })
+            json!({ "limit": limit_name(asked.limit), "binds": asked.share, "most": load, "time_s": time_s })
         })
         .collect();
     json!({

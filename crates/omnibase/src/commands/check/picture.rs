@@ -4,11 +4,8 @@ use std::fmt::Write;
 
 use omnibase_platform::Pose2;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::dry::{DryRun, Moment};
+use omnibase_robot::dry::{DryRun, Moment, limit_colour, limit_name};
 use omnibase_trajectory::fastest::Limit;
-use omnibase_trajectory::limits::Quantity;
-
-use super::dry::name;
 
 const WIDTH: f64 = 900.0;
 /// Of the floor.
@@ -17,25 +14,8 @@ const FLOOR: [f64; 2] = [900.0, 520.0];
 const SPEED: [f64; 2] = [800.0, 150.0];
 const LEFT: f64 = 80.0;
 const MARGIN: f64 = 30.0;
-const NONE: &str = "#9aa4ae";
 /// Points of a stroke at most this far apart over time are drawn, over the whole.
 const DRAWN: usize = 1500;
-
-fn colour(limit: Option<Limit>) -> &'static str {
-    match limit {
-        None => NONE,
-        Some(Limit::Platform(Quantity::Speed)) => "#0b5fa5",
-        Some(Limit::Platform(Quantity::Acceleration)) => "#c4501b",
-        Some(Limit::Platform(Quantity::Jerk)) => "#8a6d00",
-        Some(Limit::Platform(Quantity::Rate)) => "#3f8fd2",
-        Some(Limit::Platform(Quantity::AngularAcceleration)) => "#e08a5a",
-        Some(Limit::Platform(Quantity::AngularJerk)) => "#c9aa2c",
-        Some(Limit::WheelSpeed) => "#2d8a4e",
-        Some(Limit::WheelTorque) => "#7b4ab0",
-        Some(Limit::Grip) => "#c2185b",
-        Some(Limit::Heat) => "#5d4037",
-    }
-}
 
 /// The floor in the picture: metres become its units, y goes up.
 struct Floor {
@@ -97,7 +77,7 @@ fn line(points: &[String], limit: Option<Limit>) -> String {
     format!(
         "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"3\" stroke-linejoin=\"round\" stroke-linecap=\"round\"/>\n",
         points.join(" "),
-        colour(limit)
+        limit_colour(limit)
     )
 }
 
@@ -159,11 +139,11 @@ fn legend(run: &DryRun) -> String {
     let bound = run.asked.iter().filter(|asked| asked.share > 0.0).map(|asked| Some(asked.limit));
     let mut x = 20.0;
     for limit in bound.chain([None]) {
-        let text = limit.map_or("none binds", name);
+        let text = limit.map_or("none binds", limit_name);
         let _ = writeln!(
             words,
             "<path d=\"M{x} 42h22\" stroke=\"{}\" stroke-width=\"3\"/><text x=\"{}\" y=\"46\">{text}</text>",
-            colour(limit),
+            limit_colour(limit),
             x + 27.0
         );
         x += 45.0 + 7.2 * text.chars().count() as f64;

@@ -138,11 +138,14 @@ impl LiveEnd {
         let taken = record.request.filter(|_| record.answer == RequestAnswer::Taken);
         match taken.map(|request| request.kind) {
             Some(RequestKind::Track) => self.reference_start = Some(record.wished),
-            Some(RequestKind::UseReference { number }) => {
-                (self.reference, self.reference_start) = (number, None);
-            }
             Some(RequestKind::GoTo { odom_from_body }) => self.goal = Some(odom_from_body),
             _ => {}
+        }
+        // One that was loaded may take its place in another cycle than that which asked for it.
+        let is_begun = matches!(taken.map(|request| request.kind), Some(RequestKind::Track));
+        let reference = record.reference as u32;
+        if std::mem::replace(&mut self.reference, reference) != reference && !is_begun {
+            self.reference_start = None;
         }
         *self.snapshot.input_buffer_mut() = Snapshot {
             reference: self.reference,
