@@ -9,7 +9,7 @@ mod rates;
 
 use omnibase_platform::{BodyStep, Pose2};
 
-use crate::belief::{Belief, OWN};
+use crate::belief::{Belief, OWN, slip_kept};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
@@ -208,7 +208,9 @@ impl Epoch {
             known.belief.widen(OWN + 2 * rate, walk * walk * self.time_s);
         }
         if !self.has_gap {
-            Rates { epoch: self, sensors, step, gain }.take(known);
+            let keep = slip_kept(self.time_s);
+            let slip_drive = sigma.map(|sigma| sigma * sigma * (1.0 - keep * keep));
+            Rates { epoch: self, sensors, step, gain, slip_drive }.take(known);
         }
         for heard in self.poses.iter().flatten() {
             self.take_pose(&sensors[heard.sensor], heard, known, truly);

@@ -8,6 +8,9 @@ use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
+/// So much of its noise at most is made up for by means that change less than what they are of.
+const LEFT_OF_NOISE: f64 = 0.5;
+
 /// What an epoch's speeds are compared with.
 #[derive(Clone, Copy)]
 pub(super) struct Rates<'a> {
@@ -17,6 +20,8 @@ pub(super) struct Rates<'a> {
     pub(super) step: BodyStep,
     /// By how much the body's twist grows in a second, as the wheels tell.
     pub(super) gain: [f64; 3],
+    /// Variances by which slip changes from an epoch to the next, (m/s)² and (rad/s)².
+    pub(super) slip_drive: [f64; 3],
 }
 
 impl Rates<'_> {
@@ -193,12 +198,36 @@ impl Rates<'_> {
             }
         };
         let said = mean(sum);
-        let noise = SMatrix::<f64, M, M>::from_fn(|r, c| {
+        let own = SMatrix::<f64, M, M>::from_fn(|r, c| {
             if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
         });
+        let noise = own + self.of_means(&rows, later_s, &own);
         let difference = std::array::from_fn(|n| said[n] - expected[n]);
         let innovation = belief.innovation::<M>(difference, &std::array::from_fn(|n| rows[n]), &noise);
         (innovation, expected)
+    }
+}
+
+impl Rates<'_> {
+    /// What a mean over the epoch is off otherwise than slip at one instant, as part of the noise. Means of a process that drifts
+    /// by a variance q from epoch to epoch change by 2/3·q, and hang together with a sixth of it; what is read c epochs after
+    /// the middle has c times the last change in it. That is as if its noise were greater by q·(c² + c − 1/3)/2.
+    fn of_means<const M: usize>(
+        &self,
+        rows: &[Row; 3],
+        later_s: f64,
+        own: &SMatrix<f64, M, M>,
+    ) -> SMatrix<f64, M, M> {
+        let c = later_s / self.epoch.time_s;
+        let share = 0.5 * (c * c + c - 1.0 / 3.0);
+        let of_drive = SMatrix::<f64, M, M>::from_fn(|r, c| {
+            let along = |axis: usize| rows[r].on(SLIP + axis) * rows[c].on(SLIP + axis);
+            (0..3).map(|axis| share * along(axis) * self.slip_drive[axis]).sum()
+        });
+        // Noise stays noise, however fast wheels slip.
+        let least =
+            |r: usize| (-LEFT_OF_NOISE * own[(r, r)] / of_drive[(r, r)].min(-f64::MIN_POSITIVE)).min(1.0);
+        of_drive * (0..M).map(least).fold(1.0, f64::min)
     }
 }
 
