@@ -48,6 +48,9 @@ pub struct Standing {
     pub(crate) off: Option<[f64; 3]>,
     /// By how much it was off when it began to contradict, while nobody followed the pose.
     pub(crate) elsewhere: Option<([f64; 3], u64)>,
+    /// How far wheels had driven at its last reading, and how far they did while it wasn't heard, since it agreed last, m.
+    driven_m: f64,
+    pub(crate) unheard_m: f64,
 }
 
 impl Default for Standing {
@@ -63,6 +66,8 @@ impl Default for Standing {
             is_new: true,
             off: None,
             elsewhere: None,
+            driven_m: 0.0,
+            unheard_m: 0.0,
         }
     }
 }
@@ -81,6 +86,15 @@ impl Standing {
     /// How long it was silent before an instant, s; infinite where nothing was heard.
     pub(crate) fn silent_s(&self, instant_ns: u64) -> f64 {
         self.heard_ns.map_or(f64::INFINITY, |heard_ns| instant_ns.saturating_sub(heard_ns) as f64 * 1e-9)
+    }
+
+    /// A reading comes, when wheels have driven so far. What they drove before it began to contradict, or while it was silent,
+    /// nobody saw.
+    pub(crate) fn comes(&mut self, instant_ns: u64, silent_ns: u64, driven_m: f64) {
+        if self.off.is_none() || self.silent_s(instant_ns) > silent_ns as f64 * 1e-9 {
+            self.unheard_m += driven_m - self.driven_m;
+        }
+        self.driven_m = driven_m;
     }
 
     /// Whether it says to the bit what it said before, though what is expected went on by more than a bound. Remembers
@@ -115,7 +129,7 @@ impl Standing {
         }
         let takes = agrees && self.is_believed();
         if takes {
-            (self.elsewhere, self.off) = (None, None);
+            (self.elsewhere, self.off, self.unheard_m) = (None, None, 0.0);
         }
         takes
     }
@@ -132,6 +146,7 @@ impl Standing {
             heard_ns: Some(instant_ns),
             said: self.said,
             expected: self.expected,
+            driven_m: self.driven_m,
             ..Standing::default()
         };
     }

@@ -6,4 +6,5 @@ mod faults;
 mod inertial;
 mod lively;
 mod order;
+mod silence;
 mod world;
