@@ -52,13 +52,14 @@ impl Epoch {
             known.standings[heard.sensor].judge(heard.instant_ns, false, Verdict::Contradicts);
             return;
         };
+        let driven_m = known.driven_m();
         let standing = &mut known.standings[heard.sensor];
         standing.nis = innovation.nis / 3.0;
         let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
         let bound: [f64; 3] = std::array::from_fn(|n| REPEATS_SIGMAS * noise[(n, n)].sqrt());
         let [way_m, turn_rad] = known.driven;
-        standing.comes(heard.instant_ns, sensor.silent_ns, way_m + ARM_M * turn_rad);
-        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound);
+        standing.comes(heard.instant_ns, sensor.silent_ns, driven_m);
+        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound, driven_m);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;
         if !agrees && !repeats && standing.is_believed() {
             // One that is off alone is an outlier; a second one that is off likewise tells of slip: since the one before, or

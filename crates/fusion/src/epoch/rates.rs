@@ -3,7 +3,8 @@
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
-use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, Sum, rates};
+use super::clocks::sees;
+use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
 use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
@@ -30,7 +31,7 @@ impl Rates<'_> {
     pub(super) fn take(&self, known: &mut Knowledge) {
         // By how much each that is believed contradicts the wheels, in body axes.
         let mut off = [None; MAX_RATES];
-        let (mut heard, mut numbers) = (0, 0);
+        let mut numbers = 0;
         for (rate, sensor, sum) in self.heard() {
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
@@ -39,16 +40,17 @@ impl Rates<'_> {
                 let by = in_body(&self.sensors[sensor], own);
                 self.watch_clock((rate, sensor), own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
-                heard += 1;
                 numbers += numbers_of(self.sensors[sensor].kind);
             }
         }
         let contradicting = off.iter().flatten().count();
-        // A gyro that is alone is believed while the floor may be giving way: it can't be lifted off it.
-        let is_gyro_alone = heard == 1
-            && self
-                .heard()
-                .any(|(rate, sensor, _)| off[rate].is_some() && self.sensors[sensor].kind.is_gyro());
+        // A gyro alone is believed while the floor may be giving way: it can't be lifted off it. Who would see the turn as well
+        // has to agree with it in this epoch, or not to agree with the wheels where that wasn't heard in it.
+        let is_gyro_alone = contradicting == 1
+            && self.heard().any(|(rate, sensor, _)| {
+                let is_off = self.sensors[sensor].kind.is_gyro() && off[rate].is_some();
+                is_off && (known.shared_s > 0.0 || !self.is_turn_seen(known))
+            });
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
         if contradicting > 0 && may_slip {
             let mut slipping = *known;
@@ -57,6 +59,9 @@ impl Rates<'_> {
             }
             if self.all_agree(&slipping) {
                 known.belief = slipping.belief;
+                if self.heard().count() > 1 {
+                    known.shared_s = SHARED_S;
+                }
             }
         }
         for one in self.heard() {
@@ -67,6 +72,16 @@ impl Rates<'_> {
             }
         }
         self.judge_clocks(known);
+    }
+
+    /// Whether a sensor that isn't heard in this epoch tells of turns now, and agrees.
+    fn is_turn_seen(&self, known: &Knowledge) -> bool {
+        let all = self.sensors.iter().zip(&known.standings).enumerate();
+        all.filter(|(place, _)| self.heard().all(|(_, heard, _)| heard != *place)).any(
+            |(_, (sensor, standing))| {
+                (sensor.kind == SensorKind::Pose || sees(sensor)[1]) && standing.agrees_now(self.epoch.end_ns)
+            },
+        )
     }
 
     /// What was heard: the sensor's place among those that tell speeds, among all, and the sum.
@@ -111,9 +126,10 @@ impl Rates<'_> {
             known.standings[place].judge(self.epoch.end_ns, false, Verdict::Contradicts);
             return;
         };
+        let driven_m = known.driven_m();
         let standing = &mut known.standings[place];
         let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
-        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound);
+        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound, driven_m);
         standing.nis = innovation.nis / M as f64;
         let agrees = innovation.nis <= GATES[M - 1] && !repeats;
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };

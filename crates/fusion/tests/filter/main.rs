@@ -3,6 +3,7 @@
 mod clocks;
 mod consistency;
 mod faults;
+mod faulty;
 mod inertial;
 mod lively;
 mod order;
