@@ -1,6 +1,7 @@
 //! Whether the filter errs by as much as it says: NEES of the pose and NIS of each kind of sensor, set by set, over many worlds.
 //!
-//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first>]]`: 1000 by default, each of 8 s. Both are chi² over
+//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first> [<sensors>]]]`: 1000 by default, each of 8 s, with
+//! each set of sensors or with that one alone. Both are chi² over
 //! their degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, 5.4), so
 //! that their means over all worlds lie in the band that is printed at 19 of 20 instants. The looks of one world hang together, so
 //! that they leave the band together: what that makes of the mean of all looks, and how often a filter without a fault has so few looks
@@ -34,8 +35,10 @@ type Looks = [[f64; LOOKS]; 4];
 const DRAWS: u32 = 1000;
 
 fn main() {
-    let mut words = std::env::args().skip(1).map(|word| word.parse().expect("a number"));
-    let (worlds, first): (u64, u64) = (words.next().unwrap_or(1000), words.next().unwrap_or(0));
+    let mut words = std::env::args().skip(1);
+    let mut number = |default| words.next().map_or(default, |word| word.parse().expect("a number"));
+    let (worlds, first): (u64, u64) = (number(1000), number(0));
+    let asked = words.next();
     let mice = [(mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)];
     let sets: [(&str, Vec<Heard>); 5] = [
         ("wheels", Vec::new()),
@@ -49,7 +52,7 @@ fn main() {
         "| sensors | of | at the end | mean of all looks, its 95 % band | 95 % band of a look | looks inside | chance of so few | RMS at the end mm |"
     );
     println!("|---|---|---|---|---|---|---|---|");
-    for (name, sensors) in &sets {
+    for (name, sensors) in sets.iter().filter(|(name, _)| asked.as_ref().is_none_or(|asked| asked == name)) {
         let (seen, squares_m2) = all(first..first + worlds, sensors);
         let rms_mm = 1e3 * (squares_m2 / worlds as f64).sqrt();
         for (at, measure) in measures().iter().enumerate() {

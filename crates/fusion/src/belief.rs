@@ -26,6 +26,11 @@ const TERMS: usize = 12;
 /// accelerations.
 pub(crate) const SLIP_TIME_S: f64 = 0.15;
 
+/// The share of slip that is left after a time, s.
+pub(crate) fn slip_kept(time_s: f64) -> f64 {
+    (-time_s / SLIP_TIME_S).exp()
+}
+
 /// How one number of a reading depends on what is estimated: places and derivatives.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Row {
@@ -62,6 +67,11 @@ impl Row {
 
     fn terms(&self) -> &[(usize, f64)] {
         &self.terms[..self.length]
+    }
+
+    /// How it depends on one place.
+    pub(crate) fn on(&self, place: usize) -> f64 {
+        self.terms().iter().find(|(known, _)| *known == place).map_or(0.0, |(_, derivative)| *derivative)
     }
 }
 
@@ -209,9 +219,10 @@ impl Belief {
         BodyStep::new(row(0), row(1), row(2))
     }
 
-    /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s.
-    /// Gives the step as it is believed.
+    /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s: that of
+    /// this step, its mean over that time. Gives the step as it is believed.
     pub fn advance(&mut self, step: BodyStep, time_s: f64, slip_sigma: [f64; 3]) -> BodyStep {
+        self.forget_slip(time_s, slip_sigma);
         let truly = self.corrected(step, time_s);
         let to = self.map_from_body.moved_by(truly);
         let carrying = Carrying::new(self.map_from_body, to, (step, time_s));
@@ -225,7 +236,6 @@ impl Belief {
             }
             p[r][..3].copy_from_slice(&block[r]);
         }
-        self.forget_slip(time_s, slip_sigma);
         self.map_from_body = to;
         truly
     }
@@ -239,7 +249,7 @@ impl Belief {
     }
 
     fn forget_slip(&mut self, time_s: f64, sigma: [f64; 3]) {
-        let keep = (-time_s / SLIP_TIME_S).exp();
+        let keep = slip_kept(time_s);
         for (i, sigma) in sigma.iter().enumerate() {
             let at = SLIP + i;
             self.errors[at - 3] *= keep;

@@ -9,7 +9,7 @@ mod rates;
 
 use omnibase_platform::{BodyStep, Pose2};
 
-use crate::belief::{Belief, OWN};
+use crate::belief::{Belief, OWN, slip_kept};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
@@ -32,6 +32,8 @@ pub fn gate(kind: SensorKind) -> f64 {
 /// long, s. Turns count at a usual distance of the wheels, m.
 const STRAINING_M_S2: f64 = 0.8;
 const STRAINED_S: f64 = 0.3;
+/// What several agreed in counts for so long, s.
+const SHARED_S: f64 = 0.05;
 const ARM_M: f64 = 0.35;
 /// What a sensor repeats to the bit counts where more than so many standard deviations were expected in between.
 const REPEATS_SIGMAS: f64 = 4.0;
@@ -104,6 +106,8 @@ pub struct Knowledge {
     pub doubt: [f64; 2],
     /// For so long yet a floor may be giving way, s: wheels were strongly accelerated, or slip as forces tell.
     pub strained_s: f64,
+    /// For so long yet several agree in that wheels slip, s.
+    pub shared_s: f64,
     /// The body's twist in the epoch before, as wheels tell.
     pub twist: [f64; 3],
     /// How far the wheels drove since the beginning, m and rad: the way's length and the turns'.
@@ -115,6 +119,11 @@ pub struct Knowledge {
 }
 
 impl Knowledge {
+    /// How far a wheel drove, whichever way, m.
+    fn driven_m(&self) -> f64 {
+        self.driven[0] + ARM_M * self.driven[1]
+    }
+
     /// Notices when wheels are accelerated as floors may not carry; by how much the twist grows in a second.
     fn strain(&mut self, step: BodyStep, time_s: f64, slip_m_s: f64) -> [f64; 3] {
         let twist = [step.x_m, step.y_m, step.angle_rad].map(|way| way / time_s);
@@ -124,6 +133,7 @@ impl Knowledge {
         let at_wheels_m_s2 = along[0].hypot(along[1]) + ARM_M * gain[2].abs();
         self.twist = twist;
         self.strained_s = (self.strained_s - time_s).max(0.0);
+        self.shared_s = (self.shared_s - time_s).max(0.0);
         if at_wheels_m_s2 > STRAINING_M_S2 || slip_m_s > 0.0 {
             self.strained_s = STRAINED_S;
         }
@@ -208,7 +218,9 @@ impl Epoch {
             known.belief.widen(OWN + 2 * rate, walk * walk * self.time_s);
         }
         if !self.has_gap {
-            Rates { epoch: self, sensors, step, gain }.take(known);
+            let keep = slip_kept(self.time_s);
+            let slip_drive = sigma.map(|sigma| sigma * sigma * (1.0 - keep * keep));
+            Rates { epoch: self, sensors, step, gain, slip_drive }.take(known);
         }
         for heard in self.poses.iter().flatten() {
             self.take_pose(&sensors[heard.sensor], heard, known, truly);

@@ -140,6 +140,7 @@ impl Filter {
             is_placed: !has_poses,
             doubt: [0.0; 2],
             strained_s: 0.0,
+            shared_s: 0.0,
             twist: [0.0; 3],
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],

@@ -16,16 +16,25 @@ pub enum Verdict {
     Contradicts,
 }
 
-/// A sensor that contradicts the others for a tenth of a second or so isn't believed any more, s.
-const DOUBT_TIME_S: f64 = 0.1;
+/// Readings that contradict are remembered for so long, s.
+const DOUBT_TIME_S: f64 = 0.3;
 /// The share of readings that contradict, lately, beyond which it isn't.
-const DOUBTED: f64 = 0.9;
+const DOUBTED: f64 = 0.54;
 /// The share from which what it contradicts may be wrong.
-const DOUBTFUL: f64 = 0.5;
+const DOUBTFUL: f64 = 0.2;
 /// For so long it must agree before it is believed again, s.
 const RETURN_S: f64 = 1.0;
 /// Readings further apart than this tell no more of it than this, s.
 const LONGEST_S: f64 = 0.05;
+
+/// What says the same more often than so many times as often as it ever did, and these beside, is frozen, if wheels drove by
+/// more than this meanwhile, m; known once it said something new so often.
+const LONGER: u32 = 4;
+const SAME: u32 = 10;
+const DROVE_M: f64 = 5e-3;
+const KNOWN_NEW: u32 = 100;
+/// Numbers that differ by this share are one.
+const ROUNDING: f64 = 1e-14;
 
 /// What a filter remembers of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,10 +53,17 @@ pub struct Standing {
     pub(crate) expected: [f64; 3],
     /// It says something else than before.
     is_new: bool,
+    /// How often it has said the same now, since wheels had driven so far, m; how often it ever did; how often something new.
+    same: (u32, f64),
+    longest: u32,
+    said_new: u32,
     /// By how much its last reading was off, where that contradicted.
     pub(crate) off: Option<[f64; 3]>,
     /// By how much it was off when it began to contradict, while nobody followed the pose.
     pub(crate) elsewhere: Option<([f64; 3], u64)>,
+    /// How far wheels had driven at its last reading, and how far they did while it wasn't heard, since it agreed last, m.
+    driven_m: f64,
+    pub(crate) unheard_m: f64,
 }
 
 impl Default for Standing {
@@ -61,8 +77,13 @@ impl Default for Standing {
             said: [f64::NAN; 3],
             expected: [0.0; 3],
             is_new: true,
+            same: (0, 0.0),
+            longest: 0,
+            said_new: 0,
             off: None,
             elsewhere: None,
+            driven_m: 0.0,
+            unheard_m: 0.0,
         }
     }
 }
@@ -78,21 +99,52 @@ impl Standing {
         self.doubt > DOUBTFUL
     }
 
+    /// Whether it was heard lately, and agreed.
+    pub(crate) fn agrees_now(&self, instant_ns: u64) -> bool {
+        self.is_believed() && !self.is_doubtful() && self.silent_s(instant_ns) <= LONGEST_S
+    }
+
     /// How long it was silent before an instant, s; infinite where nothing was heard.
     pub(crate) fn silent_s(&self, instant_ns: u64) -> f64 {
         self.heard_ns.map_or(f64::INFINITY, |heard_ns| instant_ns.saturating_sub(heard_ns) as f64 * 1e-9)
     }
 
-    /// Whether it says to the bit what it said before, though what is expected went on by more than a bound. Remembers
-    /// what it says.
-    pub(crate) fn repeats(&mut self, said: [f64; 3], expected: [f64; 3], bound: [f64; 3]) -> bool {
-        let is_same = said.iter().zip(&self.said).all(|(a, b)| a.to_bits() == b.to_bits());
+    /// A reading comes, when wheels have driven so far. What they drove before it began to contradict, or while it was silent,
+    /// nobody saw.
+    pub(crate) fn comes(&mut self, instant_ns: u64, silent_ns: u64, driven_m: f64) {
+        if self.off.is_none() || self.silent_s(instant_ns) > silent_ns as f64 * 1e-9 {
+            self.unheard_m += driven_m - self.driven_m;
+        }
+        self.driven_m = driven_m;
+    }
+
+    /// Whether it says to the bit what it said before, though what is expected went on by more than a bound, or far longer than
+    /// it ever did, while wheels drive. Remembers what it says.
+    pub(crate) fn repeats(
+        &mut self,
+        said: [f64; 3],
+        expected: [f64; 3],
+        bound: [f64; 3],
+        driven_m: f64,
+    ) -> bool {
+        // Means of more or fewer readings differ by rounding.
+        let is_same = said.iter().zip(&self.said).all(|(a, b)| (a - b).abs() <= ROUNDING * a.abs());
         self.is_new = !is_same;
         if !is_same {
             (self.said, self.expected) = (said, expected);
+            if self.verdict != Verdict::Frozen {
+                self.longest = self.longest.max(self.same.0);
+            }
+            self.same = (0, driven_m);
+            self.said_new = self.said_new.saturating_add(1);
             return false;
         }
-        (0..3).any(|n| (expected[n] - self.expected[n]).abs() > bound[n])
+        let (count, from_m) = &mut self.same;
+        *count = count.saturating_add(1);
+        let is_unheard_of =
+            self.said_new >= KNOWN_NEW && *count > self.longest.saturating_mul(LONGER).saturating_add(SAME);
+        is_unheard_of && driven_m - *from_m > DROVE_M
+            || (0..3).any(|n| (expected[n] - self.expected[n]).abs() > bound[n])
     }
 
     /// A reading of an instant agrees with the others or doesn't; whether it is to be taken in.
@@ -115,7 +167,7 @@ impl Standing {
         }
         let takes = agrees && self.is_believed();
         if takes {
-            (self.elsewhere, self.off) = (None, None);
+            (self.elsewhere, self.off, self.unheard_m) = (None, None, 0.0);
         }
         takes
     }
@@ -132,6 +184,9 @@ impl Standing {
             heard_ns: Some(instant_ns),
             said: self.said,
             expected: self.expected,
+            driven_m: self.driven_m,
+            longest: self.longest,
+            said_new: self.said_new,
             ..Standing::default()
         };
     }
@@ -147,7 +202,7 @@ mod tests {
         let mut now_ns = 0;
         let mut say = |standing: &mut Standing, said: f64, expected: f64| {
             now_ns += 10_000_000;
-            let repeats = standing.repeats([said, 0.0, 0.0], [expected, 0.0, 0.0], [1e-3; 3]);
+            let repeats = standing.repeats([said, 0.0, 0.0], [expected, 0.0, 0.0], [1e-3; 3], 0.0);
             let agrees = !repeats && (said - expected).abs() < 1e-3;
             standing.judge(now_ns, agrees, if repeats { Verdict::Frozen } else { Verdict::Contradicts });
             standing.verdict
@@ -162,6 +217,26 @@ mod tests {
         );
         assert_eq!(say(&mut standing, 0.5, 0.1), Verdict::Frozen, "new, but wrong");
         assert_eq!(say(&mut standing, 0.1, 0.1), Verdict::Good);
+    }
+
+    #[test]
+    fn what_never_said_the_same_is_frozen_when_it_does_and_wheels_drive() {
+        let frozen = |steps: u32, drives: bool| {
+            let mut standing = Standing::default();
+            let mut driven_m = 0.0;
+            let mut say = |standing: &mut Standing, said: f64| {
+                driven_m += if drives { 1e-3 } else { 0.0 };
+                standing.repeats([said, 0.0, 0.0], [0.0; 3], [1.0; 3], driven_m)
+            };
+            for n in 0..200 {
+                say(&mut standing, 0.1 * f64::from(n / steps));
+            }
+            (1..=100).find(|_| say(&mut standing, 0.5))
+        };
+        assert_eq!(frozen(1, true), Some(12), "the first one is new");
+        assert_eq!(frozen(1, false), None, "at rest");
+        assert_eq!(frozen(3, true), None, "it said too little that is new yet");
+        assert_eq!(frozen(2, true), Some(16), "it says the same twice each time");
     }
 
     #[test]

@@ -73,7 +73,7 @@ impl Clock {
 }
 
 /// What a sensor sees of the platform's motion: translation, turn.
-fn sees(sensor: &Sensor) -> [bool; 2] {
+pub(super) fn sees(sensor: &Sensor) -> [bool; 2] {
     let mount = sensor.body_from_sensor;
     match sensor.kind {
         SensorKind::Turn | SensorKind::Inertial => [false, true],

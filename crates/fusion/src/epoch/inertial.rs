@@ -8,7 +8,7 @@
 
 use omnibase_platform::BodyStep;
 
-use super::{Epoch, Knowledge, STRAINED_S, Sum, rates};
+use super::{Epoch, Knowledge, Sum, rates};
 use crate::belief::SLIP;
 use crate::sensor::{Sensor, SensorKind};
 
@@ -94,9 +94,6 @@ impl Epoch {
                 continue;
             }
             let grown = self.slip(&sensors[sensor], sum, (step, gain), &mut known.inertia[rate]);
-            if grown.is_some() {
-                known.strained_s = STRAINED_S;
-            }
             let mut own = known.inertia[rate];
             let was_m_s = own.slip_m_s;
             for (axis, grown_m_s) in grown.unwrap_or_default().into_iter().enumerate() {

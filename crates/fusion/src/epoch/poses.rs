@@ -3,13 +3,15 @@
 use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
-use super::{Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use super::{ARM_M, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
 use crate::belief::{Belief, Row, SLIP};
 use crate::sensor::Sensor;
 use crate::standing::Verdict;
 
 /// Wheels that slip leave a pose at most so fast, m/s and rad/s: a pose that is off by more jumped.
 const SLIPS_AT_MOST: [f64; 2] = [0.5, 1.0];
+/// Of the way that they drove unseen, wheels slip at most this share.
+const SLIPS_OF_WAY: f64 = 0.2;
 /// While nobody follows the pose, one that stays elsewhere for so long is where the platform is: it was carried, ns.
 const CARRIED_NS: u64 = 1_000_000_000;
 
@@ -50,27 +52,36 @@ impl Epoch {
             known.standings[heard.sensor].judge(heard.instant_ns, false, Verdict::Contradicts);
             return;
         };
+        let driven_m = known.driven_m();
         let standing = &mut known.standings[heard.sensor];
         standing.nis = innovation.nis / 3.0;
         let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
         let bound: [f64; 3] = std::array::from_fn(|n| REPEATS_SIGMAS * noise[(n, n)].sqrt());
         let [way_m, turn_rad] = known.driven;
-        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound);
+        standing.comes(heard.instant_ns, sensor.silent_ns, driven_m);
+        let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound, driven_m);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;
         if !agrees && !repeats && standing.is_believed() {
-            // One that is off alone is an outlier; a second one that is off likewise tells of slip.
+            // One that is off alone is an outlier; a second one that is off likewise tells of slip: since the one before, or
+            // before that began to contradict, while nobody saw it.
             let since_s = standing.silent_s(heard.instant_ns).min(1.0);
-            let may_slip = |off: &[f64; 3], time_s: f64| {
-                off[0].hypot(off[1]) <= SLIPS_AT_MOST[0] * time_s + bound[0]
-                    && off[2].abs() <= SLIPS_AT_MOST[1] * time_s + bound[2]
+            let may_slip = |off: &[f64; 3], time_s: f64, unheard_m: f64| {
+                let slip_m = SLIPS_OF_WAY * unheard_m;
+                off[0].hypot(off[1]) <= SLIPS_AT_MOST[0] * time_s + slip_m + bound[0]
+                    && off[2].abs() <= SLIPS_AT_MOST[1] * time_s + slip_m / ARM_M + bound[2]
             };
             let goes_on = standing
                 .off
-                .is_some_and(|before| may_slip(&std::array::from_fn(|n| off[n] - before[n]), since_s));
-            if goes_on && may_slip(&off, 2.0 * since_s) {
+                .is_some_and(|before| may_slip(&std::array::from_fn(|n| off[n] - before[n]), since_s, 0.0));
+            if goes_on && may_slip(&off, 2.0 * since_s, standing.unheard_m) {
                 for (place, off) in off.iter().enumerate() {
                     known.belief.widen(place, off * off);
-                    known.belief.widen(SLIP + place, (off / since_s.max(self.time_s)).powi(2));
+                }
+                // In body axes, which lie anywhere in map's.
+                let way_m = off[0].hypot(off[1]);
+                for (axis, way) in [way_m, way_m, off[2].abs()].into_iter().enumerate() {
+                    let slips = (way / since_s.max(self.time_s)).min(SLIPS_AT_MOST[axis / 2]);
+                    known.belief.widen(SLIP + axis, slips * slips);
                 }
                 if let (Some(again), _) = compare(&known.belief) {
                     (innovation, agrees) = (again, again.nis <= GATES[2]);

@@ -3,10 +3,14 @@
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
-use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, Sum, rates};
+use super::clocks::sees;
+use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
 use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
+
+/// So much of its noise at most is made up for by means that change less than what they are of.
+const LEFT_OF_NOISE: f64 = 0.5;
 
 /// What an epoch's speeds are compared with.
 #[derive(Clone, Copy)]
@@ -17,6 +21,8 @@ pub(super) struct Rates<'a> {
     pub(super) step: BodyStep,
     /// By how much the body's twist grows in a second, as the wheels tell.
     pub(super) gain: [f64; 3],
+    /// Variances by which slip changes from an epoch to the next, (m/s)² and (rad/s)².
+    pub(super) slip_drive: [f64; 3],
 }
 
 impl Rates<'_> {
@@ -25,7 +31,7 @@ impl Rates<'_> {
     pub(super) fn take(&self, known: &mut Knowledge) {
         // By how much each that is believed contradicts the wheels, in body axes.
         let mut off = [None; MAX_RATES];
-        let (mut heard, mut numbers) = (0, 0);
+        let mut numbers = 0;
         for (rate, sensor, sum) in self.heard() {
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
@@ -34,16 +40,17 @@ impl Rates<'_> {
                 let by = in_body(&self.sensors[sensor], own);
                 self.watch_clock((rate, sensor), own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
-                heard += 1;
                 numbers += numbers_of(self.sensors[sensor].kind);
             }
         }
         let contradicting = off.iter().flatten().count();
-        // A gyro that is alone is believed while the floor may be giving way: it can't be lifted off it.
-        let is_gyro_alone = heard == 1
-            && self
-                .heard()
-                .any(|(rate, sensor, _)| off[rate].is_some() && self.sensors[sensor].kind.is_gyro());
+        // A gyro alone is believed while the floor may be giving way: it can't be lifted off it. Who would see the turn as well
+        // has to agree with it in this epoch, or not to agree with the wheels where that wasn't heard in it.
+        let is_gyro_alone = contradicting == 1
+            && self.heard().any(|(rate, sensor, _)| {
+                let is_off = self.sensors[sensor].kind.is_gyro() && off[rate].is_some();
+                is_off && (known.shared_s > 0.0 || !self.is_turn_seen(known))
+            });
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
         if contradicting > 0 && may_slip {
             let mut slipping = *known;
@@ -52,6 +59,9 @@ impl Rates<'_> {
             }
             if self.all_agree(&slipping) {
                 known.belief = slipping.belief;
+                if self.heard().count() > 1 {
+                    known.shared_s = SHARED_S;
+                }
             }
         }
         for one in self.heard() {
@@ -62,6 +72,16 @@ impl Rates<'_> {
             }
         }
         self.judge_clocks(known);
+    }
+
+    /// Whether a sensor that isn't heard in this epoch tells of turns now, and agrees.
+    fn is_turn_seen(&self, known: &Knowledge) -> bool {
+        let all = self.sensors.iter().zip(&known.standings).enumerate();
+        all.filter(|(place, _)| self.heard().all(|(_, heard, _)| heard != *place)).any(
+            |(_, (sensor, standing))| {
+                (sensor.kind == SensorKind::Pose || sees(sensor)[1]) && standing.agrees_now(self.epoch.end_ns)
+            },
+        )
     }
 
     /// What was heard: the sensor's place among those that tell speeds, among all, and the sum.
@@ -106,9 +126,10 @@ impl Rates<'_> {
             known.standings[place].judge(self.epoch.end_ns, false, Verdict::Contradicts);
             return;
         };
+        let driven_m = known.driven_m();
         let standing = &mut known.standings[place];
         let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
-        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound);
+        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound, driven_m);
         standing.nis = innovation.nis / M as f64;
         let agrees = innovation.nis <= GATES[M - 1] && !repeats;
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
@@ -193,12 +214,36 @@ impl Rates<'_> {
             }
         };
         let said = mean(sum);
-        let noise = SMatrix::<f64, M, M>::from_fn(|r, c| {
+        let own = SMatrix::<f64, M, M>::from_fn(|r, c| {
             if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
         });
+        let noise = own + self.of_means(&rows, later_s, &own);
         let difference = std::array::from_fn(|n| said[n] - expected[n]);
         let innovation = belief.innovation::<M>(difference, &std::array::from_fn(|n| rows[n]), &noise);
         (innovation, expected)
+    }
+}
+
+impl Rates<'_> {
+    /// What a mean over the epoch is off otherwise than slip at one instant, as part of the noise. Means of a process that drifts
+    /// by a variance q from epoch to epoch change by 2/3·q, and hang together with a sixth of it; what is read c epochs after
+    /// the middle has c times the last change in it. That is as if its noise were greater by q·(c² + c − 1/3)/2.
+    fn of_means<const M: usize>(
+        &self,
+        rows: &[Row; 3],
+        later_s: f64,
+        own: &SMatrix<f64, M, M>,
+    ) -> SMatrix<f64, M, M> {
+        let c = later_s / self.epoch.time_s;
+        let share = 0.5 * (c * c + c - 1.0 / 3.0);
+        let of_drive = SMatrix::<f64, M, M>::from_fn(|r, c| {
+            let along = |axis: usize| rows[r].on(SLIP + axis) * rows[c].on(SLIP + axis);
+            (0..3).map(|axis| share * along(axis) * self.slip_drive[axis]).sum()
+        });
+        // Noise stays noise, however fast wheels slip.
+        let least =
+            |r: usize| (-LEFT_OF_NOISE * own[(r, r)] / of_drive[(r, r)].min(-f64::MIN_POSITIVE)).min(1.0);
+        of_drive * (0..M).map(least).fold(1.0, f64::min)
     }
 }
 

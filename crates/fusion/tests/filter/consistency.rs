@@ -46,6 +46,35 @@ fn errors_are_as_great_as_their_covariance_says_with_each_set_of_sensors() {
     }
 }
 
+/// Slip that is drawn in each millisecond hangs together from one mean over an epoch to the next: what a gyro that is better
+/// than that is expected to be off counts with it.
+#[test]
+fn what_a_gyro_is_off_is_as_great_as_expected_however_little_its_noise_is() {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for sigma in [3e-3, 1.5e-3, 1e-3] {
+        let sensors = [Sensor { sigma: [sigma, 0.0, 0.0], ..gyro() }];
+        for seed in 0..20 {
+            let mut world = World::new(seed, &sensors);
+            let mut filter = Filter::new(settings(), &sensors);
+            for cycle in 0..8000 {
+                let motion = world.step();
+                filter.advance(world.now_ns, &motion);
+                // Once in each epoch of the second half, in which it moves.
+                if cycle > 4000 && cycle % 5 == 0 {
+                    sum += filter.verdict(0).1;
+                    count += 1.0;
+                }
+                let reading = world.read(0);
+                filter.hear(0, world.now_ns, &reading);
+            }
+        }
+        let nis: f64 = sum / count;
+        println!("{sigma}: NIS {nis:.3}");
+        assert!((nis - 1.0).abs() < 0.035, "{sigma}: {nis}, of {count} expected 1 within 0.035");
+        (sum, count) = (0.0, 0.0);
+    }
+}
+
 #[test]
 fn what_is_not_passed_yet_is_in_the_covariance_too() {
     let mut world = World::new(1, &[]);

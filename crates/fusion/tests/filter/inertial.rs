@@ -1,13 +1,10 @@
 //! Accelerations: nothing is lost where wheels grip, and a slip that a gyro doesn't see is seen.
 
-use omnibase_fusion::{Filter, Sensor, SensorKind};
+use omnibase_fusion::{Filter, Sensor};
 
+use crate::faulty::imu;
 use crate::lively::Lively;
-use crate::world::{error, gyro, settings};
-
-fn imu() -> Sensor {
-    Sensor { kind: SensorKind::Inertial, sigma: [3e-3, 0.05, 0.05], ..gyro() }
-}
+use crate::world::{error, settings};
 
 /// True from believed place, its greatest part of its standard deviation, and all that was believed, by its bits.
 fn driven(sensor: Sensor, seed: u64, slip: Option<(f64, [f64; 2])>) -> (f64, f64, Vec<u64>) {

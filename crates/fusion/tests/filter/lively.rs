@@ -93,7 +93,12 @@ impl Lively {
                 let acceleration = [felt[0] + 0.2 + noise[1], felt[1] - 0.1 + noise[2]];
                 Reading::Inertial { turn: twist.w_rad_s + 0.01 + noise[0], acceleration }
             }
-            SensorKind::Twist | SensorKind::Pose => unreachable!("not of these worlds"),
+            SensorKind::Twist => {
+                let at = twist.at(sensor.body_from_sensor);
+                let [x, y] = [at.vx_m_s, at.vy_m_s].map(|speed| 1.01 * speed);
+                Reading::Twist([x + noise[0], y + noise[1], at.w_rad_s + noise[2]])
+            }
+            SensorKind::Pose => unreachable!("not of these worlds"),
         }
     }
 }

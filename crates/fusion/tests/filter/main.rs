@@ -3,7 +3,9 @@
 mod clocks;
 mod consistency;
 mod faults;
+mod faulty;
 mod inertial;
 mod lively;
 mod order;
+mod silence;
 mod world;

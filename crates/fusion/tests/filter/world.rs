@@ -90,6 +90,7 @@ pub struct World {
     settings: FilterSettings,
     pub truth: Pose2,
     pub twist: Twist2,
+    twist_before: Twist2,
     pub now_ns: u64,
     cycle: u64,
 }
@@ -123,6 +124,7 @@ impl World {
             settings,
             truth,
             twist: Twist2::default(),
+            twist_before: Twist2::default(),
             now_ns: 1_000_000_000,
             cycle: 0,
         }
@@ -134,6 +136,7 @@ impl World {
         self.cycle += 1;
         let t = self.cycle as f64 * PERIOD_S;
         let ramp = (t / 2.0).min(1.0);
+        self.twist_before = self.twist;
         self.twist = Twist2::new(
             ramp * 0.5 * (0.7 * t).cos(),
             ramp * 0.4 * (0.45 * t).sin(),
@@ -164,16 +167,25 @@ impl World {
         }
     }
 
+    /// How an inertial sensor is accelerated along its own axes, with noise and a bias, m/s².
+    fn felt(&self, mount: Pose2, noise: [f64; 2]) -> [f64; 2] {
+        let (now, before) = (self.twist, self.twist_before);
+        let gain = [now.vx_m_s - before.vx_m_s, now.vy_m_s - before.vy_m_s].map(|gain| gain / PERIOD_S);
+        let body = [gain[0] - now.w_rad_s * now.vy_m_s, gain[1] + now.w_rad_s * now.vx_m_s];
+        let (sin, cos) = mount.heading_rad.sin_cos();
+        [cos * body[0] + sin * body[1] + 0.2 + noise[0], -sin * body[0] + cos * body[1] - 0.1 + noise[1]]
+    }
+
     /// What a sensor says now.
     pub fn read(&mut self, sensor: usize) -> Reading {
         let known = self.sensors[sensor];
         let [one, other] = self.own[sensor];
-        let mut noise = known.sigma.map(|sigma| sigma * self.chance.normal());
+        let noise = known.sigma.map(|sigma| sigma * self.chance.normal());
         match known.kind {
             SensorKind::Turn => Reading::Turn((1.0 + other) * self.twist.w_rad_s + one + noise[0]),
             SensorKind::Inertial => Reading::Inertial {
                 turn: (1.0 + other) * self.twist.w_rad_s + one + noise[0],
-                acceleration: [0.0; 2],
+                acceleration: self.felt(known.body_from_sensor, [noise[1], noise[2]]),
             },
             SensorKind::Flow => {
                 let mut mount = known.body_from_sensor;
@@ -182,10 +194,11 @@ impl World {
                 Reading::Flow([(1.0 + one) * at.vx_m_s + noise[0], (1.0 + one) * at.vy_m_s + noise[1]])
             }
             SensorKind::Twist => {
-                let at = self.twist.at(known.body_from_sensor);
-                noise[0] += at.vx_m_s;
-                noise[1] += at.vy_m_s;
-                Reading::Twist([noise[0], noise[1], at.w_rad_s + noise[2]])
+                let mut mount = known.body_from_sensor;
+                mount.heading_rad += other;
+                let at = self.twist.at(mount);
+                let along = [at.vx_m_s, at.vy_m_s].map(|speed| (1.0 + one) * speed);
+                Reading::Twist([along[0] + noise[0], along[1] + noise[1], at.w_rad_s + noise[2]])
             }
             SensorKind::Pose => {
                 let at = self.truth.then(known.body_from_sensor);

@@ -1,0 +1,48 @@
+//! What becomes of sensors that fail, kind by kind and fault by fault, in companies of others.
+//!
+//! `cargo run --release -p omnibase-fusion --example faults [-- <worlds>]`: 20 by default. After how long the sensor was named at the
+//! latest, as what, and how far the truth was from what was believed at most, in standard deviations of x, y and heading, in all
+//! worlds: in as many without a fault it is what stands first. The motion is even, so that a clock that is off shows by poses alone;
+//! of speeds it is told where the motion changes (`--test filter clocks`).
+
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../tests/filter/faulty.rs"]
+mod faulty;
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../tests/filter/world.rs"]
+mod world;
+
+use faulty::{FAULTS, Outcome, companies, drive};
+
+fn main() {
+    let worlds: u64 = std::env::args().nth(1).map_or(20, |text| text.parse().expect("how many worlds"));
+    println!("{worlds} worlds of 8 s; the first sensor of each company fails after 5 s\n");
+    println!("| sensor, company | fault | named after s | as | unnamed | others named | truth within σ |");
+    println!("|---|---|---|---|---|---|---|");
+    for (name, sensors) in companies() {
+        for fault in std::iter::once(None).chain(FAULTS.map(Some)) {
+            let all: Vec<Outcome> = std::thread::scope(|scope| {
+                let sensors = &sensors;
+                let share = |thread: u64| {
+                    let drive = move |seed| drive(sensors, fault, seed);
+                    scope.spawn(move || (thread..worlds).step_by(2).map(drive).collect::<Vec<_>>())
+                };
+                let workers = [share(0), share(1)];
+                workers.into_iter().flat_map(|worker| worker.join().expect("a thread")).collect()
+            });
+            let named = all.iter().filter_map(|one| one.named);
+            let latest_s = named.clone().map(|(after_s, _)| after_s).fold(0.0, f64::max);
+            let mut verdicts: Vec<String> = named.map(|(_, verdict)| format!("{verdict:?}")).collect();
+            verdicts.sort();
+            verdicts.dedup();
+            let unnamed = all.iter().filter(|one| one.named.is_none()).count();
+            let others = all.iter().filter(|one| one.other.is_some()).count();
+            let sigmas = all.iter().map(|one| one.sigmas).fold(0.0, f64::max);
+            let fault = fault.map_or("none".to_owned(), |fault| format!("{fault:?}"));
+            println!(
+                "| {name} | {fault} | {latest_s:.3} | {} | {unnamed} | {others} | {sigmas:.2} |",
+                verdicts.join(", ")
+            );
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! A sensor that fails in one of the ways of which there are six, in a company of others.
+
+use omnibase_fusion::{Filter, Reading, Sensor, SensorKind, Verdict};
+use omnibase_platform::Pose2;
+
+use crate::world::{World, error, gyro, mouse, settings, tracker};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    Dead,
+    Frozen,
+    /// By 1 m, m/s or rad/s.
+    Jumping,
+    Biased,
+    Reversed,
+    /// Its instants are told 50 ms too early.
+    Early,
+    /// And too late.
+    Late,
+}
+
+pub const FAULTS: [Fault; 7] =
+    [Fault::Dead, Fault::Frozen, Fault::Jumping, Fault::Biased, Fault::Reversed, Fault::Early, Fault::Late];
+
+pub fn imu() -> Sensor {
+    Sensor { kind: SensorKind::Inertial, sigma: [3e-3, 0.05, 0.05], ..gyro() }
+}
+
+pub fn camera() -> Sensor {
+    Sensor { kind: SensorKind::Twist, sigma: [0.02, 0.02, 5e-3], ..mouse(0.1, 0.2) }
+}
+
+/// Companies of sensors; the first one fails.
+pub fn companies() -> Vec<(&'static str, Vec<Sensor>)> {
+    let [left, right] = [mouse(0.2, 0.1), mouse(-0.2, 0.1)];
+    vec![
+        ("gyro, beside two mice and poses", vec![gyro(), left, right, tracker()]),
+        ("gyro, beside poses", vec![gyro(), tracker()]),
+        ("imu, beside two mice and poses", vec![imu(), left, right, tracker()]),
+        ("imu, beside twist and poses", vec![imu(), camera(), tracker()]),
+        ("flow, beside a gyro, another and poses", vec![left, gyro(), right, tracker()]),
+        ("flow, beside twist and an imu", vec![left, camera(), imu()]),
+        ("twist, beside an imu and poses", vec![camera(), imu(), tracker()]),
+        ("twist, beside a gyro and two mice", vec![camera(), gyro(), left, right]),
+        ("pose, beside a gyro and two mice", vec![tracker(), gyro(), left, right]),
+        ("pose, beside an imu and twist", vec![tracker(), imu(), camera()]),
+        ("pose, alone", vec![tracker()]),
+        ("gyro, alone", vec![gyro()]),
+        ("imu, alone", vec![imu()]),
+        ("flow, alone", vec![left]),
+        ("twist, alone", vec![camera()]),
+    ]
+}
+
+/// How many milliseconds lie between readings.
+pub fn every(sensor: &Sensor) -> u64 {
+    match sensor.kind {
+        SensorKind::Turn | SensorKind::Inertial => 1,
+        SensorKind::Flow => 8,
+        SensorKind::Twist => 20,
+        SensorKind::Pose => 10,
+    }
+}
+
+/// What became of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome {
+    /// After how long it wasn't good any more, s, and what it was called.
+    pub named: Option<(f64, Verdict)>,
+    /// How far the truth was from what was believed at most, in standard deviations of x, y, heading.
+    pub sigmas: f64,
+    /// Another that was named while the first failed, or any before.
+    pub other: Option<usize>,
+}
+
+/// What becomes of a reading.
+fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
+    let by = match fault {
+        Fault::Frozen => return said,
+        Fault::Jumping => 1.0,
+        // 50 mm of a place, 0.1 m/s or rad/s of a speed; of a twist, whose noise is greater, 0.15.
+        Fault::Biased if matches!(reading, Reading::Pose { .. }) => 0.05,
+        Fault::Biased if matches!(reading, Reading::Twist(_)) => 0.15,
+        Fault::Biased => 0.1,
+        _ => 0.0,
+    };
+    let sign = if fault == Fault::Reversed { -1.0 } else { 1.0 };
+    match reading {
+        Reading::Turn(turn) => Reading::Turn(sign * turn + by),
+        Reading::Inertial { turn, acceleration } => {
+            Reading::Inertial { turn: sign * turn + by, acceleration: acceleration.map(|one| sign * one) }
+        }
+        Reading::Flow([x, y]) => Reading::Flow([sign * x + by, sign * y]),
+        Reading::Twist([x, y, turn]) => Reading::Twist([sign * x + by, sign * y, sign * turn]),
+        Reading::Pose { map_from_sensor: Pose2 { x_m, y_m, heading_rad }, covariance } => Reading::Pose {
+            map_from_sensor: Pose2::new(sign * x_m + by, sign * y_m, sign * heading_rad),
+            covariance,
+        },
+    }
+}
+
+/// A world of 8 s; the first sensor fails after 5 s, or none.
+pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
+    let mut world = World::new(seed, sensors);
+    let mut filter = Filter::new(settings(), sensors);
+    let begin_ns = world.now_ns + 5_000_000_000;
+    let mut said = [Reading::Turn(0.0); 8];
+    let mut heard: Vec<std::collections::VecDeque<Reading>> = vec![Default::default(); sensors.len()];
+    let mut outcome = Outcome { named: None, sigmas: 0.0, other: None };
+    for cycle in 0..8000_u64 {
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+        let fails = fault.filter(|_| world.now_ns >= begin_ns);
+        for (place, sensor) in sensors.iter().enumerate() {
+            if !cycle.is_multiple_of(every(sensor)) {
+                continue;
+            }
+            let reading = world.read(place);
+            let kept = &mut heard[place];
+            kept.push_back(reading);
+            // What was so 50 ms before.
+            let before = kept[kept.len().saturating_sub(1 + (50 / every(sensor)) as usize)];
+            let (reading, instant_ns) = match fails.filter(|_| place == 0) {
+                Some(Fault::Dead) => continue,
+                Some(Fault::Early) => (reading, world.now_ns - 50_000_000),
+                Some(Fault::Late) => (before, world.now_ns),
+                Some(fault) => (broken(fault, reading, said[place]), world.now_ns),
+                None => {
+                    said[place] = reading;
+                    (reading, world.now_ns)
+                }
+            };
+            filter.hear(place, instant_ns, &reading);
+        }
+        let since_s = (world.now_ns as f64 - begin_ns as f64) * 1e-9;
+        for place in 0..sensors.len() {
+            let verdict = filter.verdict(place).0;
+            let is_named = !matches!(verdict, Verdict::Good | Verdict::Awaited);
+            if is_named && place == 0 && fails.is_some() {
+                outcome.named.get_or_insert((since_s, verdict));
+            } else if is_named {
+                outcome.other.get_or_insert(place);
+            }
+        }
+        let covariance = filter.estimate().covariance;
+        let off = error(&filter, world.truth);
+        for (off, variance) in off.iter().zip([covariance[0], covariance[3], covariance[5]]) {
+            // From when it fails on: before, all is as ever.
+            if since_s > 0.0 {
+                outcome.sigmas = outcome.sigmas.max(off.abs() / variance.sqrt());
+            }
+        }
+    }
+    outcome
+}

@@ -1,0 +1,81 @@
+//! A tracker that was silent while wheels went wrong by more than their tolerances say.
+
+use omnibase_fusion::{Filter, Reading, Verdict};
+use omnibase_platform::{BodyStep, Pose2};
+
+use crate::world::{PERIOD_NS, World, error, settings, tracker};
+
+/// What was seen after the tracker spoke again.
+struct Returned {
+    verdict: Verdict,
+    off_m: f64,
+    /// How far the truth was from what was believed at most, in standard deviations.
+    sigmas: f64,
+    /// When it was believed for good, s.
+    good_s: f64,
+}
+
+/// Silent for 1.7 s on the way, in which wheels tell so much more than is true; then it says a place so far off.
+fn returns(told_more: f64, jump_m: f64) -> Returned {
+    let sensors = [tracker()];
+    let mut world = World::new(5, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let (from_ns, to_ns) = (world.now_ns + 4_000_000_000, world.now_ns + 5_700_000_000);
+    let (mut sigmas, mut good_s) = (0.0_f64, 0.0);
+    for _ in 0..9000 {
+        let mut motion = world.step();
+        let is_silent = (from_ns..to_ns).contains(&world.now_ns);
+        if is_silent {
+            let BodyStep { x_m, y_m, angle_rad } = motion.body_from_next.log();
+            let more = 1.0 + told_more;
+            motion.body_from_next = BodyStep::new(more * x_m, more * y_m, more * angle_rad).exp();
+        }
+        filter.advance(world.now_ns, &motion);
+        if (world.now_ns / PERIOD_NS).is_multiple_of(10) {
+            let said = world.read(0);
+            let Reading::Pose { mut map_from_sensor, covariance } = said else { unreachable!("a tracker") };
+            if !is_silent {
+                let jump_m = if world.now_ns >= to_ns { jump_m } else { 0.0 };
+                map_from_sensor = Pose2 { x_m: map_from_sensor.x_m + jump_m, ..map_from_sensor };
+                filter.hear(0, world.now_ns, &Reading::Pose { map_from_sensor, covariance });
+            }
+        }
+        if world.now_ns > to_ns {
+            let since_s = (world.now_ns - to_ns) as f64 * 1e-9;
+            if filter.verdict(0).0 != Verdict::Good {
+                good_s = since_s;
+            }
+            let covariance = filter.estimate().covariance;
+            for (off, variance) in
+                error(&filter, world.truth).iter().zip([covariance[0], covariance[3], covariance[5]])
+            {
+                // Until it was heard twice nothing could be known of it.
+                if since_s > 0.05 {
+                    sigmas = sigmas.max(off.abs() / variance.sqrt());
+                }
+            }
+        }
+    }
+    let [x, y, _] = error(&filter, world.truth);
+    Returned { verdict: filter.verdict(0).0, off_m: x.hypot(y), sigmas, good_s }
+}
+
+#[test]
+fn a_tracker_that_is_right_after_a_silence_is_believed_though_wheels_slipped_meanwhile() {
+    for told_more in [0.05, -0.05, 0.1, 0.15] {
+        let Returned { verdict, off_m, sigmas, good_s } = returns(told_more, 0.0);
+        println!("{told_more}: {verdict:?} from {good_s} s on, {off_m:.4} m off, within {sigmas:.2} sigma");
+        assert_eq!(verdict, Verdict::Good, "{told_more}");
+        assert!(good_s < 0.05 && off_m < 2e-3 && sigmas < 4.0, "{told_more}: {good_s} {off_m} {sigmas}");
+    }
+}
+
+#[test]
+fn one_that_comes_back_elsewhere_is_named() {
+    for jump_m in [1.0, -0.5, 0.3] {
+        let Returned { verdict, off_m, sigmas, .. } = returns(0.0, jump_m);
+        println!("{jump_m}: {verdict:?}, {off_m:.4} m off, within {sigmas:.2} sigma");
+        assert_eq!(verdict, Verdict::Contradicts, "{jump_m}");
+        assert!(off_m < 0.05 && sigmas < 3.0, "{jump_m}: {off_m} {sigmas}");
+    }
+}
