@@ -15,7 +15,7 @@ const CLEARANCE_M: f64 = 0.03;
 /// Plans in each room.
 const EACH: usize = 20;
 /// Of the rooms of discs, one in so many is solved by its visibility graph.
-const GRAPHS: usize = 25;
+const GRAPHS: usize = 10;
 
 /// What this thread has had of a processor, ms: others at work on this machine don't count.
 fn used_ms() -> f64 {

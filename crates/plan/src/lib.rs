@@ -4,6 +4,7 @@
 //! - [`distance`]: from every cell to the nearest occupied one, exactly, in linear time.
 //! - [`footprint`]: [`Footprint`], the robot's outline, and what of the floor it covers at a pose.
 //! - [`space`]: [`Space`], a map in which footprints are looked for: whether a pose, or a motion, touches anything.
+//! - [`gaps`]: places between cells' centres, where a gap hardly takes a disc.
 //! - [`search`]: the shortest way of a disc at any angle; [`ridge`]: one that keeps to the middle, as a choice.
 //! - [`sweep`]: [`Sweep`], whether a whole motion touches anything.
 //! - [`turning`]: the way of a footprint that has to turn to get through.
@@ -16,6 +17,7 @@
 
 pub mod distance;
 pub mod footprint;
+pub mod gaps;
 pub mod map;
 pub mod plan;
 pub mod ridge;

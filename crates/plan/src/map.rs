@@ -11,7 +11,7 @@ use omnibase_platform::Pose2;
 use crate::Point;
 pub use image::{Image, ImageError};
 pub use settings::{Mode, Settings, SettingsError};
-pub(crate) use solid::Solid;
+pub(crate) use solid::{Solid, range};
 
 #[cfg(test)]
 mod tests;

@@ -3,9 +3,10 @@
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::footprint::Footprint;
+use crate::gaps::Gaps;
 use crate::ridge;
 use crate::search::Search;
-use crate::smooth::{SPACING_M, divided, shortened, smooth, tightened};
+use crate::smooth::{SPACING_M, TIGHTENINGS, divided, shortened, smooth, tightened};
 use crate::space::{Checker, Space};
 use crate::sweep::Sweep;
 use crate::turning::{MOST_TURNING_CELLS, Place, Turning};
@@ -157,8 +158,8 @@ impl std::fmt::Display for End {
 const LONGER: f64 = 1.15;
 /// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
 const NEARLY_DISC: f64 = 0.1;
-/// A disc keeps this beside the clearance, so that its way can be bent, m.
-const ROOM_M: f64 = 0.005;
+/// Beside the cells that count the clearance is known by as much more, so that ridges are seen, in cells.
+const RIDGE_CELLS: f64 = 1.0;
 /// Parts of the clearance that are tried, where an end stands in too narrow a place for all of it.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Directions in which a way out is looked for.
@@ -252,17 +253,21 @@ impl<'a> Planner<'a> {
         let space = self.task.space;
         let outer_m = self.task.footprint.outer_radius_m() + self.clearance_m;
         let inner_m = self.task.footprint.inner_radius_m() + self.clearance_m;
-        let range = [inner_m, outer_m + ROOM_M].map(|radius_m| radius_m / space.map.cell_m);
-        let (clearance, until) = (space.sharpened(range), self.task.until);
-        let search = |radius_m| Search::new(space, &clearance, radius_m).until(until);
-        let disc = self.disc_way(&search(outer_m + ROOM_M)).or_else(|| self.disc_way(&search(outer_m)));
+        let [outer, inner] = [outer_m, inner_m].map(|radius_m| radius_m / space.map.cell_m);
+        let (clearance, until) =
+            (space.sharpened([inner - RIDGE_CELLS, outer + RIDGE_CELLS]), self.task.until);
+        let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32);
+        let disc = self.disc_way(&Search::through(space, &gaps, outer_m).until(until));
+        drop(gaps);
         if let Some(way) =
             disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, [outer_m, inner_m]))
         {
             return Ok(self.finished(way.clone(), By::Disc));
         }
         // No way is shorter than that of the disc which every heading covers.
-        let least = self.least_way(&search(inner_m), inner_m);
+        let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32);
+        let search = Search::through(space, &gaps, inner_m).until(until);
+        let least = self.least_way([&search, &Search::new(space, &clearance, inner_m).until(until)], inner_m);
         match disc {
             Some(way) if least.as_ref().is_ok_and(|least| length(&way) <= LONGER * least + 1.0) => {
                 Ok(self.finished(way, By::Disc))
@@ -272,15 +277,14 @@ impl<'a> Planner<'a> {
                     least?;
                 }
                 let mut coarse = self.checker.coarse(self.clearance_m);
-                let turning =
-                    match Turning::new((space, &clearance), &mut coarse, [outer_m, inner_m], self.task.until)
-                    {
-                        Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
-                        None if disc.is_none() => {
-                            return Err(PlanError::TooLarge { found: space.clearance().len() });
-                        }
-                        None => None,
-                    };
+                let outer = Search::new(space, &clearance, outer_m).until(until);
+                let turning = match Turning::new(space, &mut coarse, [outer, search], outer_m) {
+                    Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
+                    None if disc.is_none() => {
+                        return Err(PlanError::TooLarge { found: space.clearance().len() });
+                    }
+                    None => None,
+                };
                 let turning = turning.map(|places| self.turned(&places));
                 match (disc, turning) {
                     (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {
@@ -312,8 +316,9 @@ impl<'a> Planner<'a> {
                     continue;
                 }
                 let cell = search.index(x as usize, y as usize);
-                if search.is_open(cell) {
-                    let off = (x as f64 + 0.5 - pose.x_m).hypot(y as f64 + 0.5 - pose.y_m);
+                if search.takes(cell) {
+                    let [x, y] = search.place(cell).map(|at| f64::from(at) + 0.5);
+                    let off = (x - pose.x_m).hypot(y - pose.y_m);
                     near.push((off, cell));
                 }
             }
@@ -354,7 +359,7 @@ impl<'a> Planner<'a> {
     }
 
     /// The length in cells of the way of the disc that every heading covers, or why there is none.
-    fn least_way(&self, search: &Search<'_>, inner_m: f64) -> Result<f64, PlanError> {
+    fn least_way(&self, [search, by_centres]: [&Search<'_>; 2], inner_m: f64) -> Result<f64, PlanError> {
         let map = &self.task.space.map;
         let cells = self.ends.map(|pose| {
             let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
@@ -368,9 +373,9 @@ impl<'a> Planner<'a> {
             return Ok(search.length(&way));
         }
         // Between centres there may be one cell more.
-        let widest_m = (2.0 * f64::from(search.widest(cells[0], cells[1])) + 1.0) * map.cell_m;
+        let widest_m = (2.0 * f64::from(by_centres.widest(cells[0], cells[1])) + 1.0) * map.cell_m;
         if widest_m < 1.5 * map.cell_m {
-            let end = if search.is_small(cells[0]) { End::Start } else { End::Goal };
+            let end = if by_centres.is_small(cells[0]) { End::Start } else { End::Goal };
             return Err(PlanError::Enclosed { end });
         }
         Err(PlanError::TooNarrow { widest_m, needed_m: 2.0 * inner_m })
@@ -435,7 +440,10 @@ impl<'a> Planner<'a> {
                 let short = shortened(&fine, &mut self.checker);
                 let mut tight =
                     shortened(&divided(&short, 2.0 * SPACING_M / cell_m, turn_length), &mut self.checker);
-                tightened(&mut tight, &mut self.checker);
+                tightened(&mut tight, &mut self.checker, TIGHTENINGS[0]);
+                // Along an arc pieces half as long are a quarter as much longer than it.
+                let mut tight = divided(&tight, SPACING_M / cell_m, turn_length);
+                tightened(&mut tight, &mut self.checker, TIGHTENINGS[1]);
                 tight
             }
             Cost::Ridge => way,

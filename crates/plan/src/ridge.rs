@@ -45,7 +45,7 @@ pub fn field(space: &Space) -> Vec<f32> {
 impl Search<'_> {
     /// The cells of the way that costs least by a field; `None` where there is none.
     pub fn cheapest(&self, [from, to]: [usize; 2], field: &[f32]) -> Option<Vec<usize>> {
-        if !self.is_open(from) || !self.is_open(to) {
+        if !self.takes(from) || !self.takes(to) {
             return None;
         }
         let mut cost = vec![f32::INFINITY; field.len()];

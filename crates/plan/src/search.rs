@@ -4,6 +4,7 @@
 //! four corners of the square between them open, so that no occupied cell reaches in between by more than a few tenths of a
 //! millimetre.
 
+use crate::gaps::{AROUND, Gap, Gaps, number};
 use crate::space::Space;
 use crate::until::Until;
 
@@ -19,6 +20,7 @@ pub struct Search<'a> {
     /// One over the width.
     per_width: f64,
     clearance: &'a [f32],
+    gaps: &'a [Gap],
     radius: f32,
     until: Until<'a>,
 }
@@ -29,7 +31,12 @@ impl<'a> Search<'a> {
         let radius = (radius_m / space.map.cell_m) as f32;
         let (width, height) = (space.map.width, space.map.height);
         let per_width = 1.0 / width as f64;
-        Search { width, height, per_width, clearance, radius, until: Until::default() }
+        Search { width, height, per_width, clearance, gaps: &[], radius, until: Until::default() }
+    }
+
+    /// The same through gaps, too.
+    pub fn through(space: &Space, gaps: &'a Gaps<'_>, radius_m: f64) -> Self {
+        Search { gaps: &gaps.gaps, ..Search::new(space, &gaps.clearance, radius_m) }
     }
 
     /// The same, which finds nothing more once it is over.
@@ -53,6 +60,16 @@ impl<'a> Search<'a> {
         self.clearance[at] >= self.radius
     }
 
+    /// The gap whose place a cell has.
+    pub(crate) fn gap(&self, at: usize) -> Option<&'a Gap> {
+        self.gaps.get(number(self.clearance[at])?)
+    }
+
+    /// Whether the disc fits at a cell's place.
+    pub(crate) fn takes(&self, at: usize) -> bool {
+        self.is_open(at) || self.gap(at).is_some()
+    }
+
     pub(crate) fn index(&self, column: usize, row: usize) -> usize {
         row * self.width + column
     }
@@ -63,13 +80,13 @@ impl<'a> Search<'a> {
         let columns = column.saturating_sub(1)..(column + 2).min(self.width);
         let rows = row.saturating_sub(1)..(row + 2).min(self.height);
         let cells = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
-        let open = cells.map(|(column, row)| self.index(column, row)).filter(|cell| self.is_open(*cell));
+        let open = cells.map(|(column, row)| self.index(column, row)).filter(|cell| self.takes(*cell));
         open.min_by(|a, b| self.apart(at, *a).total_cmp(&self.apart(at, *b)))
     }
 
     /// Whether few cells hang together with one.
     pub(crate) fn is_small(&self, from: usize) -> bool {
-        let everywhere = Search { radius: 0.5, ..*self };
+        let everywhere = Search { radius: 0.5, gaps: &[], ..*self };
         let mut seen = vec![false; self.clearance.len()];
         let mut left = vec![from];
         let mut count = 0;
@@ -84,7 +101,13 @@ impl<'a> Search<'a> {
         2 * count < self.clearance.iter().filter(|clearance| **clearance >= 0.5).count()
     }
 
+    /// Where the disc stands in a cell, from the first cell's centre.
     pub(crate) fn place(&self, at: usize) -> [f32; 2] {
+        if !self.gaps.is_empty()
+            && let Some(gap) = self.gap(at)
+        {
+            return gap.at.map(|at| (at - 0.5) as f32);
+        }
         let (column, row) = self.split(at);
         [column as f32, row as f32]
     }
@@ -95,6 +118,9 @@ impl<'a> Search<'a> {
 
     /// The neighbours that one step leads to.
     pub(crate) fn neighbours(&self, at: usize) -> ([usize; 8], usize) {
+        if let Some(gap) = self.gap(at) {
+            return self.linked(at, |direction, _| gap.leads(direction), ([0; 8], 0));
+        }
         let (column, row) = self.split(at);
         let (left, right) = (column > 0, column + 1 < self.width);
         let (below, above) = (row > 0, row + 1 < self.height);
@@ -117,62 +143,76 @@ impl<'a> Search<'a> {
                 add(row_open && side_open && self.is_open(to), to);
             }
         }
+        if self.gaps.is_empty() || found.1 == 8 {
+            return found;
+        }
+        // A gap leads here where the opposite direction does from it.
+        self.linked(at, |direction, to| self.gap(to).is_some_and(|gap| gap.leads(direction ^ 1)), found)
+    }
+
+    /// The cells around one that it is linked to, beside those that were found.
+    fn linked(
+        &self,
+        at: usize,
+        is_linked: impl Fn(usize, usize) -> bool,
+        mut found: ([usize; 8], usize),
+    ) -> ([usize; 8], usize) {
+        let (column, row) = self.split(at);
+        for (direction, [x, y]) in AROUND.into_iter().enumerate() {
+            let (Some(column), Some(row)) = (column.checked_add_signed(x), row.checked_add_signed(y)) else {
+                continue;
+            };
+            if column < self.width && row < self.height && is_linked(direction, self.index(column, row)) {
+                found.0[found.1] = self.index(column, row);
+                found.1 += 1;
+            }
+        }
         found
     }
 
     /// Whether the disc gets straight from one centre to another.
     pub fn sees(&self, from: usize, to: usize) -> bool {
+        // In a gap steps are looked at, not views.
+        if !self.gaps.is_empty() && (self.gap(from).is_some() || self.gap(to).is_some()) {
+            return false;
+        }
         let ([x, y], [x_to, y_to]) = (self.place(from), self.place(to));
         let (dx, dy) = (x_to - x, y_to - y);
         let length = (dx * dx + dy * dy).sqrt();
         if length <= 0.0 {
             return self.is_open(from);
         }
-        let (ux, uy) = (dx / length, dy / length);
+        let (across, along) = (Along::new(x, dx / length), Along::new(y, dy / length));
         let mut done = 0.0_f32;
-        while done < length {
-            let (px, py) = (x + done * ux, y + done * uy);
-            // Places are never below 0: a cast cuts as `floor` does, at once.
-            let (near_x, near_y) = ((px + 0.5) as usize as f32, (py + 0.5) as usize as f32);
-            let off = ((px - near_x) * (px - near_x) + (py - near_y) * (py - near_y)).sqrt();
-            let spare = self.clearance[near_y as usize * self.width + near_x as usize] - self.radius - off;
-            if spare >= 1.0 {
-                done += spare;
+        while done < length - INSIDE {
+            // The square between four centres that is being crossed.
+            let (column, row) = (across.first(done), along.first(done));
+            let low = row * self.width + column;
+            let spare = self.clearance[low] - self.radius;
+            if spare >= FAR {
+                done += spare - BESIDE;
                 continue;
             }
-            // Close to something: the square that is being crossed must be open at all its corners.
-            let Some(leaves) = self.crosses([px, py], [ux, uy]) else { return false };
-            // In a very long map a small step could be rounded away.
-            done = (done + leaves).max(done.next_up());
+            let high = low + if along.is_still { 0 } else { self.width };
+            let beside = usize::from(!across.is_still);
+            let is_open = spare >= 0.0
+                && self.is_open(low + beside)
+                && self.is_open(high)
+                && self.is_open(high + beside);
+            if !is_open {
+                return false;
+            }
+            let (leaves, other) = (across.leaves(column), along.leaves(row));
+            let leaves = if leaves < other { leaves } else { other };
+            let least = done + INSIDE;
+            done = if leaves > least { leaves } else { least };
         }
         self.is_open(to)
     }
 
-    /// How far it is from a place to the end of its square, along a direction; `None` where a corner isn't open.
-    fn crosses(&self, [px, py]: [f32; 2], [ux, uy]: [f32; 2]) -> Option<f32> {
-        /// Behind a border by this, in cells, one is in the next square.
-        const INSIDE: f32 = 1e-3;
-        let range = |p: f32, u: f32| {
-            let low = if u > 0.0 { (p + INSIDE).floor() } else { (p - INSIDE).ceil() };
-            // A way along a line of centres needs only that line.
-            if u.abs() < 1e-6 { [p.round(), p.round()] } else { [low, low + u.signum()] }
-        };
-        let ([x0, x1], [y0, y1]) = (range(px, ux), range(py, uy));
-        for y in [y0, y1] {
-            for x in [x0, x1] {
-                let is_inside = x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32;
-                if !is_inside || !self.is_open(y as usize * self.width + x as usize) {
-                    return None;
-                }
-            }
-        }
-        let to = |p: f32, end: f32, u: f32| if u.abs() < 1e-6 { f32::INFINITY } else { (end - p) / u };
-        Some(to(px, x1, ux).min(to(py, y1, uy)).max(INSIDE))
-    }
-
     /// The cells of the shortest way where it turns, both ends with it; `None` where there is none.
     pub fn shortest(&self, from: usize, to: usize) -> Option<Vec<usize>> {
-        if !self.is_open(from) || !self.is_open(to) {
+        if !self.takes(from) || !self.takes(to) {
             return None;
         }
         let mut tree = Tree::new(self.clearance.len());
@@ -281,7 +321,7 @@ impl<'a> Search<'a> {
             if at == to {
                 break;
             }
-            let everywhere = Search { radius: 0.0, ..*self };
+            let everywhere = Search { radius: 0.0, gaps: &[], ..*self };
             let (neighbours, count) = everywhere.neighbours(at);
             for next in &neighbours[..count] {
                 let room = best[at].min(self.clearance[*next]);
@@ -301,6 +341,47 @@ fn distance([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
 
 /// Rounds of pulling.
 const MOST_PULLS: usize = 50;
+
+/// Behind a border by this, in cells, one is in the next square; in a very long map less could be rounded away.
+const INSIDE: f32 = 1e-3;
+/// From any place of a square between centres to its first corner, at most, in cells.
+const BESIDE: f32 = 1.5;
+/// With so much more room than the disc needs squares needn't be looked at one by one, in cells.
+const FAR: f32 = 3.0;
+
+/// One coordinate along a straight way.
+#[derive(Clone, Copy)]
+struct Along {
+    from: f32,
+    rate: f32,
+    per_rate: f32,
+    /// From where it is to what is cut to the lower centre.
+    inside: f32,
+    /// Whether it goes along a line of centres, which then are all that it needs.
+    is_still: bool,
+}
+
+impl Along {
+    fn new(from: f32, rate: f32) -> Self {
+        let is_still = rate.abs() < 1e-6;
+        let inside = if is_still { 0.5 } else { INSIDE.copysign(rate) };
+        Along { from, rate, per_rate: if is_still { f32::INFINITY } else { 1.0 / rate }, inside, is_still }
+    }
+
+    /// The lower one of the centres between which it is. A cast cuts as `floor` does where nothing is negative, and is no call.
+    #[inline]
+    fn first(&self, done: f32) -> usize {
+        let at = self.from + done * self.rate + self.inside;
+        if at > 0.0 { at as i32 as usize } else { 0 }
+    }
+
+    /// How far the way goes until it leaves a square that begins with this centre.
+    #[inline]
+    fn leaves(&self, low: usize) -> f32 {
+        let end = if self.rate > 0.0 { low + 1 } else { low };
+        if self.is_still { f32::INFINITY } else { (end as f32 - self.from) * self.per_rate }
+    }
+}
 
 /// How each cell is reached.
 struct Tree {

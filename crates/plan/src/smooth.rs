@@ -10,8 +10,8 @@ pub const SPACING_M: f64 = 0.1;
 const ROUNDS: usize = 60;
 /// A band becomes longer by bending back at most by this.
 const LONGER: f64 = 1.004;
-/// Rounds of tightening.
-const TIGHTENINGS: usize = 12;
+/// Rounds of tightening: the pieces of a way, and then pieces half as long.
+pub(crate) const TIGHTENINGS: [usize; 2] = [12, 4];
 /// Points that would move by less than this stay, in cells.
 const STILL: f64 = 2e-3;
 
@@ -59,33 +59,38 @@ pub(crate) fn shortened(way: &[Pose2], checker: &mut Checker<'_>) -> Vec<Pose2> 
 }
 
 /// Moves turns to where the way is shorter, as far as the footprint's room allows: the ends stay.
-pub(crate) fn tightened(way: &mut [Pose2], checker: &mut Checker<'_>) {
-    for _ in 0..TIGHTENINGS {
-        let mut is_shorter = false;
-        let mut at = 1;
-        while at + 1 < way.len() {
+pub(crate) fn tightened(way: &mut [Pose2], checker: &mut Checker<'_>, rounds: usize) {
+    let mut is_moving = vec![true; way.len()];
+    for _ in 0..rounds {
+        let mut has_moved = vec![false; way.len()];
+        for at in 1..way.len().max(1) - 1 {
+            // What lies between points that stay, stays.
+            if !is_moving[at - 1..=at + 1].contains(&true) {
+                continue;
+            }
             let (before, here, after) = (way[at - 1], way[at], way[at + 1]);
             let chord = [after.x_m - before.x_m, after.y_m - before.y_m];
             let square = chord[0] * chord[0] + chord[1] * chord[1];
             let along = (here.x_m - before.x_m) * chord[0] + (here.y_m - before.y_m) * chord[1];
             let part = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.5 };
             let wished = between(&before, &after, part);
-            let free = [1.0, 0.5, 0.25, 0.1, 0.03]
-                .into_iter()
-                .map(|part| between(&here, &wished, part))
-                .find(|next| {
+            if wished.distance_m(here) + (wished.heading_rad - here.heading_rad).abs() < STILL {
+                continue;
+            }
+            let free =
+                [1.0, 0.3, 0.1, 0.03].into_iter().map(|part| between(&here, &wished, part)).find(|next| {
                     checker.is_motion_free_in_cells(&before, next)
                         && checker.is_motion_free_in_cells(next, &after)
                 });
             if let Some(next) = free {
-                is_shorter |= next.distance_m(here) > STILL;
+                has_moved[at] = next.distance_m(here) > STILL;
                 way[at] = next;
             }
-            at += 1;
         }
-        if !is_shorter {
+        if !has_moved.contains(&true) {
             break;
         }
+        is_moving = has_moved;
     }
 }
 

@@ -7,7 +7,7 @@ use omnibase_platform::Pose2;
 use crate::Point;
 use crate::distance::{self, Between};
 use crate::footprint::{Footprint, placed};
-use crate::map::{Map, Solid};
+use crate::map::{Map, range};
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
 const TOUCH: f64 = 1e-9;
@@ -18,6 +18,9 @@ const FINEST_M: f64 = 0.005;
 
 /// An outline whose nearest side is at least so far from its middle, in parts of its farthest corner, is nearly a disc.
 const NEARLY_DISC: f64 = 0.9;
+
+/// So much farther than it reaches a disc is looked at, in cells: what is seen needn't be looked at again.
+const FARTHER: f64 = 1.0;
 
 /// A map with what makes looking fast. Beyond its borders everything is in the way.
 #[derive(Clone, Debug)]
@@ -30,6 +33,8 @@ pub struct Space {
     counts: Vec<u32>,
     /// The same beside polygons, where there are any.
     beside_solids: Option<Vec<u32>>,
+    /// Whether any cell is in the way beside polygons.
+    has_cells: bool,
 }
 
 /// Looks for a footprint with some room around it.
@@ -56,7 +61,8 @@ impl Space {
         let (clearance, counts) = (clearance_of(&touched, width), counts_of(&touched, width));
         let beside_solids = (!map.solids.is_empty()).then(|| counts_of(&map.blocked, width));
         drop(touched);
-        Space { map, clearance, counts, beside_solids }
+        let has_cells = map.blocked.contains(&true);
+        Space { map, clearance, counts, beside_solids, has_cells }
     }
 
     /// The clearance, with polygons as they are where a radius in this range, in cells, depends on it: the squares that they touch come nearer
@@ -67,18 +73,39 @@ impl Space {
         }
         let width = self.map.width;
         let may_count = least - std::f64::consts::SQRT_2..most;
-        let cells = clearance_of(&self.map.blocked, width);
-        let sharpen = |(at, (rough, cells)): (usize, (&f32, f32))| {
+        let sharpen = |(at, rough): (usize, &f32)| {
             if !may_count.contains(&f64::from(*rough)) {
                 return *rough;
             }
             let centre = [(at % width) as f64 + 0.5, (at / width) as f64 + 0.5];
-            // Rounded down: what is open is.
-            let nearest =
-                self.map.solids.iter().fold(f64::from(cells), |near, solid| solid.distance(centre, near));
+            // The squares that polygons touch come nearer by a square's diagonal at most. Rounded down: what is open is.
+            let nearest = self.distance(centre, f64::from(*rough) + std::f64::consts::SQRT_2);
             (nearest as f32).next_down().max(*rough)
         };
-        self.clearance.iter().zip(cells).enumerate().map(sharpen).collect()
+        self.clearance.iter().enumerate().map(sharpen).collect()
+    }
+
+    /// From a place to the nearest thing in the way or the border, in cells; `most` where nothing is so near.
+    pub(crate) fn distance(&self, [x, y]: Point, most: f64) -> f64 {
+        let (width, height) = (self.map.width, self.map.height);
+        let mut near = most.min(x).min(y).min(width as f64 - x).min(height as f64 - y).max(0.0);
+        let counts = self.beside_solids.as_ref().unwrap_or(&self.counts);
+        let rows = (y - near).max(0.0) as usize..up(y + near).min(height);
+        for row in if self.has_cells { rows } else { 0..0 } {
+            let off = (row as f64 - y).max(y - row as f64 - 1.0).max(0.0);
+            let half = (near * near - off * off).max(0.0).sqrt();
+            let range = [(x - half).max(0.0), x + half];
+            if self.is_row_free(counts, row, range) {
+                continue;
+            }
+            for column in range[0] as usize..up(range[1]).min(width) {
+                if self.map.blocked[row * width + column] {
+                    let across = (column as f64 - x).max(x - column as f64 - 1.0).max(0.0);
+                    near = near.min(across.hypot(off));
+                }
+            }
+        }
+        self.map.solids.iter().fold(near, |near, solid| solid.distance([x, y], near))
     }
 
     /// From each cell's centre to the nearest square in the way or the border, in cells, row by row.
@@ -95,7 +122,7 @@ impl Space {
             if room_m > 0.0 { footprint.around(room_m) } else { footprint.corners_m().to_vec() };
         let outline: Vec<Point> = outline.iter().map(|corner| corner.map(|part| part / cell_m)).collect();
         let reach = outline.iter().map(|corner| corner[0].hypot(corner[1])).fold(0.0, f64::max);
-        // Most that touch nothing are told by the disc around them, which is looked at several times as fast.
+        // Most that touch nothing are told by the disc around them.
         let inner = (footprint.inner_radius_m() + room_m) / cell_m;
         let is_nearly_disc = inner >= NEARLY_DISC * reach;
         Checker {
@@ -157,10 +184,26 @@ impl<'a> Checker<'a> {
     }
 
     pub(crate) fn is_free_in_cells(&mut self, pose: &Pose2) -> bool {
-        match self.space.least_clearance([pose.x_m, pose.y_m]) {
-            Some(clearance) => clearance >= self.reach || self.is_outline_free(pose),
-            None => false,
+        self.spare(pose).is_some()
+    }
+
+    /// How far the outline's points may move at least until one touches anything, in cells; `None` where one does.
+    fn spare(&mut self, pose: &Pose2) -> Option<f64> {
+        let at = [pose.x_m, pose.y_m];
+        let spare = self.space.least_clearance(at)? - self.reach;
+        if spare >= 0.0 {
+            return Some(spare);
         }
+        if self.is_nearly_disc {
+            let room = self.space.distance(at, self.reach + FARTHER);
+            if room >= self.reach - TOUCH {
+                return Some((room - self.reach).max(0.0));
+            }
+            if room < self.inner - TOUCH {
+                return None;
+            }
+        }
+        self.is_outline_free(pose).then_some(0.0)
     }
 
     /// Whether nothing is in the way of a motion along which place and heading change evenly.
@@ -183,11 +226,7 @@ impl<'a> Checker<'a> {
                 y_m: from.y_m + part * way[1],
                 heading_rad: from.heading_rad + part * turn_rad,
             };
-            let Some(clearance) = self.space.least_clearance([pose.x_m, pose.y_m]) else { return false };
-            let spare = clearance - self.reach;
-            if spare < 0.0 && !self.is_outline_free(&pose) {
-                return false;
-            }
+            let Some(spare) = self.spare(&pose) else { return false };
             if part >= 1.0 {
                 return true;
             }
@@ -197,54 +236,23 @@ impl<'a> Checker<'a> {
     }
 
     fn is_outline_free(&mut self, pose: &Pose2) -> bool {
-        if self.is_nearly_disc {
-            if self.is_disc_free(pose, self.reach) {
-                return true;
-            }
-            if !self.is_disc_free(pose, self.inner) {
-                return false;
-            }
-        }
         let (space, corners) = (self.space, placed(&self.outline, pose));
+        let range = range(&corners);
         // Most that touch no polygon touch none of its cells either.
-        self.is_polygon_free(&space.counts, &corners)
+        self.is_polygon_free(&space.counts, &corners, range)
             || space.beside_solids.as_ref().is_some_and(|counts| {
-                self.is_polygon_free(counts, &corners)
-                    && !space.map.solids.iter().any(|solid| solid.overlaps(&corners))
+                self.is_polygon_free(counts, &corners, range)
+                    && !space.map.solids.iter().any(|solid| solid.overlaps(&corners, range))
             })
-    }
-
-    /// Whether a disc touches nothing, its radius in cells.
-    fn is_disc_free(&self, pose: &Pose2, radius: f64) -> bool {
-        let space = self.space;
-        self.is_disc_free_of(&space.counts, pose, radius)
-            || space.beside_solids.as_ref().is_some_and(|counts| {
-                let overlaps = |solid: &Solid| solid.overlaps_disc([pose.x_m, pose.y_m], radius);
-                self.is_disc_free_of(counts, pose, radius) && !space.map.solids.iter().any(overlaps)
-            })
-    }
-
-    /// Whether a disc touches no cell of a kind: a row of cells meets it in one range.
-    fn is_disc_free_of(&self, counts: &[u32], &Pose2 { x_m: x, y_m: y, .. }: &Pose2, radius: f64) -> bool {
-        let map = &self.space.map;
-        if x < radius || y < radius || x + radius > map.width as f64 || y + radius > map.height as f64 {
-            return false;
-        }
-        let rows = (y - radius + TOUCH) as usize..up(y + radius - TOUCH).min(map.height);
-        rows.into_iter().all(|row| {
-            let off = (row as f64 - y).max(y - row as f64 - 1.0).max(0.0);
-            let half = (radius * radius - off * off).max(0.0).sqrt();
-            self.space.is_row_free(counts, row, [x - half, x + half])
-        })
     }
 
     /// Whether a convex polygon touches nothing, in cells: a row of cells meets it in one range.
-    fn is_polygon_free(&mut self, counts: &[u32], corners: &[Point]) -> bool {
-        let range = |axis: usize| {
-            let each = || corners.iter().map(|corner| corner[axis]);
-            [each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max)]
-        };
-        let ([left, right], [low, high]) = (range(0), range(1));
+    fn is_polygon_free(
+        &mut self,
+        counts: &[u32],
+        corners: &[Point],
+        [[left, low], [right, high]]: [Point; 2],
+    ) -> bool {
         let map = &self.space.map;
         let is_within = left >= -TOUCH && low >= -TOUCH;
         if !(is_within && right <= map.width as f64 + TOUCH && high <= map.height as f64 + TOUCH) {

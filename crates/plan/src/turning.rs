@@ -7,7 +7,6 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::search::{Queue, Search};
 use crate::space::{Checker, Space};
-use crate::until::Until;
 
 const NOBODY: u32 = u32::MAX;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
@@ -68,14 +67,15 @@ pub struct Turning<'a, 'c> {
 }
 
 impl<'a, 'c> Turning<'a, 'c> {
-    /// For a footprint, whose outer and inner radius are in m with the room that is kept; `None` where the map is too large.
+    /// For a footprint with the room that is kept, by the searches of its outer disc, whose radius is in m, and of its inner one; `None` where
+    /// the map is too large.
     pub fn new(
-        (space, clearance): (&Space, &'c [f32]),
+        space: &Space,
         checker: &'c mut Checker<'a>,
-        [outer_m, inner_m]: [f64; 2],
-        until: Until<'c>,
+        [outer, inner]: [Search<'c>; 2],
+        outer_m: f64,
     ) -> Option<Self> {
-        let cells = clearance.len();
+        let cells = space.clearance().len();
         if cells > MOST_TURNING_CELLS {
             return None;
         }
@@ -87,8 +87,8 @@ impl<'a, 'c> Turning<'a, 'c> {
         let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(least, most);
         Some(Turning {
             checker,
-            outer: Search::new(space, clearance, outer_m).until(until),
-            inner: Search::new(space, clearance, inner_m).until(until),
+            outer,
+            inner,
             width: space.map.width,
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
@@ -106,15 +106,18 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     fn pose(&self, cell: usize, heading: usize) -> Pose2 {
-        let [x, y] = [(cell % self.width) as f64 + 0.5, (cell / self.width) as f64 + 0.5];
-        Pose2::new(x, y, self.heading_rad(heading))
+        let heading_rad = self.heading_rad(heading);
+        if let Some(gap) = self.inner.gap(cell) {
+            return Pose2::new(gap.at[0], gap.at[1], heading_rad);
+        }
+        Pose2::new((cell % self.width) as f64 + 0.5, (cell / self.width) as f64 + 0.5, heading_rad)
     }
 
     fn is_free(&mut self, cell: usize, heading: usize) -> bool {
         if self.outer.is_open(cell) {
             return true;
         }
-        if !self.inner.is_open(cell) {
+        if !self.inner.takes(cell) {
             return false;
         }
         let state = cell * self.headings + heading;

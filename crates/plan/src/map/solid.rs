@@ -15,10 +15,7 @@ pub struct Solid {
 
 impl Solid {
     pub(super) fn new(corners: Vec<Point>) -> Self {
-        let far = |pick: fn(f64, f64) -> f64, from: f64| {
-            [0, 1].map(|axis| corners.iter().map(|corner: &Point| corner[axis]).fold(from, pick))
-        };
-        let (low, high) = (far(f64::min, f64::INFINITY), far(f64::max, f64::NEG_INFINITY));
+        let [low, high] = range(&corners);
         Solid { corners, low, high }
     }
 
@@ -45,12 +42,9 @@ impl Solid {
         self.sides().filter(crosses).count() % 2 == 1
     }
 
-    /// Whether a convex polygon, counter-clockwise, overlaps it.
-    pub(crate) fn overlaps(&self, convex: &[Point]) -> bool {
-        let range = |pick: fn(f64, f64) -> f64, from: f64| {
-            [0, 1].map(|axis| convex.iter().map(|corner| corner[axis]).fold(from, pick))
-        };
-        self.is_near(range(f64::min, f64::INFINITY), range(f64::max, f64::NEG_INFINITY))
+    /// Whether a convex polygon, counter-clockwise, of which this is the range, overlaps it.
+    pub(crate) fn overlaps(&self, convex: &[Point], [low, high]: [Point; 2]) -> bool {
+        self.is_near(low, high)
             && (self.holds(convex[0]) || self.sides().any(|side| goes_through(side, convex)))
     }
 
@@ -67,11 +61,14 @@ impl Solid {
         let squares = self.sides().map(|side| square_distance([x, y], side));
         squares.fold(enough * enough, f64::min).sqrt()
     }
+}
 
-    /// Whether a disc overlaps it.
-    pub(crate) fn overlaps_disc(&self, [x, y]: Point, radius: f64) -> bool {
-        self.distance([x, y], radius) < radius - TOUCH
-    }
+/// The least and the greatest coordinates of corners.
+pub(crate) fn range(corners: &[Point]) -> [Point; 2] {
+    let far = |pick: fn(f64, f64) -> f64, from: f64| {
+        [0, 1].map(|axis| corners.iter().map(|corner| corner[axis]).fold(from, pick))
+    };
+    [far(f64::min, f64::INFINITY), far(f64::max, f64::NEG_INFINITY)]
 }
 
 /// Whether a piece of a line goes through the inside of a convex polygon (Cyrus and Beck's clipping).
@@ -137,10 +134,11 @@ mod tests {
             (square(-1.0, 2.0, 1.0), false),
             (square(5.5, 5.5, 0.6), true),
         ] {
-            assert_eq!(bay.overlaps(&shape), expected, "{shape:?}");
+            assert_eq!(bay.overlaps(&shape, range(&shape)), expected, "{shape:?}");
         }
         let turned = [[3.0, 1.01], [5.0, 3.01], [3.0, 5.01], [1.0, 3.01]];
-        assert!(!bay.overlaps(&turned) && bay.overlaps(&turned.map(|[x, y]| [x + 0.02, y])));
+        let moved = turned.map(|[x, y]| [x + 0.02, y]);
+        assert!(!bay.overlaps(&turned, range(&turned)) && bay.overlaps(&moved, range(&moved)));
         for (centre, radius, expected) in [
             ([3.0, 3.0], 2.0, false),
             ([3.0, 3.0], 2.001, true),
@@ -148,7 +146,7 @@ mod tests {
             ([7.0, 6.0], 1.41, false),
             ([7.0, 6.0], 1.42, true),
         ] {
-            assert_eq!(bay.overlaps_disc(centre, radius), expected, "{centre:?}");
+            assert_eq!(bay.distance(centre, radius) < radius, expected, "{centre:?}");
         }
     }
 }

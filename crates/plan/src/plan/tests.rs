@@ -154,7 +154,7 @@ fn a_search_ends_where_nobody_waits_for_it() {
         let asked = std::cell::Cell::new(0);
         let is_over = || {
             asked.set(asked.get() + 1);
-            asked.get() > 1
+            true
         };
         let task = Task { until: Until::over(&is_over), ..ask(&space, &footprint, ends) };
         assert_eq!(plan(&task).unwrap_err(), PlanError::Ended);
@@ -196,4 +196,73 @@ fn what_cannot_be_reached_is_told_with_the_reason() {
         tell(&closed, [[1.0, f64::NAN, 0.0], [6.0, 1.0, 0.0]]),
         "start: expected finite numbers, found (1, NaN, 0)"
     );
+}
+
+/// A wall across the room, turned by an angle about its middle, with a door of a width in it; and the poses on both sides of the door.
+fn turned_door(angle_rad: f64, width_m: f64) -> (Space, [[f64; 3]; 2], Vec<Vec<[f64; 2]>>) {
+    let (sin, cos) = angle_rad.sin_cos();
+    let place = |[x, y]: [f64; 2]| [4.013 + cos * x - sin * y, 3.021 + sin * x + cos * y];
+    let walls = [-1.0, 1.0].map(|side| {
+        let (near, far) = (side * 0.5 * width_m, side * 9.0);
+        [[-0.1, near], [0.1, near], [0.1, far], [-0.1, far]].map(place).to_vec()
+    });
+    let mut map = Map::of_room(&[[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]], 0.05).unwrap();
+    walls.iter().for_each(|wall| map.block_polygon(wall));
+    let ends = [-1.5, 1.5].map(|x| {
+        let [x_m, y_m] = place([x, 0.3 * x]);
+        [x_m, y_m, 1.57]
+    });
+    (Space::new(map), ends, walls.to_vec())
+}
+
+/// The least distance from corners of walls to the line that a plan's base_link goes.
+fn least_room_m(plan: &Plan, walls: &[Vec<[f64; 2]>]) -> f64 {
+    let corners = || walls.iter().flatten();
+    let places = plan.poses.windows(2).flat_map(|pair| {
+        (0..20).map(|part| crate::smooth::between(&pair[0], &pair[1], f64::from(part) / 20.0))
+    });
+    let room = places.flat_map(|pose| corners().map(move |[x, y]| (pose.x_m - x).hypot(pose.y_m - y)));
+    room.fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_gap_that_hardly_takes_a_disc_is_found_wherever_it_lies_between_the_cells() {
+    let footprint = Footprint::disc(0.3).unwrap();
+    let needed_m = 2.0 * (footprint.outer_radius_m() + 0.03);
+    for number in 0..40 {
+        let angle_rad = 0.039 * f64::from(number) - 0.78;
+        let (space, ends, walls) = turned_door(angle_rad, needed_m + 0.003);
+        let plan =
+            plan(&ask(&space, &footprint, ends)).unwrap_or_else(|error| panic!("{angle_rad} rad: {error}"));
+        // Straight it would be 3.13 m.
+        assert!(plan.length_m < 3.3, "{angle_rad} rad: {} m", plan.length_m);
+        assert!(least_room_m(&plan, &walls) > 0.3, "{angle_rad} rad");
+        // Its sides are 0.3 m away; they keep 0.03 m.
+        let (closed, ends, _) = turned_door(angle_rad, 0.657);
+        assert!(plan_fails(&closed, &footprint, ends), "{angle_rad} rad");
+    }
+}
+
+fn plan_fails(space: &Space, footprint: &Footprint, ends: [[f64; 3]; 2]) -> bool {
+    // All of the clearance is to be kept: the ends have it.
+    super::plan(&ask(space, footprint, ends)).is_err()
+}
+
+#[test]
+fn a_door_that_one_heading_passes_is_passed_whatever_its_direction() {
+    let footprint = long();
+    for number in 0..12 {
+        let angle_rad = 0.13 * f64::from(number) - 0.75;
+        // The robot is 0.5 m wide and keeps 0.03 m on either side; places and headings of the search are as far apart as to need 0.06 m more.
+        let (space, ends, _) = turned_door(angle_rad, 0.62);
+        let plan =
+            plan(&ask(&space, &footprint, ends)).unwrap_or_else(|error| panic!("{angle_rad} rad: {error}"));
+        assert_eq!(plan.by, By::Turning);
+        let in_door = plan.poses.iter().min_by(|a, b| {
+            let off = |pose: &Pose2| (pose.x_m - 4.013).hypot(pose.y_m - 3.021);
+            off(a).total_cmp(&off(b))
+        });
+        let along_rad = (in_door.unwrap().heading_rad - angle_rad).sin().asin();
+        assert!(along_rad.abs() < 0.1, "{angle_rad} rad: {along_rad} rad off");
+    }
 }
