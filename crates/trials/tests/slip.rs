@@ -113,7 +113,7 @@ fn on_a_floor_that_is_told_nothing_slips_and_the_path_is_late_and_true() {
 /// The square with corners cut by 50 mm, as fast as physics allows where the floor has a friction of 0.5.
 fn fast(law: &'static str, floor: [f64; 2]) -> Slid {
     let [_, (_, blended), ..] = fast::MOTIONS;
-    fast::Case { robot: BMM, law, motion: blended.to_owned(), told: 0.5, floor }.ride()
+    fast::Case { robot: BMM, law, motion: blended.to_owned(), told: 0.5, floor, is_weighed: false }.ride()
 }
 
 #[test]
@@ -133,7 +133,8 @@ fn who_is_thrown_off_a_fast_plan_gets_back_onto_it_by_another_one() {
     let (name, motion) = fast::MOTIONS[0];
     assert_eq!(name, "square");
     let (robot, law) = (MECANUM, "closed_loop_speed");
-    let slid = fast::Case { robot, law, motion: motion.to_owned(), told: 0.5, floor: [0.5, 0.45] }.ride();
+    let (motion, floor) = (motion.to_owned(), [0.5, 0.45]);
+    let slid = fast::Case { robot, law, motion, told: 0.5, floor, is_weighed: false }.ride();
     assert_eq!(slid.end(), "finished");
     println!("mecanum's square: {:?}", slid.run);
     // 15.3 s and 457 mm behind where it is caught up with at a rate.
@@ -154,11 +155,24 @@ fn slip_on_a_floor_of_less_friction_than_was_planned_with_is_told_by_its_name() 
     for name in ["square", "blended"] {
         let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
         let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.35, 0.3]);
-        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor }.ride();
+        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor, is_weighed: false }.ride();
         println!("{name}: {slid:?}");
         assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{name}: {}", slid.end());
         assert!(slid.run.cycles < 1200, "{name}: {} ms", slid.run.cycles);
         let friction = slid.friction.expect("it was found");
         assert!((0.25..0.36).contains(&friction), "{name}: {friction}");
+    }
+}
+
+#[test]
+fn slip_in_a_steady_motion_is_told_where_the_file_says_what_the_robot_weighs() {
+    // The motion; its true final error with its mass told, where it ended 16 and more times as far off without, m.
+    for (name, most_m) in [("circle", 0.015), ("eight", 0.025)] {
+        let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
+        let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.25, 0.2]);
+        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor, is_weighed: true }.ride();
+        println!("{name}: {slid:?}");
+        assert!(slid.told.is_some(), "{name}: {}", slid.end());
+        assert!(slid.run.true_final_m < most_m, "{name}: {} m", slid.run.true_final_m);
     }
 }
