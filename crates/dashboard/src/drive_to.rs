@@ -495,7 +495,7 @@ fn lead(live: &Live, about: &RobotInfo, snapshot: &Snapshot) -> Vec<Pose2> {
         }
     };
     let ahead = (1..=LEADS).map_while(|part| along(f64::from(part) / f64::from(LEADS)));
-    std::iter::once(here).chain(ahead.filter(Pose2::is_finite)).collect()
+    std::iter::once(here).chain(ahead.filter(|pose| pose.is_finite())).collect()
 }
 
 /// The path that is followed, laid where it is.
