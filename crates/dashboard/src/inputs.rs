@@ -46,7 +46,7 @@ pub(crate) struct InputsNews {
 /// Listens to a program until it is gone.
 pub(crate) async fn listen(mut socket: WebSocket, shared: Shared) {
     let mut news = InputsNews::default();
-    let mut allowance = Allowance::of_inputs(shared.elapsed());
+    let mut allowance = Allowance::of_inputs(shared.gate.elapsed());
     let mut interval = tokio::time::interval(TICK);
     interval.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
@@ -67,10 +67,10 @@ pub(crate) async fn listen(mut socket: WebSocket, shared: Shared) {
                 };
                 // Whoever floods: everybody else has a turn after each message.
                 tokio::task::yield_now().await;
-                let taken = if allowance.takes(shared.elapsed()) {
+                let taken = if allowance.takes(shared.gate.elapsed()) {
                     take(&shared, &text)
                 } else {
-                    Counters::count(&shared.counters.flooding);
+                    Counters::count(&shared.gate.counters.flooding);
                     Err("too many messages: 5000 a second are taken".to_owned())
                 };
                 match taken {
@@ -87,7 +87,7 @@ pub(crate) async fn listen(mut socket: WebSocket, shared: Shared) {
 
 fn take(shared: &Shared, text: &str) -> Result<(), String> {
     let sent: SentInputs = serde_json::from_str(text).map_err(|error| {
-        Counters::count(&shared.counters.malformed);
+        Counters::count(&shared.gate.counters.malformed);
         error.to_string()
     })?;
     shared.desk.send_inputs(Stamp::Missing, &sent.source, &sent.values, Some(sent.instant_ms))

@@ -4,6 +4,7 @@
 //! - [`access`]: who may do what: with the token everything, without it reading, and that on loopback alone.
 //! - [`call`]: what a client may ask of the robot, in words of JSON.
 //! - [`robot_info`]: what doesn't change while a robot runs; [`status`]: what does, thirty times a second.
+//! - [`setup_page`]: the page of a robot that is being set up, with a button that is held.
 //! - `states`: every cycle, for programs that follow.
 //! - [`openapi`]: the API described, for programs and people.
 //! - [`Streams`]: the same values for PlotJuggler; `foxglove`: the robot drawn, its events and values for the Foxglove app.
@@ -18,6 +19,7 @@ mod call_handler;
 mod connections;
 mod drive_to;
 mod foxglove;
+mod gate;
 mod inputs;
 pub mod openapi;
 mod page;
@@ -26,6 +28,7 @@ pub mod robot_info;
 mod room_seen;
 mod routes;
 mod server;
+pub mod setup_page;
 mod shared;
 mod socket;
 mod states;
@@ -38,4 +41,5 @@ mod work;
 pub use access::Access;
 pub use robot_info::RobotInfo;
 pub use server::{Dashboard, DashboardError};
+pub use setup_page::SetupPage;
 pub use streams::Streams;

@@ -23,6 +23,14 @@ pub(crate) const FILES: &[(&str, &str, &str)] = &[
     ("warning.js", "text/javascript; charset=utf-8", include_str!("page/warning.js")),
 ];
 
+/// As [`FILES`], of the page on which a robot is set up.
+pub(crate) const SETUP_FILES: &[(&str, &str, &str)] = &[
+    ("", "text/html; charset=utf-8", include_str!("page/setup.html")),
+    ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("setup.css", "text/css; charset=utf-8", include_str!("page/setup.css")),
+    ("setup.js", "text/javascript; charset=utf-8", include_str!("page/setup.js")),
+];
+
 /// What the page may load and connect to: itself.
 pub(crate) const POLICY: &str =
     "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'";

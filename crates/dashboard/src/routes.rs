@@ -15,14 +15,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use crate::access::{COOKIE, Denied, Right};
+use crate::access::{Denied, Right};
 use crate::call::{Call, CallResult, Message};
 use crate::connections::{Peer, READ_AT_ONCE};
+use crate::gate;
 use crate::inputs;
 use crate::openapi;
 use crate::page;
 use crate::room_seen::MapSeen;
-use crate::shared::{SaidNow, Shared, Underway, stamp_of};
+use crate::shared::{SaidNow, Shared, stamp_of};
 use crate::socket;
 use crate::states::{self, Chosen, Wanted};
 use crate::status::{Counters, EventSeen, StatusMessage};
@@ -70,19 +71,6 @@ async fn another_method(method: Method, uri: Uri) -> Response {
     (StatusCode::METHOD_NOT_ALLOWED, Json(why)).into_response()
 }
 
-/// Lets everybody else have a turn, and begins where the request may.
-async fn begun(
-    shared: &Shared,
-    peer: &Peer,
-    headers: &HeaderMap,
-    token: Option<&str>,
-) -> Result<(Right, Underway), Response> {
-    tokio::task::yield_now().await;
-    let right = shared.right(peer, headers, token).map_err(|denied| shared.refuse(denied))?;
-    let underway = shared.begin(peer).map_err(IntoResponse::into_response)?;
-    Ok((right, underway))
-}
-
 #[derive(Deserialize)]
 struct Token {
     token: Option<String>,
@@ -95,15 +83,12 @@ async fn file(
     Query(Token { token }): Query<Token>,
     headers: HeaderMap,
 ) -> Response {
-    let (right, _underway) = match begun(&shared, &peer, &headers, token.as_deref()).await {
+    let (right, _underway) = match shared.gate.begun(&peer, &headers, token.as_deref()).await {
         Ok(begun) => begun,
         Err(refusal) => return refusal,
     };
     if let (Some(token), Right::Command) = (&token, right) {
-        // The token leaves the address, so that it isn't shown, kept or sent on.
-        let cookie = format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
-        return (StatusCode::SEE_OTHER, [(header::SET_COOKIE, cookie.as_str()), (header::LOCATION, "/")])
-            .into_response();
+        return gate::to_cookie(token);
     }
     let name = name.map_or(String::new(), |Path(name)| name);
     match page::FILES.iter().find(|(known, ..)| *known == name) {
@@ -120,7 +105,7 @@ macro_rules! reading {
             Extension(peer): Extension<Peer>,
             headers: HeaderMap,
         ) -> Response {
-            let ($right, _underway) = match begun(&$shared, &peer, &headers, None).await {
+            let ($right, _underway) = match $shared.gate.begun(&peer, &headers, None).await {
                 Ok(begun) => begun,
                 Err(refusal) => return refusal,
             };
@@ -160,7 +145,7 @@ async fn described(
     Extension(peer): Extension<Peer>,
     headers: HeaderMap,
 ) -> Response {
-    let _underway = match begun(&shared, &peer, &headers, None).await {
+    let _underway = match shared.gate.begun(&peer, &headers, None).await {
         Ok(begun) => begun,
         Err(refusal) => return refusal,
     };
@@ -172,7 +157,7 @@ async fn described(
 
 /// Said at once, for a stamp must be fresh; and made once for all who ask at the same time.
 async fn now(State(shared): State<Shared>, Extension(peer): Extension<Peer>, headers: HeaderMap) -> Response {
-    let _underway = match begun(&shared, &peer, &headers, None).await {
+    let _underway = match shared.gate.begun(&peer, &headers, None).await {
         Ok(begun) => begun,
         Err(refusal) => return refusal,
     };
@@ -205,20 +190,20 @@ pub(crate) struct Robot<'a> {
 
 async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, request: Request) -> Response {
     let headers = request.headers().clone();
-    let right = shared.right(&peer, &headers, None);
+    let right = shared.gate.right(&peer, &headers, None);
     // Whoever may not even stop sends no body.
-    let right_to_stop = match shared.right_to_stop(&peer, &headers) {
+    let right_to_stop = match shared.gate.right_to_stop(&peer, &headers) {
         Ok(right) => right,
-        Err(denied) => return shared.refuse(right.err().unwrap_or(denied)),
+        Err(denied) => return shared.gate.refuse(right.err().unwrap_or(denied)),
     };
     let body = match tokio::time::timeout(BODY, Bytes::from_request(request, &())).await {
         Ok(Ok(body)) => body,
         Ok(Err(rejection)) => {
-            Counters::count(&shared.counters.oversized);
+            Counters::count(&shared.gate.counters.oversized);
             return rejection.into_response();
         }
         Err(_) => {
-            Counters::count(&shared.counters.malformed);
+            Counters::count(&shared.gate.counters.malformed);
             let why = CallResult::refused("the body didn't come");
             return (StatusCode::REQUEST_TIMEOUT, [(header::CONNECTION, "close")], Json(why)).into_response();
         }
@@ -235,17 +220,17 @@ async fn call(State(shared): State<Shared>, Extension(peer): Extension<Peer>, re
     tokio::task::yield_now().await;
     match right {
         Ok(Right::Command) => {}
-        Ok(Right::Read) => return shared.refuse(Denied::Token),
-        Err(denied) => return shared.refuse(denied),
+        Ok(Right::Read) => return shared.gate.refuse(Denied::Token),
+        Err(denied) => return shared.gate.refuse(denied),
     }
-    let _underway = match shared.begin(&peer) {
+    let _underway = match shared.gate.begin(&peer) {
         Ok(underway) => underway,
         Err(too_much) => return too_much.into_response(),
     };
     let message = match read(&shared, body).await {
         Ok(Ok(message)) => message,
         Ok(Err(error)) => {
-            Counters::count(&shared.counters.malformed);
+            Counters::count(&shared.gate.counters.malformed);
             return (StatusCode::BAD_REQUEST, Json(CallResult::refused(error))).into_response();
         }
         Err(busy) => return busy.into_response(),
@@ -296,12 +281,12 @@ async fn socket(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let (right, _underway) = match begun(&shared, &peer, &headers, None).await {
+    let (right, _underway) = match shared.gate.begun(&peer, &headers, None).await {
         Ok(begun) => begun,
         Err(refusal) => return refusal,
     };
     if !peer.seat.look() {
-        Counters::count(&shared.counters.crowded);
+        Counters::count(&shared.gate.counters.crowded);
         let why = CallResult::refused("too many pages look on without the token");
         return (StatusCode::SERVICE_UNAVAILABLE, Json(why)).into_response();
     }
@@ -319,9 +304,9 @@ async fn programs(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    match begun(&shared, &peer, &headers, None).await {
+    match shared.gate.begun(&peer, &headers, None).await {
         Ok((Right::Command, _)) => {}
-        Ok((Right::Read, _)) => return shared.refuse(Denied::Token),
+        Ok((Right::Read, _)) => return shared.gate.refuse(Denied::Token),
         Err(refusal) => return refusal,
     }
     peer.seat.look();
@@ -339,7 +324,7 @@ async fn follow(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let (right, _underway) = match begun(&shared, &peer, &headers, None).await {
+    let (right, _underway) = match shared.gate.begun(&peer, &headers, None).await {
         Ok(begun) => begun,
         Err(refusal) => return refusal,
     };
@@ -349,7 +334,7 @@ async fn follow(
     };
     let rows = peer.seat.look().then(|| shared.followers.join(&shared, right)).flatten();
     let Some(rows) = rows else {
-        Counters::count(&shared.counters.crowded);
+        Counters::count(&shared.gate.counters.crowded);
         let why = CallResult::refused("too many programs follow");
         return (StatusCode::SERVICE_UNAVAILABLE, Json(why)).into_response();
     };

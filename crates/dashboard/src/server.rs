@@ -95,12 +95,7 @@ enum Ended {
 impl Dashboard {
     /// Serves a robot's page.
     pub fn start(access: Access, live: Live, about: RobotInfo) -> Result<Dashboard, DashboardError> {
-        let failed = |error| DashboardError::Address { address: access.address, error };
-        let listener = std::net::TcpListener::bind(access.address).map_err(failed)?;
-        // Those that come all at once wait to be taken: where they are turned away they come again after a second.
-        rustix::net::listen(&listener, BACKLOG).map_err(|error| failed(error.into()))?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
+        let (listener, address) = listen(access.address)?;
         Dashboard::serve(Door::Network(listener), address, access, live, about)
     }
 
@@ -124,7 +119,7 @@ impl Dashboard {
         live: Live,
         about: RobotInfo,
     ) -> Result<Dashboard, DashboardError> {
-        let viewers = about.streams.foxglove.map(for_viewers).transpose()?;
+        let viewers = about.streams.foxglove.map(listen).transpose()?;
         let foxglove = viewers.as_ref().map(|(_, address)| *address);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -191,13 +186,22 @@ impl Drop for Dashboard {
     }
 }
 
-/// Where viewers come, and its address.
-fn for_viewers(address: SocketAddr) -> Result<(std::net::TcpListener, SocketAddr), DashboardError> {
+/// A place where people come, and its address.
+pub(crate) fn listen(address: SocketAddr) -> Result<(std::net::TcpListener, SocketAddr), DashboardError> {
     let failed = |error| DashboardError::Address { address, error };
     let listener = std::net::TcpListener::bind(address).map_err(failed)?;
+    // Those that come all at once wait to be taken: where they are turned away they come again after a second.
+    rustix::net::listen(&listener, BACKLOG).map_err(|error| failed(error.into()))?;
     listener.set_nonblocking(true).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
     Ok((listener, address))
+}
+
+/// Takes those who come there, until that ends by itself.
+pub(crate) async fn accept_network(listener: std::net::TcpListener, counters: Arc<Counters>, routes: Router) {
+    if let Ok(listener) = TcpListener::from_std(listener) {
+        accept(Listener::Network(listener), counters, routes).await;
+    }
 }
 
 async fn serve(
@@ -217,14 +221,10 @@ async fn serve(
         shared.work.spawn(streams::plot(shared.live.clone(), shared.desk.about.rows(), target));
     }
     if let Some(listener) = viewers {
-        let (routes, counters) = (foxglove::show(&shared), shared.counters.clone());
-        shared.work.spawn(async move {
-            if let Ok(listener) = TcpListener::from_std(listener) {
-                accept(Listener::Network(listener), counters, routes).await;
-            }
-        });
+        let (routes, counters) = (foxglove::show(&shared), shared.gate.counters.clone());
+        shared.work.spawn(accept_network(listener, counters, routes));
     }
-    let accepting = tokio::spawn(accept(listener, shared.counters.clone(), routes::all(shared)));
+    let accepting = tokio::spawn(accept(listener, shared.gate.counters.clone(), routes::all(shared)));
     let over = async {
         let _ = ended.await;
     };

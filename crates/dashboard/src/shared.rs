@@ -3,20 +3,16 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use axum::Json;
-use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::{IntoResponse, Response};
 use omnibase_robot::signals::RequestAnswer;
 use omnibase_run::live::{Answer, Asker, Live, Stamp};
 use tokio::sync::watch;
 
-use crate::access::{Access, Denied, Right};
+use crate::access::Access;
 use crate::call::{Call, CallResult};
 use crate::call_handler::{CallHandler, Reply};
-use crate::connections::{Asking, Network, Peer};
+use crate::gate::Gate;
 use crate::states::Followers;
 use crate::status::{Counters, NS_OF_MS, SourceSeen, StatusMessage, unfit};
-use crate::strangers::{Strangers, TooMuch};
 use crate::work::{For, Waiting, Work};
 
 /// The longest wait for the robot's answer.
@@ -27,14 +23,11 @@ const LOOK: Duration = Duration::from_millis(5);
 /// What all requests share. Each lock in it is held for a moment, and never while something is computed.
 #[derive(Clone)]
 pub(crate) struct Shared {
-    access: Arc<Access>,
+    pub(crate) gate: Gate,
     pub(crate) desk: Arc<CallHandler>,
     pub(crate) live: Live,
-    pub(crate) counters: Arc<Counters>,
     pub(crate) work: Work,
     pub(crate) followers: Arc<Followers>,
-    strangers: Arc<Strangers>,
-    began: Instant,
     /// The latest message, to all pages.
     pub(crate) sender: watch::Sender<Arc<str>>,
     /// What `/api/now` said last.
@@ -47,98 +40,18 @@ pub(crate) struct SaidNow {
     pub(crate) text: Arc<str>,
 }
 
-/// A request that is under way; at its end there is room for another one of its network.
-pub(crate) struct Underway {
-    shared: Shared,
-    network: Network,
-    _asking: Asking,
-}
-
-impl Drop for Underway {
-    fn drop(&mut self) {
-        self.shared.strangers.end(self.network);
-    }
-}
-
 impl Shared {
     pub(crate) fn new(access: Access, desk: CallHandler, counters: Arc<Counters>, work: Work) -> Self {
         let (sender, _) = watch::channel(Arc::from("{}"));
         Shared {
-            access: Arc::new(access),
+            gate: Gate::new(access, counters),
             live: desk.live.clone(),
             desk: Arc::new(desk),
-            counters,
             work,
             followers: Arc::default(),
-            strangers: Arc::default(),
-            began: Instant::now(),
             sender,
             now: Arc::default(),
         }
-    }
-
-    /// The right of a request.
-    pub(crate) fn right(
-        &self,
-        peer: &Peer,
-        headers: &HeaderMap,
-        in_query: Option<&str>,
-    ) -> Result<Right, Denied> {
-        if peer.is_owner {
-            return Ok(Right::Command);
-        }
-        let shown = self.access.shown(headers, in_query)?;
-        let (now, network) = (self.began.elapsed(), Network::of(peer.address.ip()));
-        let Some(token) = shown else { return self.access.right(peer.address.ip(), None) };
-        // Whoever showed it on this connection before is no guesser.
-        if let Some(wait) = self.strangers.wait(now, network)
-            && !peer.seat.is_proven()
-        {
-            return Err(Denied::Wait(wait));
-        }
-        let right = self.access.right(peer.address.ip(), shown);
-        match right {
-            Ok(Right::Command) => peer.seat.prove(),
-            Ok(Right::Read) | Err(_) => self.strangers.wrong(now, network, token),
-        }
-        right
-    }
-
-    /// The right of a stop, or its release: tokens are always looked at, for nobody guesses 128 bits, and neither waits.
-    pub(crate) fn right_to_stop(&self, peer: &Peer, headers: &HeaderMap) -> Result<Right, Denied> {
-        if peer.is_owner {
-            return Ok(Right::Command);
-        }
-        let shown = self.access.shown(headers, None)?;
-        self.access.right(peer.address.ip(), shown)
-    }
-
-    pub(crate) fn refuse(&self, denied: Denied) -> Response {
-        Counters::count(&self.counters.denied);
-        match denied {
-            Denied::Wait(wait) => {
-                let wait_s = wait.as_secs_f64().ceil().to_string();
-                let headers = [(header::RETRY_AFTER, wait_s), (header::CONNECTION, "close".to_owned())];
-                (StatusCode::TOO_MANY_REQUESTS, headers, denied.text()).into_response()
-            }
-            Denied::Origin | Denied::Token | Denied::Site | Denied::Hosts => {
-                (StatusCode::FORBIDDEN, denied.text()).into_response()
-            }
-        }
-    }
-
-    /// A request that is no stop begins, where its network didn't ask too much.
-    pub(crate) fn begin(&self, peer: &Peer) -> Result<Underway, TooMuch> {
-        let network = Network::of(peer.address.ip());
-        self.strangers.begin(self.began.elapsed(), network).inspect_err(|_| {
-            Counters::count(&self.counters.flooding);
-        })?;
-        Ok(Underway { shared: self.clone(), network, _asking: peer.seat.ask() })
-    }
-
-    /// Time since the server began.
-    pub(crate) fn elapsed(&self) -> Duration {
-        self.began.elapsed()
     }
 
     /// Carries a call out, elsewhere where that takes more than a moment.
@@ -167,7 +80,7 @@ impl Shared {
         seen.taught_points = self.live.points().map(|points| points.len());
         seen.walls = self.desk.drive_to.walls_number();
         seen.drive_to = self.desk.drive_to.seen();
-        seen.server = self.counters.all();
+        seen.server = self.gate.counters.all();
     }
 
     /// The messages from now on.
@@ -219,15 +132,4 @@ impl Shared {
 /// A stamp as messages have it.
 pub(crate) fn stamp_of(stamp_ms: Option<u64>) -> Stamp {
     stamp_ms.map_or(Stamp::Missing, |ms| Stamp::Told(ms.saturating_mul(NS_OF_MS)))
-}
-
-impl IntoResponse for TooMuch {
-    fn into_response(self) -> Response {
-        let why = match self {
-            TooMuch::Rate => "this address asks too often",
-            TooMuch::Asking => "this address asks too much at the same time",
-        };
-        let headers = [(header::RETRY_AFTER, "1"), (header::CONNECTION, "close")];
-        (StatusCode::TOO_MANY_REQUESTS, headers, Json(CallResult::refused(why))).into_response()
-    }
 }

@@ -93,14 +93,14 @@ impl Drop for Session {
 pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
     let mut session = (right == Right::Command).then(|| Session::begin(&shared)).flatten();
     if right == Right::Command && session.is_none() {
-        Counters::count(&shared.counters.crowded);
+        Counters::count(&shared.gate.counters.crowded);
     }
     if say(&mut socket, &welcome(session.as_ref(), right, shared.stamp())).await.is_none() {
         return;
     }
     let mut message = shared.subscribe();
     let (answers, mut answered) = mpsc::channel::<Answer>(WAITING);
-    let (mut allowance, mut dropped) = (Allowance::new(shared.elapsed()), 0);
+    let (mut allowance, mut dropped) = (Allowance::new(shared.gate.elapsed()), 0);
     let lane = Lane::new(&shared, &answers);
     let mut delay_ms = None;
     loop {
@@ -125,22 +125,22 @@ pub(crate) async fn talk(mut socket: WebSocket, shared: Shared, right: Right) {
                     Some(Ok(Frame::Text(text))) => text,
                     Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => continue,
                     Some(Ok(Frame::Binary(_))) => {
-                        Counters::count(&shared.counters.malformed);
+                        Counters::count(&shared.gate.counters.malformed);
                         continue;
                     }
                     Some(Ok(Frame::Close(_))) | None => return,
                     Some(Err(error)) => {
                         // Too long a message ends the connection.
                         if error.to_string().contains("too long") {
-                            Counters::count(&shared.counters.oversized);
+                            Counters::count(&shared.gate.counters.oversized);
                         }
                         return;
                     }
                 };
                 // Whoever floods: everybody else has a turn after each message.
                 tokio::task::yield_now().await;
-                if !allowance.takes(shared.elapsed()) {
-                    Counters::count(&shared.counters.flooding);
+                if !allowance.takes(shared.gate.elapsed()) {
+                    Counters::count(&shared.gate.counters.flooding);
                     dropped += 1;
                     if dropped > MOST_DROPPED {
                         return;
@@ -280,7 +280,7 @@ impl Job {
                 Err(why) => (number, Reply::CallResult(CallResult::not_done(why))),
             },
             Err(why) => {
-                Counters::count(&shared.counters.malformed);
+                Counters::count(&shared.gate.counters.malformed);
                 (0, Reply::CallResult(CallResult::refused(why)))
             }
         };
@@ -316,7 +316,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
     let asker = shared.live.asker(client, Stamp::Missing);
     if text.len() > READ_AT_ONCE {
         if caller == Caller::Reader {
-            Counters::count(&shared.counters.denied);
+            Counters::count(&shared.gate.counters.denied);
         } else {
             lane.push(Job { caller, asker, what: What::Written(text.to_owned()) });
         }
@@ -325,7 +325,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
     let message = match Message::read(text.as_bytes()) {
         Ok(message) => message,
         Err(error) => {
-            Counters::count(&shared.counters.malformed);
+            Counters::count(&shared.gate.counters.malformed);
             lane.say(0, CallResult::refused(error));
             return None;
         }
@@ -333,7 +333,7 @@ fn hear(text: &str, caller: Caller, lane: &Lane) -> Option<u64> {
     let Message { number, stamp_ms, .. } = message;
     if let Err(why) = caller.client(&message.call) {
         if message.call != Call::Alive {
-            Counters::count(&shared.counters.denied);
+            Counters::count(&shared.gate.counters.denied);
             lane.say(number, CallResult::not_done(why));
         }
         return stamp_ms;

@@ -222,7 +222,7 @@ pub(crate) async fn stream(
             received = socket.recv() => match received {
                 Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => {}
                 // Here nothing is asked.
-                Some(Ok(Frame::Text(_) | Frame::Binary(_))) => Counters::count(&shared.counters.malformed),
+                Some(Ok(Frame::Text(_) | Frame::Binary(_))) => Counters::count(&shared.gate.counters.malformed),
                 Some(Ok(Frame::Close(_)) | Err(_)) | None => return,
             },
         }

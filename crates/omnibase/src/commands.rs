@@ -81,6 +81,9 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
     }
 }
 
+/// Where a page is served unless something else is said.
+const DASHBOARD: &str = "127.0.0.1:8400";
+
 /// Finds the SubDevices behind `target`; an error says where it looked.
 fn scan_bus(bus: &mut AnyBus, target: &Target) -> anyhow::Result<()> {
     bus.scan().with_context(|| target.to_string())?;

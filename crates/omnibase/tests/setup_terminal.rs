@@ -25,8 +25,9 @@ struct Terminal {
 impl Terminal {
     fn new(output: &Path) -> Self {
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        // As under nohup: a terminal that is gone doesn't end it by a signal.
         let command = format!(
-            "{} setup sim:{root}/segments/three-servos.toml --robot {root}/robots/bmm.toml -o {}",
+            "trap '' HUP; exec {} setup sim:{root}/segments/three-servos.toml --robot {root}/robots/bmm.toml -o {}",
             env!("CARGO_BIN_EXE_omnibase"),
             output.display()
         );
@@ -94,6 +95,14 @@ fn jogs(output: &Path) -> Vec<(String, u64, u64)> {
         .collect()
 }
 
+/// Whether some program still writes this file.
+fn is_running(output: &Path) -> bool {
+    let output = output.to_str().unwrap();
+    let all = std::fs::read_dir("/proc").unwrap().map_while(Result::ok);
+    let said = all.filter_map(|one| std::fs::read(one.path().join("cmdline")).ok());
+    said.map(|said| String::from_utf8_lossy(&said).into_owned()).any(|said| said.contains(output))
+}
+
 #[test]
 fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,5 +155,12 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     again.wait(&["hold the key: SubDevice 0 turns"], |_| {});
     again.script.kill().unwrap();
     again.script.wait().unwrap();
-    assert_eq!(jogs(&output).len(), before);
+    let begun = Instant::now();
+    while is_running(&output) {
+        assert!(begun.elapsed() < STUCK, "the terminal is gone, and it goes on");
+        std::thread::sleep(REPEAT);
+    }
+    assert!(
+        jogs(&output).iter().skip(before).all(|(line, enabled, _)| *enabled == 0 && line.contains("Gone"))
+    );
 }

@@ -152,14 +152,14 @@ impl<'a, C: Clock> Guide<'a, C> {
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         for step in Step::ALL {
             if self.record.done.contains(&step) {
-                self.hand.tell(&format!("done before: {}", step.words()));
+                self.hand.step(step, true);
                 // Who was there must be there still.
                 if step == Step::Find {
                     self.compare()?;
                 }
                 continue;
             }
-            self.hand.tell(&format!("step: {}", step.words()));
+            self.hand.step(step, false);
             let done = match step {
                 Step::Find => self.find().map(|()| true)?,
                 Step::Jog => self.jog_all()?,

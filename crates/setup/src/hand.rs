@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::record::Step;
+
 /// What was heard of the key in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
@@ -45,9 +47,19 @@ pub trait Hand {
     /// Is told something.
     fn tell(&mut self, text: &str);
 
+    /// A step begins, or, where it was done before, is passed over.
+    fn step(&mut self, step: Step, was_done: bool) {
+        let word = if was_done { "done before" } else { "step" };
+        self.tell(&format!("{word}: {}", step.words()));
+    }
+
     /// A time begins in which a held key moves a drive; `what` says what it does.
     fn take_key(&mut self, what: &str);
 
     /// What was heard of the key since the last cycle. Called in every cycle of a motion: doesn't wait.
     fn key(&mut self) -> Key;
+
+    /// What a drive or the robot does meanwhile: whether it is enabled, and how far it went in counts, m or rad. Called in every cycle
+    /// of a motion: doesn't wait.
+    fn moves(&mut self, _is_enabled: bool, _travel: f64) {}
 }

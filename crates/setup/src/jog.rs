@@ -169,6 +169,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             let step = i64::from(position.wrapping_sub(last));
             last = position;
             jog.travel_counts += step;
+            hand.moves(progress == Progress::Running, jog.travel_counts as f64);
             speeds[cycles as usize % WINDOW_CYCLES] = step as f64;
             let told = if plan.speed_units == 0 { 0.0 } else { plan.counts_per_cycle * share };
             let seen = runs_away(&speeds, told).or_else(|| {
@@ -180,6 +181,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             }
         };
         jog.end = end;
+        hand.moves(false, jog.travel_counts as f64);
         jog.travel_counts += self.end(&mut enabling, cycles, last)?;
         Ok(jog)
     }

@@ -1,4 +1,4 @@
-// The SubDevices' own objects: names at once, types and values where somebody looks. One question at a time, beside the cycle.
+// The SubDevices' own objects: names at once, types and values where somebody looks. A few questions at a time, beside the cycle.
 
 /** CoE data types by their codes: a name, and what bytes are. */
 const TYPES = {
@@ -7,6 +7,8 @@ const TYPES = {
   8: ["f32", (bytes) => new DataView(bytes.buffer).getFloat32(0, true)],
   9: ["string", (bytes) => JSON.stringify(new TextDecoder().decode(bytes).replace(/\0+$/, ""))],
 };
+/** Questions of this page that are under way: a SubDevice answers one after the other, and none of them waits for this page. */
+const AT_ONCE = 3;
 const READABLE = 7, WRITABLE = 0x38, VARIABLE = 7;
 
 function number(isSigned) {
@@ -53,10 +55,14 @@ export class Objects {
     if (turn !== this.turn) return;
     if (!done) return this.say(text);
     this.list.replaceChildren();
-    for (const index of data.indices) {
-      const found = await this.ask({ do: "sdo_object", subdevice, object: hex(index, 4) });
+    const asked = (index) => this.ask({ do: "sdo_object", subdevice, object: hex(index, 4) });
+    const under_way = data.indices.slice(0, AT_ONCE).map(asked);
+    for (const [at, index] of data.indices.entries()) {
+      const found = await under_way.shift();
       if (turn !== this.turn) return;
       this.list.append(this.object(subdevice, index, found));
+      const next = data.indices[at + AT_ONCE];
+      if (next !== undefined) under_way.push(asked(next));
     }
   }
 

@@ -2,30 +2,40 @@
 
 mod heard;
 mod lines;
+mod page;
 mod person;
 
+use super::DASHBOARD;
 use super::calibrate::{Known, write};
 use crate::Outcome;
 use crate::progress::note;
+use crate::real_time::RealTime;
 use crate::target::{AnyClock, Manners, Port, Target};
+use crate::token;
 use anyhow::Context;
+use omnibase_dashboard::Access;
 use omnibase_ethercat::wire::Link;
-use omnibase_robot::Registry;
+use omnibase_host::stop_on_signals;
+use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, Step, Wished};
+use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, Step, Wished, robot_file};
+use std::convert::Infallible;
 use std::io::{BufReader, Write};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Sets a robot up: which drive turns which wheel, which way and how far, with a held key; ends in its file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase setup eth1 --robot robots/bmm.toml -o mine.toml      begun with a file whose platform is right
   omnibase setup eth1 --robot robots/bmm.toml -o mine.toml      the same again: taken up where it was left
+  omnibase setup eth1 --robot robots/bmm.toml -o mine.toml --dashboard   on a page, with a button to be held
   omnibase setup eth1 --robot robots/bmm.toml -o mine.toml --lines   a program answers, line by line (JSON)
 
-ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar is held, at a tenth of its
-rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal that is gone, stops
-it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
+ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar, or the page's button, is held,
+at a tenth of its rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal or page
+that is gone, stops it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
 emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. What was
 found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
@@ -35,6 +45,8 @@ pub struct Arguments {
     target: Target,
     #[command(flatten)]
     manners: Manners,
+    #[command(flatten)]
+    real_time: RealTime,
     /// A robot's file whose platform, limits and names of wheels hold; what it says of drives is confirmed.
     #[arg(long, value_name = "FILE")]
     robot: PathBuf,
@@ -50,6 +62,24 @@ pub struct Arguments {
     /// Questions on the standard output, answers on the standard input, a JSON object each line.
     #[arg(long)]
     lines: bool,
+    /// Serve a page on which the questions are answered and a button is held, in place of the terminal. Elsewhere than on
+    /// loopback nobody gets in without the token.
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = DASHBOARD,
+        conflicts_with = "lines"
+    )]
+    dashboard: Option<SocketAddr>,
+    /// A file of mode 0600 with the page's secret. Otherwise the environment variable OMNIBASE_TOKEN says it, or a new one
+    /// is made.
+    #[arg(long, value_name = "FILE", requires = "dashboard")]
+    token_file: Option<PathBuf>,
+    /// Refused: everybody would see it.
+    #[arg(long, hide = true, value_parser = token::refused)]
+    token: Option<Infallible>,
     /// Begin anew, whatever was done before.
     #[arg(long)]
     anew: bool,
@@ -75,7 +105,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         }
         _ => Record::default(),
     };
+    let plan = robot_file::plan(&base, &Registry::with_built_in())?;
     let wished = Wished {
+        cycle: Duration::from_nanos(plan.bus.cycle_ns),
         wheel_speed_rad_s: speed,
         torque_per_mille: arguments.torque_per_mille,
         ..Wished::new(base)
@@ -92,53 +124,108 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     };
     let mut kept = Ok(());
     let mut keep = |record: &Record| kept = write_whole(&state, record.to_json());
-    let mut hand: Box<dyn Hand> = if arguments.lines {
-        Box::new(lines::Lines::new(BufReader::new(std::io::stdin()), std::io::stdout()))
-    } else {
-        Box::new(person::Person::default())
-    };
+    let mut hand = Operator::of(arguments, &plan)?;
+    // The page's thread is there by now.
+    let _granted = arguments.real_time.apply(wished.cycle)?;
     let mut back_up = |position: u16, bytes: &[u8]| {
         let path = beside(&arguments.output, &format!("eeprom-{position}.bin"));
         // What it held at first is what may be wanted back.
         if path.exists() { Ok(()) } else { write_whole(&path, bytes).map_err(|error| format!("{error:#}")) }
     };
-    let outside = Outside { hand: hand.as_mut(), keep: &mut keep, back_up: &mut back_up };
+    let outside = Outside { hand: hand.as_hand(), keep: &mut keep, back_up: &mut back_up };
     let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
     let record = guide.record.clone();
     let calibrated = if record.takes_calibration { guide.calibrated()? } else { None };
-    drop(hand);
-    write_whole(&state, record.to_json())?;
-    write_whole(&told, in_words(&record))?;
-    kept?;
-    match ended? {
-        Ended::Left(text) => {
-            if let Some(text) = text {
-                write_whole(&arguments.output, text)?;
-            }
-            note(format_args!("left; the same command takes it up again (`{}`)", state.display()));
+    let finish = || {
+        write_whole(&state, record.to_json())?;
+        write_whole(&told, in_words(&record))?;
+        kept?;
+        finished(arguments, ended?, calibrated.as_ref())
+    };
+    let finished = finish();
+    let words = match &finished {
+        Ok(true) => {
+            let (file, told) = (arguments.output.display(), told.display());
+            format!(
+                "{file} is written; {} findings, in {told}\nnext: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}",
+                record.findings.len()
+            )
+        }
+        Ok(false) => format!("left; the same command takes it up again (`{}`)", state.display()),
+        Err(error) => format!("{error:#}"),
+    };
+    hand.end(&words);
+    match finished {
+        Ok(true) if arguments.lines => Ok(Outcome::Done),
+        Ok(true) => {
+            writeln!(output, "{words}")?;
+            Ok(Outcome::Done)
+        }
+        Ok(false) => {
+            note(format_args!("{words}"));
             Ok(Outcome::Failed)
         }
-        Ended::File(text) => {
-            let text = match &calibrated {
-                Some(calibrated) => with_wheels(&text, calibrated)?,
-                None => text,
-            };
-            write_whole(&arguments.output, text)?;
-            let file = arguments.output.display();
-            if !arguments.lines {
-                writeln!(
-                    output,
-                    "{file} is written; {} findings, in {}",
-                    record.findings.len(),
-                    told.display()
-                )?;
-                writeln!(
-                    output,
-                    "next: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}"
-                )?;
-            }
-            Ok(Outcome::Done)
+        Err(error) => Err(error),
+    }
+}
+
+/// Writes what it came to; whether it is the whole file.
+fn finished(arguments: &Arguments, ended: Ended, calibrated: Option<&Calibrated>) -> anyhow::Result<bool> {
+    let (text, is_whole) = match ended {
+        Ended::Left(text) => (text, false),
+        Ended::File(text) => match calibrated {
+            Some(calibrated) => (Some(with_wheels(&text, calibrated)?), true),
+            None => (Some(text), true),
+        },
+    };
+    if let Some(text) = text {
+        write_whole(&arguments.output, text)?;
+    }
+    Ok(is_whole)
+}
+
+/// Whoever is asked and holds the key.
+enum Operator {
+    /// At the terminal.
+    Person(person::Person),
+    /// A program.
+    Lines(lines::Lines<std::io::Stdout>),
+    /// At the page.
+    Page(Box<page::Page>),
+}
+
+impl Operator {
+    fn of(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<Self> {
+        if arguments.lines {
+            let input = BufReader::new(std::io::stdin());
+            return Ok(Operator::Lines(lines::Lines::new(input, std::io::stdout())));
+        }
+        let Some(address) = arguments.dashboard else {
+            return Ok(Operator::Person(person::Person::default()));
+        };
+        let mut access = Access::new(address).context("making a token")?;
+        if let Some(token) = token::given(arguments.token_file.as_deref())? {
+            access.token = token;
+        }
+        let stop = stop_on_signals().context("signals")?;
+        let page = page::Page::start(access.clone(), plan, stop)?;
+        note(format_args!("dashboard: {}", access.url(page.address())));
+        Ok(Operator::Page(Box::new(page)))
+    }
+
+    fn as_hand(&mut self) -> &mut dyn Hand {
+        match self {
+            Operator::Person(person) => person,
+            Operator::Lines(lines) => lines,
+            Operator::Page(page) => page.as_mut(),
+        }
+    }
+
+    /// Is told how it ended.
+    fn end(self, words: &str) {
+        if let Operator::Page(page) = self {
+            page.end(words.to_owned());
         }
     }
 }

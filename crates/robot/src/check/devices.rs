@@ -121,6 +121,7 @@ impl Device<'_> {
         let group = self.group(place, &outputs, &inputs);
         let setting = self.setting("every");
         let every = rates::resolve(self.check, self.file, &setting, own, !outputs.is_empty());
+        let sync0_shift_ns = rates::sync0(self.check, &self.file.bus, &self.table, own);
         let axis = match axis {
             Some(axis) => Some(axis?),
             None => None,
@@ -142,6 +143,7 @@ impl Device<'_> {
             place: place?,
             group: group?,
             every: every?,
+            sync0_shift_ns: sync0_shift_ns?,
             kind: kind.name.to_owned(),
             identity,
             outputs,

@@ -22,6 +22,8 @@ pub struct DevicePlan {
     pub group: Option<String>,
     /// In which cycles its process data go.
     pub every: bus_config::Every,
+    /// Its SYNC0 against the cycle, ns; `None` where it has none of its own.
+    pub sync0_shift_ns: Option<i32>,
     /// Its kind by name.
     pub kind: String,
     /// Who must be there.
@@ -162,6 +164,18 @@ impl DevicePlan {
         tolerated.saturating_add(1).saturating_mul(self.every.cycles().into()) - 1
     }
 
+    /// A drive's set points act at the beat of the others; who is slow has a SYNC0 behind each of its own frames.
+    fn dc(&self, bus: &BusPlan) -> bus_config::DcConfig {
+        match self.sync0_shift_ns {
+            _ if self.axis.is_some() => bus.dc(),
+            Some(shift_ns) => bus_config::DcConfig::Sync0 {
+                cycle_ns: bus.cycle_ns as u32 * u32::from(self.every.cycles()),
+                shift_ns,
+            },
+            None => bus_config::DcConfig::Off,
+        }
+    }
+
     fn presence(&self) -> bus_config::Presence {
         self.group.as_deref().map_or_else(Default::default, |group| bus_config::Presence::Group(group.into()))
     }
@@ -188,8 +202,7 @@ impl DevicePlan {
             every: self.every,
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             watchdogs,
-            // A drive's set points act at the beat of the others.
-            dc: if self.axis.is_some() { bus.dc() } else { Default::default() },
+            dc: self.dc(bus),
             sync_mode: self.axis.is_some().then(|| bus.sync_mode()),
             ..Default::default()
         }

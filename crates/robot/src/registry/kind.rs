@@ -138,6 +138,8 @@ pub(super) const PERIPHERAL: Sort = Sort {
         "identification",
         "group",
         "every",
+        "sync0",
+        "sync0_shift_us",
         "kind",
         "vendor_id",
         "product_code",

@@ -97,14 +97,30 @@ impl SubDeviceFacts {
     }
 }
 
-/// Bytes of objects, by position and index.
-type Remembered = BTreeMap<(u16, u16), Vec<u8>>;
+/// What doesn't change while a robot runs, by what was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Lasting {
+    /// The bytes of an object, by position, index and subindex.
+    Value(u16, u16, u8),
+    /// The indices of all objects of the SubDevice at this position.
+    List(u16),
+    /// What an object is, by position and index.
+    Object(u16, u16),
+    /// What an entry is, by position, index and subindex.
+    Entry(u16, u16, u8),
+}
+
+/// What was told of it.
+type Remembered = BTreeMap<Lasting, Vec<u8>>;
+
+/// So much is remembered: the dictionaries of many devices.
+const MOST_REMEMBERED: usize = 1 << 16;
 
 /// Everybody else's end; clones talk to the same robot, and none of them waits for the cycle.
 #[derive(Clone)]
 pub struct AcyclicLine {
     shared: Arc<Mutex<Asker>>,
-    /// Objects that don't change while it runs: what units are told by.
+    /// Descriptions, and what units are told by: asked for once.
     remembered: Arc<Mutex<Remembered>>,
     facts: Arc<OnceLock<Vec<SubDeviceFacts>>>,
 }
@@ -158,18 +174,39 @@ impl AcyclicLine {
     }
 
     /// What was read once; nobody's reading waits for another one's.
-    pub(super) fn remembered(
+    pub(super) fn remembered<E>(
         &self,
-        at: (u16, u16),
-        read: impl FnOnce() -> Option<Vec<u8>>,
-    ) -> Option<Vec<u8>> {
-        let known = || self.remembered.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if let Some(found) = known().get(&at) {
-            return Some(found.clone());
+        what: Lasting,
+        read: impl FnOnce() -> Result<Vec<u8>, E>,
+    ) -> Result<Vec<u8>, E> {
+        if let Some(found) = self.known().get(&what) {
+            return Ok(found.clone());
         }
         let found = read()?;
-        known().insert(at, found.clone());
-        Some(found)
+        let mut known = self.known();
+        if known.len() < MOST_REMEMBERED {
+            known.insert(what, found.clone());
+        }
+        Ok(found)
+    }
+
+    /// The first SubDevice whose descriptions are this one's: of the same product and revision, with the same list of objects, for
+    /// modules change it. Itself before its list is known.
+    pub(super) fn like(&self, position: u16) -> u16 {
+        let product = |facts: &SubDeviceFacts| {
+            (facts.identity.vendor_id, facts.identity.product_code, facts.identity.revision)
+        };
+        let known = self.known();
+        let list = |position| known.get(&Lasting::List(position));
+        let Some(own) = self.subdevices().get(usize::from(position)) else { return position };
+        let Some(own_list) = list(position) else { return position };
+        let is_like =
+            |one: &&SubDeviceFacts| product(one) == product(own) && list(one.position) == Some(own_list);
+        self.subdevices().iter().find(is_like).map_or(position, |one| one.position)
+    }
+
+    fn known(&self) -> MutexGuard<'_, Remembered> {
+        self.remembered.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     fn asker(&self) -> MutexGuard<'_, Asker> {

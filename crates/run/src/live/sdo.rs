@@ -15,7 +15,7 @@ use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{SdoWriteRule, parse_object};
 use serde::{Deserialize, Serialize};
 
-use super::acyclic::{AcyclicLine, Permission, SubDeviceFacts};
+use super::acyclic::{AcyclicLine, Lasting, Permission, SubDeviceFacts};
 
 /// The longest wait for an answer: each message to a SubDevice has 2 s of its own.
 const ANSWER: Duration = Duration::from_secs(3);
@@ -151,28 +151,52 @@ impl AcyclicLine {
     /// What the SubDevice says of an entry's type.
     pub fn sdo_type(&self, place: SdoPlace) -> Result<EntryType, SdoError> {
         let operation = Operation::DescribeEntry { object: place.object, value_info: 0 };
-        let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
-        let bytes = self.mailbox(place.position, request, Permission::Always)?;
+        let ObjectAddress { index, subindex } = place.object;
+        let what = Lasting::Entry(self.like(place.position), index, subindex);
+        let bytes = self.described(what, place.position, operation, LONGEST)?;
         let entry = EntryType::read(&bytes).ok_or_else(|| too_short(place, &bytes))?;
         let read = |object: ObjectAddress| {
-            let at = (place.position, object.index);
-            self.remembered(at, || self.sdo_read(SdoPlace { object, ..place }).ok())
+            let place = SdoPlace { object, ..place };
+            let what = Lasting::Value(place.position, object.index, object.subindex);
+            self.remembered(what, || self.sdo_read(place)).ok()
         };
         Ok(EntryType { unit: entry_unit(place.object, read), ..entry })
     }
 
     /// What the SubDevice says of an object; its subindex doesn't count.
     pub fn sdo_object(&self, place: SdoPlace) -> Result<ObjectType, SdoError> {
-        let operation = Operation::DescribeObject { index: place.object.index };
-        let request = MailboxRequest::new(operation, Vec::with_capacity(LONGEST));
-        let bytes = self.mailbox(place.position, request, Permission::Always)?;
+        let index = place.object.index;
+        let operation = Operation::DescribeObject { index };
+        let bytes = self.described(
+            Lasting::Object(self.like(place.position), index),
+            place.position,
+            operation,
+            LONGEST,
+        )?;
         ObjectType::read(&bytes).ok_or_else(|| too_short(place, &bytes))
     }
 
     /// The indices of all objects of a SubDevice.
     pub fn sdo_list(&self, position: u16) -> Result<Vec<u16>, SdoError> {
-        let request = MailboxRequest::new(Operation::List(ObjectList::All), Vec::with_capacity(LONGEST_LIST));
-        Ok(list_indices(&self.mailbox(position, request, Permission::Always)?).collect())
+        let operation = Operation::List(ObjectList::All);
+        let bytes = self.described(Lasting::List(position), position, operation, LONGEST_LIST)?;
+        Ok(list_indices(&bytes).collect())
+    }
+
+    /// What doesn't change while the robot runs: asked for once.
+    fn described(
+        &self,
+        what: Lasting,
+        position: u16,
+        operation: Operation,
+        longest: usize,
+    ) -> Result<Vec<u8>, SdoError> {
+        self.remembered(what, || {
+            let request = MailboxRequest::new(operation, Vec::with_capacity(longest));
+            let mut bytes = self.mailbox(position, request, Permission::Always)?;
+            bytes.shrink_to_fit();
+            Ok(bytes)
+        })
     }
 
     /// Writes an object, where and when the plan allows it.

@@ -77,11 +77,15 @@ impl Unknown {
         format!("{document}\n{more}")
     }
 
+    /// Its file on blocks, and as it stands on its floor.
+    pub fn placed(&self, on_blocks: bool) -> String {
+        let text = self.text("");
+        let on_floor = "[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 7.0\n";
+        if on_blocks { text.replace(on_floor, ON_BLOCKS) } else { text }
+    }
+
     fn plan(&self, on_blocks: bool) -> RobotPlan {
-        let mut text = self.text("");
-        if on_blocks {
-            text = text.replace("[simulation]\nmass_kg = 70.0\ninertia_kg_m2 = 7.0\n", ON_BLOCKS);
-        }
+        let mut text = self.placed(on_blocks);
         if let Some(wheel) = self.turned_encoder {
             text = text.replace(
                 "[simulation]\n",

@@ -365,6 +365,7 @@ impl<C: Clock> Guide<'_, C> {
                 next_kept = cycles + cycles_of(KEPT_S);
                 drive.leg.turned_rad.push(std::mem::replace(&mut wheels, vec![0.0; plan.drives.len()]));
             }
+            self.hand.moves(is_enabled_by(&plan, session.image()), gone(way, moved, turned_rad));
             let has_gone = gone(way, moved, turned_rad) >= way.far;
             drive.has_arrived |= has_gone;
             if was_held && !held || drive.is_gone {
@@ -394,6 +395,7 @@ impl<C: Clock> Guide<'_, C> {
                 _ => None,
             };
         }
+        self.hand.moves(false, gone(way, Pose2::new(drive.leg.told[0], drive.leg.told[1], 0.0), turned_rad));
         // Without torque until it stands.
         for _ in 0..cycles_of(2.0) {
             let (exchange, times) = session.exchange()?;

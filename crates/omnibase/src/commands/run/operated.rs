@@ -4,6 +4,7 @@ use super::joystick_thread::JoystickThread;
 use super::receivers;
 use crate::WrongUsage;
 use crate::bridges::{Bridge, Bridges};
+use crate::commands::DASHBOARD;
 use crate::progress::{note, warn};
 use crate::token;
 use anyhow::Context;
@@ -24,8 +25,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Where the page is served unless something else is said.
-const DASHBOARD: &str = "127.0.0.1:8400";
 /// The longest silence of a page that is still there, ns.
 const SESSION_AGE_NS: u64 = 1_000_000_000;
 

@@ -5,6 +5,7 @@ use crate::terminal::shown;
 use omnibase_setup::{Answer, Hand, Key, Question};
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
 use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
+use rustix::event::{PollFd, PollFlags, Timespec};
 use std::io::{BufRead, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,9 +51,22 @@ fn listen(heard: &Heard, end: &AtomicBool) {
     }
 }
 
+/// Waits so long for something at the terminal; whether that is gone. Whoever waits for its events then does so for ever.
+fn has_hung_up(longest: Duration) -> bool {
+    let stdin = std::io::stdin();
+    let mut looked = [PollFd::new(&stdin, PollFlags::IN)];
+    let gone = PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL;
+    rustix::event::poll(&mut looked, Timespec::try_from(longest).ok().as_ref()).is_ok_and(|ready| ready > 0)
+        && looked[0].revents().intersects(gone)
+}
+
 /// Waits so long for something at the keyboard; whether there was something.
 fn hear(heard: &Heard, longest: Duration) -> bool {
-    let event = match poll(longest) {
+    if has_hung_up(longest) {
+        heard.gone();
+        return false;
+    }
+    let event = match poll(Duration::ZERO) {
         Ok(false) => return false,
         Ok(true) => read(),
         Err(error) => Err(error),
