@@ -208,6 +208,18 @@ pub fn between_tapes(side_m: f64, pace: Pace, wheels: &[Wheel]) -> Vec<Figure> {
     list
 }
 
+/// What drives of figures by the expected platform, one after the other, are expected to show: standard deviations, and what
+/// stays unseen.
+pub fn foreseen(
+    figures: &[Figure],
+    expected: &Build,
+    tolerances: &Tolerances,
+    witness: Witness,
+) -> Result<Solution, SolveError> {
+    let runs = figures.iter().map(|figure| figure.drawn(expected, witness)).collect::<Result<_, _>>()?;
+    solve(&Dataset { runs }, expected, tolerances)
+}
+
 /// What tells where the platform is while it drives a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Witness {
@@ -252,16 +264,6 @@ impl Figure {
         let pose = Pose2::new(from[1] + part * way[0], from[2] + part * way[1], from[3] + part * way[2]);
         let twist_in_world = Twist2::new(rate * way[0], rate * way[1], rate * way[2]);
         (pose, twist_in_world.rotated(-pose.heading_rad))
-    }
-
-    /// What a drive of it by the expected platform is expected to show: standard deviations, and what stays unseen.
-    pub fn foreseen(
-        &self,
-        expected: &Build,
-        tolerances: &Tolerances,
-        witness: Witness,
-    ) -> Result<Solution, SolveError> {
-        solve(&Dataset { runs: vec![self.drawn(expected, witness)?] }, expected, tolerances)
     }
 
     /// A drive without any error.

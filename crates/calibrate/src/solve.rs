@@ -18,8 +18,8 @@ use crate::unknown::{Asked, Unknown, build_at, moved_frame};
 use crate::way::{Steps, Way};
 use factors::{Knots, Linear, Turned};
 
-/// Steps at most.
-const MOST_STEPS: usize = 30;
+/// Steps at most: poses that count for less let each step take away but a share of what is left.
+const MOST_STEPS: usize = 100;
 /// A step's halves at most.
 const MOST_HALVES: usize = 12;
 /// How often the floor is looked at, each time with what was found so far.

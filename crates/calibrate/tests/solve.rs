@@ -137,7 +137,7 @@ fn what_no_motion_shows_is_named_and_stays() {
     assert_eq!(words.len(), 4 + 3, "{words:#?}");
     let (build, tolerances) = expected(layout::mecanum4(0.24, 0.21, 0.076));
     let witness = figures::Witness::Poses(PoseSensor::default());
-    let solution = by_name("line").foreseen(&build, &tolerances, witness).unwrap();
+    let solution = figures::foreseen(&[by_name("line")], &build, &tolerances, witness).unwrap();
     let words: Vec<String> = unseen(&solution, &build).into_iter().map(|one| one.words).collect();
     assert!(
         words.iter().any(|words| words.starts_with("what wheels contradict each other by")),
@@ -150,7 +150,7 @@ fn a_line_shows_less_than_a_star_with_turns() {
     let (build, tolerances) = expected(layout::bmm(0.38, 0.4, 0.1));
     let witness = figures::Witness::Poses(PoseSensor::default());
     let dark = |name: &str| {
-        let solution = by_name(name).foreseen(&build, &tolerances, witness).unwrap();
+        let solution = figures::foreseen(&[by_name(name)], &build, &tolerances, witness).unwrap();
         unseen(&solution, &build).len()
     };
     let counts = ["line", "turns", "star", "full"].map(dark);

@@ -61,6 +61,53 @@ fn a_recording_with_its_truth_says_what_the_robot_is_like() {
     assert!(truer["runs"][0]["by_file"]["rms_m"].as_f64().unwrap() < 2e-3, "{}", truer["runs"][0]);
 }
 
+/// A tracker that is elsewhere than its file says and sends no covariance, and a gyro that tells 0.2 % too much.
+#[test]
+fn what_was_found_of_sensors_stands_in_their_tables_afterwards() {
+    let folder = Folder::new("calibrate-sensors");
+    let (robot, kept, new) = (folder.path("robot.toml"), folder.path("kept"), folder.path("found.toml"));
+    let text = std::fs::read_to_string(command_line::root().join("robots/bmm_tracked.toml")).unwrap();
+    let elsewhere = "jitter_ms = 3.0\nposition_error_m = [0.004, -0.003]\nheading_error_rad = 0.02\n";
+    std::fs::write(&robot, text.replace("jitter_ms = 3.0", elsewhere)).unwrap();
+    let by = ["--truth", "source:tracker", "--gyro", "imu.turn"];
+    let drive = ["calibrate", &robot, "--drive", "--recordings", &kept, "--figure", "square", "--side", "1"];
+    said(&[&drive[..], &by, &["--write", &new]].concat());
+    let text = std::fs::read_to_string(&new).unwrap();
+    let file: toml_edit::DocumentMut = text.parse().unwrap();
+    let sensors = file["sensor"].as_array_of_tables().unwrap();
+    let found = |place: usize, key: &str| sensors.get(place).unwrap()[key].as_float().unwrap();
+    assert!((found(0, "scale") - 1.0 / 1.002).abs() < 3e-4, "{text}");
+    assert!((found(1, "heading_rad") - 0.02).abs() < 2e-3, "{text}");
+    assert!((found(1, "delay_ms") - 20.0).abs() < 1.0, "{text}");
+    let position: Vec<f64> = sensors.get(1).unwrap()["position_m"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|coordinate| coordinate.as_float())
+        .collect();
+    assert!((position[0] - 0.104).hypot(position[1] + 0.053) < 1e-3, "{text}");
+    // From there on the same recording is as expected: nothing of the sensors is found anew.
+    let recording = format!("{kept}/1-square.mcap");
+    let again = object(&[&["calibrate", &new, "--from", &recording], &by[..]].concat());
+    for unknown in again["unknowns"].as_array().unwrap() {
+        let (name, change) = (unknown["name"].as_str().unwrap(), unknown["change"].as_f64().unwrap());
+        let bound = if name == "gyro scale" || name == "sensor delay" { 1e-4 } else { 2e-4 };
+        assert!(!(name.contains("sensor") || name == "gyro scale") || change.abs() < bound, "{unknown}");
+    }
+}
+
+#[test]
+fn more_rounds_with_a_tape_are_expected_to_show_more() {
+    let shown = said(&["calibrate", BMM, "--rounds", "2", "--show"]);
+    assert_eq!(shown.matches("turning-left:").count(), 2, "{shown}");
+    let direction = |rounds: &str| -> f64 {
+        let line = shown.lines().find(|line| line.starts_with(rounds)).unwrap();
+        line.split_whitespace().nth(4).unwrap().parse().unwrap()
+    };
+    let ratio = direction("--rounds 1") / direction("--rounds 4");
+    assert!((1.6..2.1).contains(&ratio), "{ratio}: {shown}");
+}
+
 #[test]
 fn figures_are_shown_before_anything_turns_and_kept_inside_the_fence() {
     let shown = said(&["calibrate", BMM, "--truth", "source:mocap", "--show"]);

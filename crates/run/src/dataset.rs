@@ -39,7 +39,12 @@ pub struct Witnesses {
 #[derive(Clone, Debug, PartialEq)]
 pub enum PosesFrom {
     /// A `[[source]]` that carries poses.
-    Source(String),
+    Source {
+        /// Its name.
+        name: String,
+        /// Noise of its sensor, m and rad, which is added to covariances that are sent.
+        sigma: [f64; 2],
+    },
     /// The simulator's truth, as such a sensor would have seen it.
     Simulator(PoseSensor),
 }
@@ -102,7 +107,7 @@ pub enum DatasetReadError {
     },
     /// A variance that is none.
     #[error(
-        "`{name}`, {at_s:.3} s: {signal} is {found}, expected a variance above 0: it says how far a pose is believed"
+        "`{name}`, {at_s:.3} s: {signal} is {found}, expected a variance above 0, or a `[[sensor]]` of these poses: it says how far a pose is believed"
     )]
     Variance {
         /// Whose.
@@ -130,7 +135,7 @@ pub fn run_of(
     let mut run = reader.wheels(name)?;
     let mut random = Random::new(witnesses.seed);
     match &witnesses.poses {
-        Some(PosesFrom::Source(source)) => run.poses = reader.poses(source)?,
+        Some(PosesFrom::Source { name, sigma }) => run.poses = reader.poses(name, *sigma)?,
         Some(PosesFrom::Simulator(sensor)) => run.poses = sensor.poses(&reader.truth()?, &mut random),
         None => {}
     }
@@ -224,7 +229,7 @@ impl<'a> Reader<'a> {
         Ok(rows)
     }
 
-    fn poses(&self, name: &str) -> Result<Vec<PoseSample>, DatasetReadError> {
+    fn poses(&self, name: &str, sigma: [f64; 2]) -> Result<Vec<PoseSample>, DatasetReadError> {
         let source = self.plan.sources.iter().find(|source| source.name == name);
         if source.is_none_or(|source| source.carries != Carries::Pose) {
             let found = match source {
@@ -237,22 +242,23 @@ impl<'a> Reader<'a> {
         let of = |signal: &str| self.column(&topic, signal, "a pose consists of it");
         let (x, y, heading) = (of("x_m")?, of("y_m")?, of("heading_rad")?);
         let (xx, yy, hh) = (of("covariance_xx_m2")?, of("covariance_yy_m2")?, of("covariance_hh_rad2")?);
+        let own = sigma.map(|sigma| sigma * sigma);
         let mut poses = Vec::new();
         for (row, instant_s) in self.heard(name)? {
             if ![x[row], y[row]].iter().all(|value| value.is_finite()) {
                 continue;
             }
-            let variance = |signal, found: f64| {
-                if found.is_finite() && found > 0.0 {
-                    return Ok(found);
+            let variance = |signal, found: f64, own: f64| {
+                if found.is_finite() && found >= 0.0 && found + own > 0.0 {
+                    return Ok(found + own);
                 }
                 Err(DatasetReadError::Variance { name: name.to_owned(), at_s: instant_s, signal, found })
             };
-            let position_m2 =
-                0.5 * (variance("covariance_xx", xx[row])? + variance("covariance_yy", yy[row])?);
+            let position_m2 = 0.5
+                * (variance("covariance_xx", xx[row], own[0])? + variance("covariance_yy", yy[row], own[0])?);
             let has_heading = heading[row].is_finite();
             let sigma_rad =
-                if has_heading { variance("covariance_hh", hh[row])?.sqrt() } else { f64::INFINITY };
+                if has_heading { variance("covariance_hh", hh[row], own[1])?.sqrt() } else { f64::INFINITY };
             let world_from_sensor = Pose2::new(x[row], y[row], if has_heading { heading[row] } else { 0.0 });
             poses.push(PoseSample { instant_s, world_from_sensor, sigma_m: position_m2.sqrt(), sigma_rad });
         }

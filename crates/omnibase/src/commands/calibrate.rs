@@ -15,6 +15,7 @@ use drive::Driven;
 use omnibase_calibrate::{Build, Dataset, Drift, SensorMount, Solution, Tolerances, solve};
 use omnibase_measure::measured::FloorPose;
 use omnibase_platform::Wheel;
+use omnibase_robot::config::{InputOwner, SensorName, SensorPlan};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::{Registry, RobotPlan};
 pub(crate) use recordings::one_recording;
@@ -63,35 +64,40 @@ pub struct Arguments {
     /// Side of the square about the platform that the figures take, m; default: 2.
     #[arg(long, value_name = "M", value_parser = metres, conflicts_with = "from")]
     side: Option<f64>,
+    /// How many times the figures between which a tape measures are driven: ± go down with its root; default: 1.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=20), conflicts_with_all = ["from", "truth"])]
+    rounds: Option<u8>,
     /// Where the recordings of --drive are kept.
     #[arg(long, value_name = "FOLDER", default_value = "calibration")]
     recordings: PathBuf,
-    /// Poses: `source:NAME`, a [[source]] with carries = \"pose\"; or `simulator`, made up from its truth with noise (100 Hz, 1 mm,
+    /// Poses: `source:NAME`, a [[source]] with carries = "pose"; or `simulator`, made up from its truth with noise (100 Hz, 1 mm,
     /// 3 mrad, 20 ms late).
     #[arg(long, value_name = "WHO")]
     truth: Option<Truth>,
     /// The gyro: an input by its name, as gyro.turn, rad/s to the left; or `simulator`. Default: safety.gyro_input of the robot file.
     #[arg(long, value_name = "WHO")]
     gyro: Option<Gyro>,
-    /// Where the platform stood on the floor, \"x y heading\" in m, m and rad (or 90deg): before and after each recording, in order.
+    /// Where the platform stood on the floor, "x y heading" in m, m and rad (or 90deg): before and after each recording, in order.
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     tape: Vec<FloorPose>,
     /// Standard deviations of a place by tape, mm and mrad.
     #[arg(long, value_name = "MM MRAD", default_value = "1 2", value_parser = pair)]
     tape_sigma: [f64; 2],
-    /// Where the sensor of poses is mounted in base: \"x y heading\" in m, m and rad (or 90deg).
-    #[arg(long, value_name = "POSE", default_value = "0 0 0", allow_hyphen_values = true)]
-    sensor: FloorPose,
+    /// Where the sensor of poses is mounted in base: "x y heading" in m, m and rad (or 90deg); default: as the robot file's [[sensor]] of
+    /// these poses says, else 0 0 0.
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    sensor: Option<FloorPose>,
     /// How well that is known: standard deviations, mm and mrad.
     #[arg(long, value_name = "MM MRAD", default_value = "5 30", value_parser = pair)]
     sensor_sigma: [f64; 2],
-    /// How late its poses are, ms, where that is known roughly.
-    #[arg(long, value_name = "MS", default_value_t = 0.0)]
-    delay_ms: f64,
+    /// How late its poses are, ms, where that is known roughly; default: as that [[sensor]] says, else 0.
+    #[arg(long, value_name = "MS")]
+    delay_ms: Option<f64>,
     /// Seed of the robot of a rehearsal, and of the noise with which the simulator's truth is seen.
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
-    /// Write a robot file with what was found: the wheels one by one, everything else as it is.
+    /// Write a robot file with what was found: the wheels one by one, in its [[sensor]] the mounting and delay of the poses and the
+    /// scale of the gyro, everything else as it is.
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
     /// Write over that file where it is there already.
@@ -228,7 +234,11 @@ pub fn run(
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
     if let Some(path) = &arguments.write {
-        write::write(path, arguments.overwrite, &source.text.text, (&known, &solution), registry)?;
+        let names = write::SensorNames {
+            tracker: tracker(&plan, arguments.truth.as_ref()).map(|one| one.name.as_str()),
+            gyro: recordings::gyro(&plan, arguments.gyro.as_ref()).map(|one| one.name.as_str()),
+        };
+        write::write(path, arguments.overwrite, &source.text.text, (&known, &solution, names), registry)?;
         note(format_args!(
             "{}: compare it with {}, and keep it if it is better",
             path.display(),
@@ -248,20 +258,50 @@ fn drifts(dataset: &Dataset, known: &Known, solution: &Solution) -> anyhow::Resu
     .collect()
 }
 
+/// The robot file's sensor of poses: that of the source that tells them, of another's poses the first one.
+pub(crate) fn tracker<'a>(plan: &'a RobotPlan, truth: Option<&Truth>) -> Option<&'a SensorPlan> {
+    let mut trackers = plan.sensors.iter().filter(|one| one.kind == SensorName::Pose);
+    match truth {
+        Some(Truth::Source(name)) => trackers.find(|one| match one.from {
+            InputOwner::Source(place) => plan.sources[place].name == *name,
+            InputOwner::Device(_) => false,
+        }),
+        _ => trackers.next(),
+    }
+}
+
+/// Where a sensor of poses is mounted and how late it is, as the robot file says.
+pub(crate) fn mount_of(tracker: Option<&SensorPlan>) -> SensorMount {
+    tracker.map_or(SensorMount::default(), |one| SensorMount {
+        base_from_sensor: one.sensor.body_from_sensor,
+        delay_s: one.delay_ns as f64 * 1e-9,
+    })
+}
+
 impl Arguments {
+    /// Where the sensor of poses is expected: as the command line says, or the file.
+    fn mount(&self, plan: &RobotPlan) -> SensorMount {
+        let of_file = mount_of(tracker(plan, self.truth.as_ref()));
+        SensorMount {
+            base_from_sensor: self.sensor.map_or(of_file.base_from_sensor, |told| told.0),
+            delay_s: self.delay_ms.map_or(of_file.delay_s, |ms| 1e-3 * ms),
+        }
+    }
+
     /// What the file expects, and how well.
     fn known(&self, plan: &RobotPlan) -> Known {
         let wheels = plan.kinematics.wheels().iter().zip(&plan.drives);
         let named = wheels.map(|(wheel, drive)| Wheel { name: drive.name.clone(), ..wheel.clone() });
         let settings = covariance_settings(&plan.estimator);
         let [sensor_m, sensor_rad] = self.sensor_sigma;
+        let sensor = self.mount(plan);
         let ready = Tolerances::default();
         Known {
             build: Build {
                 wheels: named.collect(),
                 creep: plan.estimator.creep.unwrap_or(0.0),
                 roller_resistance: plan.estimator.roller_resistance.unwrap_or(0.03),
-                sensor: SensorMount { base_from_sensor: self.sensor.0, delay_s: 1e-3 * self.delay_ms },
+                sensor,
                 gyro_scale: 0.0,
             },
             tolerances: Tolerances {

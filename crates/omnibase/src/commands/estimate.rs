@@ -7,9 +7,9 @@ use crate::commands::calibrate::{Gyro, Truth, one_recording};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::Context;
 use errors::{Stamped, TrajectoryErrors};
-use omnibase_calibrate::Run;
+use omnibase_calibrate::{Run, Step};
 use omnibase_fusion::{Filter, FilterSettings, Motion, Reading, Sensor, SensorKind, Verdict};
-use omnibase_platform::Pose2;
+use omnibase_platform::{PerWheel, Pose2};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::{Registry, RobotPlan};
 use serde_json::json;
@@ -59,6 +59,9 @@ pub struct Arguments {
 
 /// Instants of a recording count from here, ns: none is before the clock.
 const BEGIN_NS: u64 = 10_000_000_000;
+
+/// Wheels that are read more seldom count as turning evenly in between: poses find their instants, s.
+const EVENLY_S: f64 = 5e-3;
 
 /// Where the platform was, as wheels alone and as all together say.
 struct Believed {
@@ -143,7 +146,8 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
     let gyro = known(SensorKind::Turn).unwrap_or(Sensor::of(SensorKind::Turn));
     let tracker =
         Sensor { sigma: [0.0; 3], ..known(SensorKind::Pose).unwrap_or(Sensor::of(SensorKind::Pose)) };
-    let step_ns = run.steps.first().map_or(1e6, |step| 1e9 * (step.end_s - run.begin_s)) as u64;
+    let steps = even_steps(run);
+    let step_ns = steps.first().map_or(1e6, |step| 1e9 * (step.end_s - run.begin_s)) as u64;
     let settings = FilterSettings::new(&plan.kinematics, covariance_settings(&plan.estimator), step_ns);
     let sensors = if every_pose.is_some() { vec![gyro, tracker] } else { vec![gyro] };
     let mut filter = Filter::new(settings, &sensors);
@@ -152,7 +156,7 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
     let mut poses = run.poses.iter().step_by(every_pose.unwrap_or(1) as usize).peekable();
     let mut believed = Believed { wheels: Vec::new(), fused: Vec::new(), verdicts: Vec::new() };
     let mut odom_from_body = Pose2::default();
-    for step in &run.steps {
+    for step in &steps {
         let (way, _) = plan.kinematics.body_step(&step.turned_rad);
         odom_from_body = odom_from_body.moved_by(way);
         // Nobody follows the pose.
@@ -181,6 +185,22 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
     let names = ["gyro", "poses"].into_iter().take(sensors.len()).enumerate();
     believed.verdicts = names.map(|(place, name)| (name, filter.verdict(place).0)).collect();
     believed
+}
+
+/// The wheels' steps, none longer than [`EVENLY_S`].
+fn even_steps(run: &Run) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let mut from_s = run.begin_s;
+    for step in &run.steps {
+        let time_s = step.end_s - from_s;
+        let parts = (time_s / EVENLY_S - 1e-6).ceil().max(1.0) as u32;
+        let turned_rad = PerWheel::from_fn(step.turned_rad.len(), |n| step.turned_rad[n] / f64::from(parts));
+        let end_s = |part: u32| from_s + time_s * f64::from(part) / f64::from(parts);
+        steps.extend((1..parts).map(|part| Step { end_s: end_s(part), turned_rad }));
+        steps.push(Step { end_s: step.end_s, turned_rad });
+        from_s = step.end_s;
+    }
+    steps
 }
 
 /// As SLAM's programs read trajectories.

@@ -51,6 +51,36 @@ fn a_table_of_anybody_is_taken_and_what_it_lacks_is_said() {
     let relative_m = told["wheels"]["relative_m"].as_f64().unwrap();
     // Over a metre as it is believed, which is 1 % too long.
     assert!((relative_m - 0.01 / 1.01).abs() < 1e-4, "{told}");
+    // Wheels that are read each 40 ms, seen 20 ms in between by a sensor that is 10 cm to the left.
+    let robot = folder.path("robot.toml");
+    let sensor = "\n[estimator]\nkind = \"fused\"\n[[source]]\nname = \"tracker\"\ncarries = \"pose\"\n[[sensor]]\nname = \"mocap\"\n\
+                  kind = \"pose\"\nfrom = \"tracker\"\nposition_m = [0.0, 0.1]\ndelay_ms = 20\n";
+    std::fs::write(&robot, std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + sensor)
+        .unwrap();
+    let mut seldom =
+        String::from("time_s,wheel_1_rad,wheel_2_rad,wheel_3_rad,pose_x_m,pose_y_m,pose_heading_rad\n");
+    for n in 0..=200 {
+        let time_s = 0.04 * f64::from(n);
+        // Straight ahead, then round about itself.
+        let (x_m, heading) = (0.5 * time_s.min(4.0), 0.5 * (time_s - 4.0).max(0.0));
+        let (seen_x_m, seen_heading) =
+            (0.5 * (time_s - 0.02).clamp(0.0, 4.0), 0.5 * (time_s - 4.02).max(0.0));
+        let (ahead, turned) = (x_m / 0.1 * 3.0_f64.sqrt() / 2.0, -heading * 0.4 / 0.1);
+        let (sin, cos) = seen_heading.sin_cos();
+        seldom += &format!(
+            "{time_s:.3},{},{},{},{},{},{seen_heading}\n",
+            0.95 * turned,
+            turned - ahead,
+            turned + ahead,
+            seen_x_m - 0.1 * sin,
+            0.1 * cos
+        );
+    }
+    std::fs::write(&table, &seldom).unwrap();
+    let output = omnibase(&["estimate", &robot, &table, "--json"]);
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["wheels"]["absolute_m"].as_f64().unwrap() < 2e-3, "{told}");
     std::fs::write(&table, text.replace("pose_x_m,pose_y_m,pose_heading_rad", "a,b,c")).unwrap();
     let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
     assert!(!output.status.success() && words(&output.stderr).contains("has no poses to compare with"));

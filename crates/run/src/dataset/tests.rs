@@ -43,7 +43,7 @@ fn recorded(plan: &RobotPlan, change: impl Fn(u64, &mut CycleRecord)) -> Recorde
 
 fn by_source() -> Witnesses {
     Witnesses {
-        poses: Some(PosesFrom::Source("mocap".to_owned())),
+        poses: Some(PosesFrom::Source { name: "mocap".to_owned(), sigma: [0.0; 2] }),
         gyro: Some(GyroFrom::Input("gyro.turn".to_owned())),
         seed: 0,
     }
@@ -71,6 +71,22 @@ fn wheels_poses_and_turns_come_with_their_own_instants() {
 }
 
 #[test]
+fn a_sensors_own_noise_is_added_to_covariances_and_does_without_them() {
+    let plan = plan();
+    let sigma = |change: &dyn Fn(u64, &mut CycleRecord)| {
+        let poses = Some(PosesFrom::Source { name: "mocap".to_owned(), sigma: [2e-3, 4e-3] });
+        let witnesses = Witnesses { poses, ..Witnesses::default() };
+        let run = run_of(&recorded(&plan, change), &plan, "run", &witnesses).unwrap();
+        [run.poses[3].sigma_m, run.poses[3].sigma_rad]
+    };
+    // As motion capture tells them that says nothing of how well it knows.
+    let untold = sigma(&|_, cycle| cycle.signals.inputs[3..9].fill(0.0));
+    assert!((untold[0] - 2e-3).abs() < 1e-12 && (untold[1] - 4e-3).abs() < 1e-12, "{untold:?}");
+    let told = sigma(&|_, _| {});
+    assert!((told[0] - 6.5e-6_f64.sqrt()).abs() < 1e-12 && (told[1] - 5e-3).abs() < 1e-12, "{told:?}");
+}
+
+#[test]
 fn what_a_recording_lacks_is_told() {
     let plan = plan();
     let words = |change: &dyn Fn(u64, &mut CycleRecord), witnesses: &Witnesses| {
@@ -84,8 +100,10 @@ fn what_a_recording_lacks_is_told() {
     };
     let silent = |_: u64, cycle: &mut CycleRecord| cycle.signals.heard = 0;
     let certain = |_: u64, cycle: &mut CycleRecord| cycle.signals.inputs[6] = 0.0;
-    let poses =
-        |name: &str| Witnesses { poses: Some(PosesFrom::Source(name.to_owned())), ..Witnesses::default() };
+    let poses = |name: &str| {
+        let from = PosesFrom::Source { name: name.to_owned(), sigma: [0.0; 2] };
+        Witnesses { poses: Some(from), ..Witnesses::default() }
+    };
     let simulator =
         Witnesses { poses: Some(PosesFrom::Simulator(PoseSensor::default())), ..Witnesses::default() };
     let gyro = Witnesses { gyro: Some(GyroFrom::Input("gyro.rate".to_owned())), ..Witnesses::default() };
@@ -97,7 +115,7 @@ fn what_a_recording_lacks_is_told() {
         (words(&silent, &by_source()), "`mocap` said nothing in this run"),
         (
             words(&certain, &by_source()),
-            "`mocap`, 0.000 s: covariance_yy is 0, expected a variance above 0: it says how far a pose is believed",
+            "`mocap`, 0.000 s: covariance_yy is 0, expected a variance above 0, or a `[[sensor]]` of these poses: it says how far a pose is believed",
         ),
         (
             words(&same, &poses("gyro")),

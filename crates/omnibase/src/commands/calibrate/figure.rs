@@ -22,6 +22,8 @@ const ROOM: f64 = 0.8;
 /// No faster than this, whatever the limits: treads creep with acceleration.
 const GENTLE: Pace =
     Pace { speed_m_s: 0.4, acceleration_m_s2: 0.4, turn_speed_rad_s: 0.8, turn_acceleration_rad_s2: 0.8 };
+/// How often the figures for a tape may be driven, as `--show` compares them.
+const COMPARED_ROUNDS: [usize; 3] = [1, 2, 4];
 /// Poses at which the way is compared with the fence, per second.
 const LOOKS_PER_S: f64 = 20.0;
 
@@ -68,7 +70,8 @@ pub(super) fn has_gyro(arguments: &Arguments, plan: &RobotPlan) -> bool {
 pub(super) fn chosen(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<Vec<Figure>> {
     let (side_m, pace) = (arguments.side.unwrap_or(SIDE_M), pace(plan));
     if arguments.truth.is_none() && arguments.figure.is_none() {
-        return Ok(figures::between_tapes(side_m, pace, plan.kinematics.wheels()));
+        let once = figures::between_tapes(side_m, pace, plan.kinematics.wheels());
+        return Ok(vec![once; usize::from(arguments.rounds.unwrap_or(1))].concat());
     }
     let all = figures::all(side_m, pace, plan.kinematics.wheels());
     let name = arguments.figure.as_deref().unwrap_or(DEFAULT);
@@ -137,11 +140,17 @@ pub(super) fn compare(
     output: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let witness = witness(arguments, plan);
-    let figures = match witness {
+    let (side_m, pace, wheels) = (arguments.side.unwrap_or(SIDE_M), pace(plan), plan.kinematics.wheels());
+    let compared: Vec<(String, Vec<Figure>)> = match witness {
         Witness::Poses(_) => {
-            figures::all(arguments.side.unwrap_or(SIDE_M), pace(plan), plan.kinematics.wheels())
+            let all = figures::all(side_m, pace, wheels);
+            all.into_iter().map(|figure| (figure.name.to_owned(), vec![figure])).collect()
         }
-        Witness::GyroAndTape(..) | Witness::Tape(_) => return Ok(()),
+        Witness::GyroAndTape(..) | Witness::Tape(_) => {
+            let once = figures::between_tapes(side_m, pace, wheels);
+            let rounds = |count: usize| (format!("--rounds {count}"), vec![once.clone(); count].concat());
+            COMPARED_ROUNDS.map(rounds).into()
+        }
     };
     writeln!(output, "expected of each figure, ± of the worst wheel:")?;
     writeln!(
@@ -149,9 +158,10 @@ pub(super) fn compare(
         "{:<10} {:>6} {:>10} {:>12} {:>10} {:>14}",
         "", "s", "radius %", "direction °", "across mm", "not observed"
     )?;
-    for figure in figures {
-        let solution = figure.foreseen(&known.build, &known.tolerances, witness)?;
-        line(figure.name, figure.duration_s(), &solution, unseen(&solution, &known.build).len(), output)?;
+    for (name, figures) in compared {
+        let solution = figures::foreseen(&figures, &known.build, &known.tolerances, witness)?;
+        let duration_s: f64 = figures.iter().map(Figure::duration_s).sum();
+        line(&name, duration_s, &solution, unseen(&solution, &known.build).len(), output)?;
     }
     writeln!(output)?;
     Ok(())

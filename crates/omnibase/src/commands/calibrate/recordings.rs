@@ -1,14 +1,14 @@
 //! Recordings as one dataset.
 
-use super::{Arguments, Gyro, Truth};
+use super::{Arguments, Gyro, Truth, mount_of, tracker};
 use crate::WrongUsage;
 use crate::progress::warn;
 use anyhow::Context;
 use omnibase_calibrate::rehearsal::{GyroSensor, PoseSensor};
 use omnibase_calibrate::{Dataset, PlaceSample, Run, SensorMount};
-use omnibase_fusion::SensorKind;
 use omnibase_measure::measured::FloorPose;
 use omnibase_record::run::RecordedRun;
+use omnibase_robot::config::{SensorName, SensorPlan};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::dataset::table::run_of_table;
 use omnibase_run::dataset::{GyroFrom, PosesFrom, Witnesses, run_of};
@@ -60,7 +60,10 @@ pub(super) fn read_all(
 
 fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesses {
     let told = (arguments.truth.as_ref(), arguments.gyro.as_ref());
-    let mount = SensorMount { base_from_sensor: arguments.sensor.0, ..PoseSensor::default().mount };
+    let mount = SensorMount {
+        base_from_sensor: arguments.mount(plan).base_from_sensor,
+        ..PoseSensor::default().mount
+    };
     witnesses_of(told, mount, plan, arguments.seed.wrapping_add(number as u64))
 }
 
@@ -71,11 +74,7 @@ pub(crate) fn one_recording(
     registry: &Registry,
     told: (Option<&Truth>, Option<&Gyro>),
 ) -> anyhow::Result<Run> {
-    let tracker = plan.sensors.iter().find(|one| one.sensor.kind == SensorKind::Pose);
-    let mount = tracker.map_or(SensorMount::default(), |one| SensorMount {
-        base_from_sensor: one.sensor.body_from_sensor,
-        delay_s: one.delay_ns as f64 * 1e-9,
-    });
+    let mount = mount_of(tracker(plan, told.0));
     let mut run = read_one(path, plan, registry, &witnesses_of(told, mount, plan, 1))?;
     run.poses.iter_mut().for_each(|pose| pose.instant_s -= mount.delay_s);
     Ok(run)
@@ -88,16 +87,33 @@ fn witnesses_of(
     seed: u64,
 ) -> Witnesses {
     let poses = truth.map(|truth| match truth {
-        Truth::Source(name) => PosesFrom::Source(name.clone()),
+        Truth::Source(name) => {
+            let sigma =
+                tracker(plan, Some(truth)).map_or([0.0; 2], |one| [one.sensor.sigma[0], one.sensor.sigma[2]]);
+            PosesFrom::Source { name: name.clone(), sigma }
+        }
         Truth::Simulator => PosesFrom::Simulator(PoseSensor { mount, ..PoseSensor::default() }),
     });
-    let of_file = plan.safety.gyro_input.and_then(|input| plan.signals().inputs.into_iter().nth(input));
-    let gyro = match (gyro, of_file) {
-        (Some(Gyro::Input(name)), _) => Some(GyroFrom::Input(name.clone())),
-        (Some(Gyro::Simulator), _) => Some(GyroFrom::Simulator(GyroSensor::default())),
-        (None, of_file) => of_file.map(|input| GyroFrom::Input(input.name)),
+    let gyro = match gyro {
+        Some(Gyro::Simulator) => Some(GyroFrom::Simulator(GyroSensor::default())),
+        told => gyro_input(plan, told).map(GyroFrom::Input),
     };
     Witnesses { poses, gyro, seed }
+}
+
+/// The input that tells turns: as the command line says, or the robot file's `safety.gyro_input`.
+fn gyro_input(plan: &RobotPlan, told: Option<&Gyro>) -> Option<String> {
+    match told {
+        Some(Gyro::Input(name)) => Some(name.clone()),
+        Some(Gyro::Simulator) => None,
+        None => plan.signals().inputs.into_iter().nth(plan.safety.gyro_input?).map(|input| input.name),
+    }
+}
+
+/// The robot file's gyro that reads that input.
+pub(super) fn gyro<'a>(plan: &'a RobotPlan, told: Option<&Gyro>) -> Option<&'a SensorPlan> {
+    let place = plan.signals().input(&gyro_input(plan, told)?)?;
+    plan.sensors.iter().find(|one| one.kind == SensorName::Gyro && one.inputs == [place])
 }
 
 fn read_one(
@@ -126,6 +142,16 @@ fn read_one(
         found == expected,
         "it is of a robot with {found} wheels, expected {expected} as in the robot file"
     );
-    let run = run_of(&recorded, &its_plan, &path.display().to_string(), witnesses)?;
+    let mut run = run_of(&recorded, &its_plan, &path.display().to_string(), witnesses)?;
+    let gyro = match &witnesses.gyro {
+        Some(GyroFrom::Input(name)) => gyro(plan, Some(&Gyro::Input(name.clone()))),
+        _ => None,
+    };
+    if let Some(gyro) = gyro {
+        for turn in &mut run.turns {
+            turn.rate_rad_s *= gyro.scale;
+            turn.instant_s -= gyro.delay_ns as f64 * 1e-9;
+        }
+    }
     Ok(run.in_steps_of(STEP_S))
 }

@@ -14,15 +14,22 @@ use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, TableLike, value
 /// No wheel is known better than this afterwards: tread, load and warmth change it.
 const LEAST_SIGMAS: [f64; 3] = [2e-4, 2e-4, 1e-4];
 
+/// The file's sensors that were calibrated, by their names.
+#[derive(Clone, Copy, Default)]
+pub struct SensorNames<'a> {
+    pub tracker: Option<&'a str>,
+    pub gyro: Option<&'a str>,
+}
+
 /// Writes the file; refuses to write over one unless that is told.
 pub(super) fn write(
     path: &Path,
     may_overwrite: bool,
     text: &str,
-    (known, solution): (&Known, &Solution),
+    (known, solution, names): (&Known, &Solution, SensorNames<'_>),
     registry: &Registry,
 ) -> anyhow::Result<()> {
-    let new = changed(text, known, solution, registry)?;
+    let new = changed(text, (known, solution, names), registry)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     if let Err(problems) = (RobotText { text: new.clone(), folder, ..RobotText::default() }).load(registry) {
         let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
@@ -45,8 +52,7 @@ pub(super) fn write(
 /// The text of a robot file with what was found.
 pub fn changed(
     text: &str,
-    known: &Known,
-    solution: &Solution,
+    (known, solution, names): (&Known, &Solution, SensorNames<'_>),
     registry: &Registry,
 ) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse().context("reading the robot file as TOML")?;
@@ -77,7 +83,34 @@ pub fn changed(
     }
     platform.insert("wheel", Item::ArrayOfTables(wheels));
     estimator(&mut document, known, solution)?;
+    sensors(&mut document, solution, names);
     Ok(document.to_string())
+}
+
+/// Where the sensor of poses is and how late, and what a gyro's numbers are worth.
+fn sensors(document: &mut DocumentMut, solution: &Solution, names: SensorNames<'_>) {
+    let Some(tables) = document.get_mut("sensor").and_then(Item::as_array_of_tables_mut) else { return };
+    for table in tables.iter_mut() {
+        let name = table.get("name").and_then(Item::as_str).map(str::to_owned);
+        if name.is_some() && name.as_deref() == names.tracker && solution.of(Unknown::SensorX).is_some() {
+            let mount = solution.build.sensor.base_from_sensor;
+            let position: Array =
+                [mount.x_m, mount.y_m].into_iter().map(|coordinate| rounded(coordinate, 6)).collect();
+            set(table, "position_m", value(position));
+            set(table, "heading_rad", value(rounded(mount.heading_rad, 6)));
+            // Nobody tells what hasn't happened yet.
+            set(table, "delay_ms", value(rounded(1e3 * solution.build.sensor.delay_s.max(0.0), 3)));
+        }
+        let scale = solution.of(Unknown::GyroScale).filter(|found| found.is_observed());
+        if let (Some(_), true) = (scale, name.is_some() && name.as_deref() == names.gyro) {
+            let before = table.get("scale").and_then(number).unwrap_or(1.0);
+            set(table, "scale", value(rounded(before / (1.0 + solution.build.gyro_scale), 12)));
+        }
+    }
+}
+
+fn number(item: &Item) -> Option<f64> {
+    item.as_float().or_else(|| item.as_integer().map(|whole| whole as f64))
 }
 
 fn set(table: &mut dyn TableLike, key: &str, new: Item) {
@@ -185,7 +218,7 @@ mod tests {
             let registry = Registry::with_built_in();
             let (mut known, mut solution) = nothing_found(text);
             solution.build.wheels[1].radius_m = 0.101_234_5;
-            let new = changed(text, &known, &solution, &registry).unwrap();
+            let new = changed(text, (&known, &solution, SensorNames::default()), &registry).unwrap();
             assert!(new.contains(comment), "{new}");
             let no_files = |name: &str| Err(name.to_owned());
             let plan = RobotPlan::from_toml(&new, &registry, &no_files);
@@ -199,7 +232,7 @@ mod tests {
             }
             // Once more, from what was written.
             known.build.wheels = plan.kinematics.wheels().to_vec();
-            let again = changed(&new, &known, &solution, &registry).unwrap();
+            let again = changed(&new, (&known, &solution, SensorNames::default()), &registry).unwrap();
             assert_eq!(again, new);
         }
     }
