@@ -188,9 +188,8 @@ impl Robot {
     /// controller's gains, the wheels' limits. An index that nothing has is left out.
     pub fn settings(&self) -> impl Iterator<Item = (u32, Gain)> + '_ {
         let controller = &*self.controllers[self.active];
-        (0..MOST_SETTINGS).filter_map(move |index| {
-            Some((index as u32, self.settings.get((&self.guard, controller), index)?))
-        })
+        (0..MOST_SETTINGS)
+            .filter_map(move |index| Some((index as u32, self.settings.get(&self.guard, controller, index)?)))
     }
 
     /// How its joystick is shaped from now on.
@@ -257,7 +256,7 @@ impl Robot {
             }
             let inputs = image.inputs(wheel);
             *recorded = ProcessBytes::of(inputs);
-            *drive = self.counted.count((wheel, &mut **device), (&record.time, exchange), inputs);
+            *drive = self.counted.count(wheel, &mut **device, &record.time, exchange, inputs);
         }
         self.counted.remember(&self.record);
     }
@@ -346,7 +345,7 @@ impl Robot {
                 let is_of_its_kind = commands.quantity == controller.quantity();
                 if is_of_its_kind {
                     let stops = self.lifecycle.phase() == Phase::Stopping;
-                    self.traction.cap(commands, (&record.setpoint, &record.grip), stops)
+                    self.traction.cap(commands, &record.setpoint, &record.grip, stops)
                 } else {
                     Commands { values: [f64::NAN; crate::signals::MAX_WHEELS], ..commands }
                 }
@@ -432,8 +431,7 @@ impl Robot {
                     let is_heard = self.record.exchange.has_inputs_of(wheel);
                     let measured = is_heard.then(|| &self.record.measurements.drives[wheel]);
                     let limits = self.settings.wheel_limits();
-                    let commanded = (wheel, allowed.wheel(wheel));
-                    self.drive_modes.close(&self.record.time, commanded, measured, &limits)
+                    self.drive_modes.close(&self.record.time, wheel, allowed.wheel(wheel), measured, &limits)
                 }
             };
             let command = DriveCommand {
@@ -460,7 +458,7 @@ impl Robot {
             wanted: self.lifecycle.wanted(),
             may_move: matches!(self.lifecycle.phase(), Phase::Holding | Phase::Tracking),
         };
-        self.peripherals.write(&self.record.time, (&leave, lets_go), image, &mut self.record.signals);
+        self.peripherals.write(&self.record.time, &leave, lets_go, image, &mut self.record.signals);
     }
 }
 

@@ -77,7 +77,8 @@ impl DriveModes {
     pub(crate) fn close(
         &mut self,
         time: &CycleTime,
-        (wheel, command): (usize, WheelCommand),
+        wheel: usize,
+        command: WheelCommand,
         measured: Option<&DriveMeasurement>,
         limits: &WheelLimits,
     ) -> WheelCommand {

@@ -83,7 +83,7 @@ impl Settings {
     }
 
     /// The setting of a place: first the robot's own, then its joystick's, then the controller's.
-    pub(crate) fn get(&self, (guard, controller): (&Guard, &dyn Controller), index: usize) -> Option<Gain> {
+    pub(crate) fn get(&self, guard: &Guard, controller: &dyn Controller, index: usize) -> Option<Gain> {
         let share =
             |name, value, greatest: f64| Gain { name, value, least: LEAST_FACTOR * greatest, greatest };
         let Limits { speed_m_s, turn_speed_rad_s, .. } = self.limits;
@@ -127,8 +127,10 @@ impl Settings {
     /// Takes one; the last of a batch sets all of it. A batch of which one was refused, or is missing, sets nothing.
     pub(crate) fn set(
         &mut self,
-        (guard, controller): (&mut Guard, &mut dyn Controller),
-        (index, value): (usize, f64),
+        guard: &mut Guard,
+        controller: &mut dyn Controller,
+        index: usize,
+        value: f64,
         batch: Batch,
     ) -> RequestAnswer {
         let fits = |gain: Gain| {
@@ -145,7 +147,7 @@ impl Settings {
             self.drop_waiting();
             return RequestAnswer::AtStartUpOnly;
         }
-        if !follows || !has_room || !self.get((guard, controller), index).is_some_and(fits) {
+        if !follows || !has_room || !self.get(guard, controller, index).is_some_and(fits) {
             self.drop_waiting();
             return RequestAnswer::Refused;
         }

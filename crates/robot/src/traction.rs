@@ -187,7 +187,8 @@ impl Traction {
     pub(crate) fn cap(
         &mut self,
         wished: Commands,
-        (setpoint, grip): (&Setpoint, &GripReport),
+        setpoint: &Setpoint,
+        grip: &GripReport,
         stops: bool,
     ) -> Commands {
         // A slope or a push makes a platform look light, and its wheels slip: a stop that believes that doesn't brake. What the file

@@ -43,8 +43,10 @@ impl Counted {
     /// What a wheel turned since odometry knew of it, rad, and 0 while that has to wait for the others.
     pub(super) fn count(
         &mut self,
-        (wheel, device): (usize, &mut dyn Device),
-        (time, exchange): (&CycleTime, Exchange),
+        wheel: usize,
+        device: &mut dyn Device,
+        time: &CycleTime,
+        exchange: Exchange,
         inputs: &[u8],
     ) -> DriveMeasurement {
         let bit = 1 << wheel;

@@ -17,7 +17,7 @@ impl Robot {
         match request.kind {
             RequestKind::Set { index, value, batch } => {
                 let controller = &mut *self.controllers[self.active];
-                return self.settings.set((&mut self.guard, controller), (index as usize, value), batch);
+                return self.settings.set(&mut self.guard, controller, index as usize, value, batch);
             }
             RequestKind::SwitchController { index } => return self.switch_controller(index as usize),
             RequestKind::SetDriveMode { wheel, mode } => {

@@ -218,7 +218,8 @@ impl Peripherals {
     pub(crate) fn write(
         &mut self,
         time: &CycleTime,
-        (leave, lets_go): (&Leave, bool),
+        leave: &Leave,
+        lets_go: bool,
         image: &mut dyn ProcessImage,
         signals: &mut Signals,
     ) {
