@@ -3,19 +3,19 @@
 mod picture;
 
 use crate::Outcome;
-use crate::progress::note;
+use crate::progress::{meanwhile, note};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::{Context, bail};
-use omnibase_plan::Until;
+use omnibase_plan::{PlanError, Until};
 use omnibase_platform::Pose2;
 use omnibase_robot::config::{BestWay, UnknownCells};
 use omnibase_robot::{Ability, Registry, RobotPlan};
-use omnibase_run::room::{Room, TimedWay, WayRequest, read_map};
+use omnibase_run::room::{Room, RoomError, TimedWay, WayRequest, read_map};
 use picture::Driven;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Samples of a way's motion, for figures and pictures.
 const SAMPLES: u32 = 1000;
@@ -53,6 +53,9 @@ pub struct Arguments {
     /// What the footprint keeps from walls, m; default: the robot file's, 0.05.
     #[arg(long, value_name = "M")]
     clearance: Option<f64>,
+    /// How long a way is looked for, s of a processor; nothing is found after it.
+    #[arg(long, value_name = "S", default_value = "1", value_parser = seconds)]
+    within: Duration,
     /// Write the way's points, as `omnibase run --path` reads them.
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
@@ -78,11 +81,18 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let fence_m = robot.guard.fence.as_ref().map_or(&[][..], |fence| &fence.corners_m);
     let obstacles = &robot.guard.obstacles;
-    let way =
-        WayRequest { from, lead: &[], to, obstacles, fence_m, walls_m: &[], best, until: Until::default() };
+    let since = computed();
+    let is_over = || computed().saturating_sub(since) >= arguments.within;
+    let until = Until::over(&is_over);
+    let way = WayRequest { from, lead: &[], to, obstacles, fence_m, walls_m: &[], best, until };
     let begun = Instant::now();
-    let mut timed = match room.timed(&way, &Ability::of(&robot), registry) {
+    let looked = meanwhile("looking for a way", || room.timed(&way, &Ability::of(&robot), registry));
+    let mut timed = match looked {
         Ok(timed) => timed,
+        Err(error @ RoomError::Plan(PlanError::Ended)) => {
+            let why = format!("{error}: {} s, --within", arguments.within.as_secs_f64());
+            return refused(arguments, &why, output);
+        }
         Err(error) => return refused(arguments, &error.to_string(), output),
     };
     let took_ms = begun.elapsed().as_secs_f64() * 1e3;
@@ -102,6 +112,19 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     }
     tell(arguments, (&timed, &driven, took_ms), output)?;
     Ok(Outcome::Done)
+}
+
+/// What this thread has had of a processor.
+fn computed() -> Duration {
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(used).unwrap_or_default()
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let bad = |_| "expected seconds, 0 or more".to_owned();
+    text.parse()
+        .map_err(|_| "expected seconds, 0 or more".to_owned())
+        .and_then(|s| Duration::try_from_secs_f64(s).map_err(bad))
 }
 
 fn room(arguments: &Arguments, robot: &RobotPlan, folder: &Path) -> anyhow::Result<Room> {
