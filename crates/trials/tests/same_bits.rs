@@ -70,18 +70,43 @@ fn same_run_same_bits_and_a_record_computes_again() {
 /// Poses that are late, and come in any order of the sensors, are in the record with their instants.
 #[test]
 fn a_record_with_sensors_computes_again() {
-    let text = Case { set: 3, floor: 2, path: 1 }.text();
+    computes_again(&Case { set: 3, floor: 2, path: 1 }.text());
+    // An imu, and visual odometry that is late.
+    let imu = Case { set: 4, floor: 2, path: 1 }.text();
+    computes_again(&format!("{imu}{CAMERA}"));
+}
+
+const CAMERA: &str = "
+[[source]]
+name = \"camera\"
+input = [{ name = \"x\", unit = \"m/s\" }, { name = \"y\", unit = \"m/s\" }, { name = \"heading\", unit = \"rad/s\" }]
+max_age_ms = 1000
+
+[[sensor]]
+name = \"camera\"
+kind = \"twist\"
+from = \"camera\"
+
+[[simulation.sensor]]
+name = \"camera\"
+latency_ms = 40.0
+jitter_ms = 30.0
+drop_share = 0.05
+seed = 4
+";
+
+fn computes_again(text: &str) {
     let asked = |index: u64| match index {
         100 => Some(RequestKind::Enable),
         500 => Some(RequestKind::Track),
         _ => None,
     };
-    let ((first, pose), (second, pose_again)) = (life_of(&text, 6000, &asked), life_of(&text, 6000, &asked));
+    let ((first, pose), (second, pose_again)) = (life_of(text, 6000, &asked), life_of(text, 6000, &asked));
     assert!(first.iter().zip(&second).all(|(a, b)| bits(a) == bits(b)));
     assert_eq!(pose, pose_again);
     let last = &first[5999];
     assert_ne!(last.fusion.map_from_body, last.state.odom_from_body, "they were heard");
-    let plan = plan_of(&text);
+    let plan = plan_of(text);
     let mut robot = Robot::build(&plan, &Registry::with_built_in()).unwrap_or_else(|error| panic!("{error}"));
     let mut buffer = ImageBuffer::new(&plan);
     for record in &first {

@@ -1,5 +1,6 @@
 //! What every cycle promises: no allocation, the same bits again, and numbers that aren't finite stop.
 
+use omnibase_fusion::Verdict;
 use omnibase_host::CountingAllocator;
 use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Frame, Heard, MAX_SOURCE_VALUES, RecordLayout, Value};
@@ -30,6 +31,40 @@ from = \"imu.turn\"
 name = \"mocap\"
 kind = \"pose\"
 from = \"tracker\"
+";
+
+/// The other kinds: an imu, visual odometry, a mouse.
+const OTHERS: &str = "
+[estimator]
+kind = \"fused\"
+
+[[source]]
+name = \"imu\"
+input = [{ name = \"turn\" }, { name = \"acceleration_x\" }, { name = \"acceleration_y\" }]
+
+[[source]]
+name = \"camera\"
+input = [{ name = \"x\" }, { name = \"y\" }, { name = \"heading\" }]
+max_age_ms = 1000
+
+[[source]]
+name = \"mouse\"
+input = [{ name = \"x\" }, { name = \"y\" }]
+
+[[sensor]]
+name = \"imu\"
+kind = \"imu\"
+from = \"imu\"
+
+[[sensor]]
+name = \"camera\"
+kind = \"twist\"
+from = \"camera\"
+
+[[sensor]]
+name = \"mouse\"
+kind = \"flow\"
+from = \"mouse\"
 ";
 
 /// A life: enabled, moved about, tracked, stopped.
@@ -68,8 +103,8 @@ fn bits(record: &CycleRecord) -> Vec<u64> {
 #[test]
 fn a_cycle_never_allocates() {
     let adaptive = adaptive(BMM);
-    let fused = format!("{BMM}{FUSED}");
-    for robot in [BMM, MECANUM, &adaptive, &fused] {
+    let [fused, others] = [FUSED, OTHERS].map(|sensors| format!("{BMM}{sensors}"));
+    for robot in [BMM, MECANUM, &adaptive, &fused, &others] {
         let mut bench = Bench::new(plan(robot));
         bench.enable();
         let before = CountingAllocator::allocations_of_this_thread();
@@ -83,12 +118,16 @@ fn a_cycle_never_allocates() {
                 let instant_ns = instant_ns.saturating_sub(30_000_000);
                 bench.robot.hear(1, &Heard { instant_ns, values: [0.0; MAX_SOURCE_VALUES] });
             }
+            bench.robot.hear(2, &Heard { instant_ns, values: [1e-5 * f64::from(cycle); MAX_SOURCE_VALUES] });
             bench.step(kind);
             if cycle == 1500 {
                 bench.fail_drive(0);
             }
         }
         assert_eq!(CountingAllocator::allocations_of_this_thread() - before, 0);
+        let heard = bench.robot.record().fusion.sensors.map(|sensor| sensor.verdict);
+        let expected = robot.matches("[[sensor]]").count();
+        assert_eq!(heard.iter().filter(|verdict| **verdict != Verdict::Awaited).count(), expected);
     }
 }
 
