@@ -119,7 +119,7 @@ fn frames_of_natnet_are_read_as_by_another_client() {
     let (mut lines, mut ours) = (String::new(), Vec::new());
     for version in [[3, 0], [3, 1], [4, 0], [4, 1], [4, 2]] {
         let own = Version { major: version[0], minor: version[1] };
-        let frame = motive::frame(version, (41, &bodies), [1_000_000, 2_000_000]);
+        let frame = motive::frame(version, 41, &bodies, [1_000_000, 2_000_000]);
         let descriptions = motive::descriptions(version, &names);
         for bytes in [&frame, &descriptions] {
             let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();

@@ -328,7 +328,8 @@ fn a_page_that_falls_silent_takes_the_torque_off() {
     let (_process, at) = set_up(Path::new(BMM), &segment, &output, &[]);
     let relay = Relay::start(&at);
     open(&mut page, &relay.at);
-    let lost: [(&str, &dyn Fn(&mut Browser)); 6] = [
+    type Loss<'a> = &'a dyn Fn(&mut Browser);
+    let lost: [(&str, Loss<'_>); 6] = [
         ("let go", &|page| {
             let place = page.middle("#hold");
             page.mouse("mouseReleased", place);
