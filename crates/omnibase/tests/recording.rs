@@ -61,10 +61,10 @@ fn chosen_signals_every_10_ms_take_a_twentieth_at_most_and_say_that_they_replay_
     let chosen = runs.join(name);
     let chosen = chosen.to_str().unwrap();
     let (code, _, error) = omnibase(&["replay", chosen]);
-    assert!(code == Some(1) && error.contains("holds only 37 of 210 signals, every 10 ms"), "{error}");
+    assert!(code == Some(1) && error.contains("holds only 37 of 212 signals, every 10 ms"), "{error}");
     let page = folder.path().join("run.html");
     let said = done(&["report", chosen, "-o", page.to_str().unwrap()]);
-    assert!(said.contains("602 cycles") && said.contains("holds only 37 of 210 signals"), "{said}");
+    assert!(said.contains("602 cycles") && said.contains("holds only 37 of 212 signals"), "{said}");
     // Options have the last word.
     let columns = folder.path().join("run.txt");
     let columns = columns.to_str().unwrap();

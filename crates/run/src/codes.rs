@@ -117,6 +117,8 @@ mod tests {
             "where",
             "pose_known",
             "begun",
+            "number",
+            "next",
             "obstacle",
             "status_word",
             "error",

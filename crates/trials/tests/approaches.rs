@@ -56,5 +56,5 @@ fn motions_that_are_replaced_under_way_keep_every_limit_and_stay_stopped_once_th
     }
     let taken_while_moving = all.counts.map(|[_, _, moving]| moving);
     assert!(taken_while_moving[..2].iter().all(|times| *times > 100), "{taken_while_moving:?}");
-    assert!(all.joined > 100 && all.stops > 100, "{} {}", all.joined, all.stops);
+    assert!(all.joined > 50 && all.stops > 100, "{} {}", all.joined, all.stops);
 }

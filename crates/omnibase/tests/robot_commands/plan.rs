@@ -32,7 +32,7 @@ fn where_there_is_no_way_or_no_map_the_reason_is_said() {
     );
     let (code, text) = refused(&[&OFFICE[..], &["--to", "3 2.3 0.8", "--within", "0"]].concat());
     assert!(code == Some(1) && text.contains("no way was found in the time that was given for it"), "{text}");
-    let (code, text) = refused(&[&OFFICE[..], &["--to", "3 2.3 0.8", "--within", "-1"]].concat());
+    let (code, text) = refused(&[&OFFICE[..], &["--to", "3 2.3 0.8", "--within=-1"]].concat());
     assert!(code == Some(2) && text.contains("expected seconds, 0 or more"), "{text}");
     let (code, text) = refused(&[&OFFICE[..], &["--to", "far"]].concat());
     assert!(code == Some(2) && text.contains("--to \"far\": expected x m, y m"), "{text}");
