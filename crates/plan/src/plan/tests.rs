@@ -198,8 +198,10 @@ fn what_cannot_be_reached_is_told_with_the_reason() {
     );
 }
 
+type Polygon = Vec<[f64; 2]>;
+
 /// A wall across the room, turned by an angle about its middle, with a door of a width in it; and the poses on both sides of the door.
-fn turned_door(angle_rad: f64, width_m: f64) -> (Space, [[f64; 3]; 2], Vec<Vec<[f64; 2]>>) {
+fn turned_door(angle_rad: f64, width_m: f64) -> (Space, [[f64; 3]; 2], Vec<Polygon>) {
     let (sin, cos) = angle_rad.sin_cos();
     let place = |[x, y]: [f64; 2]| [4.013 + cos * x - sin * y, 3.021 + sin * x + cos * y];
     let walls = [-1.0, 1.0].map(|side| {
@@ -216,7 +218,7 @@ fn turned_door(angle_rad: f64, width_m: f64) -> (Space, [[f64; 3]; 2], Vec<Vec<[
 }
 
 /// The least distance from corners of walls to the line that a plan's base_link goes.
-fn least_room_m(plan: &Plan, walls: &[Vec<[f64; 2]>]) -> f64 {
+fn least_room_m(plan: &Plan, walls: &[Polygon]) -> f64 {
     let corners = || walls.iter().flatten();
     let places = plan.poses.windows(2).flat_map(|pair| {
         (0..20).map(|part| crate::smooth::between(&pair[0], &pair[1], f64::from(part) / 20.0))
