@@ -203,7 +203,7 @@ impl Motion {
     fn join(&mut self, from: &From<'_>) -> Result<(), CantBegin> {
         let allowed = self.allowed(from.settings);
         for number in 0..JOINS {
-            let Some(joint) = self.joint(from, &allowed, (0.0, number)) else { continue };
+            let Some(joint) = self.joint(from, &allowed, 0.0, number) else { continue };
             if joint.is_quick() {
                 self.time_ns = 0.0;
                 self.take_joint(from.time, &joint);
@@ -218,7 +218,8 @@ impl Motion {
         &mut self,
         from: &From<'_>,
         allowed: &Allowed,
-        (since_s, number): (f64, i32),
+        since_s: f64,
+        number: i32,
     ) -> Option<Joint> {
         let end_s = self.reference.duration_s().unwrap_or(f64::INFINITY);
         let later_s = JOIN_S * JOIN_FACTOR.powi(number);

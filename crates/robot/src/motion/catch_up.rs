@@ -43,7 +43,7 @@ impl Motion {
         let allowed = self.allowed(from.settings);
         let speeds = [allowed.speeds[0].min(speed_m_s), allowed.speeds[1].min(turn_speed_rad_s)];
         let allowed = Allowed { speeds, ..allowed };
-        let joint = number.and_then(|number| self.joint(from, &allowed, (self.time_s(), number)));
+        let joint = number.and_then(|number| self.joint(from, &allowed, self.time_s(), number));
         let joint = joint.filter(|_| !self.tried.is_blocked(from.guard));
         match joint {
             Some(joint) if is_last || joint.is_quick() => {
