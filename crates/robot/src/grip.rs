@@ -358,7 +358,7 @@ impl Grip {
             // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
-        let shown = self.pushed(wished, motion, &pushes_n[..count]);
+        let shown = self.pushed(motion, &pushes_n[..count]);
         let Some(slides) = self.steady.look(&shown, span_s) else { return };
         let greatest_n = pushes_n.iter().fold(0.0, |most: f64, push_n| most.max(push_n.abs()));
         for ((wheel, row), push_n) in self.wheels.iter_mut().zip(self.kinematics.matrix()).zip(pushes_n) {
@@ -367,15 +367,14 @@ impl Grip {
     }
 
     /// What the wheels push the platform with, beside how it moves by them.
-    fn pushed(&self, wished: [f64; 3], motion: &Motion, pushes_n: &[f64]) -> Shown {
+    fn pushed(&self, motion: &Motion, pushes_n: &[f64]) -> Shown {
         let rims = self.kinematics.wheels();
         let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
         let wrench = self.kinematics.wrench(&torques_nm);
         let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = self.identification.dynamics();
         let [by_spin, by_roller] = motion.friction_per_newton;
         Shown {
-            wished,
-            driven: motion.acceleration,
+            acceleration: self.sliding.acceleration(),
             push_n: [wrench.fx_n, wrench.fy_n],
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
             speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),

@@ -31,6 +31,11 @@ struct Band {
 }
 
 impl Band {
+    /// What both have in common, each with its sign: a push shows in the rims alone, a drive at its limit in the setpoint alone.
+    fn common(one: f64, other: f64) -> f64 {
+        if one * other > 0.0 { one.abs().min(other.abs()).copysign(one) } else { 0.0 }
+    }
+
     /// By how much it changed lately.
     fn take(&mut self, value: f64, [fast, slow]: [f64; 2]) -> f64 {
         self.fast = fast * self.fast + (1.0 - fast) * value;
@@ -122,12 +127,14 @@ impl Sliding {
         self.kept = [self.fast.kept(span_s), self.slow.kept(span_s)];
         let axes = self.wished.iter_mut().zip(&mut self.driven).zip(wished.into_iter().zip(driven));
         for (change, ((of_setpoint, of_rims), (wished, driven))) in change.iter_mut().zip(axes) {
-            let (wished, driven) = (of_setpoint.take(wished, self.kept), of_rims.take(driven, self.kept));
-            if wished * driven > 0.0 {
-                *change = wished.abs().min(driven.abs()).copysign(wished);
-            }
+            *change = Band::common(of_setpoint.take(wished, self.kept), of_rims.take(driven, self.kept));
         }
         change
+    }
+
+    /// The acceleration along the floor that setpoint and rims have in common, m/s².
+    pub(super) fn acceleration(&self) -> [f64; 2] {
+        std::array::from_fn(|axis| Band::common(self.wished[axis].fast, self.driven[axis].fast))
     }
 
     /// Whether a wheel slides, whose rim has such a speed, m/s, and whose motor pushes the floor so, N.

@@ -20,9 +20,8 @@ type Vector = [f64; 2];
 /// What a cycle showed, in body axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
-    /// Accelerations over the floor, m/s²: the setpoint's, and the rims'.
-    pub(super) wished: [f64; 3],
-    pub(super) driven: [f64; 3],
+    /// The acceleration that setpoint and rims have in common, m/s², behind the low-pass.
+    pub(super) acceleration: Vector,
     /// What the rims push the floor with, N, and what friction takes of it or adds.
     pub(super) push_n: Vector,
     pub(super) friction_n: Vector,
@@ -38,8 +37,6 @@ pub(super) struct Steady {
     /// By what the file tells the least mass that its motors' torques may show, kg; 0 where it tells none.
     told_kg: f64,
     fast: Decay,
-    wished: Vector,
-    driven: Vector,
     push_n: Vector,
     friction_n: Vector,
     /// For how long too little pushes, s, and what that comes to since: a speed over the floor, m/s.
@@ -76,8 +73,6 @@ impl Steady {
         Steady {
             told_kg: (1.0 - MORE_SHARE) * least_kg.unwrap_or(0.0),
             fast: Decay::new(FAST_1_S),
-            wished: Vector::default(),
-            driven: Vector::default(),
             push_n: Vector::default(),
             friction_n: Vector::default(),
             since_s: 0.0,
@@ -93,31 +88,26 @@ impl Steady {
 
     /// Whether the platform slides.
     pub(super) fn look(&mut self, shown: &Shown, span_s: f64) -> Option<Slides> {
-        let Shown { wished, driven, push_n, friction_n, speed_m_s, .. } = shown;
+        let Shown { acceleration, push_n, friction_n, speed_m_s, .. } = shown;
         let learnt_kg = shown.learnt_kg.max(0.0);
-        let told = [[wished[0], wished[1]], [driven[0], driven[1]], *push_n, *friction_n];
+        let told = [*push_n, *friction_n];
         if !told.as_flattened().iter().sum::<f64>().is_finite() {
             self.forget();
             return None;
         }
         let keep = self.fast.kept(span_s);
-        let olds = [&mut self.wished, &mut self.driven, &mut self.push_n, &mut self.friction_n];
+        let olds = [&mut self.push_n, &mut self.friction_n];
         for (old, new) in olds.into_iter().zip(told) {
             *old = std::array::from_fn(|axis| keep * old[axis] + (1.0 - keep) * new[axis]);
         }
-        // What both have in common: a push shows in the rims alone, a drive at its limit in the setpoint alone.
-        let common: Vector = std::array::from_fn(|axis| {
-            let (wished, driven) = (self.wished[axis], self.driven[axis]);
-            if wished * driven > 0.0 { wished.abs().min(driven.abs()).copysign(wished) } else { 0.0 }
-        });
-        let size = omnibase_platform::length(common);
+        let size = omnibase_platform::length(*acceleration);
         let least_n = |mass_kg: f64, slope: f64| mass_kg * (size - slope * GRAVITY_M_S2);
         let least_n = least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE));
         if least_n <= 0.0 || *speed_m_s < HELD_M_S {
             self.since_s = 0.0;
             return None;
         }
-        let direction = common.map(|axis| axis / size);
+        let direction = acceleration.map(|axis| axis / size);
         let along = |force_n: Vector| force_n[0] * direction[0] + force_n[1] * direction[1];
         // Friction that brakes where the wheels brake.
         let helps_n = (-along(self.friction_n)).max(0.0);
@@ -149,16 +139,18 @@ mod tests {
 
     /// A platform of 70 kg whose file says 66.5 at least, going round in a circle with 3 m/s²: the wheels push as `pushes` makes of what
     /// that takes. When it was first told, s, and how far its rims were said to have run ahead by 0.5 s, m.
-    fn told(pushes: impl Fn(f64, Vector) -> Vector, driven: f64, learnt_kg: f64) -> Option<(f64, f64)> {
+    fn told(pushes: impl Fn(f64, Vector) -> Vector, learnt_kg: f64) -> Option<(f64, f64)> {
         let mut steady = Steady::new(Some(66.5));
-        let (mut first, mut way_m) = (None, 0.0);
+        let (mut first, mut way_m, mut acceleration) = (None, 0.0, Vector::default());
+        let keep = Decay::new(FAST_1_S).kept(PERIOD_S);
         for cycle in 0..500 {
             let t = f64::from(cycle) * PERIOD_S;
             let (sin, cos) = (4.0 * t).sin_cos();
-            let [wished, driven] = [1.0, driven].map(|part| [3.0 * part * cos, 3.0 * part * sin, 0.0]);
+            for (old, new) in acceleration.iter_mut().zip([3.0 * cos, 3.0 * sin]) {
+                *old = keep * *old + (1.0 - keep) * new;
+            }
             let shown = Shown {
-                wished,
-                driven,
+                acceleration,
                 push_n: pushes(t, [210.0 * cos, 210.0 * sin]),
                 friction_n: [-4.0 * sin, 4.0 * cos],
                 speed_m_s: 0.7,
@@ -175,29 +167,27 @@ mod tests {
     #[test]
     fn a_circle_on_which_the_floor_gives_too_little_is_a_slide() {
         // Two thirds: 1 m/s² is missing; of the least that it weighs 3 − 140/63.2 = 0.78.
-        let (first_s, way_m) = told(|_, [x, y]| [x / 1.5, y / 1.5], 1.0, 0.0).expect("it slides");
+        let (first_s, way_m) = told(|_, [x, y]| [x / 1.5, y / 1.5], 0.0).expect("it slides");
         assert!((0.05..0.1).contains(&first_s), "{first_s}");
         assert!((0.08..0.5 * 1.0 * 0.5 * 0.5).contains(&way_m), "{way_m}");
         // A quarter is missing, by what was learnt alone.
-        assert_eq!(told(|_, [x, y]| [0.82 * x, 0.82 * y], 1.0, 0.0), None);
-        assert!(told(|_, [x, y]| [0.75 * x, 0.75 * y], 1.0, 80.0).is_some());
+        assert_eq!(told(|_, [x, y]| [0.82 * x, 0.82 * y], 0.0), None);
+        assert!(told(|_, [x, y]| [0.75 * x, 0.75 * y], 80.0).is_some());
     }
 
     #[test]
     fn wheels_that_grip_slide_nowhere() {
-        assert_eq!(told(|_, push_n| push_n, 1.0, 70.0), None);
-        // On a slope of 3 %, whichever way; on a steeper one where it is slowed down; and by a push that the rims alone follow.
+        assert_eq!(told(|_, push_n| push_n, 70.0), None);
+        // On a slope of 3 %, whichever way; on a steeper one where it is slowed down.
         for by_n in [20.6, -20.6] {
-            assert_eq!(told(|_, [x, y]| [x + by_n, y], 1.0, 70.0), None, "{by_n}");
+            assert_eq!(told(|_, [x, y]| [x + by_n, y], 70.0), None, "{by_n}");
         }
-        assert_eq!(told(|_, [x, y]| [-0.1 * x, -0.1 * y], 1.0, 70.0), None);
-        assert_eq!(told(|_, _| [0.0; 2], -1.0, 70.0), None);
+        assert_eq!(told(|_, [x, y]| [-0.1 * x, -0.1 * y], 70.0), None);
         // Nobody knows what it weighs.
         for along in [3.0, 0.3] {
             let mut steady = Steady::new(None);
             let shown = Shown {
-                wished: [along, 0.0, 0.0],
-                driven: [along, 0.0, 0.0],
+                acceleration: [along, 0.0],
                 push_n: [2.0, 0.0],
                 friction_n: [0.0; 2],
                 speed_m_s: 0.7,
@@ -210,7 +200,7 @@ mod tests {
     #[test]
     fn what_is_no_number_is_forgotten() {
         let spoiled = |t: f64, [x, y]: Vector| if t == 0.2 { [f64::NAN, y] } else { [x / 1.5, y / 1.5] };
-        let (_, way_m) = told(spoiled, 1.0, 0.0).expect("it slides");
+        let (_, way_m) = told(spoiled, 0.0).expect("it slides");
         assert!(way_m.is_finite());
     }
 }
