@@ -111,8 +111,14 @@ fn until(page: &mut Browser, what: &str, is: impl Fn(&Value) -> bool) -> Value {
     }
 }
 
-/// Answers what is asked, by a button or in words.
+/// Answers what is asked, and waits until the answer is taken.
 fn answer(page: &mut Browser, said: &str) {
+    let asked = say(page, said);
+    until(page, "the answer is taken", |seen| seen["asked"].is_null() || seen["number"] != asked);
+}
+
+/// Says an answer by a button or in words; the number of what is asked.
+fn say(page: &mut Browser, said: &str) -> Value {
     let asked = seen(page)["number"].clone();
     let button = format!("[data-choice=\"{said}\"]");
     if page.value(&format!("Boolean(document.querySelector({button:?}))")) == true {
@@ -122,7 +128,7 @@ fn answer(page: &mut Browser, said: &str) {
         page.value(&format!("void (document.getElementById('value').value = {said:?})"));
         page.value("document.querySelector('#free button').click()");
     }
-    until(page, "the answer is taken", |seen| seen["asked"].is_null() || seen["number"] != asked);
+    asked
 }
 
 /// Holds the button until something is seen, or until the motion is over; how far it went, where it was enabled.
@@ -392,6 +398,15 @@ fn a_page_that_falls_silent_takes_the_torque_off() {
         page.mouse("mouseReleased", [2.0, 2.0]);
     }
     page.picture("setup-waits");
+    // What was answered into a line that took nothing is taken once there is one.
+    let place = page.middle("#hold");
+    page.mouse("mousePressed", place);
+    page.mouse("mouseReleased", place);
+    until(&mut page, "what was seen is asked", |seen| !seen["asked"].is_null());
+    page.value("void (window.send = WebSocket.prototype.send, WebSocket.prototype.send = () => {})");
+    let asked = say(&mut page, "again");
+    page.value("void (WebSocket.prototype.send = window.send)");
+    until(&mut page, "the answer is taken", |seen| seen["asked"].is_null() || seen["number"] != asked);
 }
 
 /// A connection on which everything comes late, though nothing is lost, holds no drive: the page says so.

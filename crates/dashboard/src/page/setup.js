@@ -162,8 +162,12 @@ function show(message) {
   draw(message.platform, message.question?.choices ?? []);
 }
 
+/** What was answered, until something else is asked: said again, for a line that was full or lost took nothing. */
+let answered = null;
+
 function ask(question) {
   const form = at("question"), number = question?.number ?? null;
+  if (number !== answered?.question) answered = null;
   form.hidden = !question;
   // What somebody types isn't taken from them by a line that was said meanwhile.
   if (!question || form.dataset.number === String(number)) return;
@@ -184,8 +188,11 @@ function ask(question) {
 
 function answer(text) {
   if (!shown?.question) return;
-  link.say({ question: shown.question.number, answer: text });
+  answered = { question: shown.question.number, answer: text };
+  link.say(answered);
 }
+
+setInterval(() => answered !== null && link.say(answered), AGAIN_MS);
 
 at("question").addEventListener("submit", (event) => {
   event.preventDefault();

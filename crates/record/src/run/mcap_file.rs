@@ -17,7 +17,8 @@ pub(super) const EVENT_TOPIC: &str = "/events";
 pub(super) const TOPICS: &str = "topics";
 /// In the same: the words; where there is none, cycles can't be replayed.
 pub(super) const WORDS: &str = "words";
-/// Fields of a cycle: all of its bytes, or what its values don't tell of them; and the first one that is a topic.
+/// Fields of a cycle: the bytes that replay it where they aren't its words, what recordings of before don't tell of those, and
+/// the first one that is a topic.
 pub(super) const DATA_FIELD: u32 = 1;
 pub(super) const REST_FIELD: u32 = 2;
 pub(super) const FIRST_TOPIC_FIELD: u32 = 3;
@@ -79,7 +80,10 @@ pub struct McapRun<W: Write + Seek> {
     writer: mcap::Writer<Measured<W>>,
     /// Signals of each topic.
     topics: Vec<usize>,
-    words: Vec<Word>,
+    /// Words that replay a row.
+    words: usize,
+    /// Of each signal that is a count: its word.
+    counts: Vec<Option<usize>>,
     /// Where only some signals are recorded they replay nothing.
     is_replayed: bool,
     cycles: u16,
@@ -89,8 +93,6 @@ pub struct McapRun<W: Write + Seek> {
     message: Vec<u8>,
     /// A topic's part of it.
     part: Vec<u8>,
-    /// What values don't tell of a row's words.
-    rest: Vec<u8>,
     size: Size,
     /// The wall clock at the run's time 0, ns since 1970; 0 where nobody told it.
     begun_unix_ns: u64,
@@ -147,6 +149,14 @@ impl<W: Write + Seek> McapRun<W> {
         writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
         size.metadata += 1;
         let is_replayed = !description.contains_key(SELECTION);
+        let mut counts = vec![None; schema.width()];
+        for (number, word) in schema.words.iter().enumerate().filter(|_| is_replayed) {
+            if let Word::Count(place) = *word
+                && let Some(count) = counts.get_mut(place)
+            {
+                *count = Some(number);
+            }
+        }
         let names: Vec<&str> = schema.topics.iter().map(|topic| topic.name.as_str()).collect();
         let mut of_cycles = BTreeMap::from([(TOPICS.to_owned(), names.join("\n"))]);
         if is_replayed {
@@ -160,14 +170,15 @@ impl<W: Write + Seek> McapRun<W> {
             let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", descriptor)?;
             writer.add_channel(schema, topic, "protobuf", metadata)
         };
-        let cycles = channel(CYCLE_TOPIC, &cycle_descriptor(schema, is_replayed), &of_cycles)?;
+        let cycles = channel(CYCLE_TOPIC, &cycle_descriptor(schema, &counts, is_replayed), &of_cycles)?;
         let text = protobuf::descriptor(&message_name(EVENT_TOPIC), &[("text", Kind::Text)]);
         let events = channel(EVENT_TOPIC, &text, &BTreeMap::new())?;
         let begun_unix_ns = description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
         let mut run = McapRun {
             writer,
             topics: schema.topics.iter().map(|topic| topic.signals.len()).collect(),
-            words: schema.words.clone(),
+            words: schema.words.len(),
+            counts,
             is_replayed,
             cycles,
             events,
@@ -175,7 +186,6 @@ impl<W: Write + Seek> McapRun<W> {
             row: 0,
             message: Vec::new(),
             part: Vec::new(),
-            rest: Vec::new(),
             size,
             begun_unix_ns,
         };
@@ -189,16 +199,22 @@ impl<W: Write + Seek> McapRun<W> {
             return Err(RunError::RowWidth { expected: self.width, found: values.len() });
         }
         self.message.clear();
-        if self.is_replayed {
-            self.push_words(values, raw);
+        let (words, _) = raw.as_chunks::<8>();
+        let is_words = self.words > 0 && raw.len() == 8 * self.words;
+        if self.is_replayed && !is_words {
+            protobuf::push_bytes(&mut self.message, DATA_FIELD, raw);
         }
-        let mut rest = values;
+        let mut rest = values.iter().zip(&self.counts);
         for (number, signals) in (FIRST_TOPIC_FIELD..).zip(&self.topics) {
-            let (of_topic, others) = rest.split_at(*signals);
-            rest = others;
             self.part.clear();
-            for (field, value) in (1..).zip(of_topic) {
-                protobuf::push_double(&mut self.part, field, *value);
+            for (field, (value, count)) in (1..).zip(rest.by_ref().take(*signals)) {
+                match count {
+                    None => protobuf::push_double(&mut self.part, field, *value),
+                    Some(word) => {
+                        let count = if is_words { u64::from_le_bytes(words[*word]) } else { *value as u64 };
+                        protobuf::push_count(&mut self.part, field, count);
+                    }
+                }
             }
             protobuf::push_bytes(&mut self.message, number, &self.part);
         }
@@ -208,21 +224,11 @@ impl<W: Write + Seek> McapRun<W> {
         if self.size.open >= CHUNK_BYTES || is_long { self.end_chunk() } else { Ok(()) }
     }
 
-    /// That from which a row is replayed.
-    fn push_words(&mut self, values: &[f64], raw: &[u8]) {
-        self.rest.clear();
-        match words::push_rest(&mut self.rest, &self.words, values, raw) {
-            Some(()) => protobuf::push_bytes(&mut self.message, REST_FIELD, &self.rest),
-            None => protobuf::push_bytes(&mut self.message, DATA_FIELD, raw),
-        }
-    }
-
     /// Bytes of the finished file, at most, where a row with so many raw bytes is written before.
     pub fn length_with_row(&self, raw: usize) -> u64 {
-        // A field's number takes up to two bytes, a part's number and length up to six.
-        let row = 10 * self.width as u64 + 6 * self.topics.len() as u64 + MESSAGE_BYTES;
-        // A word that the values don't tell takes ten bytes.
-        self.size.at_most(row + raw as u64 * 10 / 8 + 16)
+        // A field's number takes up to two bytes, a count up to ten; a part's number and length up to six.
+        let row = 12 * self.width as u64 + 6 * self.topics.len() as u64 + MESSAGE_BYTES;
+        self.size.at_most(row + raw as u64 + 16)
     }
 
     /// As [`McapRun::length_with_row`], where so many bytes of words are written before.
@@ -307,7 +313,8 @@ impl<W: Seek> Seek for Measured<W> {
 }
 
 /// What explains a cycle's message to a reader.
-fn cycle_descriptor(schema: &RunSchema, is_replayed: bool) -> Vec<u8> {
+fn cycle_descriptor(schema: &RunSchema, counts: &[Option<usize>], is_replayed: bool) -> Vec<u8> {
+    let mut kinds = counts.iter().map(|count| if count.is_some() { Kind::Count } else { Kind::Double });
     let mut parts: Vec<(String, String, Vec<u8>)> = Vec::new();
     for topic in &schema.topics {
         let words = topic.name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -317,14 +324,13 @@ fn cycle_descriptor(schema: &RunSchema, is_replayed: bool) -> Vec<u8> {
             name.push('_');
             kind.push('_');
         }
-        let fields: Vec<_> = topic.signals.iter().map(|signal| (signal.name.clone(), Kind::Double)).collect();
+        let names = topic.signals.iter().map(|signal| signal.name.clone());
+        let fields: Vec<_> = names.zip(kinds.by_ref()).collect();
         let message = protobuf::message_with(&kind, &fields, &[]);
         parts.push((name, kind, message));
     }
     let own = message_name(CYCLE_TOPIC);
-    let words = [("replay_data", DATA_FIELD), ("replay_rest", REST_FIELD)];
-    let words = words.into_iter().filter(|_| is_replayed);
-    let words = words.map(|(name, number)| protobuf::field(name, number, &Kind::Bytes));
+    let words = is_replayed.then(|| protobuf::field("replay_data", DATA_FIELD, &Kind::Bytes)).into_iter();
     let of_topics = (FIRST_TOPIC_FIELD..).zip(&parts).map(|(number, (name, kind, _))| {
         protobuf::field(name, number, &Kind::Part(format!(".omnibase.{own}.{kind}")))
     });

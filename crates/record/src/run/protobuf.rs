@@ -1,10 +1,12 @@
-//! As much of protobuf's encoding as a recording needs: messages of doubles, bytes and strings, and the
+//! As much of protobuf's encoding as a recording needs: messages of doubles, counts, bytes and strings, and the
 //! descriptors that explain them to a reader (protobuf.dev, "Encoding"; descriptor.proto).
 
 /// What a field holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Double,
+    /// A whole number of 64 bits without a sign.
+    Count,
     Text,
     Bytes,
     /// A code of the enum with this full name.
@@ -36,6 +38,13 @@ pub(crate) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
     }
     push_tag(bytes, number, FIXED64);
     bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+}
+
+/// Appends field `number` as a count; a zero is left out, as of a double.
+pub(super) fn push_count(bytes: &mut Vec<u8>, number: u32, value: u64) {
+    if value != 0 {
+        push_number(bytes, number, value);
+    }
 }
 
 /// Appends field `number` as bytes or text.
@@ -97,6 +106,7 @@ pub(super) fn field(name: &str, number: u32, kind: &Kind) -> Vec<u8> {
     push_number(&mut field, 4, 1);
     let code = match kind {
         Kind::Double => 1,
+        Kind::Count => 4,
         Kind::Text => 9,
         Kind::Part(_) => 11,
         Kind::Bytes => 12,
@@ -112,8 +122,8 @@ pub(super) fn field(name: &str, number: u32, kind: &Kind) -> Vec<u8> {
 /// A field as it stands in a message.
 pub(super) enum Field<'a> {
     Double(u32, f64),
+    Count(u32, u64),
     Bytes(u32, &'a [u8]),
-    Number,
 }
 
 fn take_varint(bytes: &mut &[u8]) -> Option<u64> {
@@ -138,7 +148,7 @@ pub(super) fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Field<'_>> {
         let tag = take_varint(&mut bytes)?;
         let number = u32::try_from(tag >> 3).ok()?;
         match tag & 7 {
-            0 => take_varint(&mut bytes).map(|_| Field::Number),
+            0 => take_varint(&mut bytes).map(|value| Field::Count(number, value)),
             1 => {
                 let (raw, rest) = bytes.split_first_chunk::<8>()?;
                 bytes = rest;

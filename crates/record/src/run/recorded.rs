@@ -182,6 +182,8 @@ struct Reading<'a> {
     /// When the row is that isn't complete yet. Its values: a topic that isn't told again has those of the row before.
     row_ns: Option<u64>,
     values: Vec<f64>,
+    /// The same as whole numbers, exact where they are counts.
+    counts: Vec<u64>,
     /// Topics that weren't told yet, and whether anything of this row was told.
     untold: usize,
     is_told: bool,
@@ -217,18 +219,23 @@ struct Places {
 
 impl Places {
     /// Reads the topic's message into a row.
-    fn read(&self, row: &mut [f64], message: &[u8]) {
-        let values = &mut row[self.at..self.at + self.width];
+    fn read(&self, values: &mut [f64], counts: &mut [u64], message: &[u8]) {
+        let place = self.at..self.at + self.width;
+        let (values, counts) = (&mut values[place.clone()], &mut counts[place]);
         // proto3 leaves zeros out.
         values.fill(0.0);
+        counts.fill(0);
         if self.width == 0 {
             return;
         }
         for field in protobuf::fields(message) {
-            if let Field::Double(number, value) = field
-                && let Some(Some(place)) = self.fields.get((number as usize).wrapping_sub(1))
-            {
-                values[*place] = value;
+            let (number, value, count) = match field {
+                Field::Double(number, value) => (number, value, value as u64),
+                Field::Count(number, count) => (number, count as f64, count),
+                Field::Bytes(..) => continue,
+            };
+            if let Some(Some(place)) = self.fields.get((number as usize).wrapping_sub(1)) {
+                (values[*place], counts[*place]) = (value, count);
             }
         }
     }
@@ -251,6 +258,7 @@ impl<'a> Reading<'a> {
             has_signals: false,
             row_ns: None,
             values: Vec::new(),
+            counts: Vec::new(),
             untold: 0,
             is_told: false,
             raw: Vec::new(),
@@ -345,6 +353,7 @@ impl<'a> Reading<'a> {
                 }
                 let (mut all, mut rest) = (None, None);
                 self.values.fill(0.0);
+                self.counts.fill(0);
                 for field in protobuf::fields(data) {
                     match field {
                         Field::Bytes(DATA_FIELD, bytes) => all = Some(bytes),
@@ -352,7 +361,7 @@ impl<'a> Reading<'a> {
                         Field::Bytes(number, part) => {
                             let number = number.wrapping_sub(FIRST_TOPIC_FIELD);
                             if let Some(places) = topics.get(number as usize) {
-                                places.read(&mut self.values, part);
+                                places.read(&mut self.values, &mut self.counts, part);
                             }
                         }
                         _ => {}
@@ -366,7 +375,7 @@ impl<'a> Reading<'a> {
                 }
                 self.is_told = true;
                 if !matches!(self.keep, Keep::Times) {
-                    places.read(&mut self.values, data);
+                    places.read(&mut self.values, &mut self.counts, data);
                 }
             }
             Content::Raw => {
@@ -393,8 +402,8 @@ impl<'a> Reading<'a> {
                 self.raw.extend_from_slice(all);
             }
             None => {
-                let (values, words) = (&self.values, &self.run.schema.words);
-                words::whole(&mut self.raw, words, values, rest.unwrap_or_default());
+                let words = &self.run.schema.words;
+                words::whole(&mut self.raw, words, &self.values, &self.counts, rest.unwrap_or_default());
             }
         }
     }
@@ -442,6 +451,7 @@ impl<'a> Reading<'a> {
             self.run.schema.topics.push(Topic { name: topic.to_owned(), signals });
         }
         self.values.resize(at + width, f64::NAN);
+        self.counts.resize(at + width, 0);
         Places { at, width, fields }
     }
 
