@@ -10,7 +10,7 @@ use super::{
     RequestSort, SafetyAction, SafetyReason, Setpoint, SignalLayout, Signals, SourceName, TractionReport,
 };
 
-use visit::{INPUTS, Name, OUTPUTS, Slot, Visit, Visitor, regime_code, regime_from_code};
+use visit::{INPUTS, Name, OUTPUTS, Slot, Visit, WHEELS, regime_code, regime_from_code};
 
 const PROCESS_WORDS: usize = MAX_PROCESS_BYTES / 8;
 /// Codes of a choice are below it.
@@ -179,7 +179,7 @@ impl CycleRecord {
     pub fn channels(layout: &RecordLayout) -> Vec<Channel> {
         let mut list = Vec::new();
         let mut record = CycleRecord::of(layout);
-        record.visit(&layout.signals, &mut |name, unit, slot| {
+        record.visit(&layout.signals, |name, unit, slot| {
             let kind = match slot {
                 Slot::F64(_) => ValueKind::F64,
                 Slot::U64(_) | Slot::Code(..) => ValueKind::U64,
@@ -192,7 +192,7 @@ impl CycleRecord {
     /// The channels of such records that are codes of choices, with each code's choice as `Debug` writes it.
     pub fn choices(layout: &RecordLayout) -> Vec<(Channel, Vec<(u64, String)>)> {
         let mut list = Vec::new();
-        CycleRecord::of(layout).visit(&layout.signals, &mut |name, unit, slot| {
+        CycleRecord::of(layout).visit(&layout.signals, |name, unit, slot| {
             if let Slot::Code(_, name_of) = slot {
                 let channel = Channel { name: name.to_string(), unit: unit.to_owned(), kind: ValueKind::U64 };
                 let names = (0..MOST_CHOICES).filter_map(|code| Some((code, name_of(code)?)));
@@ -237,7 +237,7 @@ impl CycleRecord {
         let mut copy = *self;
         // Nobody reads the names.
         let nameless = SignalLayout::default();
-        copy.visit(&nameless, &mut |_, _, slot| {
+        copy.visit(&nameless, |_, _, slot| {
             values.push(match slot {
                 Slot::F64(value) => Value::F64(*value),
                 Slot::U64(value) | Slot::Code(value, _) => Value::U64(*value),
@@ -250,7 +250,7 @@ impl CycleRecord {
         let mut record = CycleRecord::of(layout);
         let mut rest = values.iter();
         let mut fits = true;
-        record.visit(&layout.signals, &mut |_, _, slot| match (slot, rest.next()) {
+        record.visit(&layout.signals, |_, _, slot| match (slot, rest.next()) {
             (Slot::F64(slot), Some(Value::F64(value))) => *slot = *value,
             (Slot::U64(slot) | Slot::Code(slot, _), Some(Value::U64(value))) => *slot = *value,
             _ => fits = false,
@@ -261,7 +261,7 @@ impl CycleRecord {
         // A code that no choice has was read as the choice's default.
         let mut given = values.iter().enumerate();
         let mut unknown = None;
-        record.visit(&SignalLayout::default(), &mut |_, _, slot| {
+        record.visit(&SignalLayout::default(), |_, _, slot| {
             if let (Slot::U64(understood) | Slot::Code(understood, _), Some((channel, Value::U64(given)))) =
                 (slot, given.next())
                 && understood != given
@@ -276,8 +276,8 @@ impl CycleRecord {
     }
 
     /// The one list of all channels: reading, writing and naming go through it.
-    fn visit(&mut self, names: &SignalLayout, visitor: Visitor<'_>) {
-        let mut v = Visit { prefix: Name::default(), visitor };
+    fn visit(&mut self, names: &SignalLayout, visitor: impl FnMut(Name<'_>, &str, Slot<'_>)) {
+        let mut v = Visit { prefix: [""; 2], visitor };
         v.u64("cycle.index", "", &mut self.time.index);
         v.u64("cycle.time", "ns", &mut self.time.now_ns);
         v.u64("cycle.period", "ns", &mut self.time.period_ns);
@@ -310,10 +310,10 @@ impl CycleRecord {
         let covariance =
             ["xx", "xy", "xh", "yy", "yh", "hh"].iter().zip(["m²", "m²", "m·rad", "m²", "m·rad", "rad²"]);
         for ((name, unit), value) in covariance.zip(&mut self.state.covariance) {
-            v.prefix = Name::new("state.covariance_");
+            v.prefix = ["state.covariance_", ""];
             v.f64(name, unit, value);
         }
-        v.prefix = Name::default();
+        v.prefix = [""; 2];
         let mut regime = regime_code(self.state.regime);
         v.named("state.regime", &mut regime, &|code| Some(format!("{:?}", regime_from_code(code)?)));
         self.state.regime = regime_from_code(regime).unwrap_or(Regime::Other);
@@ -362,7 +362,7 @@ impl CycleRecord {
         v.code("allowed.reason", &mut self.allowed.reason, SafetyReason::code, SafetyReason::from_code);
         v.u64("allowed.where", "", &mut self.allowed.where_index);
         for wheel in 0..self.measurements.wheels.min(MAX_WHEELS) {
-            v.prefix = Name::wheel(wheel);
+            v.prefix = [WHEELS[wheel], ""];
             v.drive(&mut self.measurements.drives[wheel]);
             v.f64("slip", "m/s", &mut self.grip.slip_m_s[wheel]);
             v.f64("slipped", "m", &mut self.grip.slipped_m[wheel]);
@@ -371,7 +371,7 @@ impl CycleRecord {
             v.bytes(&INPUTS, &mut self.inputs[wheel]);
             v.bytes(&OUTPUTS, &mut self.outputs[wheel]);
         }
-        v.prefix = Name::default();
+        v.prefix = [""; 2];
         v.signals(names, &mut self.signals);
     }
 }

@@ -21,59 +21,30 @@ pub(super) enum Slot<'a> {
 /// The choice that has a code, as `Debug` writes it.
 pub(super) type NameOf<'a> = &'a dyn Fn(u64) -> Option<String>;
 
-pub(super) type Visitor<'a> = &'a mut dyn FnMut(&Name, &str, Slot<'_>);
+/// A channel's name, of three parts; who doesn't ask for its text pays nothing for it.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Name<'a>([&'a str; 3]);
 
-/// A channel's name, put together without allocation.
-#[derive(Clone, Copy)]
-pub(super) struct Name {
-    bytes: [u8; Name::CAPACITY],
-    length: usize,
-}
-
-impl Default for Name {
-    fn default() -> Self {
-        Name { bytes: [0; Name::CAPACITY], length: 0 }
-    }
-}
-
-impl Name {
-    const CAPACITY: usize = 64;
-
-    pub(super) fn new(text: &str) -> Self {
-        Name::default().with(text)
-    }
-
-    pub(super) fn wheel(index: usize) -> Self {
-        const NAMES: [&str; MAX_WHEELS] =
-            ["wheel_1.", "wheel_2.", "wheel_3.", "wheel_4.", "wheel_5.", "wheel_6.", "wheel_7.", "wheel_8."];
-        Name::new(NAMES[index])
-    }
-
-    pub(super) fn with(mut self, text: &str) -> Self {
-        for byte in text.bytes() {
-            if let Some(slot) = self.bytes.get_mut(self.length) {
-                *slot = byte;
-                self.length += 1;
-            }
-        }
-        self
-    }
-}
-
-impl std::fmt::Display for Name {
+impl std::fmt::Display for Name<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(std::str::from_utf8(&self.bytes[..self.length]).unwrap_or_default())
+        self.0.iter().try_for_each(|part| f.write_str(part))
     }
 }
 
-pub(super) struct Visit<'a> {
-    pub(super) prefix: Name,
-    pub(super) visitor: Visitor<'a>,
+pub(super) struct Visit<'a, V> {
+    /// What stands before the names of channels.
+    pub(super) prefix: [&'a str; 2],
+    pub(super) visitor: V,
 }
 
-impl Visit<'_> {
+impl<'a, V: FnMut(Name<'_>, &str, Slot<'_>)> Visit<'a, V> {
+    fn slot(&mut self, name: &str, unit: &str, slot: Slot<'_>) {
+        let [first, second] = self.prefix;
+        (self.visitor)(Name([first, second, name]), unit, slot);
+    }
+
     pub(super) fn f64(&mut self, name: &str, unit: &str, value: &mut f64) {
-        (self.visitor)(&self.prefix.with(name), unit, Slot::F64(value));
+        self.slot(name, unit, Slot::F64(value));
     }
 
     /// A number that may be missing: NaN in a recording.
@@ -84,7 +55,7 @@ impl Visit<'_> {
     }
 
     pub(super) fn u64(&mut self, name: &str, unit: &str, value: &mut u64) {
-        (self.visitor)(&self.prefix.with(name), unit, Slot::U64(value));
+        self.slot(name, unit, Slot::U64(value));
     }
 
     pub(super) fn code<T: Copy + Debug + Default>(
@@ -100,26 +71,26 @@ impl Visit<'_> {
     }
 
     pub(super) fn named(&mut self, name: &str, code: &mut u64, name_of: NameOf<'_>) {
-        (self.visitor)(&self.prefix.with(name), "", Slot::Code(code, name_of));
+        self.slot(name, "", Slot::Code(code, name_of));
     }
 
-    pub(super) fn pose(&mut self, name: &str, pose: &mut Pose2) {
-        self.prefix = Name::new(name);
+    pub(super) fn pose(&mut self, name: &'a str, pose: &mut Pose2) {
+        self.prefix = [name, ""];
         self.f64(".x", "m", &mut pose.x_m);
         self.f64(".y", "m", &mut pose.y_m);
         self.f64(".heading", "rad", &mut pose.heading_rad);
-        self.prefix = Name::default();
+        self.prefix = [""; 2];
     }
 
-    pub(super) fn twist(&mut self, name: &str, units: [&'static str; 3], twist: &mut Twist2) {
-        self.prefix = Name::new(name);
+    pub(super) fn twist(&mut self, name: &'a str, units: [&'static str; 3], twist: &mut Twist2) {
+        self.prefix = [name, ""];
         self.f64(".x", units[0], &mut twist.vx_m_s);
         self.f64(".y", units[1], &mut twist.vy_m_s);
         self.f64(".heading", units[2], &mut twist.w_rad_s);
-        self.prefix = Name::default();
+        self.prefix = [""; 2];
     }
 
-    pub(super) fn setpoint(&mut self, names: [&str; 4], setpoint: &mut Setpoint) {
+    pub(super) fn setpoint(&mut self, names: [&'a str; 4], setpoint: &mut Setpoint) {
         self.pose(names[0], &mut setpoint.odom_from_body);
         self.twist(names[1], ["m/s", "m/s", "rad/s"], &mut setpoint.twist_in_odom);
         self.twist(names[2], ["m/s²", "m/s²", "rad/s²"], &mut setpoint.acceleration_in_odom);
@@ -146,46 +117,46 @@ impl Visit<'_> {
     }
 
     /// What sensors tell of the platform's place.
-    pub(super) fn fusion(&mut self, names: &[String], fusion: &mut FusionReport, sensors: usize) {
+    pub(super) fn fusion(&mut self, names: &'a [String], fusion: &mut FusionReport, sensors: usize) {
         self.pose("map.pose", &mut fusion.map_from_body);
         let covariance =
             ["xx", "xy", "xh", "yy", "yh", "hh"].iter().zip(["m²", "m²", "m·rad", "m²", "m·rad", "rad²"]);
-        self.prefix = Name::new("map.covariance_");
+        self.prefix = ["map.covariance_", ""];
         for ((name, unit), value) in covariance.zip(&mut fusion.covariance) {
             self.f64(name, unit, value);
         }
-        self.prefix = Name::new("map.");
+        self.prefix = ["map.", ""];
         let mut placed = u64::from(fusion.is_placed);
         self.u64("placed", "", &mut placed);
         fusion.is_placed = placed != 0;
         for (n, sensor) in fusion.sensors.iter_mut().enumerate().take(sensors) {
-            self.prefix = Name::new("sensor.").with(names.get(n).map_or("", String::as_str));
+            self.prefix = ["sensor.", names.get(n).map_or("", String::as_str)];
             self.code(".verdict", &mut sensor.verdict, verdict_code, verdict_from_code);
             self.f64(".nis", "", &mut sensor.nis);
         }
-        self.prefix = Name::default();
+        self.prefix = [""; 2];
     }
 
     /// Nothing for a robot without them.
-    pub(super) fn signals(&mut self, names: &SignalLayout, signals: &mut Signals) {
+    pub(super) fn signals(&mut self, names: &'a SignalLayout, signals: &mut Signals) {
         let SignalShape { devices, sources, inputs, outputs, input_bytes, output_bytes, .. } = signals.shape;
         if devices + sources == 0 {
             return;
         }
-        self.prefix = Name::new("device.");
+        self.prefix = ["device.", ""];
         self.u64("believed", "", &mut signals.believed);
         for (part, bytes, length) in [
             ("input_", &mut signals.input_bytes, input_bytes),
             ("output_", &mut signals.output_bytes, output_bytes),
         ] {
-            self.prefix = Name::new("device.").with(part);
+            self.prefix = ["device.", part];
             for (number, bytes) in DEVICE_WORDS.iter().zip(bytes.chunks_exact_mut(8)).take(length.div_ceil(8))
             {
                 self.word(number, bytes);
             }
         }
         if sources > 0 {
-            self.prefix = Name::new("source.");
+            self.prefix = ["source.", ""];
             self.u64("heard", "", &mut signals.heard);
             self.u64("zeroed", "", &mut signals.zeroed);
             self.u64("raised", "", &mut signals.raised);
@@ -193,14 +164,14 @@ impl Visit<'_> {
         let named = names.devices.iter().chain(names.sources.iter().map(|source| &source.name));
         let mut named = named.map(String::as_str).chain(std::iter::repeat(""));
         for age_s in signals.ages_s.iter_mut().take(devices + sources) {
-            self.prefix = Name::new(named.next().unwrap_or_default());
+            self.prefix = [named.next().unwrap_or_default(), ""];
             self.f64(".age", "s", age_s);
         }
         for (n, instant_ns) in signals.instants_ns.iter_mut().take(sources).enumerate() {
-            self.prefix = Name::new(names.sources.get(n).map_or("", |source| source.name.as_str()));
+            self.prefix = [names.sources.get(n).map_or("", |source| source.name.as_str()), ""];
             self.u64(".instant", "ns", instant_ns);
         }
-        self.prefix = Name::default();
+        self.prefix = [""; 2];
         for (names, values, count) in
             [(&names.inputs, &mut signals.inputs, inputs), (&names.outputs, &mut signals.outputs, outputs)]
         {
@@ -225,6 +196,8 @@ impl Visit<'_> {
     }
 }
 
+pub(super) const WHEELS: [&str; MAX_WHEELS] =
+    ["wheel_1.", "wheel_2.", "wheel_3.", "wheel_4.", "wheel_5.", "wheel_6.", "wheel_7.", "wheel_8."];
 const DEVICE_WORDS: [&str; MAX_DEVICE_BYTES / 8] =
     ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15"];
 static NAMELESS: SignalName = SignalName { name: String::new(), unit: String::new() };
