@@ -107,7 +107,7 @@ impl CallHandler {
             Call::GoTo { pose: [x_m, y_m, heading_rad] } => {
                 robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
             }
-            Call::DriveTo { pose, best } => return self.drive_to((asker, waiting), pose, best),
+            Call::DriveTo { pose, best } => return self.drive_to(asker, waiting, pose, best),
             Call::SetWalls { polygons_m } => {
                 let text = self.drive_to.draw_walls(polygons_m)?;
                 return Ok(Reply::CallResult(CallResult::done(text)));
@@ -217,7 +217,8 @@ impl CallHandler {
 
     fn drive_to(
         &self,
-        asked: (Asker, &Waiting),
+        asker: Asker,
+        waiting: &Waiting,
         pose: [f64; 3],
         best: Option<BestWay>,
     ) -> Result<Reply, String> {
@@ -225,8 +226,8 @@ impl CallHandler {
             return Err(format!("pose: expected numbers from -{GREATEST} to {GREATEST}, found {wrong}"));
         }
         let [x_m, y_m, heading_rad] = pose;
-        let goal = (Pose2 { x_m, y_m, heading_rad }, best);
-        let begun = self.drive_to.begin((&self.live, &self.about), asked, goal)?;
+        let goal = Pose2 { x_m, y_m, heading_rad };
+        let begun = self.drive_to.begin(&self.live, &self.about, asker, waiting, goal, best)?;
         if let Ok(drawn) = self.about.drawn(&begun.table) {
             self.keep(begun.number, drawn);
         }

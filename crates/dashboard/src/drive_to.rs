@@ -160,9 +160,12 @@ impl DriveTo {
     /// Plans a way, and begins it.
     pub(crate) fn begin(
         &self,
-        (live, about): (&Live, &RobotInfo),
-        (asker, waiting): (Asker, &Waiting),
-        (goal, best): (Pose2, Option<BestWay>),
+        live: &Live,
+        about: &RobotInfo,
+        asker: Asker,
+        waiting: &Waiting,
+        goal: Pose2,
+        best: Option<BestWay>,
     ) -> Result<Begun, String> {
         let snapshot = live.snapshot();
         if !matches!(snapshot.phase, Phase::Holding | Phase::Tracking) {
@@ -182,7 +185,7 @@ impl DriveTo {
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
         };
-        let begun = drive.go((live, about), (&snapshot, waiting), self)?;
+        let begun = drive.go(live, about, &snapshot, waiting, self)?;
         self.keep(drive, Some(begun.text.clone()));
         Ok(begun)
     }
@@ -272,7 +275,7 @@ impl DriveTo {
                 let is_own = snapshot.reference == drive.number && follows(&snapshot);
                 match snapshot.phase {
                     _ if is_refused(live, *ticket) => self.pause(live, drive),
-                    Phase::Tracking if is_own => return self.watch(live, about, (drive, &snapshot)),
+                    Phase::Tracking if is_own => return self.watch(live, about, drive, &snapshot),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
                     Phase::Holding if is_there(&snapshot, &drive.goal) => self.end(live, &drive, Ok("there")),
                     Phase::Stopping | Phase::Holding
@@ -297,7 +300,7 @@ impl DriveTo {
                         self.end(live, &drive, Ok("there"));
                         None
                     }
-                    Phase::Holding if is_due => self.again((live, about), drive, &snapshot),
+                    Phase::Holding if is_due => self.again(live, about, drive, &snapshot),
                     Phase::Holding | Phase::Tracking | Phase::Stopping => None,
                     _ => {
                         self.end(live, &drive, Err("the robot was stopped"));
@@ -309,12 +312,7 @@ impl DriveTo {
     }
 
     /// Goes over into another way where something came onto this one; where there is none the robot is paused.
-    fn watch(
-        &self,
-        live: &Live,
-        about: &RobotInfo,
-        (mut drive, snapshot): (Drive, &Snapshot),
-    ) -> Option<Begun> {
+    fn watch(&self, live: &Live, about: &RobotInfo, mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return None };
         *is_seen = true;
         let here = snapshot.record.setpoint.odom_from_body;
@@ -327,7 +325,7 @@ impl DriveTo {
             return None;
         }
         let mut other = drive.clone();
-        let Ok(begun) = other.go((live, about), (snapshot, &Waiting::here()), self) else {
+        let Ok(begun) = other.go(live, about, snapshot, &Waiting::here(), self) else {
             self.pause(live, drive);
             return None;
         };
@@ -354,12 +352,12 @@ impl DriveTo {
     }
 
     /// Plans again from where the robot stands; gives up where there was no way for too long.
-    fn again(&self, robot: (&Live, &RobotInfo), mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
-        let give_up_s = robot.1.robot.plan.guard.give_up_s;
-        match drive.go(robot, (snapshot, &Waiting::here()), self) {
-            Ok(begun) => Some(self.go_on(robot.0, drive, begun)),
+    fn again(&self, live: &Live, about: &RobotInfo, mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
+        let give_up_s = about.robot.plan.guard.give_up_s;
+        match drive.go(live, about, snapshot, &Waiting::here(), self) {
+            Ok(begun) => Some(self.go_on(live, drive, begun)),
             Err(why) if drive.since.elapsed().as_secs_f64() >= give_up_s => {
-                self.end(robot.0, &drive, Err(&why));
+                self.end(live, &drive, Err(&why));
                 None
             }
             Err(why) => {
@@ -375,8 +373,10 @@ impl Drive {
     /// Plans from where the robot stands, or from where it goes, and asks it to go.
     fn go(
         &mut self,
-        (live, about): (&Live, &RobotInfo),
-        (snapshot, waiting): (&Snapshot, &Waiting),
+        live: &Live,
+        about: &RobotInfo,
+        snapshot: &Snapshot,
+        waiting: &Waiting,
         drives: &DriveTo,
     ) -> Result<Begun, String> {
         let begun = computed();

@@ -53,8 +53,7 @@ pub(crate) fn all(shared: Shared) -> Router {
         .route("/api/live", get(socket))
         .route("/api/inputs", get(programs))
         .route("/api/states", get(follow))
-        .route("/", get(file))
-        .route("/{name}", get(file))
+        .merge(page::routes(page::FILES, shared.gate.clone()))
         .fallback(nothing_there)
         .method_not_allowed_fallback(another_method)
         .layer(DefaultBodyLimit::max(LONGEST_BODY))
@@ -69,32 +68,6 @@ async fn nothing_there(uri: Uri) -> Response {
 async fn another_method(method: Method, uri: Uri) -> Response {
     let why = CallResult::refused(format!("`{}` takes no {method}: /api tells what there is", uri.path()));
     (StatusCode::METHOD_NOT_ALLOWED, Json(why)).into_response()
-}
-
-#[derive(Deserialize)]
-struct Token {
-    token: Option<String>,
-}
-
-async fn file(
-    State(shared): State<Shared>,
-    Extension(peer): Extension<Peer>,
-    name: Option<Path<String>>,
-    Query(Token { token }): Query<Token>,
-    headers: HeaderMap,
-) -> Response {
-    let (right, _underway) = match shared.gate.begun(&peer, &headers, token.as_deref()).await {
-        Ok(begun) => begun,
-        Err(refusal) => return refusal,
-    };
-    if let (Some(token), Right::Command) = (&token, right) {
-        return gate::to_cookie(token);
-    }
-    let name = name.map_or(String::new(), |Path(name)| name);
-    match page::FILES.iter().find(|(known, ..)| *known == name) {
-        Some((_, kind, text)) => page::answer(kind, *text),
-        None => (StatusCode::NOT_FOUND, format!("there is no `/{name}`")).into_response(),
-    }
 }
 
 /// A request that only reads, and computes for it elsewhere.

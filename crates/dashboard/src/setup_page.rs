@@ -279,35 +279,8 @@ fn routes(common: Common) -> Router {
     Router::new()
         .route("/api/setup", get(state))
         .route("/api/setup/live", get(socket))
-        .route("/", get(file))
-        .route("/{name}", get(file))
+        .merge(page::routes(page::SETUP_FILES, common.gate.clone()))
         .with_state(common)
-}
-
-#[derive(Deserialize)]
-struct Token {
-    token: Option<String>,
-}
-
-async fn file(
-    State(common): State<Common>,
-    Extension(peer): Extension<Peer>,
-    name: Option<Path<String>>,
-    Query(Token { token }): Query<Token>,
-    headers: HeaderMap,
-) -> Response {
-    let (right, _underway) = match common.gate.begun(&peer, &headers, token.as_deref()).await {
-        Ok(begun) => begun,
-        Err(refusal) => return refusal,
-    };
-    if let (Some(token), Right::Command) = (&token, right) {
-        return gate::to_cookie(token);
-    }
-    let name = name.map_or(String::new(), |Path(name)| name);
-    match page::SETUP_FILES.iter().find(|(known, ..)| *known == name) {
-        Some((_, kind, text)) => page::answer(kind, *text),
-        None => (StatusCode::NOT_FOUND, format!("there is no `/{name}`")).into_response(),
-    }
 }
 
 /// What pages show, for programs.

@@ -273,9 +273,9 @@ impl Odometry {
         let pose = before.moved_by(step);
 
         // Wheels that aren't quite as the layout says contradict each other without any slip.
-        let explained_m = EXPLAINED_SIGMAS * self.geometry_errors.advance(step, (before, pose));
+        let explained_m = EXPLAINED_SIGMAS * self.geometry_errors.advance(step, before, pose);
         let slip_m = (residual_m - explained_m).max(0.0);
-        self.covariance = self.settings.covariance.grown(&self.covariance, (before, pose), step, slip_m);
+        self.covariance = self.settings.covariance.grown(&self.covariance, before, pose, step, slip_m);
         self.tell_covariance();
         self.state.turned_rad = pose.heading_rad;
         self.state.odom_from_base = pose.wrapped();

@@ -295,7 +295,7 @@ impl Body {
     }
 
     /// What holds a wheel where it stands.
-    fn holds(&self, index: usize, (sin, cos): (f64, f64)) -> Holds {
+    fn holds(&self, index: usize, sin: f64, cos: f64) -> Holds {
         let mounted = &self.mounted[index];
         let surface = self.everywhere.as_ref().or_else(|| {
             if self.floor.patches.is_empty() {
@@ -318,13 +318,13 @@ impl Body {
         let (sin, cos) = sin_cos(before[2] * step_s);
         let start = [before[0] * cos + before[1] * sin, before[1] * cos - before[0] * sin, before[2]];
         let (heading_sin, heading_cos) = self.pose.heading_rad.sin_cos();
-        let mass = self.mass(start, (heading_sin, heading_cos), rate);
+        let mass = self.mass(start, heading_sin, heading_cos, rate);
         let [fall_x, fall_y] = self.fall_m_s2;
         // On a slope a body that stands is held against free fall, which shifts loads as acceleration does.
         let fall = [fall_x * heading_cos + fall_y * heading_sin, fall_y * heading_cos - fall_x * heading_sin];
         let held = [self.acceleration[0] - fall[0], self.acceleration[1] - fall[1]];
         for i in 0..self.rows.len() {
-            let holds = self.holds(i, (heading_sin, heading_cos));
+            let holds = self.holds(i, heading_sin, heading_cos);
             let (row, mounted) = (&mut self.rows[i], &self.mounted[i]);
             let load = self.share.load_n(i, held, self.upright);
             self.wheels[i].normal_load_n = load;
@@ -351,10 +351,10 @@ impl Body {
             *filtered += follow * ((after - start) * rate - *filtered);
         }
         self.move_wheels(step_s);
-        self.move_body(before, (heading_sin, heading_cos), step_s);
+        self.move_body(before, heading_sin, heading_cos, step_s);
     }
 
-    fn mass(&self, start: [f64; 3], (sin, cos): (f64, f64), rate: f64) -> Mass {
+    fn mass(&self, start: [f64; 3], sin: f64, cos: f64, rate: f64) -> Mass {
         let m = self.total.carried.mass_kg * rate;
         let j = self.total.yaw_inertia_kg_m2 * rate;
         let weight = self.total.carried.mass_kg;
@@ -394,7 +394,7 @@ impl Body {
     }
 
     /// Moves the pose along the arc of the step's mean twist.
-    fn move_body(&mut self, before: [f64; 3], (sin, cos): (f64, f64), step_s: f64) {
+    fn move_body(&mut self, before: [f64; 3], sin: f64, cos: f64, step_s: f64) {
         let mean = [0, 1, 2].map(|i| 0.5 * (before[i] + self.velocity[i]));
         let [cx, cy] = self.total.carried.center_m;
         let (dx, dy, turn) =

@@ -77,7 +77,7 @@ impl Robot {
         let limiter = Limiter::new(&plan.limits, period_s).map_err(refused)?;
         let reference = registry.make_reference(&plan.reference, &Ability::of(plan))?;
         let motion =
-            Motion::new(reference, &plan.limits, (&plan.safety, &plan.guard), period_s).map_err(refused)?;
+            Motion::new(reference, &plan.limits, &plan.safety, &plan.guard, period_s).map_err(refused)?;
         let controllers = registry.make_controllers(plan)?;
         if controllers.is_empty() {
             return Err(Problem::missing("controller.kind", "there is no default control law").into());
@@ -272,7 +272,7 @@ impl Robot {
         });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());
-        self.grip.look(&record.time, (record.exchange, &record.measurements), turn_rad_s, wished)
+        self.grip.look(&record.time, record.exchange, &record.measurements, turn_rad_s, wished)
     }
 
     /// Traction: what the floor carries.

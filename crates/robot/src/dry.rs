@@ -128,7 +128,7 @@ impl DryRun {
             let setpoint = reference.preview(time_s).ok_or(NotForeseen)?;
             let next = reference.preview((time_s + step_s).min(duration_s)).ok_or(NotForeseen)?;
             let friction = ability.friction_needed(&setpoint);
-            let moment = run.moment(&bounds, (time_s, step_s), [&setpoint, &next]);
+            let moment = run.moment(&bounds, time_s, step_s, [&setpoint, &next]);
             run.moments.push(Moment { friction, ..moment });
             if friction > run.friction.0 {
                 run.friction = (friction, time_s);
@@ -156,7 +156,8 @@ impl DryRun {
     fn moment(
         &mut self,
         bounds: &PlatformBounds,
-        (time_s, step_s): (f64, f64),
+        time_s: f64,
+        step_s: f64,
         [setpoint, next]: [&Setpoint; 2],
     ) -> Moment {
         let (a, b) = (setpoint.acceleration_in_odom, next.acceleration_in_odom);

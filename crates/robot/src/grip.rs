@@ -168,10 +168,9 @@ impl Grip {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         let friction = WheelFriction::new(&plan.kinematics);
         let first = FirstEstimates::of(&plan.controller);
-        let FirstEstimates { mass, inertia, share, friction_max_n } = first;
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         Grip {
-            identification: Identification::new(mass, inertia, share, friction_max_n, friction.lever_m()),
+            identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(plan.controller.mass_bounds_kg.map(|[least, _]| least)),
             friction,
@@ -179,8 +178,8 @@ impl Grip {
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
-            wheel_kg: wheel_kg(plan, mass.0),
-            told_kg: mass.0,
+            wheel_kg: wheel_kg(plan, first.mass.0),
+            told_kg: first.mass.0,
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
@@ -201,7 +200,8 @@ impl Grip {
     pub(crate) fn look(
         &mut self,
         time: &CycleTime,
-        (exchange, measurements): (Exchange, &Measurements),
+        exchange: Exchange,
+        measurements: &Measurements,
         turn_rad_s: Option<f64>,
         wished: Option<[f64; 3]>,
     ) -> GripReport {
@@ -219,7 +219,7 @@ impl Grip {
             let span_s = f64::from(periods) * time.period_s();
             let is_whole = periods == 1 && !measurements.is_held_back();
             if measurements.present().iter().all(|drive| drive.is_finite()) {
-                self.compare(measurements, (span_s, is_whole), wished);
+                self.compare(measurements, span_s, is_whole, wished);
                 self.judge(span_s);
             } else {
                 self.forget();
@@ -261,7 +261,8 @@ impl Grip {
     fn compare(
         &mut self,
         measurements: &Measurements,
-        (span_s, is_whole): (f64, bool),
+        span_s: f64,
+        is_whole: bool,
         wished: Option<[f64; 3]>,
     ) {
         let present = measurements.present();
@@ -354,7 +355,7 @@ impl Grip {
         }
         let change = self.sliding.change(wished, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
-            let slide = self.sliding.look(at, &change, (wheel.rim_m_s, pushes_n[at]), span_s);
+            let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }

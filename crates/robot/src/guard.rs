@@ -291,7 +291,7 @@ impl Guard {
             return limiter.brake();
         }
         let now = self.now(&here, state);
-        let Shaped { twist: shaped, away, by: cause } = self.shape(&here, drive, (wish, &now));
+        let Shaped { twist: shaped, away, by: cause } = self.shape(&here, drive, wish, &now);
         let is_unhindered = cause == LimitedBy::Nothing;
         if let Drive::Follow(wished, _) = drive {
             self.pace = self.pace_of(&here, wished, &now);
@@ -346,12 +346,12 @@ impl Guard {
         let (margin_m, sigmas) =
             self.fence.as_ref().map_or((0.0, 0.0), |(fence, _)| (fence.margin_m, fence.sigmas));
         let obstacle_need_m = need(self.distance_m, self.obstacle_sigmas);
-        let obstacles_m = self.near_obstacles_m(here, (&body, obstacle_need_m.standing_m));
+        let obstacles_m = self.near_obstacles_m(here, &body, obstacle_need_m.standing_m);
         Now { place, error_m, fence_need_m: need(margin_m, sigmas), obstacle_need_m, fence_m, obstacles_m }
     }
 
     /// The distances of obstacles that may hold something back.
-    fn near_obstacles_m(&self, here: &Setpoint, (body, need_m): (&Body<'_>, f64)) -> [f64; MAX_OBSTACLES] {
+    fn near_obstacles_m(&self, here: &Setpoint, body: &Body<'_>, need_m: f64) -> [f64; MAX_OBSTACLES] {
         let mut obstacles_m = [f64::INFINITY; MAX_OBSTACLES];
         let standing_far_m = self.far_m(here, 0.0);
         for (slot, obstacle) in obstacles_m.iter_mut().zip(&self.obstacles) {
@@ -392,7 +392,7 @@ impl Guard {
         let around_m = sweep.bend_m
             + self.outline.reach_m() * 0.5 * (greatest - least)
             + 0.5 * self.period_s * (twist.speed_m_s() + self.outline.reach_m() * twist.w_rad_s.abs());
-        let retreat = || Retreat::new((now.place, &self.outline), [here, next], &sweep);
+        let retreat = || Retreat::new(now.place, &self.outline, [here, next], &sweep);
         let reach_m = length(sweep.way) + 2.0 * around_m;
         // What is known of the pose grows worse until the stop stands.
         let standing = self.spread.after(&self.way_left(&sweep, next, now.error_m), &self.growth);

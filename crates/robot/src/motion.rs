@@ -117,7 +117,8 @@ impl Motion {
     pub(crate) fn new(
         reference: Box<dyn Reference>,
         limits: &Limits,
-        (safety, guard): (&SafetyPlan, &GuardPlan),
+        safety: &SafetyPlan,
+        guard: &GuardPlan,
         period_s: f64,
     ) -> Result<Self, LimitsError> {
         let rate_limits = rate_limits(limits, 1.0);
@@ -191,7 +192,7 @@ impl Motion {
             return self.planned_rate();
         }
         let time_s = self.time_s();
-        self.foothold.rate(&*self.reference, time_s, (&self.limits, self.carried.share)).min(self.warm_rate)
+        self.foothold.rate(&*self.reference, time_s, &self.limits, self.carried.share).min(self.warm_rate)
     }
 
     /// The rate of a plan that is gone along: it rises no further where wheels give all that was planned already.
@@ -308,11 +309,12 @@ impl Motion {
         &mut self,
         time: &CycleTime,
         here: &Setpoint,
-        (settings, guard): (&Settings, &Guard),
+        settings: &Settings,
+        guard: &Guard,
     ) -> Setpoint {
         self.catch_up(&From { time, setpoint: *here, is_under_way: true, settings, guard });
         let wished = match self.course {
-            Course::Way => self.sample_way(time, here, (settings, guard)),
+            Course::Way => self.sample_way(time, here, settings, guard),
             Course::Reference | Course::Velocity | Course::Onto => {
                 self.sample_reference(time, settings, guard)
             }
@@ -337,9 +339,10 @@ impl Motion {
         &mut self,
         time: &CycleTime,
         here: &Setpoint,
-        (settings, guard): (&Settings, &Guard),
+        settings: &Settings,
+        guard: &Guard,
     ) -> Setpoint {
-        self.plan_anew(time, here, (settings, guard));
+        self.plan_anew(time, here, settings, guard);
         let carried = self.way.carried(self.carried.share).sqrt().max(LEAST_RATE);
         let rate = settings.rate(self.planned).min(carried);
         let left_s = self.way.left_s();

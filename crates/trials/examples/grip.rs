@@ -22,7 +22,7 @@ fn main() {
     for (law, told) in LAWS {
         let (mut rang, mut unfinished, mut worst_m) = (0, 0, 0.0_f64);
         for seed in first..first + cases {
-            let case = Case::seeded((law, told), seed);
+            let case = Case::seeded(law, told, seed);
             let ridden = case.ride();
             println!("{}", case.row(&ridden));
             rang += u64::from(ridden.ringing > 0.01);

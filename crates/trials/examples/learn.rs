@@ -25,7 +25,7 @@ fn main() {
                         let registry = &registry;
                         scope.spawn(move || {
                             let seeds = (1 + thread..=robots).step_by(threads as usize);
-                            seeds.map(|seed| learn((path, law, frame), seed, registry)).collect::<Vec<_>>()
+                            seeds.map(|seed| learn(path, law, frame, seed, registry)).collect::<Vec<_>>()
                         })
                     };
                     let all: Vec<_> = (0..threads).map(share).collect();

@@ -53,7 +53,7 @@ const LEAST_CROSSINGS: usize = 4;
 
 impl Case {
     /// One of a family of cases for a law: tread, damping, friction and payload by a seed.
-    pub fn seeded((law, told): (&'static str, Treads), seed: u64) -> Self {
+    pub fn seeded(law: &'static str, told: Treads, seed: u64) -> Self {
         let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
         let mut unit = || {
             state ^= state >> 12;

@@ -44,7 +44,7 @@ pub struct Learned {
 ///
 /// # Panics
 /// Where it can't be made or driven.
-pub fn learn((path, law, frame): (&str, &str, &str), seed: u64, registry: &Registry) -> Learned {
+pub fn learn(path: &str, law: &str, frame: &str, seed: u64, registry: &Registry) -> Learned {
     let text = include_str!("../../../robots/bmm_tracked.toml")
         .replace("closed_loop_speed", law)
         .replace("kind = \"fused\"", &format!("kind = \"fused\"\ntask_frame = \"{frame}\""));
@@ -55,7 +55,7 @@ pub fn learn((path, law, frame): (&str, &str, &str), seed: u64, registry: &Regis
     let kinematics = Kinematics::new(wheels.collect()).expect("wheels nearly as in the file");
     let built = RobotPlan { kinematics, ..plan.clone() };
     let drive = |correction, noise: u64| {
-        rehearsal::drive((&built, &plan), correction, registry, 100 * seed + noise).expect("a drive")
+        rehearsal::drive(&built, &plan, correction, registry, 100 * seed + noise).expect("a drive")
     };
     let motion = registry.make_reference(&plan.reference, &Ability::of(&plan)).expect("the motion");
     let mut learner = Learner::new(motion.duration_s().expect("a motion with an end"));

@@ -5,12 +5,15 @@ use omnibase_robot_sim::Tread;
 use omnibase_trials::framed::Treads;
 use omnibase_trials::grip::{Case, Ridden, SIDE_S};
 
-const UNKNOWN: (&str, Treads) = ("adaptive_torque", Treads::Unknown);
-const STIFF: (&str, Treads) = ("adaptive_torque", Treads::Stiff);
-const SPEED: (&str, Treads) = ("closed_loop_speed", Treads::Unknown);
+/// A law of control, and what it is told of the treads.
+type Law = (&'static str, Treads);
+
+const UNKNOWN: Law = ("adaptive_torque", Treads::Unknown);
+const STIFF: Law = ("adaptive_torque", Treads::Stiff);
+const SPEED: Law = ("closed_loop_speed", Treads::Unknown);
 
 /// Law and what it is told, stiffness of the tread in N/m, damping ratio, and the greatest believed RMS, m.
-const HOLD: [((&str, Treads), f64, f64, f64); 13] = [
+const HOLD: [(Law, f64, f64, f64); 13] = [
     (UNKNOWN, 1e5, 0.1, 4e-3),
     (UNKNOWN, 1e5, 1.0, 3e-3),
     (UNKNOWN, 3e5, 0.1, 2e-3),
@@ -26,7 +29,8 @@ const HOLD: [((&str, Treads), f64, f64, f64); 13] = [
     (SPEED, 4e6, 0.3, 1e-4),
 ];
 
-fn case((law, told): (&'static str, Treads), stiffness_n_m: f64, damping_ratio: f64) -> Case {
+fn case(law: Law, stiffness_n_m: f64, damping_ratio: f64) -> Case {
+    let (law, told) = law;
     let tread = Some(Tread { stiffness_n_m, damping_ratio });
     Case { law, told, tread, friction: 0.5, payload_kg: 100.0, estimate: 0.5, side_s: SIDE_S }
 }

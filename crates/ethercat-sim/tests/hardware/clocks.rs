@@ -197,8 +197,8 @@ fn sync_bench(drift_ppm: f64) -> (Bench, Pulses) {
     (Bench::single(clock(0, drift_ppm), app), pulses)
 }
 
-fn start_sync(bench: &mut Bench, start: u64, cycles: (u32, u32), activation: u8) {
-    bench.fpwr(0x1001, reg::DC_SYNC0_CYCLE, &[cycles.0.to_le_bytes(), cycles.1.to_le_bytes()].concat());
+fn start_sync(bench: &mut Bench, start: u64, sync0_ns: u32, sync1_ns: u32, activation: u8) {
+    bench.fpwr(0x1001, reg::DC_SYNC0_CYCLE, &[sync0_ns.to_le_bytes(), sync1_ns.to_le_bytes()].concat());
     bench.fpwr(0x1001, reg::DC_START_TIME, &start.to_le_bytes());
     assert_eq!(bench.fpwr(0x1001, reg::DC_ACTIVATION, &[activation]), 1);
 }
@@ -206,7 +206,7 @@ fn start_sync(bench: &mut Bench, start: u64, cycles: (u32, u32), activation: u8)
 #[test]
 fn sync0_comes_at_its_start_time_and_then_every_cycle() {
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 2_000_000, (250_000, 0), 3);
+    start_sync(&mut bench, 2_000_000, 250_000, 0, 3);
     assert_eq!(bench.number_at(0x1001, reg::DC_ACTIVATION_STATUS, 1), 1, "the first pulse is pending");
     assert_eq!(bench.number_at(0x1001, reg::DC_START_TIME, 8), 2_000_000);
     bench.now = HostTime(2_600_000);
@@ -222,7 +222,7 @@ fn sync0_comes_at_its_start_time_and_then_every_cycle() {
 #[test]
 fn pulses_follow_the_own_clock_not_the_hosts() {
     let (mut bench, pulses) = sync_bench(100.0);
-    start_sync(&mut bench, 10_000_000, (1_000_000, 0), 3);
+    start_sync(&mut bench, 10_000_000, 1_000_000, 0, 3);
     bench.wait_us(50_000);
     let pulses = pulses.lock().unwrap();
     // System time 10 ms is host time 10 ms / 1.0001, rounded up.
@@ -233,17 +233,17 @@ fn pulses_follow_the_own_clock_not_the_hosts() {
 #[test]
 fn sync1_follows_sync0_by_its_cycle_time() {
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 2_000_000, (500_000, 100_000), 7);
+    start_sync(&mut bench, 2_000_000, 500_000, 100_000, 7);
     bench.wait_us(1700);
     let expected = [(4, 2_000_000), (8, 2_100_000), (4, 2_500_000), (8, 2_600_000)];
     assert_eq!(pulses.lock().unwrap()[..4], expected);
     // Zero: together with SYNC0. More than a cycle: counted from the SYNC0 after the last SYNC1.
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 2_000_000, (500_000, 0), 7);
+    start_sync(&mut bench, 2_000_000, 500_000, 0, 7);
     bench.wait_us(1700);
     assert_eq!(pulses.lock().unwrap()[..2], [(12, 2_000_000), (12, 2_500_000)]);
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 2_000_000, (500_000, 600_000), 5);
+    start_sync(&mut bench, 2_000_000, 500_000, 600_000, 5);
     bench.wait_us(4000);
     assert_eq!(pulses.lock().unwrap()[..2], [(8, 2_600_000), (8, 3_600_000)]);
 }
@@ -251,7 +251,7 @@ fn sync1_follows_sync0_by_its_cycle_time() {
 #[test]
 fn a_cycle_of_zero_is_a_single_shot() {
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 2_000_000, (0, 0), 3);
+    start_sync(&mut bench, 2_000_000, 0, 0, 3);
     bench.wait_us(10_000);
     assert_eq!(*pulses.lock().unwrap(), [(4, 2_000_000)]);
 }
@@ -259,7 +259,7 @@ fn a_cycle_of_zero_is_a_single_shot() {
 #[test]
 fn a_start_time_in_the_past_never_comes_or_after_the_wrap() {
     let (mut bench, pulses) = sync_bench(0.0);
-    start_sync(&mut bench, 500_000, (250_000, 0), 3);
+    start_sync(&mut bench, 500_000, 250_000, 0, 3);
     bench.wait_us(5_000_000);
     assert_eq!(*pulses.lock().unwrap(), []);
 
@@ -272,7 +272,7 @@ fn a_start_time_in_the_past_never_comes_or_after_the_wrap() {
         None
     });
     let mut bench = Bench::single(EscConfig { features: reg::FEATURE_DC, ..EscConfig::default() }, app);
-    start_sync(&mut bench, 500_000, (1 << 31, 0), 3);
+    start_sync(&mut bench, 500_000, 1 << 31, 0, 3);
     bench.wait_us(5_000_000);
     assert_eq!(*pulses.lock().unwrap(), [500_000 + (1 << 32)]);
 }
@@ -288,7 +288,7 @@ fn sync_registers_belong_to_the_side_that_0x0980_says() {
     assert_eq!(bench.number_at(0x1001, reg::DC_SYNC0_CYCLE, 4), 1);
     // While it runs, the start time shows the next pulse and can't be written.
     assert_eq!(bench.fpwr(0x1001, reg::DC_CYCLIC_CONTROL, &[0]), 1);
-    start_sync(&mut bench, 20_000_000, (1_000_000, 0), 3);
+    start_sync(&mut bench, 20_000_000, 1_000_000, 0, 3);
     assert_eq!(bench.fpwr(0x1001, reg::DC_START_TIME, &[9; 8]), 0);
 }
 

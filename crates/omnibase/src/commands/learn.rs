@@ -179,7 +179,7 @@ fn repeated(
             learner.learn(&repeat_of(&recording, registry)?)?.into()
         } else {
             let seed = arguments.seed.unwrap_or(1).wrapping_mul(1000).wrapping_add(u64::from(number));
-            let one = rehearsal::drive((&built, plan), Some(learner.next()), registry, seed)?;
+            let one = rehearsal::drive(&built, plan, Some(learner.next()), registry, seed)?;
             let learnt = learner.learn(&one.repeat)?;
             let (true_rms_mm, true_end_mm) = (Some(1e3 * one.true_rms_m), Some(1e3 * one.true_end_m));
             Row { true_rms_mm, true_end_mm, ..learnt.into() }

@@ -104,7 +104,8 @@ impl CovarianceSettings {
     pub(super) fn grown(
         &self,
         covariance: &Matrix3<f64>,
-        (from, to): (Pose2, Pose2),
+        from: Pose2,
+        to: Pose2,
         step: BodyStep,
         slip_m: f64,
     ) -> Matrix3<f64> {

@@ -130,7 +130,7 @@ impl GeometryErrors {
 
     /// Carries them along a step from one pose to the next, both in odom; the standard deviation, in m, of what they make
     /// wheels contradict each other by in it.
-    pub(super) fn advance(&mut self, step: BodyStep, (from, to): (Pose2, Pose2)) -> f64 {
+    pub(super) fn advance(&mut self, step: BodyStep, from: Pose2, to: Pose2) -> f64 {
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
         let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
         let step = Vector3::new(step.x_m, step.y_m, step.angle_rad);

@@ -82,6 +82,14 @@ pub(super) struct Floor {
     y: Span,
 }
 
+/// Where a platform is drawn, m and rad.
+#[derive(Clone, Copy, Debug)]
+struct Pose {
+    x: f64,
+    y: f64,
+    heading: f64,
+}
+
 impl Floor {
     /// A place on the floor in units of the drawing.
     pub(super) fn place(&self, x: f64, y: f64) -> (f64, f64) {
@@ -89,16 +97,11 @@ impl Floor {
     }
 
     /// The floor that holds all paths, platforms and places of a room; `None` where there is no finite point.
-    fn around(
-        paths: &[Path<'_>],
-        platforms: &[(f64, f64, f64)],
-        reach: f64,
-        room: Option<&Room>,
-    ) -> Option<Floor> {
+    fn around(paths: &[Path<'_>], platforms: &[Pose], reach: f64, room: Option<&Room>) -> Option<Floor> {
         let axis = |values: &mut dyn Iterator<Item = f64>| Span::of(values);
         let mut x = axis(&mut paths.iter().flat_map(|path| path.x.iter().copied()))?;
         let mut y = axis(&mut paths.iter().flat_map(|path| path.y.iter().copied()))?;
-        for (px, py, _) in platforms {
+        for Pose { x: px, y: py, .. } in platforms {
             x = x.including(px - reach).including(px + reach);
             y = y.including(py - reach).including(py + reach);
         }
@@ -115,7 +118,8 @@ impl Floor {
     }
 
     /// Words on the left of a platform's middle, beside its arrow.
-    fn label(&self, labels: &mut String, shape: &Shape, (x, y, heading): (f64, f64, f64), words: &str) {
+    fn label(&self, labels: &mut String, shape: &Shape, pose: Pose, words: &str) {
+        let Pose { x, y, heading } = pose;
         let (sin, cos) = heading.sin_cos();
         let (forward, left) = (-0.1 * shape.reach(), 0.33 * shape.reach());
         let x = 100.0 * self.x.part(x + cos * forward - sin * left);
@@ -159,7 +163,8 @@ pub(super) fn html(tracking: &Tracking, times: &[f64], shape: &Shape, room: &Roo
     let paths: Vec<Path<'_>> = paths(tracking);
     let shown = tracking.truth.as_ref().or(tracking.believed.as_ref()).or(tracking.planned.as_ref())?;
     let rows = platforms(shown, shape.reach());
-    let poses: Vec<_> = rows.iter().map(|&row| (shown.x[row], shown.y[row], shown.heading[row])).collect();
+    let pose = |&row: &usize| Pose { x: shown.x[row], y: shown.y[row], heading: shown.heading[row] };
+    let poses: Vec<Pose> = rows.iter().map(pose).collect();
     let floor = Floor::around(&paths, &poses, shape.reach(), Some(room))?;
     let (mut inner, mut labels, mut legend) = (String::new(), String::new(), String::new());
     room.draw(&floor, &mut inner, &mut legend);
@@ -237,7 +242,8 @@ fn platforms(poses: &Poses, reach: f64) -> Vec<usize> {
     }
 }
 
-fn draw_platform(inner: &mut String, floor: &Floor, shape: &Shape, (x, y, heading): (f64, f64, f64)) {
+fn draw_platform(inner: &mut String, floor: &Floor, shape: &Shape, pose: Pose) {
+    let Pose { x, y, heading } = pose;
     let (sin, cos) = heading.sin_cos();
     let outline = |corners: &[[f64; 2]]| {
         let mut data = String::new();

@@ -1,5 +1,7 @@
 //! The SubDevices that drive no wheel: their places, maps and signals.
 
+use std::ops::RangeInclusive;
+
 use super::bus::cycle_us;
 use super::kind_keys::Given;
 use super::subdevices::{self, Claims, parameter};
@@ -106,8 +108,8 @@ impl Device<'_> {
         self.check.kind_reads(kind, &given, &|key| format!("{table}.{key}"));
         self.check.nobody_reads(&[kind], &given, &kinds.sort, &table);
         let identity = self.identity(defaults);
-        let outputs = self.pdos("outputs", &own.outputs, &defaults.outputs, subdevices::OUTPUT_PDOS);
-        let inputs = self.pdos("inputs", &own.inputs, &defaults.inputs, subdevices::INPUT_PDOS);
+        let outputs = self.pdos("outputs", &own.outputs, &defaults.outputs, &subdevices::OUTPUT_PDOS);
+        let inputs = self.pdos("inputs", &own.inputs, &defaults.inputs, &subdevices::INPUT_PDOS);
         let mut parameters = defaults.parameters.clone();
         for (index, table) in own.parameters.iter().flatten().enumerate() {
             let setting = self.setting(&format!("parameters[{index}]"));
@@ -215,10 +217,10 @@ impl Device<'_> {
         key: &str,
         tables: &Option<Vec<PdoTable>>,
         default: &[PdoPlan],
-        bounds: (u16, u16),
+        indices: &RangeInclusive<u16>,
     ) -> Option<Vec<PdoPlan>> {
         let Some(tables) = tables else { return Some(default.to_vec()) };
-        subdevices::pdos(self.check, &self.setting(key), tables, bounds)
+        subdevices::pdos(self.check, &self.setting(key), tables, indices)
     }
 
     fn inputs(

@@ -146,8 +146,8 @@ impl Drive<'_> {
         default: &[PdoPlan],
     ) -> Option<Vec<PdoPlan>> {
         let (Some(tables), setting) = self.pick(key, get) else { return Some(default.to_vec()) };
-        let bounds = if key == "outputs" { subdevices::OUTPUT_PDOS } else { subdevices::INPUT_PDOS };
-        subdevices::pdos(self.check, &setting, &tables, bounds)
+        let indices = if key == "outputs" { &subdevices::OUTPUT_PDOS } else { &subdevices::INPUT_PDOS };
+        subdevices::pdos(self.check, &setting, &tables, indices)
     }
 
     fn required_objects(&mut self, outputs: &Option<Vec<PdoPlan>>, inputs: &Option<Vec<PdoPlan>>) {

@@ -1,6 +1,7 @@
 //! What tables of SubDevices have in common: places on the bus, identities, PDO maps, parameters.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
 use omnibase_ethercat::start_up::ReadBack;
 
@@ -79,16 +80,16 @@ pub(super) fn identity_number(check: &mut Check, setting: &str, text: &str) -> O
 }
 
 /// Indices of the PDOs to a SubDevice.
-pub(super) const OUTPUT_PDOS: (u16, u16) = (0x1600, 0x17FF);
+pub(super) const OUTPUT_PDOS: RangeInclusive<u16> = 0x1600..=0x17FF;
 /// Indices of the PDOs from a SubDevice.
-pub(super) const INPUT_PDOS: (u16, u16) = (0x1A00, 0x1BFF);
+pub(super) const INPUT_PDOS: RangeInclusive<u16> = 0x1A00..=0x1BFF;
 
-/// PDO maps of one direction, whose indices lie between the bounds.
+/// PDO maps of one direction, whose indices lie in a range.
 pub(super) fn pdos(
     check: &mut Check,
     setting: &str,
     tables: &[PdoTable],
-    (low, high): (u16, u16),
+    indices: &RangeInclusive<u16>,
 ) -> Option<Vec<PdoPlan>> {
     let mut pdos = Some(Vec::new());
     for (index, table) in tables.iter().enumerate() {
@@ -97,16 +98,16 @@ pub(super) fn pdos(
         let name = check.need(table.pdo.as_ref(), &format!("{setting}.pdo"), why);
         let map = check.need(table.map.as_ref(), &format!("{setting}.map"), why);
         let pdo = name.and_then(|name| match parse_object(name) {
-            Ok((index, 0)) if (low..=high).contains(&index) => Some(index),
+            Ok((index, 0)) if indices.contains(&index) => Some(index),
             _ => {
-                let reason = if low == OUTPUT_PDOS.0 {
+                let reason = if *indices == OUTPUT_PDOS {
                     "a PDO of outputs, which the SubDevice receives, has an index of its own range"
                 } else {
                     "a PDO of inputs, which the SubDevice sends, has an index of its own range"
                 };
                 let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.pdo"), reason);
                 problem.value = Some(format!("\"{name}\""));
-                problem.limit = Some(format!("\"0x{low:04X}\" to \"0x{high:04X}\""));
+                problem.limit = Some(format!("\"0x{:04X}\" to \"0x{:04X}\"", indices.start(), indices.end()));
                 None
             }
         });

@@ -41,7 +41,8 @@ impl Robot {
                     let wished = self.motion.sample(
                         &self.record.time,
                         &self.limiter.setpoint(),
-                        (&self.settings, &self.guard),
+                        &self.settings,
+                        &self.guard,
                     );
                     self.record.correction = self.motion.correction();
                     wished

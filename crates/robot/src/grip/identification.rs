@@ -4,6 +4,7 @@
 //! on the tracking error it needs no error of the path, and feeds nothing back into the loop but what feeds forward. An equation
 //! that is far off (a wheel that slips, a push) counts less by the square of how far.
 
+use super::FirstEstimates;
 use super::equation::{BODY, Estimate, body_rows};
 use crate::decay::Decay;
 use crate::signals::Dynamics;
@@ -81,20 +82,15 @@ impl Motion {
 }
 
 impl Identification {
-    /// From first estimates with their bounds, uncertain by `first_share` of themselves.
-    pub(super) fn new(
-        mass: (f64, [f64; 2]),
-        inertia: (f64, [f64; 2]),
-        first_share: f64,
-        friction_max_n: f64,
-        lever_m: f64,
-    ) -> Self {
+    /// From first estimates with their bounds.
+    pub(super) fn new(first: &FirstEstimates, lever_m: f64) -> Self {
+        let FirstEstimates { mass, inertia, share, friction_max_n } = *first;
         let friction = [0.0, friction_max_n];
         let scales = |share: f64, newton: f64, centre: f64| {
             let moment = centre * lever_m * mass.0;
             [share * mass.0, share * inertia.0, newton, newton, moment, moment]
         };
-        let most = scales(first_share, FIRST_N, FIRST_CENTRE).map(|deviation| deviation * deviation);
+        let most = scales(share, FIRST_N, FIRST_CENTRE).map(|deviation| deviation * deviation);
         Identification {
             estimate: Estimate::new([mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0], most),
             most,
@@ -203,11 +199,15 @@ mod tests {
 
     const PERIOD_S: f64 = 1e-3;
 
+    fn first(mass: (f64, [f64; 2]), inertia: (f64, [f64; 2])) -> FirstEstimates {
+        FirstEstimates { mass, inertia, share: 0.5, friction_max_n: 100.0 }
+    }
+
     /// A platform whose speeds follow the wrenches of a motion; what is learnt after so many seconds. `push_n` acts beside them.
     fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; BODY] {
         let (mass_kg, inertia_kg_m2, friction_n) = (173.0, 11.3, [4.0, 7.0]);
         let [cx, cy] = [0.08, -0.05];
-        let mut one = Identification::new((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0]), 0.5, 100.0, 0.4);
+        let mut one = Identification::new(&first((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0])), 0.4);
         let wished = |t: f64| [0.4 * (0.9 * t).sin(), 0.3 * (0.5 * t).cos(), 0.5 * (0.7 * t).sin()];
         for cycle in 0..(seconds / PERIOD_S) as u32 {
             let t = f64::from(cycle) * PERIOD_S;
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn what_a_platform_was_held_by_at_rest_tells_nothing_of_its_mass() {
         let after_rest = |wrench_n: f64| {
-            let mut one = Identification::new((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0]), 0.5, 100.0, 0.4);
+            let mut one = Identification::new(&first((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0])), 0.4);
             let seen = |moves: bool, wrench_n: f64, t: f64| Motion {
                 acceleration: [if moves { 0.8 * (4.0 * t).sin() } else { 0.0 }, 0.0, 0.0],
                 turn_rad_s: 0.0,
@@ -290,10 +290,10 @@ mod tests {
 
     #[test]
     fn nothing_is_learnt_while_the_wheels_do_something_else_nor_from_what_is_no_number() {
-        let first = [85.0, 6.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(learnt(5.0, &|_| 0.0, &|_| false), first);
+        let unlearnt = [85.0, 6.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(learnt(5.0, &|_| 0.0, &|_| false), unlearnt);
         // A drive that holds back for a moment in every tenth of a second leaves nothing that could be trusted.
-        assert_eq!(learnt(5.0, &|_| 0.0, &|t| (10.0 * t).fract() > 0.1), first);
-        assert_eq!(learnt(5.0, &|_| f64::NAN, &|_| true)[0..1], first[0..1]);
+        assert_eq!(learnt(5.0, &|_| 0.0, &|t| (10.0 * t).fract() > 0.1), unlearnt);
+        assert_eq!(learnt(5.0, &|_| f64::NAN, &|_| true)[0..1], unlearnt[0..1]);
     }
 }

@@ -142,7 +142,8 @@ impl Sliding {
         &mut self,
         wheel: usize,
         change: &[f64; 3],
-        (rim_m_s, force_n): (f64, f64),
+        rim_m_s: f64,
+        force_n: f64,
         span_s: f64,
     ) -> Option<Slide> {
         let change_n = self.forces[wheel].take(force_n, self.kept);
@@ -223,8 +224,8 @@ mod tests {
                 let grips_n = [driven, (world.driven)(0.0)].map(|[along, across, gain]| {
                     mass_kg * (x * along + y * across) + inertia_kg_m2 * turn * gain
                 });
-                let rim = (0.5, (world.pushes)(t, grips_n));
-                if let Some(slide) = sliding.look(at, &change, rim, PERIOD_S) {
+                let force_n = (world.pushes)(t, grips_n);
+                if let Some(slide) = sliding.look(at, &change, 0.5, force_n, PERIOD_S) {
                     first.get_or_insert(t);
                     way_m += slide.step_m;
                 }

@@ -48,7 +48,8 @@ enum Carrier {
 impl<'a> Retreat<'a> {
     /// From a place to the next cycle's, and the stop after it; the body at that place, and its footprint.
     pub(super) fn new(
-        (place, footprint): (Place, &'a Outline),
+        place: Place,
+        footprint: &'a Outline,
         [here, next]: [&Setpoint; 2],
         sweep: &Sweep,
     ) -> Self {

@@ -173,7 +173,7 @@ impl Speeds<'_> {
 
 impl Guard {
     /// A wish made gentle, and what held it back.
-    pub(super) fn shape(&mut self, here: &Setpoint, drive: Drive<'_>, (wish, now): (Twist2, &Now)) -> Shaped {
+    pub(super) fn shape(&mut self, here: &Setpoint, drive: Drive<'_>, wish: Twist2, now: &Now) -> Shaped {
         let mut wish = self.clipped(wish);
         let mut by = LimitedBy::Nothing;
         if self.avoidance == AvoidanceKind::Circulate
@@ -181,7 +181,7 @@ impl Guard {
         {
             (wish, by) = (circular, LimitedBy::Obstacle);
         }
-        let constraints = self.constraints(here, drive, (wish, now));
+        let constraints = self.constraints(here, drive, wish, now);
         if constraints.count == 0 {
             self.detour_is_free();
             return Shaped { twist: wish, away: Twist2::default(), by };
@@ -199,7 +199,7 @@ impl Guard {
         if let Drive::Follow(..) = drive
             && self.avoidance == AvoidanceKind::Guarded
         {
-            speed = self.around(here, (&constraints, &mut speeds), (wished, speed, w_rad_s));
+            speed = self.around(here, &constraints, &mut speeds, wished, speed, w_rad_s);
         }
         if w_rad_s != wish.w_rad_s && by == LimitedBy::Nothing {
             by = constraints.all().first().map_or(by, |constraint| constraint.by);
@@ -223,15 +223,15 @@ impl Guard {
         Twist2::new(wish.vx_m_s * part, wish.vy_m_s * part, wish.w_rad_s.clamp(-turn, turn))
     }
 
-    fn constraints(&self, here: &Setpoint, drive: Drive<'_>, (wish, now): (Twist2, &Now)) -> Constraints {
+    fn constraints(&self, here: &Setpoint, drive: Drive<'_>, wish: Twist2, now: &Now) -> Constraints {
         let mut constraints = Constraints { list: [Constraint::default(); MOST], count: 0 };
         let wished_m_s = length([wish.vx_m_s, wish.vy_m_s]);
         let towards = Towards { wished_m_s, fastest_m_s: self.fastest_m_s() };
         if self.fence.is_some() {
-            self.keep_inside(&mut constraints, drive, (now, &towards));
+            self.keep_inside(&mut constraints, drive, now, &towards);
         }
         if self.heeds_obstacles() {
-            self.keep_off(&mut constraints, (here, drive), (now, &towards));
+            self.keep_off(&mut constraints, here, drive, now, &towards);
         }
         constraints
     }
@@ -261,7 +261,7 @@ impl Guard {
         self.braking.approach_m_s(gap_m, self.outline.reach_m())
     }
 
-    fn keep_inside(&self, constraints: &mut Constraints, drive: Drive<'_>, (now, towards): (&Now, &Towards)) {
+    fn keep_inside(&self, constraints: &mut Constraints, drive: Drive<'_>, now: &Now, towards: &Towards) {
         let Some((_, fence)) = &self.fence else { return };
         let (body, origin) = (self.outline.at(now.place), now.place.origin);
         let need_m = now.fence_need_m.standing_m + self.buffer_m();
@@ -319,8 +319,10 @@ impl Guard {
     fn keep_off(
         &self,
         constraints: &mut Constraints,
-        (here, drive): (&Setpoint, Drive<'_>),
-        (now, towards): (&Now, &Towards),
+        here: &Setpoint,
+        drive: Drive<'_>,
+        now: &Now,
+        towards: &Towards,
     ) {
         let (body, origin) = (self.outline.at(now.place), now.place.origin);
         let need_m = now.obstacle_need_m.standing_m + self.buffer_m();
@@ -350,8 +352,11 @@ impl Guard {
     fn around(
         &mut self,
         here: &Setpoint,
-        (constraints, speeds): (&Constraints, &mut Speeds<'_>),
-        (wished, speed, w_rad_s): (Point, Point, f64),
+        constraints: &Constraints,
+        speeds: &mut Speeds<'_>,
+        wished: Point,
+        speed: Point,
+        w_rad_s: f64,
     ) -> Point {
         let size = length(wished);
         let obstacles = || constraints.all().iter().filter(|constraint| constraint.by == LimitedBy::Obstacle);

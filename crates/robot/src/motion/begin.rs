@@ -317,7 +317,8 @@ impl Motion {
         &mut self,
         time: &CycleTime,
         setpoint: &Setpoint,
-        (settings, guard): (&Settings, &Guard),
+        settings: &Settings,
+        guard: &Guard,
     ) {
         if matches!(self.way.then, Then::Joins { .. })
             || self.is_hindered

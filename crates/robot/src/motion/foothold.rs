@@ -128,7 +128,8 @@ impl Foothold {
         &mut self,
         reference: &dyn Reference,
         time_s: f64,
-        (limits, share): (&Limits, f64),
+        limits: &Limits,
+        share: f64,
     ) -> f64 {
         if share >= 1.0 {
             // Nothing needs to be known of the path.

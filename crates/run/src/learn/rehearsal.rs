@@ -34,7 +34,8 @@ pub struct Rehearsed {
 
 /// Drives a plan's own motion with a correction, or none, on the machine of another plan; `seed` draws the noise of its sensors.
 pub fn drive(
-    (built, plan): (&RobotPlan, &RobotPlan),
+    built: &RobotPlan,
+    plan: &RobotPlan,
     correction: Option<Vec<[f64; 4]>>,
     registry: &Registry,
     seed: u64,

@@ -53,12 +53,14 @@ fn led(plan: &RobotPlan, off_for: Duration) -> Led {
 
 /// A run that something happens to, cycle by cycle.
 fn led_through(plan: &RobotPlan, happen: impl FnMut(&mut Bench)) -> Led {
-    led_on(simulated::segment(plan).unwrap(), plan, happen)
+    let (segment, machine) = simulated::segment(plan).unwrap();
+    led_on(segment, machine, plan, happen)
 }
 
 /// As [`led_through`], with drives of one's own.
 fn led_on(
-    (segment, machine): (Segment, SharedMachine),
+    segment: Segment,
+    machine: SharedMachine,
     plan: &RobotPlan,
     mut happen: impl FnMut(&mut Bench),
 ) -> Led {
@@ -296,7 +298,7 @@ fn an_encoder_that_is_said_to_be_absolute_and_counts_anew_is_not_believed() {
     let mut description = simulated::description(&plan);
     description.drives[2].encoder = Encoder::Incremental;
     let (segment, machine) = RobotSim::new(&description).unwrap().into_line().unwrap();
-    let run = led_on((segment, machine), &plan, |bench| {
+    let run = led_on(segment, machine, &plan, |bench| {
         if bench.cycles == LOST {
             bench.inject(2, Fault::PowerCycle { off_for: OFF });
         }
@@ -377,7 +379,7 @@ fn a_terminal_that_was_lost_comes_back_as_a_drive_does_unless_its_input_stops() 
     // For how long somebody presses it, from 500 cycles after the loss.
     for pressed in [0, 100, 100_000] {
         let simulated::Simulated { segment, machine, panels, .. } = simulated::robot(&plan).unwrap();
-        let led = led_on((segment, machine), &plan, |bench| {
+        let led = led_on(segment, machine, &plan, |bench| {
             if bench.cycles == LOST {
                 bench.inject(3, Fault::PowerCycle { off_for: OFF });
             }

@@ -18,7 +18,7 @@ fn sides(polygon: &[Point]) -> impl Iterator<Item = (Point, Point)> + '_ {
     polygon.iter().copied().zip(next.copied())
 }
 
-fn to_segment_m(point: Point, (from, to): (Point, Point)) -> f64 {
+fn to_segment_m(point: Point, from: Point, to: Point) -> f64 {
     let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
     let (px, py) = (point[0] - from[0], point[1] - from[1]);
     let square = dx * dx + dy * dy;
@@ -46,14 +46,16 @@ pub fn room_in_fence_m(footprint: &[Point], pose: &Pose2, fence: &[Point]) -> f6
     let mut room_m = f64::INFINITY;
     let mut outside_m = 0.0_f64;
     for corner in &body {
-        let nearest = sides(fence).map(|side| to_segment_m(*corner, side)).fold(f64::INFINITY, f64::min);
+        let nearest =
+            sides(fence).map(|(from, to)| to_segment_m(*corner, from, to)).fold(f64::INFINITY, f64::min);
         room_m = room_m.min(nearest);
         if winding(fence, *corner) == 0 {
             outside_m = outside_m.max(nearest);
         }
     }
     for corner in fence {
-        let nearest = sides(&body).map(|side| to_segment_m(*corner, side)).fold(f64::INFINITY, f64::min);
+        let nearest =
+            sides(&body).map(|(from, to)| to_segment_m(*corner, from, to)).fold(f64::INFINITY, f64::min);
         room_m = room_m.min(nearest);
         if winding(&body, *corner) != 0 {
             outside_m = outside_m.max(nearest);
@@ -65,6 +67,6 @@ pub fn room_in_fence_m(footprint: &[Point], pose: &Pose2, fence: &[Point]) -> f6
 /// Distance from a footprint to a circle, m; below 0 where they overlap.
 pub fn distance_to_circle_m(footprint: &[Point], pose: &Pose2, centre: Point, radius_m: f64) -> f64 {
     let body = corners(footprint, pose);
-    let nearest = sides(&body).map(|side| to_segment_m(centre, side)).fold(f64::INFINITY, f64::min);
+    let nearest = sides(&body).map(|(from, to)| to_segment_m(centre, from, to)).fold(f64::INFINITY, f64::min);
     if winding(&body, centre) != 0 { -nearest - radius_m } else { nearest - radius_m }
 }

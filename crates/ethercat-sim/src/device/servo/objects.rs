@@ -1,5 +1,7 @@
 //! The servo's object dictionary (CiA 402-2), and where the cycle finds what it needs in it.
 
+use std::ops::RangeInclusive;
+
 use super::ServoConfig;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Field, Object, Scalar};
@@ -32,22 +34,23 @@ pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMa
     objects
 }
 
-fn option(index: u16, name: &'static str, default: i16, limits: (i64, i64)) -> Object {
-    let entry = Entry::integer16(0, name, default).with_access(PARAMETER).with_limits(limits.0, limits.1);
+fn option(index: u16, name: &'static str, default: i16, limits: RangeInclusive<i64>) -> Object {
+    let entry =
+        Entry::integer16(0, name, default).with_access(PARAMETER).with_limits(*limits.start(), *limits.end());
     Object::variable(index, entry)
 }
 
 fn state_objects() -> Vec<Object> {
     vec![
-        option(0x6007, "Abort connection option code", 1, (0, 3)),
+        option(0x6007, "Abort connection option code", 1, 0..=3),
         Object::variable(0x603F, Entry::unsigned16(0, "Error code", 0).with_access(ACTUAL)),
         Object::variable(0x6040, Entry::unsigned16(0, "Controlword", 0).with_access(COMMAND)),
         Object::variable(0x6041, Entry::unsigned16(0, "Statusword", 0).with_access(ACTUAL)),
-        option(0x605A, "Quick stop option code", 2, (0, 7)),
-        option(0x605B, "Shutdown option code", 0, (0, 1)),
-        option(0x605C, "Disable operation option code", 1, (0, 1)),
-        option(0x605D, "Halt option code", 1, (1, 3)),
-        option(0x605E, "Fault reaction option code", 0, (0, 2)),
+        option(0x605A, "Quick stop option code", 2, 0..=7),
+        option(0x605B, "Shutdown option code", 0, 0..=1),
+        option(0x605C, "Disable operation option code", 1, 0..=1),
+        option(0x605D, "Halt option code", 1, 1..=3),
+        option(0x605E, "Fault reaction option code", 0, 0..=2),
         Object::variable(0x6060, Entry::integer8(0, "Modes of operation", 0).with_access(COMMAND)),
         Object::variable(0x6061, Entry::integer8(0, "Modes of operation display", 0).with_access(ACTUAL)),
         Object::variable(0x6502, Entry::unsigned32(0, "Supported drive modes", SUPPORTED_MODES)),

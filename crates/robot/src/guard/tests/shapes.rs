@@ -8,13 +8,13 @@ fn corners_of(footprint: &[Point], pose: &Pose2) -> Vec<Point> {
     footprint.iter().map(|[x, y]| [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y]).collect()
 }
 
-fn to_side_m(point: Point, (from, to): (Point, Point)) -> f64 {
+fn to_side_m(point: Point, from: Point, to: Point) -> f64 {
     let [x, y] = plus(point, nearest_on(from, to, point), -1.0);
     x.hypot(y)
 }
 
 fn to_outline_m(polygon: &[Point], point: Point) -> f64 {
-    sides(polygon).map(|side| to_side_m(point, side)).fold(f64::INFINITY, f64::min)
+    sides(polygon).map(|(from, to)| to_side_m(point, from, to)).fold(f64::INFINITY, f64::min)
 }
 
 /// From outline to outline; 0 where one reaches into the other.
