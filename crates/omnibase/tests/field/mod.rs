@@ -120,6 +120,56 @@ fn a_simulator_that_dies_is_noticed() {
     });
 }
 
+/// What hangs at the cable is as wrong as a segment gets while it still answers, and a frame is damaged now and then: `doctor`
+/// names all of it, by position and port, and says what to do.
+#[test]
+fn doctor_names_what_is_wrong_behind_a_cable() {
+    let Some(namespace) = Namespace::for_test("doctor_names_what_is_wrong_behind_a_cable") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let identity = sii::Identity { vendor_id: 0x539, product_code: 7, revision: 1, serial: 1 };
+    let mut image = sii::Image::default();
+    image.header.identity = identity;
+    image.header.mailbox =
+        sii::MailboxArea { receive_offset: 0x1000, receive_size: 128, send_offset: 0x1080, send_size: 128 };
+    image.header.mailbox_protocols = sii::PROTOCOL_COE | sii::PROTOCOL_EOE | sii::PROTOCOL_SOE;
+    std::fs::write(folder.path().join("gateway.bin"), image.emit()).unwrap();
+    let file = folder.path().join("segment.toml");
+    let text = "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"sii\"\nsii = \"gateway.bin\"\n\
+                [[subdevice]]\nkind = \"servo\"\nalias = 7\nentry_port = 1\n";
+    std::fs::write(&file, text).unwrap();
+    // One frame each twentieth of a second: a scan bears that, and some of them meet its look at the counters.
+    let damage = (0..600).map(|number| format!("crc-errors@1:{:.2}:1", 0.05 * f64::from(number)));
+    let damage: Vec<String> = damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    let page: serde_json::Value = namespace.run(|| {
+        let mut arguments = vec![file.to_str().unwrap()];
+        arguments.extend(damage.iter().map(String::as_str));
+        let (_simulator, _) = Simulator::start(&arguments);
+        let doctor = omnibase(&["doctor", Namespace::NEAR, "--segment", "--pauses-s", "0", "--json"]);
+        serde_json::from_slice(&doctor.stdout).unwrap_or_else(|_| panic!("{}", text_of(&doctor)))
+    });
+    let findings = page["findings"].as_array().unwrap();
+    let found = |check: &str| -> Vec<&str> {
+        let of_check = findings.iter().filter(|finding| finding["check"] == check);
+        of_check.map(|finding| finding["found"].as_str().unwrap()).collect()
+    };
+    let told = found("segment").join("\n");
+    for expected in [
+        "alias 0x0007 belongs to SubDevices [0, 2]",
+        "frames enter SubDevice 2 at port 1, not 0",
+        "damaged frames",
+        "arrived first at its port 0, from SubDevice 0 (its port 1)",
+        "SubDevice 1: speaks EoE",
+        "SubDevice 1: speaks SoE",
+    ] {
+        assert!(told.contains(expected), "`{expected}` is missing in\n{told}");
+    }
+    assert!(found("shortest cycle")[0].contains("the shortest cycle that fits is"), "{findings:?}");
+}
+
+fn text_of(output: &std::process::Output) -> String {
+    text(&output.stdout) + &text(&output.stderr)
+}
+
 /// A long segment: which cycle fits is told, a shorter one is refused beforehand, and that one works.
 #[test]
 fn the_cycle_that_is_said_to_fit_fits() {
