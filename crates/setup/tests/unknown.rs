@@ -72,6 +72,19 @@ fn an_empty_answer_is_none_where_there_is_a_choice() {
     }
 }
 
+/// What differs from the file is written, read back, and stored in the drive where that is wished.
+#[test]
+fn parameters_are_written_and_stored_where_that_is_wished() {
+    let found = set_up(&Unknown::of(2), &mut |question| match question.id.as_str() {
+        "parameters 0" | "parameters 1" => Some(said("store")),
+        _ => None,
+    })
+    .unwrap();
+    let count = |words: &str| found.record.log.iter().filter(|line| line.contains(words)).count();
+    assert_eq!(count(": stored (0x1010)"), 2, "{:?}", found.record.log);
+    assert!(count(" written: ") >= 3 && count(" and reads back ") == 0, "{:?}", found.record.log);
+}
+
 /// A drive that loses its torque by itself isn't called stopped: it is noted and asked again.
 #[test]
 fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {

@@ -11,7 +11,7 @@ pub use power::PowerState;
 use crate::device::axis::{Axis, AxisState, Outside};
 use crate::device::{Device, Moment, Outputs};
 use crate::dictionary::Dictionary;
-use crate::dictionary::standard::{Nameplate, PdoMap};
+use crate::dictionary::standard::{Nameplate, PdoMap, SAVE, STORE_PARAMETERS, keep_parameters};
 use crate::firmware::{SyncMonitoring, Synchronization};
 use core::f64::consts::TAU;
 use motion::{Actuation, Limits, Motion};
@@ -419,7 +419,16 @@ impl Device for Servo {
         if address.index == 0x6060 && !motion::is_supported(data[0] as i8) {
             return Err(AbortCode::VALUE_RANGE);
         }
+        if address == STORE_PARAMETERS && data != SAVE {
+            return Err(AbortCode::CANNOT_TRANSFER);
+        }
         Ok(())
+    }
+
+    fn written(&mut self, dictionary: &mut Dictionary, address: ObjectAddress) {
+        if address == STORE_PARAMETERS {
+            keep_parameters(dictionary);
+        }
     }
 
     fn state_changed(&mut self, dictionary: &mut Dictionary, state: AlState, code: AlStatusCode) {

@@ -55,7 +55,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn the_frames_of_what_went_wrong_are_kept() {
     let folder = Folder::new("frames");
-    let event = "\n[[simulation.event]]\nkind = \"lose_power\"\ntime_s = 2.0\ndrive = \"wheel_2\"\n";
+    let event = "\n[[simulation.event]]\nkind = \"lose_power\"\nat_s = 2.0\ndrive = \"wheel_2\"\n";
     let robot = folder.file("robot.toml", &(bmm() + event));
     let run = |robot: &str, name: &str| {
         let kept = folder.path(name);
