@@ -92,6 +92,16 @@ pub trait Device: Send {
         false
     }
 
+    /// Its motor's brake holds so many per mille of the rated torque while the motor has no current; `false` where nothing can.
+    fn brake(&mut self, _per_mille: u16) -> bool {
+        false
+    }
+
+    /// Somebody turns its motor's shaft by so many per mille of the rated torque; `false` where nobody can.
+    fn push(&mut self, _per_mille: i16) -> bool {
+        false
+    }
+
     /// The oldest emergency that the device wants to send.
     fn take_emergency(&mut self) -> Option<Emergency> {
         None

@@ -120,6 +120,16 @@ impl Dictionary {
         }
     }
 
+    /// Makes the values that may be kept ([`Access::BACKUP`]) their defaults: they outlast power.
+    pub fn keep(&mut self) {
+        let entries = self.objects.iter_mut().flat_map(|object| &mut object.entries);
+        for entry in entries.filter(|entry| entry.access.0 & Access::BACKUP.0 != 0) {
+            let range = entry.offset..entry.offset + entry.length;
+            self.defaults[range.clone()].copy_from_slice(&self.values[range]);
+            entry.default_length = entry.length;
+        }
+    }
+
     /// Makes this value the default too; `false` where there is no such entry or the value doesn't fit.
     ///
     /// For parameters that a user sets before the device gets power.

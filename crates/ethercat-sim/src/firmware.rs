@@ -254,6 +254,8 @@ impl Application for Firmware {
             ApplicationFault::MailboxSilence(silent) => self.silent = *silent,
             ApplicationFault::Frozen(frozen) => self.frozen = *frozen,
             ApplicationFault::SafeTorqueOff(active) => return self.device.safe_torque_off(*active),
+            ApplicationFault::Brake(per_mille) => return self.device.brake(*per_mille),
+            ApplicationFault::Push(per_mille) => return self.device.push(*per_mille),
         }
         true
     }

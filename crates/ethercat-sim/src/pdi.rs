@@ -53,4 +53,9 @@ pub enum ApplicationFault {
     /// The safety input takes the torque from the motor (IEC 61800-5-2, STO) while `true`; nobody is told but by the
     /// status word.
     SafeTorqueOff(bool),
+    /// A brake at the motor's shaft holds so many per mille of the rated torque while the motor has no current: little of it
+    /// for a worn one; 0, as at the beginning, is none.
+    Brake(u16),
+    /// Somebody turns the motor's shaft by so many per mille of the rated torque, until the next push; 0 lets go.
+    Push(i16),
 }

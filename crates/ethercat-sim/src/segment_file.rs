@@ -12,6 +12,7 @@
 //! cable_delay_ns = 100       # of the cable to its parent
 //! parent = "hub"             # default: the one before
 //! port = 2                   # of the parent, default: its first free one
+//! entry_port = 1             # its own one by which frames come in, default 0; another one is IN and OUT swapped
 //! count = 20                 # so many of them in a line; names, aliases and serials count up
 //! dc_offset_step_ns = 1000   # with count: each has so much more than the one before
 //! dc_drift_spread_ppm = 50.0 # with count: drifts spread evenly within ± this
@@ -110,6 +111,8 @@ pub struct Plug {
     pub parent: Option<usize>,
     /// Its port; `None` takes the first free one.
     pub port: Option<u8>,
+    /// Its own port by which frames come in.
+    pub entry_port: u8,
     /// Delay of the cable, ns.
     pub cable_delay_ns: u32,
 }
@@ -169,6 +172,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
     let spread = entry.number("dc_drift_spread_ppm", 0.0..=1000.0, document).unwrap_or(0.0);
     let delay = entry.integer("cable_delay_ns", 0..=1_000_000, document);
     let port = entry.integer("port", 1..=3, document).map(|port| port as u8);
+    let entry_port = entry.integer("entry_port", 0..=3, document).unwrap_or(0) as u8;
     let parent = entry.text("parent", document);
     let socket = read_socket(&mut entry, count, document);
     let place = document.place(entry.span());
@@ -207,6 +211,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
         let plug = Plug {
             parent: if number == 0 { parent } else { Some(first + number - 1) },
             port: port.filter(|_| number == 0),
+            entry_port: if number == 0 { entry_port } else { 0 },
             cable_delay_ns: delay.map_or(CABLE_DELAY_NS, |delay| delay as u32),
         };
         let piece = Piece {

@@ -386,6 +386,24 @@ fn a_segment_of_sii_images_is_scanned_as_the_devices_they_are() {
     });
 }
 
+/// Who taps the interface on the same machine sees what is sent where that is wished (nobody answers here), and nothing of it otherwise.
+#[test]
+fn what_is_sent_is_seen_on_the_same_machine_where_that_is_wished() {
+    let Some(namespace) = Namespace::for_test("what_is_sent_is_seen_on_the_same_machine") else { return };
+    namespace.run(|| {
+        for (more, origin) in [(&[][..], None), (&["--visible"], Some(omnibase_host::Origin::ThisComputer))] {
+            let heard = std::thread::scope(|scope| {
+                let tap =
+                    scope.spawn(|| omnibase_host::listen(Namespace::NEAR, std::time::Duration::from_secs(3)));
+                let scan = omnibase(&[&["scan", Namespace::NEAR], more].concat());
+                assert!(text(&scan.stderr).contains("nothing came back"), "{}", text(&scan.stderr));
+                tap.join().unwrap().unwrap()
+            });
+            assert_eq!(heard.map(|heard| heard.origin), origin, "{more:?}: {heard:?}");
+        }
+    });
+}
+
 #[test]
 fn no_subdevice_found_says_why() {
     let Some(namespace) = Namespace::for_test("no_subdevice_found_says_why") else { return };

@@ -58,12 +58,21 @@ pub fn bring_up_terminals(
 /// Lets SOEM bring the SubDevices behind `interface` to OP with their makers' commands, each read back; the script's JSON
 /// report, or what failed.
 pub fn bring_up_with(python: &Path, interface: &str, commands: &[MakersCommand]) -> Result<String, String> {
-    let hex = |data: &[u8]| data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     let one = |one: &MakersCommand| {
-        format!("[{}, {}, {}, \"{}\"]", one.position, one.index, one.subindex, hex(&one.data))
+        format!("[{}, {}, {}, \"{}\"]", one.position, one.index, one.subindex, in_hex(&one.data))
     };
     let commands: Vec<String> = commands.iter().map(one).collect();
     report(python, "soem_esi.py", &[interface, &format!("[{}]", commands.join(", "))])
+}
+
+/// Lets SOEM write this alias into the EEPROM of the first SubDevice behind `interface`, and `firmware` into its flash where there is
+/// any, and read both back; the script's JSON report, or what failed.
+pub fn write_into(python: &Path, interface: &str, alias: u16, firmware: &[u8]) -> Result<String, String> {
+    report(python, "soem_field.py", &[interface, &alias.to_string(), &in_hex(firmware)])
+}
+
+fn in_hex(data: &[u8]) -> String {
+    data.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn report(python: &Path, script: &str, arguments: &[&str]) -> Result<String, String> {

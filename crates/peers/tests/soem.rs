@@ -1,6 +1,8 @@
 //! SOEM drives the simulated segment over a virtual cable: OP, process data, SDOs of all lengths, dictionary, SYNC0.
 
-use omnibase_host::Namespace;
+use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::{Bus, BusOptions};
+use omnibase_host::{MonotonicClock, Namespace, PacketSocket};
 use omnibase_peers::{behind_a_cable, drives, makers, soem};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::simulated;
@@ -96,4 +98,39 @@ fn all_devices_and_modules_of_real_makers_files() {
         assert!(report.contains(&format!("\"commands\": {}", commands.len())), "{report}");
         assert!(report.contains("\"full_cycles\": 50"), "{report}");
     }
+}
+
+/// An EEPROM that SOEM wrote is what our MainDevice reads, and the other way round; so is a firmware by FoE.
+#[test]
+fn what_one_writes_the_other_reads() {
+    let Some(namespace) = Namespace::for_test("SOEM over a virtual cable") else { return };
+    let Some(python) = python() else { return };
+    let firmware: Vec<u8> = (0..3000u32).map(|n| (n % 241) as u8).collect();
+    let part = |report: &str, key: &str| -> Vec<u8> {
+        let (_, rest) =
+            report.split_once(&format!("\"{key}\": \"")).unwrap_or_else(|| panic!("{key}: {report}"));
+        let digits = rest.split('"').next().unwrap_or_default();
+        let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).unwrap();
+        (0..digits.len()).step_by(2).map(byte).collect()
+    };
+    behind_a_cable(&namespace, drives("servo", 1), || {
+        let report = soem::write_into(python, Namespace::NEAR, 0x1234, &firmware).unwrap();
+        assert_eq!(part(&report, "firmware"), firmware);
+        let socket = PacketSocket::open(Namespace::NEAR).unwrap();
+        let mut bus = Bus::new(socket, MonotonicClock, BusOptions::default());
+        bus.scan().unwrap();
+        let ours = bus.read_sii(0).unwrap();
+        assert_eq!(ours[..128], part(&report, "after"));
+        assert_eq!(ours[8..10], [0x34, 0x12]);
+        // Its checksum is right by our own reckoning, or no alias could be written beside it.
+        let wanted = bus.sii_with_alias(0, 0x0777).unwrap().expect("the checksum that SOEM wrote is right");
+        bus.write_sii(0, &ours, &wanted).unwrap();
+        bus.enter_boot(0).unwrap();
+        let file = FileAccess { name: ShortText::new("firmware.bin").unwrap(), password: 0 };
+        let read = MailboxRequest::new(Operation::ReadFile(file), Vec::with_capacity(2 * firmware.len()));
+        assert_eq!(bus.transfer_file(0, read, &mut |_| {}).unwrap(), firmware);
+        drop(bus);
+        let report = soem::write_into(python, Namespace::NEAR, 0x0042, &[]).unwrap();
+        assert_eq!(part(&report, "before"), wanted[..128]);
+    });
 }

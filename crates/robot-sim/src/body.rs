@@ -205,6 +205,13 @@ impl Body {
         }
     }
 
+    /// A brake holds a wheel by so much about its axle until the next call, N·m; 0 opens it. An index without a wheel is ignored.
+    pub fn set_brake(&mut self, index: usize, torque_n_m: f64) {
+        if let Some(mounted) = self.mounted.get_mut(index) {
+            mounted.brake = torque_n_m;
+        }
+    }
+
     /// Where the body is.
     pub fn pose(&self) -> Pose {
         self.pose

@@ -104,6 +104,8 @@ pub struct Machine {
     motors: Vec<Motor>,
     wires: Vec<Wire>,
     torques_n_m: Vec<f64>,
+    /// What somebody turns each wheel by, in the order of the wheels.
+    pushes_n_m: Vec<f64>,
     /// The greatest that each of them ever was, either way.
     greatest_n_m: Vec<f64>,
     step_ns: u64,
@@ -141,6 +143,7 @@ impl Machine {
             motors,
             wires: wiring::complete(&parameters.wires, wheels).ok_or(MachineError::Wires { wheels })?,
             torques_n_m: vec![0.0; parameters.wheels.len()],
+            pushes_n_m: vec![0.0; parameters.wheels.len()],
             greatest_n_m: vec![0.0; parameters.wheels.len()],
             step_ns: u64::from(parameters.step_ns),
             grid_ns: 0,
@@ -176,6 +179,7 @@ impl Machine {
             motor.step(gear * wheel.speed_rad_s);
             self.torques_n_m[i] = gear * motor.shaft_torque_n_m(gear * wheel.angle_rad);
             self.greatest_n_m[i] = self.greatest_n_m[i].max(self.torques_n_m[i].abs());
+            self.torques_n_m[i] += self.pushes_n_m[i];
             settled &= motor.settled();
         }
         if let Some(mechanics) = &mut self.mechanics {
@@ -191,6 +195,23 @@ impl Machine {
         let Some(wire) = self.wires.get(index) else { return };
         if let Some(motor) = self.motors.get_mut(wire.wheel) {
             motor.ask(wire.motor_sign() * torque_n_m);
+        }
+    }
+
+    /// The motor of drive `index` is held by a brake that bears so much at its shaft, from now on; 0 opens it. An index without
+    /// a drive is ignored.
+    pub fn brake(&mut self, index: usize, torque_n_m: f64) {
+        let Some(wire) = self.wires.get(index) else { return };
+        let gear = self.motors.get(wire.wheel).map_or(0.0, |motor| motor.parameters().gear_ratio.abs());
+        self.body.set_brake(wire.wheel, gear * torque_n_m);
+    }
+
+    /// Somebody turns the shaft of the motor of drive `index` by so much, from now on. An index without a drive is ignored.
+    pub fn push(&mut self, index: usize, torque_n_m: f64) {
+        let Some(wire) = self.wires.get(index) else { return };
+        if let (Some(motor), Some(push)) = (self.motors.get(wire.wheel), self.pushes_n_m.get_mut(wire.wheel))
+        {
+            *push = wire.motor_sign() * motor.parameters().gear_ratio * torque_n_m;
         }
     }
 

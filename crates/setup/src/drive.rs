@@ -45,7 +45,7 @@ impl DriveMap {
     /// The map of a SubDevice that is configured.
     pub fn of(one: &SubDevice, plan: &ImagePlan) -> Result<Self, MapProblem> {
         let position = one.position;
-        let find = |direction, object, bits| bytes(one, plan, (direction, object, bits));
+        let find = |direction, object, bits| bytes(one, plan, direction, object, bits);
         let need = |direction, object, bits| {
             find(direction, object, bits).ok_or(MapProblem { position, object, bits })
         };
@@ -65,7 +65,9 @@ impl DriveMap {
 fn bytes(
     one: &SubDevice,
     plan: &ImagePlan,
-    (direction, object, bits): (Direction, u16, u8),
+    direction: Direction,
+    object: u16,
+    bits: u8,
 ) -> Option<Range<usize>> {
     for manager in one.process_data(direction) {
         let mut placements = plan.placements_of(one.position).iter();

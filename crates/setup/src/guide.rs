@@ -136,6 +136,26 @@ pub(crate) fn who(vendor_id: u32, product_code: u32, serial: u32) -> String {
 /// A step that was left half-way.
 pub(crate) struct Leave;
 
+/// Which numbers are an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Range {
+    AboveZero,
+    Any,
+}
+
+impl Range {
+    fn holds(self, number: f64) -> bool {
+        number.is_finite() && (self == Range::Any || number > 0.0)
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Range::AboveZero => "a number above 0",
+            Range::Any => "a number",
+        }
+    }
+}
+
 impl<'a, C: Clock> Guide<'a, C> {
     /// A set-up from the beginning, or from where `record` left it.
     pub fn new(
@@ -197,11 +217,7 @@ impl<'a, C: Clock> Guide<'a, C> {
 
     /// An answer among the choices, asked again until it is one; `Err` where somebody leaves. Nothing said is an answer only where
     /// there is nothing to choose.
-    pub(crate) fn choose(
-        &mut self,
-        (id, text): (String, String),
-        choices: &[String],
-    ) -> Result<String, Leave> {
+    pub(crate) fn choose(&mut self, id: String, text: String, choices: &[String]) -> Result<String, Leave> {
         let default = choices.first().filter(|_| choices.len() == 1).cloned();
         let question = Question { id, text, choices: choices.to_vec(), default };
         for _ in 0..ATTEMPTS {
@@ -227,30 +243,25 @@ impl<'a, C: Clock> Guide<'a, C> {
 
     /// A number above zero, asked again until it is one.
     pub(crate) fn number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
-        self.number_of((id, text), default, ("a number above 0", |number| number > 0.0))
+        self.number_of(id, text, default, Range::AboveZero)
     }
 
     /// Any number, asked again until it is one.
     pub(crate) fn any_number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
         // As a tape is read.
         let default = (default * 1e3).round() / 1e3;
-        self.number_of((id, text), default, ("a number", |_| true))
+        self.number_of(id, text, default, Range::Any)
     }
 
-    fn number_of(
-        &mut self,
-        (id, text): (String, String),
-        default: f64,
-        (expected, is_good): (&str, fn(f64) -> bool),
-    ) -> Result<f64, Leave> {
+    fn number_of(&mut self, id: String, text: String, default: f64, range: Range) -> Result<f64, Leave> {
         let question = Question { id, text, choices: Vec::new(), default: Some(default.to_string()) };
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
                 Answer::Said(said) if said.trim().is_empty() => return Ok(default),
                 Answer::Said(said) => match said.trim().parse::<f64>() {
-                    Ok(number) if number.is_finite() && is_good(number) => return Ok(number),
-                    _ => self.hand.tell(&format!("expected {expected}, found \"{}\"", said.trim())),
+                    Ok(number) if range.holds(number) => return Ok(number),
+                    _ => self.hand.tell(&format!("expected {}, found \"{}\"", range.words(), said.trim())),
                 },
             }
         }

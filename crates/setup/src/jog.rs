@@ -101,6 +101,14 @@ pub struct Jogger<'a, L: Link, C: Clock> {
     pub cycle_ns: u64,
 }
 
+/// What the drive is told in a cycle.
+#[derive(Clone, Copy)]
+struct Told {
+    wanted: Wanted,
+    speed_units: i32,
+    torque_per_mille: u16,
+}
+
 /// What the drive said in a cycle.
 #[derive(Clone, Copy)]
 struct DriveInputs {
@@ -143,12 +151,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             ramp = if running { (ramp + 1).min(plan.ramp_cycles.max(1)) } else { 0 };
             let share = if ramp == 0 { 0.0 } else { plan.share(ramp) };
             let speed = (f64::from(plan.speed_units) * share).round() as i32;
-            let progress = self.advance(
-                &mut enabling,
-                u64::from(cycles),
-                (wanted, speed, plan.torque_per_mille),
-                inputs,
-            );
+            let told = Told { wanted, speed_units: speed, torque_per_mille: plan.torque_per_mille };
+            let progress = self.advance(&mut enabling, u64::from(cycles), told, inputs);
             match progress {
                 Progress::Running => {
                     jog.enabled_cycles += 1;
@@ -231,14 +235,9 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         DriveInputs { feedback, position }
     }
 
-    fn advance(
-        &mut self,
-        enabling: &mut Enabling,
-        cycle: u64,
-        (wanted, speed, torque): (Wanted, i32, u16),
-        inputs: DriveInputs,
-    ) -> Progress {
-        let targets = Targets { velocity_units: speed, ..Targets::default() };
+    fn advance(&mut self, enabling: &mut Enabling, cycle: u64, told: Told, inputs: DriveInputs) -> Progress {
+        let Told { wanted, speed_units, torque_per_mille } = told;
+        let targets = Targets { velocity_units: speed_units, ..Targets::default() };
         let request = DriveRequest { wanted, mode: Mode::CyclicSynchronousVelocity, targets };
         let output = enabling.advance(cycle * self.cycle_ns, &inputs.feedback, &request);
         let map = self.map;
@@ -253,7 +252,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             put(mode, &output.mode.code().to_le_bytes());
         }
         if let Some(limit) = &map.torque_limit {
-            put(limit, &torque.to_le_bytes());
+            put(limit, &torque_per_mille.to_le_bytes());
         }
         output.progress
     }
@@ -265,8 +264,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             let inputs = self.inputs();
             travel += i64::from(inputs.position.wrapping_sub(last));
             last = inputs.position;
-            let progress =
-                self.advance(enabling, u64::from(cycles + cycle), (Wanted::SwitchOnDisabled, 0, 0), inputs);
+            let nothing = Told { wanted: Wanted::SwitchOnDisabled, speed_units: 0, torque_per_mille: 0 };
+            let progress = self.advance(enabling, u64::from(cycles + cycle), nothing, inputs);
             self.paced.exchange(self.image)?;
             if cycle > WINDOW_CYCLES as u32 && matches!(progress, Progress::Holding(_) | Progress::Stopped(_))
             {

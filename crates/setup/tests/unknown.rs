@@ -13,6 +13,7 @@ fn robot() -> Unknown {
         counts: 10_000,
         gear: 5.0,
         turned_encoder: Some(1),
+        brakes: [0; 3],
     }
 }
 
@@ -69,6 +70,19 @@ fn an_empty_answer_is_none_where_there_is_a_choice() {
         let refused = found.told.iter().filter(|told| told.contains("expected one of")).count();
         assert_eq!(refused, 1, "{id}: {:?}", found.told);
     }
+}
+
+/// What differs from the file is written, read back, and stored in the drive where that is wished.
+#[test]
+fn parameters_are_written_and_stored_where_that_is_wished() {
+    let found = set_up(&Unknown::of(2), &mut |question| match question.id.as_str() {
+        "parameters 0" | "parameters 1" => Some(said("store")),
+        _ => None,
+    })
+    .unwrap();
+    let count = |words: &str| found.record.log.iter().filter(|line| line.contains(words)).count();
+    assert_eq!(count(": stored (0x1010)"), 2, "{:?}", found.record.log);
+    assert!(count(" written: ") >= 3 && count(" and reads back ") == 0, "{:?}", found.record.log);
 }
 
 /// A drive that loses its torque by itself isn't called stopped: it is noted and asked again.
@@ -184,24 +198,42 @@ fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
     assert_eq!(found.record.legs.len(), 1);
 }
 
-/// A brake that slips is found by whoever pushes the wheel, and not called tested.
+/// A brake that holds, one that slips, one that was never heard, all turned by the same hand: the first alone is called tested.
 #[test]
 fn a_brake_is_opened_with_a_held_key_and_pushed_while_nothing_is_enabled() {
-    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let robot = Unknown { turned_encoder: None, brakes: [1500, 50, 1500], ..Unknown::of(2) };
     let found = set_up(&robot, &mut |question| match question.id.as_str() {
-        "brake 0" => Some(said("yes")),
-        "opened 0" => Some(said("yes")),
-        "brake 1" => Some(said("yes")),
-        "opened 1" => Some(said("no")),
-        "braked 1" => Some(said("go on")),
+        "brake 0" | "brake 1" | "brake 2" => Some(said("yes")),
+        "opened 2" => Some(said("no")),
         _ => None,
     })
     .unwrap();
-    let log = found.record.log.join("\n");
-    assert!(log.contains("pushed by hand with its brake closed it gave by 0.0000 turns"), "{log}");
+    let asked = |id: &str| found.asked.iter().filter(|(asked, _)| asked == id).count();
+    assert_eq!(["push 0", "push 1", "push 2"].map(asked), [1, 1, 0], "{:?}", found.asked);
+    assert_eq!(["braked 0", "braked 1", "braked 2"].map(asked), [0, 1, 1], "{:?}", found.asked);
+    let gave = |lines: &[String]| -> Vec<f64> {
+        let said = lines.iter().filter(|line| !line.starts_with("FOUND"));
+        let turns = said.filter_map(|line| line.split_once("with its brake closed it gave by "));
+        turns.map(|(_, turns)| turns.split(' ').next().unwrap().parse().unwrap()).collect()
+    };
+    let (held, slipped) = (gave(&found.record.log), gave(&found.record.findings));
+    assert!(held.len() == 1 && held[0] < 0.001, "{held:?}");
+    assert!(slipped.len() == 1 && slipped[0] > 0.1, "{slipped:?}");
+    let heard = |line: &&String| line.contains("its brake wasn't heard to open and close");
+    assert_eq!(found.record.findings.iter().filter(heard).count(), 1, "{:?}", found.record.findings);
+    let opened = found.record.log.iter().filter(|line| line.contains("the brake of"));
+    assert!(
+        opened.clone().count() == 3 && opened.clone().all(|line| line.ends_with(" 0 without a held key"))
+    );
+}
+
+/// Who turns a wheel whose motor has no brake at all sees the same as with one that slips.
+#[test]
+fn a_brake_that_was_only_believed_in_is_found() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = set_up(&robot, &mut |question| (question.id == "brake 1").then(|| said("yes"))).unwrap();
     let findings = found.record.findings.join("\n");
-    assert!(findings.contains("its brake wasn't heard to open and close"), "{findings}");
-    assert!(log.matches("the brake of").count() >= 2, "{log}");
+    assert!(findings.contains("pushed by hand with its brake closed it gave by "), "{findings}");
 }
 
 /// Aliases are written with what was there kept before, and believed once the drives show them; without a backup nothing is written.

@@ -38,6 +38,11 @@ pub trait Axis: Send {
     /// The torque from now on, N·m at the shaft.
     fn apply(&mut self, torque_n_m: f64);
 
+    /// What else acts on the shaft from now on; `false` where nothing else can.
+    fn outside(&mut self, _: Outside) -> bool {
+        false
+    }
+
     /// What the servo's speed loop takes for the inertia that it moves, kg·m².
     fn nominal_inertia_kg_m2(&self) -> f64;
 
@@ -46,6 +51,15 @@ pub trait Axis: Send {
         let _ = loop_s;
         f64::INFINITY
     }
+}
+
+/// What acts on a shaft beside its motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outside {
+    /// The most that a closed brake holds, N·m at the shaft; 0 where it is open or there is none.
+    pub brake_n_m: f64,
+    /// What somebody turns the shaft by, N·m.
+    pub push_n_m: f64,
 }
 
 /// A rigid load with viscous and Coulomb friction.
@@ -74,21 +88,33 @@ pub struct SingleAxis {
     load: Load,
     state: AxisState,
     torque_n_m: f64,
+    outside: Outside,
     time: HostTime,
 }
 
 impl SingleAxis {
     /// An axis with this load, at rest.
     pub fn new(load: Load) -> Self {
-        SingleAxis { load, state: AxisState::default(), torque_n_m: 0.0, time: HostTime(0) }
+        SingleAxis {
+            load,
+            state: AxisState::default(),
+            torque_n_m: 0.0,
+            outside: Outside::default(),
+            time: HostTime(0),
+        }
+    }
+
+    /// Motor and hand together.
+    fn turning_n_m(&self) -> f64 {
+        self.torque_n_m + self.outside.push_n_m
     }
 
     /// Implicit Euler: stable with any friction and step.
     fn step(&mut self, step_s: f64) {
         let Load { inertia_kg_m2, viscous_n_m_s, coulomb_n_m } = self.load;
         let speed = self.state.speed_rad_s;
-        let driven = speed + step_s * self.torque_n_m / inertia_kg_m2;
-        let friction = step_s * coulomb_n_m / inertia_kg_m2;
+        let driven = speed + step_s * self.turning_n_m() / inertia_kg_m2;
+        let friction = step_s * (coulomb_n_m + self.outside.brake_n_m) / inertia_kg_m2;
         // Friction takes speed away but never turns it round: within `friction` the axis sticks.
         let sliding = driven - driven.clamp(-friction, friction);
         let next = sliding / (1.0 + step_s * viscous_n_m_s / inertia_kg_m2);
@@ -101,7 +127,8 @@ impl Axis for SingleAxis {
     fn advance(&mut self, now: HostTime) -> AxisState {
         let mut left = now - self.time;
         self.time = self.time.max(now);
-        if self.state.speed_rad_s == 0.0 && self.torque_n_m.abs() <= self.load.coulomb_n_m {
+        let held_n_m = self.load.coulomb_n_m + self.outside.brake_n_m;
+        if self.state.speed_rad_s == 0.0 && self.turning_n_m().abs() <= held_n_m {
             return self.state;
         }
         while !left.is_zero() {
@@ -115,6 +142,11 @@ impl Axis for SingleAxis {
     fn apply(&mut self, torque_n_m: f64) {
         self.torque_n_m = torque_n_m;
         self.state.torque_n_m = torque_n_m;
+    }
+
+    fn outside(&mut self, outside: Outside) -> bool {
+        self.outside = outside;
+        true
     }
 
     fn nominal_inertia_kg_m2(&self) -> f64 {

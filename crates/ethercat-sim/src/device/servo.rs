@@ -8,10 +8,10 @@ mod tests;
 
 pub use power::PowerState;
 
-use crate::device::axis::{Axis, AxisState};
+use crate::device::axis::{Axis, AxisState, Outside};
 use crate::device::{Device, Moment, Outputs};
 use crate::dictionary::Dictionary;
-use crate::dictionary::standard::{Nameplate, PdoMap};
+use crate::dictionary::standard::{Nameplate, PdoMap, SAVE, STORE_PARAMETERS, keep_parameters};
 use crate::firmware::{SyncMonitoring, Synchronization};
 use core::f64::consts::TAU;
 use motion::{Actuation, Limits, Motion};
@@ -141,6 +141,10 @@ pub struct Servo {
     control: u16,
     /// Its safety input takes the torque away.
     torque_is_off: bool,
+    /// What its brake holds when it is closed, N·m.
+    brake_n_m: f64,
+    /// What else acts on the shaft now.
+    outside: Outside,
     /// The AL state is OP, or the drive is commanded by SDOs and not yet by process data.
     commanded: bool,
     error_code: u16,
@@ -171,6 +175,8 @@ impl Servo {
             started: HostTime(0),
             control: 0,
             torque_is_off: false,
+            brake_n_m: 0.0,
+            outside: Outside::default(),
             commanded: true,
             error_code: 0,
             emergencies: [None; 2],
@@ -311,6 +317,24 @@ impl Servo {
         }
     }
 
+    /// The motor's torque from now on, and a brake that closes where it has none.
+    fn apply(&mut self) {
+        let actuation = self.actuation();
+        self.motion.apply(self.axis.as_mut(), actuation);
+        self.act_on_shaft(actuation.is_energized, self.outside.push_n_m);
+    }
+
+    /// Brake and hand; `false` where they can't act.
+    fn act_on_shaft(&mut self, is_energized: bool, push_n_m: f64) -> bool {
+        let outside = Outside { brake_n_m: if is_energized { 0.0 } else { self.brake_n_m }, push_n_m };
+        // Axes that share a body are behind a lock.
+        if outside == self.outside || self.axis.outside(outside) {
+            self.outside = outside;
+            return true;
+        }
+        false
+    }
+
     fn limits(&self, dictionary: &Dictionary) -> Limits {
         let f = &self.fields;
         let torque = f64::from(dictionary.get(f.max_torque)) / 1000.0 * self.config.rated_torque_n_m;
@@ -361,6 +385,7 @@ impl Device for Servo {
 
     fn power_off(&mut self) {
         self.axis.apply(0.0);
+        self.act_on_shaft(false, self.outside.push_n_m);
     }
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
@@ -374,8 +399,7 @@ impl Device for Servo {
         if follows && self.motion.follows_badly(dictionary, &self.fields, moment.now) {
             self.raise_fault(dictionary, FOLLOWING_ERROR);
         }
-        let actuation = self.actuation();
-        self.motion.apply(self.axis.as_mut(), actuation);
+        self.apply();
         self.show(dictionary);
     }
 
@@ -388,15 +412,23 @@ impl Device for Servo {
         self.motion.advance(self.axis.as_mut(), now, actuation);
         self.motion.limit(self.limits(dictionary));
         self.finish_stop();
-        let actuation = self.actuation();
-        self.motion.apply(self.axis.as_mut(), actuation);
+        self.apply();
     }
 
     fn check_write(&self, _: &Dictionary, address: ObjectAddress, data: &[u8]) -> Result<(), AbortCode> {
         if address.index == 0x6060 && !motion::is_supported(data[0] as i8) {
             return Err(AbortCode::VALUE_RANGE);
         }
+        if address == STORE_PARAMETERS && data != SAVE {
+            return Err(AbortCode::CANNOT_TRANSFER);
+        }
         Ok(())
+    }
+
+    fn written(&mut self, dictionary: &mut Dictionary, address: ObjectAddress) {
+        if address == STORE_PARAMETERS {
+            keep_parameters(dictionary);
+        }
     }
 
     fn state_changed(&mut self, dictionary: &mut Dictionary, state: AlState, code: AlStatusCode) {
@@ -427,10 +459,26 @@ impl Device for Servo {
         if active && self.power.is_switched_on() {
             let is_fault = self.power == PowerState::FaultReactionActive;
             self.enter(if is_fault { PowerState::Fault } else { PowerState::SwitchOnDisabled });
-            let actuation = self.actuation();
-            self.motion.apply(self.axis.as_mut(), actuation);
+            self.apply();
         }
         true
+    }
+
+    fn brake(&mut self, per_mille: u16) -> bool {
+        let before = std::mem::replace(
+            &mut self.brake_n_m,
+            f64::from(per_mille) / 1000.0 * self.config.rated_torque_n_m,
+        );
+        let acts = self.act_on_shaft(self.power.is_energized(), self.outside.push_n_m);
+        if !acts {
+            self.brake_n_m = before;
+        }
+        acts
+    }
+
+    fn push(&mut self, per_mille: i16) -> bool {
+        let push_n_m = f64::from(per_mille) / 1000.0 * self.config.rated_torque_n_m;
+        self.act_on_shaft(self.power.is_energized(), push_n_m)
     }
 
     fn fault(&mut self, dictionary: &mut Dictionary, code: u16) -> bool {

@@ -24,6 +24,24 @@ pub struct Nameplate {
     pub identity: Identity,
 }
 
+/// Subindex 1 of 0x1010: all parameters.
+pub const STORE_PARAMETERS: ObjectAddress = ObjectAddress::new(0x1010, 1);
+/// What must be written there, "save"; and what it then reads: it stores when it is told so (CiA 301).
+pub const SAVE: [u8; 4] = *b"save";
+const STORES_ON_COMMAND: u32 = 1;
+
+/// 0x1010, by which a user has parameters kept.
+pub fn store_parameters() -> Object {
+    let all = Entry::unsigned32(1, "Store all parameters", STORES_ON_COMMAND).with_access(Access::READ_WRITE);
+    Object::array(STORE_PARAMETERS.index, "Store parameters", vec![all])
+}
+
+/// Parameters kept, where that entry was written.
+pub fn keep_parameters(dictionary: &mut super::Dictionary) {
+    dictionary.keep();
+    dictionary.store(STORE_PARAMETERS, &STORES_ON_COMMAND.to_le_bytes());
+}
+
 /// Whether the user may write an assignment or a mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {

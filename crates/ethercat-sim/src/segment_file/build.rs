@@ -66,7 +66,11 @@ impl SegmentFile {
     }
 
     fn attachments(&self, sub_devices: &[SubDevice], problems: &mut Vec<Mistake>) -> Vec<Attachment> {
-        let mut taken = vec![[true, false, false, false]; sub_devices.len()];
+        let mut taken: Vec<[bool; 4]> = self
+            .sub_devices
+            .iter()
+            .map(|entry| [0, 1, 2, 3].map(|port| port == entry.plug.entry_port))
+            .collect();
         let mut attachments = Vec::new();
         for entry in &self.sub_devices {
             let parent = match entry.plug.parent {
@@ -88,7 +92,11 @@ impl SegmentFile {
                     Parent::SubDevice { position, port }
                 }
             };
-            attachments.push(Attachment { parent, entry_port: 0, cable_delay_ns: entry.plug.cable_delay_ns });
+            attachments.push(Attachment {
+                parent,
+                entry_port: entry.plug.entry_port,
+                cable_delay_ns: entry.plug.cable_delay_ns,
+            });
         }
         attachments
     }

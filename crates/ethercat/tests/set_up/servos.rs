@@ -13,7 +13,7 @@ use omnibase_ethercat::wire::coe::{AbortCode, ObjectAddress};
 use omnibase_ethercat::wire::{AlState, Clock, HostTime};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError, StartUpStep, SubDeviceConfig};
 use omnibase_ethercat_sim::device::drive::DriveKind;
-use omnibase_ethercat_sim::{SimLink, VirtualClock, in_process};
+use omnibase_ethercat_sim::{Fault, SimLink, VirtualClock, in_process};
 
 use crate::segment::drives;
 
@@ -107,6 +107,27 @@ fn parameters_are_written_and_read_back() {
     let (mut bus, result) = start_up(DriveKind::Generic, 1, &[config]);
     result.unwrap();
     assert_eq!(bus.sdo_read(0, object(0x607F, 0), SdoAccess::Entry).unwrap(), 9_000u32.to_le_bytes());
+}
+
+/// What was stored (0x1010) outlasts power, what was only written doesn't, and any other word than "save" stores nothing.
+#[test]
+fn stored_parameters_outlast_power() {
+    let (quick_stop, halt, store) = (object(0x605A, 0), object(0x605D, 0), object(0x1010, 1));
+    let (mut bus, result) = start_up(DriveKind::Sgdv, 1, &[]);
+    result.unwrap();
+    bus.sdo_write(0, quick_stop, &6u16.to_le_bytes()).unwrap();
+    let refused = bus.sdo_write(0, store, b"load").unwrap_err().to_string();
+    assert!(refused.contains("0x08000020"), "{refused}");
+    bus.sdo_write(0, store, b"save").unwrap();
+    assert_eq!(bus.sdo_read(0, store, SdoAccess::Entry).unwrap(), 1u32.to_le_bytes());
+    bus.sdo_write(0, halt, &2u16.to_le_bytes()).unwrap();
+    for fault in [Fault::PowerOff, Fault::PowerOn] {
+        bus.transactor().link.segment_mut().inject(0, fault).unwrap();
+    }
+    bus.scan().unwrap();
+    bus.configure(&[]).unwrap();
+    let mut read = |object| bus.sdo_read(0, object, SdoAccess::Entry).unwrap();
+    assert_eq!((read(quick_stop), read(halt)), (vec![6, 0], vec![1, 0]));
 }
 
 #[test]

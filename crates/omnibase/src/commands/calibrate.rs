@@ -230,7 +230,7 @@ pub fn run(
     }
     output.flush()?;
     if let Some(path) = &arguments.report {
-        let page = page::of(&plan.name, (&dataset, &known, &solution), &drifts);
+        let page = page::of(&plan.name, &dataset, &known, &solution, &drifts);
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
     if let Some(path) = &arguments.write {
@@ -238,7 +238,7 @@ pub fn run(
             tracker: tracker(&plan, arguments.truth.as_ref()).map(|one| one.name.as_str()),
             gyro: recordings::gyro(&plan, arguments.gyro.as_ref()).map(|one| one.name.as_str()),
         };
-        write::write(path, arguments.overwrite, &source.text.text, (&known, &solution, names), registry)?;
+        write::write(path, arguments.overwrite, &source.text.text, &known, &solution, names, registry)?;
         note(format_args!(
             "{}: compare it with {}, and keep it if it is better",
             path.display(),

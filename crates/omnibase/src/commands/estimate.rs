@@ -80,10 +80,15 @@ pub fn run(
         let words: Vec<String> = problems.iter().map(|problem| source.explain(problem)).collect();
         anyhow::Error::msg(words.join("\n"))
     })?;
-    let told = (arguments.truth.as_ref(), arguments.gyro.as_ref());
     let plan = robot.plan;
-    let run = one_recording(&arguments.recording, &plan, registry, told)
-        .with_context(|| format!("`{}`", arguments.recording.display()))?;
+    let run = one_recording(
+        &arguments.recording,
+        &plan,
+        registry,
+        arguments.truth.as_ref(),
+        arguments.gyro.as_ref(),
+    )
+    .with_context(|| format!("`{}`", arguments.recording.display()))?;
     anyhow::ensure!(
         !run.poses.is_empty(),
         "`{}` has no poses to compare with: expected --truth source:NAME or simulator, or columns pose_x_m, pose_y_m, pose_heading_rad",

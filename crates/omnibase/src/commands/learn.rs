@@ -225,8 +225,8 @@ fn driven(
     // Where one object is asked for, there is one.
     let mut silent = std::io::sink();
     let output: &mut dyn Write = if arguments.json { &mut silent } else { output };
-    let robot = (arguments.robot.as_path(), &arguments.changes, arguments.run.as_slice());
-    let outcome = recorded_run(robot, (&path, &recording), registry, output)?;
+    let Arguments { robot, changes, run, .. } = arguments;
+    let outcome = recorded_run(robot, changes, run, &path, &recording, registry, output)?;
     ensure!(outcome == Outcome::Done, "the motion was not driven to its end");
     Ok(recording)
 }

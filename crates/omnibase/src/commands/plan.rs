@@ -104,13 +104,13 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     }
     if let Some(path) = &arguments.picture {
         let space = room.space(&way)?;
-        let text = picture::draw(&robot.name, &space, room.footprint(), (&timed.plan, &driven));
+        let text = picture::draw(&robot.name, &space, room.footprint(), &timed.plan, &driven);
         let text =
             if path.extension().is_some_and(|ending| ending == "html") { picture::page(&text) } else { text };
         std::fs::write(path, text).with_context(|| format!("writing `{}`", path.display()))?;
         note(format_args!("drew it in `{}`", path.display()));
     }
-    tell(arguments, (&timed, &driven, took_ms), output)?;
+    tell(arguments, &timed, &driven, took_ms, output)?;
     Ok(Outcome::Done)
 }
 
@@ -184,7 +184,9 @@ fn points(timed: &TimedWay, arguments: &Arguments) -> String {
 
 fn tell(
     arguments: &Arguments,
-    (timed, driven, took_ms): (&TimedWay, &Driven, f64),
+    timed: &TimedWay,
+    driven: &Driven,
+    took_ms: f64,
     output: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let plan = &timed.plan;

@@ -111,8 +111,11 @@ pub struct Arguments {
 
 /// `omnibase run` with a motion from a reference file and a recording; everything else is as its own options and the robot's file say.
 pub(crate) fn recorded_run(
-    (robot, changes, options): (&Path, &Changes, &[String]),
-    (reference, recording): (&Path, &Path),
+    robot: &Path,
+    changes: &Changes,
+    options: &[String],
+    reference: &Path,
+    recording: &Path,
     registry: &Arc<Registry>,
     output: &mut dyn Write,
 ) -> anyhow::Result<Outcome> {
@@ -156,12 +159,12 @@ pub fn run(
         note(endless(files.as_ref()));
     }
     let mut page = arguments.page(files.as_ref())?;
-    let (recorder, recording) = arguments.recorder((&robot, &room), known, files, page.as_ref())?.unzip();
+    let (recorder, recording) = arguments.recorder(&robot, &room, known, files, page.as_ref())?.unzip();
     let progress = Progress::default();
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
     let (operated, live) =
-        arguments.operated.start((&robot, room), Arc::clone(registry), known, describer.clone())?.unzip();
+        arguments.operated.start(&robot, room, Arc::clone(registry), known, describer.clone())?.unzip();
     let setup = Setup {
         plan: &robot.plan,
         robot: stages,
@@ -382,7 +385,8 @@ impl Arguments {
 
     fn recorder(
         &self,
-        (robot, room): (&LoadedRobot, &Room),
+        robot: &LoadedRobot,
+        room: &Room,
         known: Known,
         files: Option<RunFiles>,
         page: Option<&Page>,

@@ -9,6 +9,7 @@ use crate::progress::note;
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
 use omnibase_ethercat::SetUpError;
+use omnibase_ethercat::modules::Modules;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
@@ -99,7 +100,12 @@ pub fn look(
         one.state = state;
     }
     if refusal.is_none() {
-        look_at_modules(&mut bus, &mut report)?;
+        for one in &mut report.subdevices {
+            if let Some(modules) = modules_of(&mut bus, one.position, &mut report.trouble)? {
+                one.modules =
+                    Some(ModulesReport { configured: modules.configured, detected: modules.detected });
+            }
+        }
     }
     if with_dictionary && refusal.is_none() {
         for one in &mut report.subdevices {
@@ -109,23 +115,23 @@ pub fn look(
     Ok((report, refusal))
 }
 
-/// What is plugged into modular devices, and where that isn't what they are configured for.
-fn look_at_modules(bus: &mut AnyBus, report: &mut Report) -> Result<(), SetUpError> {
-    for one in &mut report.subdevices {
-        if one.broken.is_some() {
-            continue;
-        }
-        let Some(modules) = bus.read_modules(one.position)? else { continue };
-        for (slot, configured, detected) in modules.differences() {
-            report.trouble.push(format!(
-                "SubDevice {}: slot {slot} holds module 0x{detected:08x}, the device is configured for 0x{configured:08x} (f030:{slot:02x}): \
-                 plug that module in, or write the detected ident to f030 in PRE-OP",
-                one.position
-            ));
-        }
-        one.modules = Some(ModulesReport { configured: modules.configured, detected: modules.detected });
+/// What is plugged into a modular device; `words` where that isn't what it is configured for.
+fn modules_of(
+    bus: &mut AnyBus,
+    position: u16,
+    words: &mut Vec<String>,
+) -> Result<Option<Modules>, SetUpError> {
+    if bus.subdevice(position)?.broken.is_some() {
+        return Ok(None);
     }
-    Ok(())
+    let modules = bus.read_modules(position)?;
+    for (slot, configured, detected) in modules.iter().flat_map(Modules::differences) {
+        words.push(format!(
+            "SubDevice {position}: slot {slot} holds module 0x{detected:08x}, the device is configured for 0x{configured:08x} \
+             (f030:{slot:02x}): plug that module in, or write the detected ident to f030 in PRE-OP"
+        ));
+    }
+    Ok(modules)
 }
 
 /// What is wrong with a segment, as words, and which cycle fits.
@@ -136,6 +142,11 @@ pub(super) fn trouble(target: &Target, manners: Manners) -> anyhow::Result<(Vec<
     let mut words: Vec<String> = bus.warnings().iter().map(ToString::to_string).collect();
     words.extend(refusal.iter().map(ToString::to_string));
     words.extend(bus.look_for_trouble()?.iter().map(ToString::to_string));
+    if refusal.is_none() {
+        for position in 0..bus.subdevices().len() as u16 {
+            modules_of(&mut bus, position, &mut words)?;
+        }
+    }
     let cycle = match bus.cycle_fit() {
         Ok(fit) => fit.to_string(),
         Err(error) => error.to_string(),

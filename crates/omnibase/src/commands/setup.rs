@@ -274,7 +274,7 @@ fn write_whole(path: &Path, text: impl AsRef<[u8]>) -> anyhow::Result<()> {
 fn with_wheels(text: &str, calibrated: &Calibrated) -> anyhow::Result<String> {
     let Calibrated { expected, tolerances, solution } = calibrated;
     let known = Known { build: expected.clone(), tolerances: *tolerances };
-    write::changed(text, (&known, solution, write::SensorNames::default()), &Registry::with_built_in())
+    write::changed(text, &known, solution, write::SensorNames::default(), &Registry::with_built_in())
 }
 
 /// The record for people.

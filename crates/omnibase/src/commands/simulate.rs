@@ -44,6 +44,8 @@ Faults, `<fault>@<position>:<seconds after the start>[:<argument>]`:
   al-error@1:5:0x1b (AL status code)   drive-fault@1:5:0x7500 (error code)
   mailbox-silence@1:5   mailbox-back@1:8   freeze@1:5   unfreeze@1:8
   sto@1:5 (the safety input takes the torque)   sto-over@1:8
+  brake@1:0:1500 (its motor has a brake that holds so many per mille of the rated torque; 50 is a worn one)
+  push@1:5:300 (somebody turns its shaft by so many per mille of the rated torque)   push@1:8 (lets go)
 
 What happens to the robot itself (pushes, payloads, the floor) is in its file, [[simulation.event]], counted from the start here.")]
 pub struct Arguments {

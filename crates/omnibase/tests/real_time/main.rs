@@ -9,6 +9,7 @@ mod joystick_recording;
 mod manners;
 mod own_crate;
 mod owner;
+mod parts;
 mod recovery;
 mod redundancy;
 mod refusals;

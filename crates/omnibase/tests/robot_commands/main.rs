@@ -51,6 +51,35 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
+/// A drive loses its supply after two seconds: the frames round that are there, no others, and where nothing goes wrong no file is.
+#[test]
+fn the_frames_of_what_went_wrong_are_kept() {
+    let folder = Folder::new("frames");
+    let event = "\n[[simulation.event]]\nkind = \"lose_power\"\nat_s = 2.0\ndrive = \"wheel_2\"\n";
+    let robot = folder.file("robot.toml", &(bmm() + event));
+    let run = |robot: &str, name: &str| {
+        let kept = folder.path(name);
+        let (_, said) =
+            refused(&[&["run", robot], &CIRCLE[2..], &["--frames", &kept, "--frames-s", "1"]].concat());
+        (kept, said)
+    };
+    let (kept, said) = run("robots/bmm.toml", "well.pcapng");
+    assert!(said.contains("--frames: nothing went wrong, nothing was written"), "{said}");
+    assert!(!std::path::Path::new(&kept).exists());
+    let (kept, said) = run(&robot, "wrong.pcapng");
+    assert!(said.contains(&format!("--frames: {kept}: datagram 2: working counter 1 behind 3")), "{said}");
+    let summary = &json(&["decode", &kept, "--json", "--summary"])["summary"];
+    let requests = number(&summary["requests"]);
+    assert_eq!((&summary["lost_frames"], &summary["malformed"]), (&0.into(), &0.into()), "{summary}");
+    // A second before and one behind, with what the bus asks the lost drive meanwhile.
+    assert!((1000.0..3500.0).contains(&requests), "{requests} frames sent");
+    let of_inputs =
+        summary["working_counters"].as_array().unwrap().iter().find(|one| one["command"] == "LRD");
+    let counters = &of_inputs.unwrap()["counters"];
+    let [whole, broken] = ["3", "1"].map(|counter| number(&counters[counter]));
+    assert!((900.0..1100.0).contains(&whole) && (900.0..1100.0).contains(&broken), "{counters}");
+}
+
 #[test]
 fn the_square_of_the_thesis_is_told_in_one_json_object() {
     let summary = json(&[&SQUARE[..], &["--json"]].concat());

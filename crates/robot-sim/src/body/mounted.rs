@@ -11,6 +11,8 @@ pub(super) struct Mounted {
     pub(super) inertia: f64,
     pub(super) viscous: f64,
     pub(super) coulomb: f64,
+    /// Of a closed brake.
+    pub(super) brake: f64,
     pub(super) rolling: f64,
     /// Of the rollers on a floor that holds them.
     pub(super) roller: f64,
@@ -30,6 +32,7 @@ impl Mounted {
             inertia: wheel.inertia_kg_m2,
             viscous: wheel.bearing_viscous_n_m_s,
             coulomb: wheel.bearing_coulomb_n_m,
+            brake: 0.0,
             rolling: contact.rolling_resistance * wheel.radius_m,
             roller,
             holds: surface.holds(roller),
@@ -76,5 +79,5 @@ pub(super) fn prepare(
     let travel = travel_m_s(row, velocity);
     row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
     row.roller.set(holds.roller * load_n, STICTION_M_S);
-    row.axle.set(mounted.coulomb + mounted.rolling * load_n, STICTION_RAD_S);
+    row.axle.set(mounted.coulomb + mounted.brake + mounted.rolling * load_n, STICTION_RAD_S);
 }

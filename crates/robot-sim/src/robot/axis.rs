@@ -2,7 +2,7 @@
 
 use crate::body::{BodyError, Payload};
 use crate::machine::{Machine, Truth};
-use omnibase_ethercat_sim::device::axis::{Axis, AxisState};
+use omnibase_ethercat_sim::device::axis::{Axis, AxisState, Outside};
 use omnibase_ethercat_wire::HostTime;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -64,6 +64,13 @@ impl Axis for WheelAxis {
 
     fn apply(&mut self, torque_n_m: f64) {
         self.machine.lock().ask(self.wheel, torque_n_m);
+    }
+
+    fn outside(&mut self, outside: Outside) -> bool {
+        let mut machine = self.machine.lock();
+        machine.brake(self.wheel, outside.brake_n_m);
+        machine.push(self.wheel, outside.push_n_m);
+        true
     }
 
     fn nominal_inertia_kg_m2(&self) -> f64 {

@@ -25,6 +25,8 @@ const ON_BLOCKS: &str =
     "[simulation]\nstatic_friction = 0.04\nsliding_friction = 0.035\nmass_kg = 2.0\ninertia_kg_m2 = 0.2\n";
 const COUNTS: [u32; 5] = [1 << 20, 1 << 17, 1 << 16, 10_000, 1 << 22];
 const GEARS: [f64; 4] = [1.0, 5.0, 10.0, 12.5];
+/// How hard the person turns a wheel, per mille of the rated torque of its motor.
+const PUSHED_PER_MILLE: i16 = 200;
 /// Cycles after which the emergency stop is pressed.
 const PRESSED_AT: u32 = 400;
 
@@ -41,6 +43,8 @@ pub struct Unknown {
     pub gear: f64,
     /// A wheel whose encoder counts against its motor.
     pub turned_encoder: Option<usize>,
+    /// What the brake of each position's drive holds, per mille of its motor's rated torque; 0 is none.
+    pub brakes: [u16; 3],
 }
 
 impl Unknown {
@@ -61,7 +65,7 @@ impl Unknown {
         let backward = [next(2) == 1, next(2) == 1, next(2) == 1];
         let (counts, gear) = (COUNTS[next(5) as usize], GEARS[next(4) as usize]);
         let turned_encoder = (next(4) == 0).then(|| next(3) as usize);
-        Unknown { positions, backward, counts, gear, turned_encoder }
+        Unknown { positions, backward, counts, gear, turned_encoder, brakes: [0; 3] }
     }
 
     /// Its file, as nobody has it.
@@ -103,6 +107,21 @@ struct World {
     on_floor: bool,
     machine: Option<SharedMachine>,
     injector: Option<Injector>,
+    /// The position whose motor's shaft is turned by hand.
+    pushed: Option<usize>,
+}
+
+impl World {
+    /// Brakes and hands on the segment that was opened.
+    fn lay_hands(&self) {
+        let injector = self.injector.as_ref().expect("the segment is open");
+        for (position, per_mille) in self.robot.brakes.into_iter().enumerate() {
+            injector.inject(position, ApplicationFault::Brake(per_mille).into());
+        }
+        if let Some(position) = self.pushed {
+            injector.inject(position, ApplicationFault::Push(PUSHED_PER_MILLE).into());
+        }
+    }
 }
 
 /// A person who looks, holds the key for one turn, and has the wires changed where that is asked for.
@@ -149,6 +168,17 @@ impl Person<'_> {
         [pose.x_m, pose.y_m, pose.heading_rad]
     }
 
+    fn to_all(&self, fault: &ApplicationFault) {
+        let world = self.world.borrow();
+        for position in 0..3 {
+            world
+                .injector
+                .as_ref()
+                .expect("the segment is open")
+                .inject(position, Fault::Application(fault.clone()));
+        }
+    }
+
     /// The wheel that turned most, and how far.
     fn seen(&self) -> (usize, f64) {
         let now = self.angles();
@@ -160,6 +190,7 @@ impl Person<'_> {
 
 impl Hand for Person<'_> {
     fn ask(&mut self, question: &Question) -> Answer {
+        self.world.borrow_mut().pushed = None;
         if let Some(answer) = (self.otherwise)(question) {
             let is_put_down = ["floor", "calibrate"].contains(&question.id.as_str());
             self.world.borrow_mut().on_floor |= is_put_down;
@@ -183,6 +214,12 @@ impl Hand for Person<'_> {
             "stopped" | "opened" => "yes".to_owned(),
             "name" => "position".to_owned(),
             "brake" => "no".to_owned(),
+            "push" => {
+                self.world.borrow_mut().pushed =
+                    question.id.split(' ').nth(1).and_then(|position| position.parse().ok());
+                "done".to_owned()
+            }
+            "braked" => "go on".to_owned(),
             "floor" | "calibrate" => "go on".to_owned(),
             "went" => match question.id.as_str() {
                 "went aside" => "left",
@@ -202,11 +239,7 @@ impl Hand for Person<'_> {
             "wheels" => "take".to_owned(),
             "drive" => "again".to_owned(),
             "release" => {
-                let world = self.world.borrow();
-                for position in 0..3 {
-                    let release = Fault::Application(ApplicationFault::SafeTorqueOff(false));
-                    world.injector.as_ref().expect("the segment is open").inject(position, release);
-                }
+                self.to_all(&ApplicationFault::SafeTorqueOff(false));
                 "done".to_owned()
             }
             "power" => {
@@ -237,11 +270,7 @@ impl Hand for Person<'_> {
     fn key(&mut self) -> Key {
         self.cycles += 1;
         if self.what.contains("emergency stop") && self.cycles == PRESSED_AT {
-            let world = self.world.borrow();
-            for position in 0..3 {
-                let stop = Fault::Application(ApplicationFault::SafeTorqueOff(true));
-                world.injector.as_ref().expect("the segment is open").inject(position, stop);
-            }
+            self.to_all(&ApplicationFault::SafeTorqueOff(true));
         }
         if self.what.contains("the robot") && self.lets_go_at == Some(self.cycles) {
             self.lets_go_at = None;
@@ -328,7 +357,7 @@ fn set_up_in(
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
-    let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None };
+    let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None, pushed: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
     let mut kept: Option<(Rc<RefCell<SimLink>>, VirtualClock)> = None;
@@ -340,6 +369,7 @@ fn set_up_in(
         let (mut segment, machine) =
             simulated::segment(&world.robot.plan(!world.on_floor)).map_err(|error| error.to_string())?;
         (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
+        world.lay_hands();
         let (link, clock) = in_process(segment);
         if has_memory {
             let (link, clock) = kept.get_or_insert((Rc::new(RefCell::new(link)), clock));

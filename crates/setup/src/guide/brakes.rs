@@ -18,7 +18,7 @@ impl<C: Clock> Guide<'_, C> {
             let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
             let choices = ["no", "yes"].map(str::to_owned);
             let text = format!("has the motor of {wheel} a brake?");
-            match self.choose((format!("brake {number}"), text), &choices) {
+            match self.choose(format!("brake {number}"), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "no" => {
                     self.record.note(format!("{wheel}: no brake"));
@@ -30,7 +30,7 @@ impl<C: Clock> Guide<'_, C> {
                 let text =
                     format!("{wheel}: its brake isn't known to hold: test it again, or go on without?");
                 let choices = ["again", "go on"].map(str::to_owned);
-                match self.choose((format!("braked {number}"), text), &choices) {
+                match self.choose(format!("braked {number}"), text, &choices) {
                     Err(Leave) => return Ok(false),
                     Ok(choice) if choice == "go on" => break,
                     Ok(_) => {}
@@ -52,7 +52,7 @@ impl<C: Clock> Guide<'_, C> {
         }
         let choices = ["yes", "no"].map(str::to_owned);
         let text = format!("did the brake of {wheel} open and close again?");
-        match self.choose((format!("opened {number}"), text), &choices) {
+        match self.choose(format!("opened {number}"), text, &choices) {
             Ok(choice) if choice == "yes" => {}
             Ok(_) => {
                 self.record.found(format!("{wheel}: its brake wasn't heard to open and close"));
@@ -61,7 +61,7 @@ impl<C: Clock> Guide<'_, C> {
             Err(Leave) => return Ok(false),
         }
         let text = format!("{wheel}: push and turn it by hand, both ways, for {PUSHED_S} s from Enter on");
-        if self.choose((format!("push {number}"), text), &["done".to_owned()]).is_err() {
+        if self.choose(format!("push {number}"), text, &["done".to_owned()]).is_err() {
             return Ok(false);
         }
         let span = self.watch(number, PUSHED_S)?;

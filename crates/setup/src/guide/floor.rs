@@ -127,7 +127,7 @@ impl<C: Clock> Guide<'_, C> {
         let text = "put the robot down on a free, even floor with two metres of room all round and everybody out of it, a hand on the \
                     emergency stop. Drive the first metre, or go on without?";
         let choices = ["drive", "go on"].map(str::to_owned);
-        match self.choose(("floor".to_owned(), text.to_owned()), &choices) {
+        match self.choose("floor".to_owned(), text.to_owned(), &choices) {
             Err(Leave) => return Ok(false),
             Ok(choice) if choice == "go on" => {
                 self.record.found("the first metre wasn't driven");
@@ -143,7 +143,7 @@ impl<C: Clock> Guide<'_, C> {
         let text =
             "calibrate by a tape: a metre ahead, a metre aside, once round, each measured; or go on without?";
         let choices = ["calibrate", "go on"].map(str::to_owned);
-        match self.choose(("calibrate".to_owned(), text.to_owned()), &choices) {
+        match self.choose("calibrate".to_owned(), text.to_owned(), &choices) {
             Err(Leave) => return Ok(false),
             Ok(choice) if choice == "go on" => {
                 self.record.found("not calibrated: `omnibase calibrate` does it at any time");
@@ -174,7 +174,7 @@ impl<C: Clock> Guide<'_, C> {
         }
         let text = "take these wheels into the robot's file, or leave them as they were?".to_owned();
         let choices = ["take", "leave them"].map(str::to_owned);
-        match self.choose(("wheels".to_owned(), text), &choices) {
+        match self.choose("wheels".to_owned(), text, &choices) {
             Err(Leave) => return Ok(false),
             Ok(choice) => self.record.takes_calibration = choice == "take",
         }
@@ -233,7 +233,7 @@ impl<C: Clock> Guide<'_, C> {
                     drive.words
                 );
                 let choices = ["again", "go on"].map(str::to_owned);
-                match self.choose((format!("drive {}", way.name), text), &choices) {
+                match self.choose(format!("drive {}", way.name), text, &choices) {
                     Ok(choice) if choice == "again" => continue,
                     Ok(_) => {
                         self.record.found(format!("{}: not driven to its end: {}", way.name, drive.words));
@@ -264,7 +264,7 @@ impl<C: Clock> Guide<'_, C> {
             _ => "ahead",
         };
         let text = "which way did it go?".to_owned();
-        let seen = self.choose((format!("went {}", way.name), text), &choices.map(str::to_owned))?;
+        let seen = self.choose(format!("went {}", way.name), text, &choices.map(str::to_owned))?;
         if seen != expected {
             let text = format!(
                 "{}: it went {seen} where {expected} was told: its wheels' places or order in `platform` aren't as they are on the robot",
@@ -274,7 +274,7 @@ impl<C: Clock> Guide<'_, C> {
             self.record.found(text);
             let text =
                 "drive it again; or leave, put the file that you began with right, and begin anew".to_owned();
-            self.choose((format!("wrong {}", way.name), text), &["again".to_owned()])?;
+            self.choose(format!("wrong {}", way.name), text, &["again".to_owned()])?;
             return Ok(None);
         }
         let [x_m, y_m, turned_rad] = leg.told;
@@ -294,10 +294,7 @@ impl<C: Clock> Guide<'_, C> {
             self.hand.tell(&format!(
                 "by the tape it went {share:.2} of what its wheels say: measure again, or drive it again"
             ));
-            self.choose(
-                (format!("wrong {}", way.name), "drive it again?".to_owned()),
-                &["again".to_owned()],
-            )?;
+            self.choose(format!("wrong {}", way.name), "drive it again?".to_owned(), &["again".to_owned()])?;
             return Ok(None);
         }
         if (share - 1.0).abs() > USUAL_SHARE {

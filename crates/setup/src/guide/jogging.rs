@@ -256,7 +256,7 @@ impl<C: Clock> Guide<'_, C> {
             let choices = ["again", "leave it out"].map(str::to_owned);
             let text = format!("SubDevice {position}: jog it again, or leave it out for now?");
             return Ok(self
-                .choose((format!("again {position}"), text), &choices)
+                .choose(format!("again {position}"), text, &choices)
                 .map(|choice| choice == "again"));
         }
         Ok(self.seen(number, &jog))
@@ -267,14 +267,14 @@ impl<C: Clock> Guide<'_, C> {
         let position = self.record.drives[number].position;
         let mut wheels = self.wheels();
         wheels.extend(["none", "again"].map(str::to_owned));
-        let wheel = self.choose((format!("wheel {position}"), "which wheel turned?".to_owned()), &wheels)?;
+        let wheel = self.choose(format!("wheel {position}"), "which wheel turned?".to_owned(), &wheels)?;
         match wheel.as_str() {
             "again" => return Ok(true),
             "none" => {
                 self.record.found(format!("SubDevice {position}: no wheel was seen to turn"));
                 let choices = ["again", "leave it out"].map(str::to_owned);
                 let text = "jog it again, or leave it out (it drives no wheel)?".to_owned();
-                return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
+                return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
             }
             _ => {}
         }
@@ -286,13 +286,13 @@ impl<C: Clock> Guide<'_, C> {
             self.record.found(text);
             let choices = ["again", "leave it out"].map(str::to_owned);
             let text = "look at its encoder; jog it again, or leave it out for now?".to_owned();
-            return Ok(self.choose((format!("again {position}"), text), &choices)? == "again");
+            return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
         }
         let text = format!(
             "which way did {wheel} turn? Forward: its lowest point moved against the way that `omnibase check` shows as `rolls deg`"
         );
         let way =
-            self.choose((format!("way {position}"), text), &["forward", "backward"].map(str::to_owned))?;
+            self.choose(format!("way {position}"), text, &["forward", "backward"].map(str::to_owned))?;
         let turns =
             self.number(format!("turns {position}"), format!("how many turns did {wheel} make?"), 1.0)?;
         let counts = jog.travel_counts as f64;
@@ -389,7 +389,7 @@ impl<C: Clock> Guide<'_, C> {
                 let text =
                     format!("{wheel} wasn't enabled for {ENABLED_S} s at rest: again, or go on without?");
                 let choices = ["again", "go on"].map(str::to_owned);
-                match self.choose((format!("enable {number}"), text), &choices) {
+                match self.choose(format!("enable {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => break,
                     Ok(_) => {}
                     Err(Leave) => return Ok(false),
@@ -413,7 +413,7 @@ impl<C: Clock> Guide<'_, C> {
                         let text =
                             format!("{wheel} lost its torque ({words}): did you press the emergency stop?");
                         let choices = ["yes", "no"].map(str::to_owned);
-                        match self.choose((format!("stopped {number}"), text), &choices) {
+                        match self.choose(format!("stopped {number}"), text, &choices) {
                             Ok(choice) if choice == "yes" => {
                                 self.record
                                     .note(format!("{wheel}: the emergency stop took its torque: {words}"));
@@ -436,14 +436,14 @@ impl<C: Clock> Guide<'_, C> {
                     "{wheel} wasn't stopped by the emergency stop: again, or go on without? Don't drive such a robot."
                 );
                 let choices = ["again", "go on"].map(str::to_owned);
-                match self.choose((format!("stop {number}"), text), &choices) {
+                match self.choose(format!("stop {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => break,
                     Ok(_) => {}
                     Err(Leave) => return Ok(false),
                 }
             }
             let text = "release the emergency stop, and reset what your safety circuit asks for".to_owned();
-            let released = self.choose((format!("release {number}"), text), &["done".to_owned()]);
+            let released = self.choose(format!("release {number}"), text, &["done".to_owned()]);
             if released.is_err() {
                 return Ok(false);
             }

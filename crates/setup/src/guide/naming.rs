@@ -43,7 +43,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             choices.push("position".to_owned());
             text += ", or find it by its position?";
-            match self.choose((format!("name {}", drive.position), text), &choices) {
+            match self.choose(format!("name {}", drive.position), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "alias" => {}
                 Ok(choice) if choice == "switch" => {
@@ -68,7 +68,7 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(true);
         }
         let text = "switch the supply of all drives off, wait until they are dark, and on again".to_owned();
-        if self.choose(("power".to_owned(), text), &["done".to_owned()]).is_err() {
+        if self.choose("power".to_owned(), text, &["done".to_owned()]).is_err() {
             return Ok(false);
         }
         let bus = self.scanned()?;

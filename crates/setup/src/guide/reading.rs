@@ -159,7 +159,7 @@ impl<C: Clock> Guide<'_, C> {
                 "{wheel}: write {} parameters; or write and store them in the drive (0x1010)?",
                 differing.len()
             );
-            let Ok(choice) = self.choose((format!("parameters {}", drive.position), text), &choices) else {
+            let Ok(choice) = self.choose(format!("parameters {}", drive.position), text, &choices) else {
                 return Ok(false);
             };
             if choice == "leave them" {

@@ -18,6 +18,7 @@ const ACTUAL: Access = Access(Access::READ.0 | Access::TX_PDO.0);
 pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMap]) -> Vec<Object> {
     let mut objects = standard::nameplate_objects(nameplate);
     objects.push(standard::sync_manager_types(&[1, 2, 3, 4]));
+    objects.push(standard::store_parameters());
     for map in pdos {
         objects.push(standard::mapping(map, Mapping::Configurable));
     }

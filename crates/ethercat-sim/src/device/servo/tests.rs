@@ -438,6 +438,39 @@ fn without_the_safety_inputs_consent_there_is_no_torque() {
     assert_eq!(bench.state(), 0x27);
 }
 
+/// A hand that turns the shaft by a fifth of the rated torque for 100 ms: how far it came, counts.
+fn turned_by_hand(bench: &mut Bench) -> i32 {
+    let before = bench.i32(0x6064);
+    assert!(bench.servo.push(200));
+    bench.run(100);
+    assert!(bench.servo.push(0));
+    bench.i32(0x6064) - before
+}
+
+#[test]
+fn a_brake_holds_while_the_motor_has_no_current_and_a_worn_one_slips() {
+    for (per_mille, holds) in [(1500, true), (50, false), (0, false)] {
+        let mut bench = Bench::new();
+        bench.set_mode(9);
+        assert!(bench.servo.brake(per_mille));
+        let turned = turned_by_hand(&mut bench);
+        assert_eq!(turned == 0, holds, "{per_mille}: {turned}");
+        bench.run(1000);
+        // Open while it is enabled: it turns as it is told; closed again behind it.
+        bench.enable();
+        bench.set_i32(0x60FF, REVOLUTION);
+        let before = bench.i32(0x6064);
+        bench.run(200);
+        assert!(bench.i32(0x6064) - before > REVOLUTION / 10, "{per_mille}");
+        bench.set_i32(0x60FF, 0);
+        bench.run(200);
+        bench.control(0);
+        bench.run(1000);
+        let turned = turned_by_hand(&mut bench);
+        assert_eq!(turned == 0, holds, "{per_mille}: {turned}");
+    }
+}
+
 #[test]
 fn a_following_error_is_a_fault() {
     let mut bench = Bench::enabled(8);

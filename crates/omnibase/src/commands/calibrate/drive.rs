@@ -151,15 +151,15 @@ pub(super) fn drive(
         // Where one object is asked for, there is one.
         let mut silent = std::io::sink();
         let output: &mut dyn Write = if arguments.json { &mut silent } else { output };
-        let robot = (arguments.robot.as_path(), &arguments.changes, arguments.run.as_slice());
-        let driven = recorded_run(robot, (&path, &recording), registry, output)?;
+        let Arguments { robot, changes, run, .. } = arguments;
+        let driven = recorded_run(robot, changes, run, &path, &recording, registry, output)?;
         ensure!(driven == Outcome::Done, "the figure was not driven to its end");
         if by_tape {
             tapes.push(asked()?);
         }
         recordings.push(recording);
     }
-    let dataset = recordings::read_all(arguments, (&recordings, &tapes), plan, registry)?;
+    let dataset = recordings::read_all(arguments, &recordings, &tapes, plan, registry)?;
     Ok(Driven { dataset, truth: None })
 }
 

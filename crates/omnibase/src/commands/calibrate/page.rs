@@ -8,7 +8,9 @@ use omnibase_record::report::{CurveChart, CurvesPage, Quantity};
 /// The page of a robot by this name.
 pub(super) fn of(
     robot: &str,
-    (dataset, known, solution): (&Dataset, &Known, &Solution),
+    dataset: &Dataset,
+    known: &Known,
+    solution: &Solution,
     drifts: &[[Drift; 2]],
 ) -> CurvesPage {
     let mut rows = table::rows(known, solution).into_iter().map(|row| row.to_vec());

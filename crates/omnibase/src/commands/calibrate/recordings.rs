@@ -27,13 +27,14 @@ pub(super) fn read(arguments: &Arguments, plan: &RobotPlan, registry: &Registry)
         );
         return Err(WrongUsage(anyhow::Error::msg(words)).into());
     }
-    read_all(arguments, (&arguments.from, &arguments.tape), plan, registry)
+    read_all(arguments, &arguments.from, &arguments.tape, plan, registry)
 }
 
 /// Reads recordings, with two places on the floor for each where there are any.
 pub(super) fn read_all(
     arguments: &Arguments,
-    (paths, tapes): (&[PathBuf], &[FloorPose]),
+    paths: &[PathBuf],
+    tapes: &[FloorPose],
     plan: &RobotPlan,
     registry: &Registry,
 ) -> anyhow::Result<Dataset> {
@@ -59,12 +60,12 @@ pub(super) fn read_all(
 }
 
 fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesses {
-    let told = (arguments.truth.as_ref(), arguments.gyro.as_ref());
     let mount = SensorMount {
         base_from_sensor: arguments.mount(plan).base_from_sensor,
         ..PoseSensor::default().mount
     };
-    witnesses_of(told, mount, plan, arguments.seed.wrapping_add(number as u64))
+    let seed = arguments.seed.wrapping_add(number as u64);
+    witnesses_of(arguments.truth.as_ref(), arguments.gyro.as_ref(), mount, plan, seed)
 }
 
 /// A recording by itself, its poses at their true instants; whose poses and turns is told.
@@ -72,16 +73,18 @@ pub(crate) fn one_recording(
     path: &Path,
     plan: &RobotPlan,
     registry: &Registry,
-    told: (Option<&Truth>, Option<&Gyro>),
+    truth: Option<&Truth>,
+    gyro: Option<&Gyro>,
 ) -> anyhow::Result<Run> {
-    let mount = mount_of(tracker(plan, told.0));
-    let mut run = read_one(path, plan, registry, &witnesses_of(told, mount, plan, 1))?;
+    let mount = mount_of(tracker(plan, truth));
+    let mut run = read_one(path, plan, registry, &witnesses_of(truth, gyro, mount, plan, 1))?;
     run.poses.iter_mut().for_each(|pose| pose.instant_s -= mount.delay_s);
     Ok(run)
 }
 
 fn witnesses_of(
-    (truth, gyro): (Option<&Truth>, Option<&Gyro>),
+    truth: Option<&Truth>,
+    gyro: Option<&Gyro>,
     mount: SensorMount,
     plan: &RobotPlan,
     seed: u64,

@@ -26,10 +26,12 @@ pub(super) fn write(
     path: &Path,
     may_overwrite: bool,
     text: &str,
-    (known, solution, names): (&Known, &Solution, SensorNames<'_>),
+    known: &Known,
+    solution: &Solution,
+    names: SensorNames<'_>,
     registry: &Registry,
 ) -> anyhow::Result<()> {
-    let new = changed(text, (known, solution, names), registry)?;
+    let new = changed(text, known, solution, names, registry)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     if let Err(problems) = (RobotText { text: new.clone(), folder, ..RobotText::default() }).load(registry) {
         let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
@@ -52,7 +54,9 @@ pub(super) fn write(
 /// The text of a robot file with what was found.
 pub fn changed(
     text: &str,
-    (known, solution, names): (&Known, &Solution, SensorNames<'_>),
+    known: &Known,
+    solution: &Solution,
+    names: SensorNames<'_>,
     registry: &Registry,
 ) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse().context("reading the robot file as TOML")?;
@@ -218,7 +222,7 @@ mod tests {
             let registry = Registry::with_built_in();
             let (mut known, mut solution) = nothing_found(text);
             solution.build.wheels[1].radius_m = 0.101_234_5;
-            let new = changed(text, (&known, &solution, SensorNames::default()), &registry).unwrap();
+            let new = changed(text, &known, &solution, SensorNames::default(), &registry).unwrap();
             assert!(new.contains(comment), "{new}");
             let no_files = |name: &str| Err(name.to_owned());
             let plan = RobotPlan::from_toml(&new, &registry, &no_files);
@@ -232,7 +236,7 @@ mod tests {
             }
             // Once more, from what was written.
             known.build.wheels = plan.kinematics.wheels().to_vec();
-            let again = changed(&new, (&known, &solution, SensorNames::default()), &registry).unwrap();
+            let again = changed(&new, &known, &solution, SensorNames::default(), &registry).unwrap();
             assert_eq!(again, new);
         }
     }

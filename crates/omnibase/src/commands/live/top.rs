@@ -53,10 +53,11 @@ impl View {
 /// One view as text, as large as the terminal that shows it.
 pub fn text(view: &View) -> String {
     let terminal = std::io::stdout().is_terminal().then(|| ratatui::crossterm::terminal::size().ok());
-    text_of_size(view, terminal.flatten().unwrap_or(PRINTED))
+    let (width, height) = terminal.flatten().unwrap_or(PRINTED);
+    text_of_size(view, width, height)
 }
 
-fn text_of_size(view: &View, (width, height): (u16, u16)) -> String {
+fn text_of_size(view: &View, width: u16, height: u16) -> String {
     let Ok(mut terminal) = Terminal::new(TestBackend::new(width, height));
     let Ok(_) = terminal.draw(|frame| draw(frame, view));
     let buffer = terminal.backend().buffer();
@@ -294,8 +295,8 @@ mod tests {
 
     #[test]
     fn all_that_matters_stands_in_sixty_by_twenty_and_nothing_is_cut() {
-        for size in [(60, 20), (80, 24), (200, 50)] {
-            let text = text_of_size(&view(), size);
+        for (width, height) in [(60, 20), (80, 24), (200, 50)] {
+            let text = text_of_size(&view(), width, height);
             for word in [
                 "TRACKING",
                 "commands: page 1",

@@ -84,12 +84,7 @@ impl Sheet {
 }
 
 /// The way in its room.
-pub(super) fn draw(
-    name: &str,
-    space: &Space,
-    footprint: &Footprint,
-    (plan, driven): (&Plan, &Driven),
-) -> String {
+pub(super) fn draw(name: &str, space: &Space, footprint: &Footprint, plan: &Plan, driven: &Driven) -> String {
     let sheet = Sheet::of(space);
     let [width, height] = sheet.size;
     let below = height + 56.0;

@@ -143,7 +143,8 @@ impl Options {
     /// Starts what is wanted. On virtual time a run that nobody leads is over before it could answer anybody.
     pub fn start(
         &self,
-        (robot, room): (&LoadedRobot, Room),
+        robot: &LoadedRobot,
+        room: Room,
         registry: Arc<Registry>,
         known: Known,
         describer: Option<RunDescriber>,

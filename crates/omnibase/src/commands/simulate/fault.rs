@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// The names of all faults, for messages.
 const NAMES: &str = "power-off, power-on, power-cycle, cable-cut, cable-restored, crc-errors, al-error, drive-fault, \
-                     mailbox-silence, mailbox-back, freeze, unfreeze, sto, sto-over";
+                     mailbox-silence, mailbox-back, freeze, unfreeze, sto, sto-over, brake, push";
 /// The latest time of a fault, s: a day.
 const LATEST_S: f64 = 86_400.0;
 
@@ -89,8 +89,16 @@ fn fault(name: &str, argument: Option<&str>) -> Result<Fault, String> {
         "unfreeze" => application(ApplicationFault::Frozen(false)),
         "sto" => application(ApplicationFault::SafeTorqueOff(true)),
         "sto-over" => application(ApplicationFault::SafeTorqueOff(false)),
+        "brake" => Ok(Fault::Application(ApplicationFault::Brake(number(1500, 0xFFFF)? as u16))),
+        "push" => Ok(Fault::Application(ApplicationFault::Push(signed(argument)?))),
         _ => Err(format!("`{name}` is no fault; there are {NAMES}")),
     }
+}
+
+/// A torque, per mille of the rated one.
+fn signed(argument: Option<&str>) -> Result<i16, String> {
+    let text = argument.unwrap_or("0");
+    text.parse().map_err(|_| format!("argument `{text}`: expected a number from -32768 to 32767"))
 }
 
 fn duration(text: &str) -> Result<Duration, String> {
@@ -114,6 +122,8 @@ mod tests {
         let off_for = Duration::from_millis(500);
         assert_eq!(parsed("power-cycle@1:5:0.5"), (1, 5000, Fault::PowerCycle { off_for }));
         assert_eq!(parsed("cable-cut@0:0.25"), (0, 250, Fault::CableCut { port: 1 }));
+        assert_eq!(parsed("push@0:2:-300"), (0, 2000, ApplicationFault::Push(-300).into()));
+        assert_eq!(parsed("brake@0:0:50"), (0, 0, ApplicationFault::Brake(50).into()));
         let error = ApplicationFault::AlError(0x1B);
         assert_eq!(parsed("al-error@2:1:0x1b"), (2, 1000, Fault::Application(error)));
     }
