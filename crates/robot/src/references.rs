@@ -1,6 +1,7 @@
 //! References: wished motions that begin where the platform stands, and begin and end at rest.
 
 mod curves;
+mod dxf;
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::limits::{self, Peaks};
@@ -10,7 +11,7 @@ use omnibase_trajectory::{
     ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
-pub(crate) use curves::read_drawing;
+pub(crate) use curves::{Drawing, read_drawing};
 
 use crate::ability::{Ability, ROOM};
 use crate::config::{

@@ -61,9 +61,10 @@ pub struct ReferenceTable {
     pub knots: Option<Vec<f64>>,
     /// Path data as SVG has them (the attribute `d`), in one go.
     pub drawing: Option<String>,
-    /// An SVG file with one `path` in place of `drawing`.
+    /// A file in place of `drawing`: SVG with one `path`, or DXF with one polyline.
     pub drawing_file: Option<String>,
-    /// What one unit of the drawing is, m; its x is forward, its y, which points down, to the right.
+    /// What one unit of the drawing is, m; default: as a DXF file says by `$INSUNITS`. Its x is forward; its y, which SVG points down,
+    /// to the right, and DXF's to the left.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub unit_m: Option<f64>,
     /// How fast it is gone along; default: `as_given`, of curves `fastest`.

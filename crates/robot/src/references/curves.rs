@@ -7,7 +7,7 @@ use crate::ability::Ability;
 use crate::config::{HeadingName, Problem, ReferenceTable, Timing};
 use crate::registry::{Kind, Made, Registry, given, needed, optional};
 
-use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, fastest_through};
+use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, dxf, fastest_through};
 
 /// Without a degree a spline bends smoothly.
 const CUBIC: u32 = 3;
@@ -28,7 +28,7 @@ pub(super) fn register(registry: &mut Registry) {
         tracked(&[spline_of(table)?], table, ability)
     });
     let drawing = [needed("drawing"), optional("drawing_file"), needed("unit_m")];
-    let meaning = "A drawn path (SVG), as fast as the limits allow";
+    let meaning = "A drawn way (an SVG path or a DXF polyline), as fast as the limits allow";
     registry.references.add(Kind { name: "drawing", meaning, keys: keys(&drawing) }, |table, ability| {
         let unit_m = given(table.unit_m, "unit_m")?;
         let curves = curves_of(given(table.drawing.as_ref(), "drawing")?, unit_m)
@@ -95,8 +95,26 @@ fn curves_of(data: &str, unit_m: f64) -> Result<Vec<Nurbs>, String> {
     if curves.is_empty() { Err("nothing is drawn in it".into()) } else { Ok(curves) }
 }
 
+/// A drawn way.
+#[derive(Debug)]
+pub(crate) struct Drawing {
+    /// Path data as SVG has them.
+    pub(crate) data: String,
+    /// What one unit of it is, m, where its file says so.
+    pub(crate) unit_m: Option<f64>,
+}
+
+/// The one way in a file: an SVG file's path, or a DXF file's polyline.
+pub(crate) fn read_drawing(text: &str) -> Result<Drawing, String> {
+    if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
+        Ok(Drawing { data: read_svg(text)?, unit_m: None })
+    } else {
+        dxf::read(text)
+    }
+}
+
 /// The data of the one path in an SVG file, with the transformations that it stands in.
-pub(crate) fn read_drawing(text: &str) -> Result<String, String> {
+fn read_svg(text: &str) -> Result<String, String> {
     let document = roxmltree::Document::parse(text).map_err(|error| error.to_string())?;
     let paths: Vec<_> = document.descendants().filter(|node| node.has_tag_name((SVG, "path"))).collect();
     let [path] = paths[..] else {
@@ -225,7 +243,7 @@ mod tests {
     fn a_file_is_read_with_its_transformations() {
         let file = |inside: &str| format!("<svg xmlns=\"http://www.w3.org/2000/svg\">{inside}</svg>");
         let moved = "<g transform=\"translate(5 1)\"><path transform=\"scale(2)\" d=\"M1 1h3\"/></g>";
-        assert_eq!(read_drawing(&file(moved)).unwrap(), "M 7 3 L 13 3");
+        assert_eq!(read_drawing(&file(moved)).unwrap().data, "M 7 3 L 13 3");
         for (inside, expected) in [
             ("", "0 elements `path` of SVG, expected 1"),
             ("<path d=\"M0 0\"/><path d=\"M0 0\"/>", "2 elements `path` of SVG, expected 1"),
