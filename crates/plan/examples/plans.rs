@@ -381,7 +381,8 @@ fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
     let took_ms = used_ms() - begun_ms;
     row.times_ms.push(took_ms);
     row.asked += 1;
-    let best = graph.as_ref().and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
+    let best =
+        graph.as_ref().and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
     match planned {
         Ok(plan) => {
             let by = match plan.by {

@@ -290,7 +290,14 @@ impl Check {
         let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
         table.kind = Some(kind.name.to_owned());
         let ReferenceTable {
-            points, points_file, correction, correction_file, drawing, drawing_file, unit_m, ..
+            points,
+            points_file,
+            correction,
+            correction_file,
+            drawing,
+            drawing_file,
+            unit_m,
+            ..
         } = &mut table;
         let of =
             |file: &Option<String>, key| file.clone().filter(|_| kind.reads(key)).map(|name| (name, key));

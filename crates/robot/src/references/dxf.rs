@@ -87,7 +87,10 @@ pub(super) fn read(text: &str) -> Result<Drawing, String> {
                 match entity {
                     "LWPOLYLINE" | "POLYLINE" => polylines.push(Polyline::default()),
                     "VERTEX" => {
-                        polylines.last_mut().into_iter().for_each(|last| last.vertices.push(Vertex::default()));
+                        polylines
+                            .last_mut()
+                            .into_iter()
+                            .for_each(|last| last.vertices.push(Vertex::default()));
                     }
                     "SEQEND" => {}
                     other => *others.entry(other).or_default() += 1,
@@ -108,7 +111,10 @@ pub(super) fn read(text: &str) -> Result<Drawing, String> {
         [] if others.is_empty() => Err("no entities of DXF in it, expected a polyline".into()),
         [] => {
             let others: Vec<String> = others.iter().map(|(name, count)| format!("{count} {name}")).collect();
-            Err(format!("no polyline among its entities ({}): expected 1, join them to one", others.join(", ")))
+            Err(format!(
+                "no polyline among its entities ({}): expected 1, join them to one",
+                others.join(", ")
+            ))
         }
         more => {
             let layers: Vec<&str> = more.iter().map(|polyline| polyline.layer.as_str()).collect();
@@ -126,8 +132,9 @@ fn groups(text: &str) -> impl Iterator<Item = Result<Group<'_>, String>> {
         let (Ok(code), Some((value, line))) = (code.trim().parse(), value) else {
             let found = code.trim();
             // Empty lines at the end are none of a pair.
-            return (!found.is_empty() || value.is_some())
-                .then(|| Err(format!("line {line}: expected a group code of DXF and its value, found \"{found}\"")));
+            return (!found.is_empty() || value.is_some()).then(|| {
+                Err(format!("line {line}: expected a group code of DXF and its value, found \"{found}\""))
+            });
         };
         Some(Ok(Group { code, value: value.trim(), line }))
     })
@@ -163,7 +170,9 @@ impl Polyline {
         }
         let on_way = |vertex: &&Vertex| vertex.flags & FRAME_OF_SPLINE == 0;
         let mut vertices: Vec<Vertex> = self.vertices.iter().filter(on_way).copied().collect();
-        let Some(first) = vertices.first().copied() else { return Err("its polyline has no vertices".into()) };
+        let Some(first) = vertices.first().copied() else {
+            return Err("its polyline has no vertices".into());
+        };
         if self.flags & CLOSED != 0 {
             vertices.push(first);
         }
@@ -196,7 +205,8 @@ mod tests {
         all.lines().filter_map(pair).collect()
     }
 
-    const BENT: &str = "0 LWPOLYLINE\n8 WAY\n90 3\n70 0\n43 0.0\n10 0.0\n20 0.0\n10 2.0\n20 0.0\n42 1.0\n10 2.0\n20 2.0";
+    const BENT: &str =
+        "0 LWPOLYLINE\n8 WAY\n90 3\n70 0\n43 0.0\n10 0.0\n20 0.0\n10 2.0\n20 0.0\n42 1.0\n10 2.0\n20 2.0";
 
     #[test]
     fn a_polyline_of_either_kind_is_read_with_its_arcs_and_its_unit() {
