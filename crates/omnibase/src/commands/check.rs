@@ -2,7 +2,7 @@
 
 mod cycle;
 mod dry;
-mod picture;
+pub(super) mod picture;
 mod plan;
 mod rows;
 
