@@ -51,7 +51,7 @@ pub fn run(command: &Command, registry: &Arc<Registry>, output: &mut dyn Write) 
         Command::Margins(arguments) => margins::run(arguments, registry, output),
         Command::Plan(arguments) => plan::run(arguments, registry, output),
         Command::Replay(arguments) => replay::run(arguments, registry, output),
-        Command::Report(arguments) => report::run(arguments, output),
+        Command::Report(arguments) => report::run(arguments, registry, output),
         Command::Export(arguments) => export::run(arguments, registry, output),
         Command::Urdf(arguments) => description::urdf(arguments, registry, output),
         Command::Mjcf(arguments) => description::mjcf(arguments, registry, output),

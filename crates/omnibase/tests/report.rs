@@ -268,3 +268,16 @@ fn what_is_no_recording_is_refused_in_words() {
     let output = omnibase(&["report", &folder.path("text")]);
     assert_eq!(output.status.code(), Some(2), "the page has no default name");
 }
+
+#[test]
+fn the_page_of_a_run_shows_what_binds_its_planned_motion() {
+    let folder = Folder::new("report-planned");
+    let page = folder.path("run.html");
+    let ran = omnibase(&["run", "robots/bmm.toml", "--circle", "radius_m=0.2", "--timing", "fastest", "--report", &page]);
+    assert!(ran.status.success(), "{}", words(&ran.stderr));
+    let html = std::fs::read_to_string(&page).unwrap();
+    let (_, planned) = html.split_once("<section id=\"planned\">").expect("a section of the planned motion");
+    let (planned, _) = planned.split_once("</section>").unwrap();
+    // On a small circle the acceleration binds; its speed is drawn in that limit's colour.
+    assert!(planned.contains(">acceleration</text>") && planned.contains("#c4501b"), "{planned}");
+}

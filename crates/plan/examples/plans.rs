@@ -1,9 +1,10 @@
 //! Random plans in random rooms: none touches anything by a look of its own, and how long they are against the best known.
 //!
-//! `cargo run --release -p omnibase-plan --example plans -- 100000` prints the table; a second argument is a file for the plans of every
-//! hundredth room, which `check_plans.py` beside this file looks at with shapely.
+//! `cargo run --release -p omnibase-plan --example plans -- 100000` prints the table; a second argument is a file for the plans, a room a
+//! line, which `check_plans.py` beside this file looks at with shapely.
 
-use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
 
 use omnibase_plan::plan::By;
 use omnibase_plan::{Cost, Footprint, Map, Plan, PlanError, Point, Space, Task, Until, plan};
@@ -204,7 +205,9 @@ fn percentile(sorted: &[f64], share: f64) -> f64 {
 
 fn main() {
     let count: usize = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(10_000);
-    let file = std::env::args().nth(2);
+    let mut file = std::env::args()
+        .nth(2)
+        .map(|name| BufWriter::new(File::create(name).expect("the file can be written")));
     let rectangle = |length: f64, width: f64| {
         let (a, b) = (0.5 * length, 0.5 * width);
         Footprint::new(vec![[-a, -b], [a, -b], [a, b], [-a, b]]).expect("convex")
@@ -214,7 +217,6 @@ fn main() {
         ("0.7 by 0.5 m", rectangle(0.7, 0.5), false),
         ("1.4 by 0.5 m", rectangle(1.4, 0.5), false),
     ];
-    let mut dumped = String::new();
     println!(
         "{:<20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>8} {:>24} {:>10} {:>34}",
         "robot",
@@ -240,13 +242,10 @@ fn main() {
             let space = Space::new(map);
             let graph = (*is_disc && number % GRAPHS == 0)
                 .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
-            for _ in 0..EACH {
-                ask(
-                    &mut row,
-                    &mut random,
-                    (&space, footprint, &blocks, graph.as_ref()),
-                    (number % 100 == 0).then_some(&mut dumped),
-                );
+            let scene = Scene { space, footprint, blocks, graph };
+            let plans: Vec<Plan> = (0..EACH).filter_map(|_| ask(&mut row, &mut random, &scene)).collect();
+            if let Some(file) = &mut file {
+                scene.write(file, &plans).expect("the file can be written");
             }
         }
         row.times_ms.sort_by(f64::total_cmp);
@@ -278,10 +277,10 @@ fn main() {
             println!("  {} ways of the visibility graph were not found", row.missed);
         }
     }
-    cold();
-    if let Some(file) = file {
-        std::fs::write(&file, dumped).expect("the file can be written");
+    if let Some(mut file) = file {
+        file.flush().expect("the file can be written");
     }
+    cold();
 }
 
 /// Maps of 147,000 cells, each seen for the first time: everything from the cells to the way.
@@ -330,13 +329,34 @@ fn cold() {
     );
 }
 
-/// One plan between two free poses of a room.
-fn ask(
-    row: &mut Row,
-    random: &mut Random,
-    (space, footprint, blocks, graph): (&Space, &Footprint, &[Block], Option<&Graph>),
-    dumped: Option<&mut String>,
-) {
+/// A room and who drives in it.
+struct Scene<'a> {
+    space: Space,
+    footprint: &'a Footprint,
+    blocks: Vec<Block>,
+    /// The shortest ways of a disc in it, where they are asked for.
+    graph: Option<Graph>,
+}
+
+impl Scene<'_> {
+    /// Writes the room and plans in it as a line of JSON: m and rad.
+    fn write(&self, file: &mut impl std::io::Write, plans: &[Plan]) -> std::io::Result<()> {
+        let poses = |plan: &Plan| -> Vec<[f64; 3]> {
+            plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect()
+        };
+        writeln!(
+            file,
+            "{{\"room\": {ROOM_M:?}, \"blocks\": {:?}, \"outline\": {:?}, \"plans\": {:?}}}",
+            self.blocks,
+            self.footprint.corners_m(),
+            plans.iter().map(poses).collect::<Vec<_>>()
+        )
+    }
+}
+
+/// One plan between two free poses of a room, where there is one.
+fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
+    let Scene { space, footprint, blocks, graph } = scene;
     let mut checker = space.checker(footprint, CLEARANCE_M);
     let mut free = || {
         // A crowded room may have no place: then whatever comes is told to be blocked.
@@ -361,7 +381,8 @@ fn ask(
     let took_ms = used_ms() - begun_ms;
     row.times_ms.push(took_ms);
     row.asked += 1;
-    let best = graph.and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
+    let best =
+        graph.as_ref().and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
     match planned {
         Ok(plan) => {
             let by = match plan.by {
@@ -380,21 +401,17 @@ fn ask(
                     eprintln!("{:.3} of {best:.3} m: {from:?} to {to:?}, {:?}", plan.length_m, plan.by);
                 }
             }
-            if let Some(dumped) = dumped {
-                let poses: Vec<[f64; 3]> =
-                    plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect();
-                let _ = writeln!(
-                    dumped,
-                    "{{\"room\": {ROOM_M:?}, \"blocks\": {blocks:?}, \"outline\": {:?}, \"poses\": {poses:?}}}",
-                    footprint.corners_m()
-                );
-            }
+            Some(plan)
         }
-        Err(PlanError::Blocked { .. } | PlanError::Outside { .. }) => row.asked -= 1,
+        Err(PlanError::Blocked { .. } | PlanError::Outside { .. }) => {
+            row.asked -= 1;
+            None
+        }
         Err(_) => {
             row.none += 1;
             row.none_ms = row.none_ms.max(took_ms);
             row.missed += usize::from(best.is_some());
+            None
         }
     }
 }

@@ -72,11 +72,11 @@ pub const MEASURED: &str = "measured";
 pub fn html(run: &RecordedRun) -> String {
     let signals = Signals::new(run);
     let tracking = Tracking::new(&signals);
-    page(&signals, &tracking, &Totals::of(&signals, &tracking))
+    page(&signals, &tracking, &Totals::of(&signals, &tracking), None)
 }
 
 /// The page of the rows that are seen, with the figures of all rows.
-fn page(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
+fn page(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals, planned: Option<&str>) -> String {
     let page = Page::new(signals, tracking, totals);
     let title = summary::title(signals);
     let mut html = format!(
@@ -92,7 +92,9 @@ fn page(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
         let empty = "<p class=\"absent\">The recording holds no cycle: there is nothing to draw.</p>\n";
         html.push_str(&sections::section("path", "Path", empty));
     } else {
-        for section in [Page::path, Page::errors, Page::speeds, Page::wheels] {
+        html.push_str(&page.path());
+        html.extend(planned.map(|svg| sections::section("planned", "Planned motion, and what binds it", svg)));
+        for section in [Page::errors, Page::speeds, Page::wheels] {
             html.push_str(&section(&page));
         }
         for section in [Page::phases, Page::sensors, Page::beside, Page::timing, Page::estimates] {

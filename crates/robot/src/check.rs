@@ -29,6 +29,7 @@ use std::fmt::Display;
 
 use crate::ability::{Ability, WheelFacts};
 use crate::config::*;
+use crate::references::Drawing;
 use crate::registry::{Kind, Made, Registry, StageError};
 use crate::signals::Quantity;
 use crate::stages::Reference;
@@ -289,7 +290,14 @@ impl Check {
         let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
         table.kind = Some(kind.name.to_owned());
         let ReferenceTable {
-            points, points_file, correction, correction_file, drawing, drawing_file, ..
+            points,
+            points_file,
+            correction,
+            correction_file,
+            drawing,
+            drawing_file,
+            unit_m,
+            ..
         } = &mut table;
         let of =
             |file: &Option<String>, key| file.clone().filter(|_| kind.reads(key)).map(|name| (name, key));
@@ -297,7 +305,10 @@ impl Check {
         self.read_in_place(points, "points", of(points_file, "points_file"), read_points)?;
         self.read_in_place(correction, "correction", of(correction_file, "correction_file"), read_points)?;
         let read_drawing = |name: &str| crate::references::read_drawing(&read_file(name)?);
-        self.read_in_place(drawing, "drawing", of(drawing_file, "drawing_file"), read_drawing)?;
+        let mut drawn = drawing.take().map(|data| Drawing { data, unit_m: None });
+        self.read_in_place(&mut drawn, "drawing", of(drawing_file, "drawing_file"), read_drawing)?;
+        *unit_m = unit_m.or(drawn.as_ref().and_then(|drawn| drawn.unit_m));
+        *drawing = drawn.map(|drawn| drawn.data);
         self.keys(kind, &Given::of(&table), &kinds.sort);
         Some(table)
     }

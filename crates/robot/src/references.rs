@@ -1,16 +1,18 @@
 //! References: wished motions that begin where the platform stands, and begin and end at rest.
 
 mod curves;
+mod dxf;
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
+use omnibase_trajectory::curve;
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Corrected, Correction, FastestTrajectory, GeometricPath, Heading, InPlatformAxes, Interpolation, Joining,
-    PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed, PointTrajectory, Shape, ShapeError,
-    ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
+    Corrected, Correction, CurveHeading, FastestTrajectory, GeometricPath, Heading, InPlatformAxes,
+    Interpolation, Joining, Nurbs, PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed,
+    PointTrajectory, Shape, ShapeError, ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
 };
 
-pub(crate) use curves::read_drawing;
+pub(crate) use curves::{Drawing, read_drawing};
 
 use crate::ability::{Ability, ROOM};
 use crate::config::{
@@ -104,6 +106,7 @@ pub fn register(registry: &mut Registry) {
                 needed("points"),
                 optional("points_file"),
                 optional("interpolation"),
+                optional("heading"),
                 optional("timing"),
                 optional("corner_m"),
                 optional("frame"),
@@ -121,10 +124,11 @@ impl ShapeKind {
     /// As a table asks for it; without a duration as fast as the limits allow.
     fn trajectory(&self, table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
         let limits = &ability.limits;
-        let heading = table.heading.map_or(self.heading, |heading| match heading {
-            HeadingName::FollowsTangent => Heading::FollowsTangent,
-            HeadingName::Fixed => Heading::Fixed,
-        });
+        let heading = match table.heading {
+            Some(HeadingName::FollowsTangent) => Heading::FollowsTangent,
+            Some(HeadingName::Fixed) => Heading::Fixed,
+            Some(HeadingName::Given | HeadingName::Free) | None => self.heading,
+        };
         let shape = (self.shape)(table)?;
         let turns = table.turns.unwrap_or(Turns::Count(1.0));
         let (time_s, key) = match (table.duration_s, table.period_s, turns) {
@@ -150,9 +154,14 @@ impl ShapeKind {
                 (None, Turns::Named(EndlessName::Endless)) => {
                     refused("turns", "the fastest motion goes from rest to rest, so it has an end")
                 }
-                (None, Turns::Count(turns)) => fastest(ShapePath { shape, heading, turns }, table, ability),
+                (None, Turns::Count(turns)) => {
+                    let way = ShapePath { shape, heading, turns };
+                    let own = fastest(way, table, ability)?;
+                    Ok(if is_free(table) { freely(own, &way, ability) } else { own })
+                }
             };
         }
+        needs_fastest(table, &[HeadingName::Free])?;
         let make = |time_s: f64| {
             let made = match turns {
                 Turns::Count(count) => ShapeTrajectory::new(shape, heading, count, time_s),
@@ -181,8 +190,11 @@ impl ShapeKind {
 
 fn path(table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
     let limits = &ability.limits;
-    let points = points_of(given(table.points.as_ref(), "points")?)
+    let mut points = points_of(given(table.points.as_ref(), "points")?)
         .map_err(|error| Problem::refused("points", error))?;
+    if table.heading == Some(HeadingName::Fixed) {
+        points = points.with_first_heading();
+    }
     let interpolation = match table.interpolation.unwrap_or(InterpolationName::Smooth) {
         InterpolationName::Smooth => Interpolation::Smooth,
         InterpolationName::CubicPreviousSlope => Interpolation::Cubic(SpeedRule::PreviousSlope),
@@ -191,9 +203,15 @@ fn path(table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
         InterpolationName::Spline => Interpolation::Spline,
         InterpolationName::BSpline => Interpolation::BSpline,
     };
+    if table.timing != Some(Timing::Fastest) {
+        needs_fastest(table, &[HeadingName::Free, HeadingName::FollowsTangent])?;
+    }
     match table.timing {
         Some(Timing::Fastest) => {
             let poses: Vec<Pose2> = points.as_slice().iter().map(|point| point.odom_from_base).collect();
+            if table.heading == Some(HeadingName::FollowsTangent) {
+                return along_tangent(&poses, table, ability);
+            }
             let radius_m = limits.speed_m_s / limits.turn_speed_rad_s;
             return fastest_through(&poses, radius_m, table, ability);
         }
@@ -245,7 +263,57 @@ fn fastest_through(
     let joining = Joining { radius_m, corner_rad: CORNER_RAD, tolerance_m: table.corner_m.unwrap_or(0.0) };
     let reason = "all of them are the same pose: there is no way to go fast along";
     let way = PiecewisePath::through(poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
-    fastest(way, table, ability)
+    let own = fastest(way, table, ability)?;
+    let unturned = is_free(table).then(|| PiecewisePath::through(&unturned(poses), joining)).flatten();
+    Ok(match unturned {
+        Some(way) => freely(own, &way, ability),
+        None => own,
+    })
+}
+
+/// A way through places in the shortest time, with the heading along it.
+fn along_tangent(poses: &[Pose2], table: &ReferenceTable, ability: &Ability) -> Made<AnyTrajectory> {
+    let joining = Joining { radius_m: 0.0, corner_rad: CORNER_RAD, tolerance_m: 0.0 };
+    let reason = "all of them are the same place: there is no tangent to follow";
+    let way = PiecewisePath::through(&unturned(poses), joining)
+        .ok_or_else(|| Problem::refused("points", reason))?;
+    let curves: Result<Vec<Nurbs>, _> =
+        way.beziers().map(|controls| Nurbs::new(&controls, 3, None, None)).collect();
+    let curves = curves.map_err(|error| Problem::refused("points", error))?;
+    let poses = curve::poses(&curves, CurveHeading::Tangent, CORNER_RAD);
+    fastest_through(&poses, curves::TURN_COUNTS_M, table, ability)
+}
+
+/// The same places with one heading.
+fn unturned(poses: &[Pose2]) -> Vec<Pose2> {
+    poses.iter().map(|pose| Pose2::new(pose.x_m, pose.y_m, 0.0)).collect()
+}
+
+fn is_free(table: &ReferenceTable) -> bool {
+    table.heading == Some(HeadingName::Free)
+}
+
+/// Some headings come with the fastest motion alone.
+fn needs_fastest(table: &ReferenceTable, names: &[HeadingName]) -> Made<()> {
+    if table.heading.is_some_and(|heading| names.contains(&heading)) {
+        let reason = "such a heading is planned together with the times: it needs `timing = \"fastest\"`";
+        return Err(Problem::refused("heading", reason).into());
+    }
+    Ok(())
+}
+
+/// A motion along a way with the heading that makes it fastest, from that of a motion's beginning to that of its end; that motion
+/// itself where none is faster.
+fn freely(
+    own: AnyTrajectory,
+    way: &(impl GeometricPath + Clone + Send + 'static),
+    ability: &Ability,
+) -> AnyTrajectory {
+    let ends_rad = [0.0, own.duration_s()].map(|time_s| own.sample(time_s).odom_from_base.heading_rad);
+    match FastestTrajectory::with_free_heading(way, ends_rad, &ability.bounds) {
+        Ok(free) if free.duration_s() < own.duration_s() => Box::new(free),
+        _ => own,
+    }
 }
 
 /// A way in the shortest time that the limits allow.

@@ -5,10 +5,12 @@
 //! for it looks past bends, the limits are lowered there and the progress is found again.
 
 mod bounds;
+mod free;
 mod grid;
 mod smooth;
 
 pub use bounds::{Heat, Limit, PlatformBounds};
+pub use free::Turned;
 
 use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
@@ -63,13 +65,13 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         let acceleration = bounds.acceleration();
         let mut grid = Grid::new(&path, bounds)?;
         let mut reached = Reached::new(grid.intervals.len());
-        reached.solve((&grid.intervals, &grid.most), &acceleration, [0.0, 0.0])?;
+        reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         for _ in 0..ROUNDS {
-            let parts = grid.unresolved(&path, bounds, (&acceleration, &reached))?;
-            if !grid.split(&path, bounds, (&parts, &mut reached))? {
+            let parts = grid.unresolved(&path, bounds, &acceleration, &reached)?;
+            if !grid.split(&path, bounds, &parts, &mut reached)? {
                 break;
             }
-            reached.solve((&grid.intervals, &grid.most), &acceleration, [0.0, 0.0])?;
+            reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         }
         let window_s = bounds.first_window_s(&grid.intervals, &reached.x);
         let mut found = FastestTrajectory { path, progress: Progress::default(), breaks_s: Vec::new() };
@@ -83,7 +85,7 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             }
             round += 1;
             let is_near = grid.near(&reached, window_s);
-            let (mut excesses, mut most) = found.excesses(&grid, bounds, (window_s, &is_near), &mut calm);
+            let (mut excesses, mut most) = found.excesses(&grid, bounds, window_s, &is_near, &mut calm);
             // What cools is slower: a look before the others' rounds, and one behind them.
             let is_kept = most <= 1.0 + NEAR || round == ROUNDS;
             let hot = if round == 1 || is_kept { found.too_hot(bounds) } else { Vec::new() };
@@ -94,12 +96,13 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             if round > FIRST_ROUNDS {
                 excesses.iter_mut().for_each(|excess| excess.pace *= excess.pace);
             }
-            grid.split(&found.path, bounds, (&grid.too_long(&excesses, (&reached, window_s)), &mut reached))?;
+            let parts = grid.too_long(&excesses, &reached, window_s);
+            grid.split(&found.path, bounds, &parts, &mut reached)?;
             let before = grid.pace.clone();
             grid.lower(&excesses, &before);
             grid.slow(&hot, &before);
             grid.apply(&mut reached);
-            reached.solve((&grid.intervals, &grid.most), &acceleration, [0.0, 0.0])?;
+            reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         };
         found.progress.stretch(excess);
         found.breaks_s = found.progress.times_s().to_vec();
@@ -112,7 +115,8 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         &self,
         grid: &Grid,
         bounds: &PlatformBounds,
-        (window_s, is_near): (f64, &[bool]),
+        window_s: f64,
+        is_near: &[bool],
         calm: &mut f64,
     ) -> (Vec<Excess>, f64) {
         let mut found = Vec::new();

@@ -112,6 +112,18 @@ impl PiecewisePath {
         Some(path)
     }
 
+    /// Control points of its pieces as Bézier curves of degree 3, in x, y and heading; a cut corner is none, and comes near.
+    pub fn beziers(&self) -> impl Iterator<Item = [[f64; 3]; 4]> {
+        self.pieces.iter().zip(self.breaks.windows(2)).map(|(piece, ends)| {
+            let length = ends[1] - ends[0];
+            let third = |at: f64, sign: f64| {
+                let [at, rate] = [value(piece, at, 0), value(piece, at, 1)];
+                std::array::from_fn(|axis| at[axis] + sign * rate[axis] * length / 3.0)
+            };
+            [third(0.0, 0.0), third(0.0, 1.0), third(length, -1.0), third(length, 0.0)]
+        })
+    }
+
     /// Puts smooth pieces behind the others; the corner between them is cut.
     fn append(&mut self, mut pieces: Vec<[Polynomial; 3]>, chords: &[f64], joining: Joining) {
         let end = self.breaks[self.breaks.len() - 1];
@@ -244,7 +256,7 @@ fn spline(points: &[[f64; 3]], chords: &[f64]) -> Vec<[Polynomial; 3]> {
 }
 
 /// The slopes at the points: a tridiagonal system, solved by elimination.
-fn spline_speeds(values: &[f64], lengths: &[f64]) -> Vec<f64> {
+pub(crate) fn spline_speeds(values: &[f64], lengths: &[f64]) -> Vec<f64> {
     let last = lengths.len();
     let slope = |piece: usize| (values[piece + 1] - values[piece]) / lengths[piece];
     if last == 1 {

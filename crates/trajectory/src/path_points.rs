@@ -116,7 +116,7 @@ impl PathPoints {
         let mut lines = Vec::new();
         for (at, text) in text.lines().enumerate() {
             let Some((point, column)) = parse_line(text, at + 1)? else { continue };
-            check_time(points.last(), &point, (at + 1, column))?;
+            check_time(points.last(), &point, at + 1, column)?;
             points.push(point);
             lines.push(at + 1);
         }
@@ -132,7 +132,7 @@ impl PathPoints {
                     return Err(PathPointsError::NotFinite { line: 0, column: 0, what, found });
                 }
             }
-            check_time(at.checked_sub(1).map(|before| &points[before]), point, (0, 0))?;
+            check_time(at.checked_sub(1).map(|before| &points[before]), point, 0, 0)?;
         }
         let lines = vec![0; points.len()];
         PathPoints::counted(points, lines)
@@ -171,6 +171,14 @@ impl PathPoints {
         self
     }
 
+    /// The same places and times with the first point's heading.
+    #[must_use]
+    pub fn with_first_heading(mut self) -> PathPoints {
+        let heading_rad = self.points[0].odom_from_base.heading_rad;
+        self.points.iter_mut().for_each(|point| point.odom_from_base.heading_rad = heading_rad);
+        self
+    }
+
     /// The same poses with each time between two points multiplied by its factor.
     ///
     /// Missing factors, and factors that are no positive number, count as 1.
@@ -193,7 +201,8 @@ pub fn nearest_turn_rad(angle_rad: f64, towards_rad: f64) -> f64 {
 fn check_time(
     before: Option<&PathPoint>,
     point: &PathPoint,
-    (line, column): (usize, usize),
+    line: usize,
+    column: usize,
 ) -> Result<(), PathPointsError> {
     match before {
         _ if point.time_s.abs() > LONGEST_S => {

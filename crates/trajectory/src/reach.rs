@@ -89,7 +89,7 @@ pub fn fastest(
     ends: [f64; 2],
 ) -> Result<Vec<f64>, Unreachable> {
     let mut found = Reached::new(intervals.len());
-    found.solve((intervals, most), bounds, ends)?;
+    found.solve(intervals, most, bounds, ends)?;
     Ok(found.x)
 }
 
@@ -147,7 +147,8 @@ impl Reached {
     /// Solves where something changed; the arguments are those of [`fastest`], the same ones but for what was changed.
     pub fn solve(
         &mut self,
-        (intervals, most): (&[Interval], &[f64]),
+        intervals: &[Interval],
+        most: &[f64],
         bounds: &AccelerationBounds,
         ends: [f64; 2],
     ) -> Result<(), Unreachable> {
@@ -203,7 +204,8 @@ impl Middle {
     pub fn highest(
         &mut self,
         interval: &Interval,
-        (bend, most): (&Bend, f64),
+        bend: &Bend,
+        most: f64,
         ends: [f64; 2],
         bounds: &AccelerationBounds,
     ) -> f64 {
@@ -215,7 +217,7 @@ impl Middle {
 
     fn at(&mut self, bend: &Bend, interval: &Interval, bounds: &AccelerationBounds) -> &Scene {
         self.scene.clear();
-        self.scene.add((bend, bend.rate), bounds, interval.share);
+        self.scene.add(bend, bend.rate, bounds, interval.share);
         &self.scene
     }
 }
@@ -301,10 +303,10 @@ impl Scene {
     fn look(&mut self, interval: &Interval, bounds: &AccelerationBounds) {
         let Interval { length, ends: [first, second], share } = interval;
         self.clear();
-        self.add((first, first.rate), bounds, *share);
+        self.add(first, first.rate, bounds, *share);
         // At the end x is greater by 2·length·u.
         let at_end = std::array::from_fn(|axis| second.rate[axis] + 2.0 * length * second.curve[axis]);
-        self.add((second, at_end), bounds, *share);
+        self.add(second, at_end, bounds, *share);
     }
 
     fn clear(&mut self) {
@@ -315,7 +317,7 @@ impl Scene {
     }
 
     /// Takes the limits at a place where u makes an acceleration of p·u, and x one of the path's curve.
-    fn add(&mut self, (bend, p): (&Bend, [f64; 3]), bounds: &AccelerationBounds, share: f64) {
+    fn add(&mut self, bend: &Bend, p: [f64; 3], bounds: &AccelerationBounds, share: f64) {
         let r = bend.curve;
         let resistance = resisting(&bounds.resistance, &bend.rate);
         for plane in &bounds.planes {

@@ -291,11 +291,11 @@ fn what_changed_is_solved_as_if_all_were() {
     let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (mut intervals, most) = grid(&circle, 500, 9.0);
     let mut reached = reach::Reached::new(intervals.len());
-    reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+    reached.solve(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
     for (at, share) in [(100, 0.5), (101, 0.5), (400, 0.7), (100, 0.3), (0, 0.9), (499, 0.2)] {
         intervals[at].share = share;
         reached.change(at);
-        reached.solve((&intervals, &most), &disk, [0.0, 0.0]).unwrap();
+        reached.solve(&intervals, &most, &disk, [0.0, 0.0]).unwrap();
         assert_eq!(reached.x, reach::fastest(&intervals, &most, &disk, [0.0, 0.0]).unwrap(), "{at}");
         let new = reached.is_new.iter().filter(|is_new| **is_new).count();
         assert!((1..300).contains(&new), "{new} of 501 points are new");
@@ -333,4 +333,52 @@ fn motors_stay_as_cool_as_they_must() {
     }
     // A window that is longer than all of it: before, the motors rested.
     assert_eq!(motion(Some(heat(100.0))).duration_s(), free.duration_s());
+}
+
+/// A wheel base that is fast forward and sideways alike, and slower between the two: four wheels with rollers at 45°.
+fn askew() -> PlatformBounds {
+    let mut bounds = PlatformBounds::new(Limits { speed_m_s: 1.5, ..LIMITS });
+    bounds.wheel_speeds = [[1.0, -1.0, -0.3], [1.0, 1.0, 0.3], [1.0, 1.0, -0.3], [1.0, -1.0, 0.3]]
+        .map(|row| row.map(|part| part / 1.2))
+        .to_vec();
+    bounds
+}
+
+#[test]
+fn a_free_heading_turns_to_where_the_wheels_are_fast() {
+    let bounds = askew();
+    let places = [[0.0, 0.0], [1.5, 1.5], [3.0, 3.0]].map(|[x, y]| Pose2::new(x, y, 0.0));
+    let way = PiecewisePath::through(&places, JOINING).unwrap();
+    let given_s = FastestTrajectory::new(way.clone(), &bounds).unwrap().duration_s();
+    let free = FastestTrajectory::with_free_heading(&way, [0.0, 0.0], &bounds).unwrap();
+    assert!(free.duration_s() < 0.9 * given_s, "{} s, {given_s} s with one heading", free.duration_s());
+    assert!(loads(&free, &bounds) < 1.003, "{}", loads(&free, &bounds));
+    for (time_s, expected) in [(0.0, places[0]), (free.duration_s(), places[2])] {
+        let setpoint = free.sample(time_s);
+        let Pose2 { x_m, y_m, heading_rad } = setpoint.odom_from_base;
+        assert!((x_m - expected.x_m).hypot(y_m - expected.y_m) < 1e-9 && heading_rad.abs() < 1e-9);
+        assert!(setpoint.twist_in_odom.speed_m_s() < 1e-6);
+    }
+    for at in 0..=1000 {
+        let pose = free.sample(free.duration_s() * f64::from(at) / 1000.0).odom_from_base;
+        assert!((pose.x_m - pose.y_m).abs() < 1e-9, "{pose:?}");
+    }
+    let middle = free.sample(0.5 * free.duration_s()).odom_from_base;
+    let off_rad = (middle.heading_rad - std::f64::consts::FRAC_PI_4).rem_euclid(std::f64::consts::FRAC_PI_2);
+    assert!(off_rad.min(std::f64::consts::FRAC_PI_2 - off_rad) < 0.2, "{middle:?}");
+}
+
+#[test]
+fn a_free_heading_turns_no_more_than_it_gains() {
+    // No limit asks for a heading: it stays.
+    let bounds = PlatformBounds::new(LIMITS);
+    let circle = ShapePath { shape: Shape::Circle { radius_m: 0.5 }, heading: Heading::Fixed, turns: 1.0 };
+    let fixed_s = FastestTrajectory::new(circle, &bounds).unwrap().duration_s();
+    let free = FastestTrajectory::with_free_heading(&circle, [0.3, 0.3], &bounds).unwrap();
+    assert!((free.duration_s() / fixed_s - 1.0).abs() < 1e-3, "{} s, {fixed_s} s", free.duration_s());
+    // One that is to be a whole turn further is the same one, and isn't turned to.
+    let tangent = ShapePath { heading: Heading::FollowsTangent, ..circle };
+    let free = FastestTrajectory::with_free_heading(&tangent, [0.0, std::f64::consts::TAU], &bounds).unwrap();
+    assert!((free.duration_s() / fixed_s - 1.0).abs() < 1e-3, "{} s, {fixed_s} s", free.duration_s());
+    assert!(free.sample(free.duration_s()).odom_from_base.heading_rad.abs() < 1e-9);
 }

@@ -2,7 +2,7 @@
 
 mod cycle;
 mod dry;
-mod picture;
+pub(super) mod picture;
 mod plan;
 mod rows;
 
@@ -70,10 +70,11 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         Ok(robot) => {
             let motion =
                 progress::meanwhile("planning the motion dry", || arguments.motion(&robot, registry))?;
+            let as_given_s = if motion.is_some() { dry::as_given_s(&robot, registry)? } else { None };
             if arguments.json {
                 let mut plan = plan::json(&robot.plan);
                 if let Some(motion) = &motion {
-                    plan["motion"] = dry::json(motion);
+                    plan["motion"] = dry::json(motion, as_given_s);
                 }
                 serde_json::to_writer_pretty(&mut *output, &plan)?;
                 writeln!(output)?;
@@ -81,7 +82,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
                 plan::print(&robot.plan, output)?;
                 cycle::print(&robot.plan, output)?;
                 if let Some(motion) = &motion {
-                    dry::print(motion, output)?;
+                    dry::print(motion, as_given_s, output)?;
                 }
                 for doubt in robot.plan.doubts() {
                     writeln!(output, "\nWARNING: {doubt}")?;

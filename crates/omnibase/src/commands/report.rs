@@ -1,16 +1,20 @@
 //! `omnibase report`: a recorded run as one page of HTML.
 
+use super::check::picture;
 use crate::Outcome;
 use crate::progress::{bar, note, warn};
 use anyhow::Context;
 use omnibase_measure::measured::FloorPose;
 use omnibase_record::report::{self, Digest};
 use omnibase_record::run::{FILE_NUMBER, SELECTION};
+use omnibase_robot::dry::DryRun;
+use omnibase_robot::{Ability, Registry};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Shows a recorded run on one page of HTML: path, errors, wheels, timing, events.
+/// Shows a recorded run on one page of HTML: path, what binds the planned motion, errors, wheels, timing, events.
 ///
 /// The page holds everything it needs: it opens without a network, and prints.
 #[derive(Debug, clap::Args)]
@@ -32,8 +36,8 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let digest = write(&arguments.recording, &arguments.output, arguments.measured)?;
+pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let digest = write(&arguments.recording, &arguments.output, registry, arguments.measured)?;
     let cycles = digest.cycles();
     writeln!(
         output,
@@ -45,7 +49,12 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 /// Writes the page of a recording; says so where the recording ends early.
-pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyhow::Result<Digest> {
+pub fn write(
+    recording: &Path,
+    page: &Path,
+    registry: &Registry,
+    measured: Option<FloorPose>,
+) -> anyhow::Result<Digest> {
     let name = recording.display();
     let open = || File::open(recording);
     let file = open().with_context(|| format!("reading `{name}`"))?;
@@ -55,6 +64,7 @@ pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyh
     let digest = Digest::read(|| Ok(bar.wrap_read(open()?)));
     bar.finish_and_clear();
     let mut digest = digest.with_context(|| format!("`{name}`"))?;
+    digest.planned = planned(&digest.run.description, registry);
     let run = &mut digest.run;
     run.description.extend(measured.map(|pose| (report::MEASURED.to_owned(), pose.to_string())));
     if let Some(reason) = &run.truncated {
@@ -68,4 +78,13 @@ pub fn write(recording: &Path, page: &Path, measured: Option<FloorPose>) -> anyh
     }
     std::fs::write(page, digest.html()).with_context(|| format!("writing `{}`", page.display()))?;
     Ok(digest)
+}
+
+/// The motion that a recording's robot was asked for by its file and the command line, planned dry again, as a picture; `None` where
+/// there is none with an end.
+fn planned(description: &BTreeMap<String, String>, registry: &Registry) -> Option<String> {
+    let plan = omnibase_run::robot_text::from_description(description, registry).ok()?;
+    let mut reference = registry.make_reference(&plan.reference, &Ability::of(&plan)).ok()?;
+    let motion = DryRun::of(&plan, &mut *reference).ok()?;
+    (motion.way_m > 0.0).then(|| picture::svg(&plan, &motion))
 }

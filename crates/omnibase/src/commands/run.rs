@@ -231,7 +231,7 @@ pub fn run(
     }
     let told = arguments.tell(&summary, output);
     drop(operated);
-    let page = page.map_or(Ok(()), Page::write);
+    let page = page.map_or(Ok(()), |page| page.write(registry));
     let lost = lost.map(|failure| anyhow::Error::from(failure).context("the recording ended early"));
     // Each is said, why the run ended early before why its page can't be; the last is the command's own.
     let failures = [told.err(), ran.ended.err().map(Into::into), lost, page.err()];

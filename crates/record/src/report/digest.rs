@@ -26,6 +26,8 @@ const STRAIGHT_M: f64 = 1e-6;
 pub struct Digest {
     /// The rows that are seen, and all else that is known of the run.
     pub run: RecordedRun,
+    /// The motion as it was planned, as a picture (SVG) by whoever knows the robot; without one the page has no such section.
+    pub planned: Option<String>,
     totals: Totals,
 }
 
@@ -53,7 +55,7 @@ impl Digest {
     /// The page, as a whole HTML file.
     pub fn html(&self) -> String {
         let signals = Signals::new(&self.run);
-        super::page(&signals, &Tracking::new(&signals), &self.totals)
+        super::page(&signals, &Tracking::new(&signals), &self.totals, self.planned.as_deref())
     }
 }
 
@@ -141,7 +143,11 @@ impl Reduction {
         self.end_column();
         let RecordedRun { times_ns, values, .. } = self.seen;
         let schema = if self.read.rows == 0 { read.schema.clone() } else { self.piece.schema };
-        Digest { run: RecordedRun { schema, times_ns, values, ..read }, totals: self.totals }
+        Digest {
+            run: RecordedRun { schema, times_ns, values, ..read },
+            planned: None,
+            totals: self.totals,
+        }
     }
 }
 

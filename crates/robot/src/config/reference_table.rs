@@ -25,7 +25,7 @@ pub struct ReferenceTable {
     /// Turns, or `endless`: until somebody stops it; default: 1.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub turns: Option<Turns>,
-    /// How the heading goes along; default: the motion's own, which of control points is theirs.
+    /// How the heading goes along; default: `given`.
     pub heading: Option<HeadingName>,
     /// Semi-axis along x, m.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
@@ -61,9 +61,10 @@ pub struct ReferenceTable {
     pub knots: Option<Vec<f64>>,
     /// Path data as SVG has them (the attribute `d`), in one go.
     pub drawing: Option<String>,
-    /// An SVG file with one `path` in place of `drawing`.
+    /// A file in place of `drawing`: SVG with one `path`, or DXF with one polyline.
     pub drawing_file: Option<String>,
-    /// What one unit of the drawing is, m; its x is forward, its y, which points down, to the right.
+    /// What one unit of the drawing is, m; default: as a DXF file says by `$INSUNITS`. Its x is forward; its y, which SVG points down,
+    /// to the right, and DXF's to the left.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub unit_m: Option<f64>,
     /// How fast it is gone along; default: `as_given`, of curves `fastest`.
@@ -149,12 +150,16 @@ pub enum Timing {
     Fastest,
 }
 
-/// How the heading goes along a shape or a curve.
+/// How the heading goes along a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HeadingName {
+    /// As the motion has it: a shape its own, points and control points theirs; of a drawing it stays.
+    Given,
     /// It stays.
     Fixed,
-    /// It follows the tangent.
+    /// It follows the tangent; of points with `timing = "fastest"` alone.
     FollowsTangent,
+    /// From the first to the last one, but for whole turns, it turns as is fastest; with `timing = "fastest"` alone.
+    Free,
 }

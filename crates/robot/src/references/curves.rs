@@ -7,13 +7,13 @@ use crate::ability::Ability;
 use crate::config::{HeadingName, Problem, ReferenceTable, Timing};
 use crate::registry::{Kind, Made, Registry, given, needed, optional};
 
-use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, fastest_through};
+use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, dxf, fastest_through};
 
 /// Without a degree a spline bends smoothly.
 const CUBIC: u32 = 3;
 
 /// What a turn by one radian counts on the way: so little that a heading whose rate jumps, where a bend begins, is no corner.
-const TURN_COUNTS_M: f64 = 0.02;
+pub(super) const TURN_COUNTS_M: f64 = 0.02;
 
 /// Registers them.
 pub(super) fn register(registry: &mut Registry) {
@@ -28,7 +28,7 @@ pub(super) fn register(registry: &mut Registry) {
         tracked(&[spline_of(table)?], table, ability)
     });
     let drawing = [needed("drawing"), optional("drawing_file"), needed("unit_m")];
-    let meaning = "A drawn path (SVG), as fast as the limits allow";
+    let meaning = "A drawn way (an SVG path or a DXF polyline), as fast as the limits allow";
     registry.references.add(Kind { name: "drawing", meaning, keys: keys(&drawing) }, |table, ability| {
         let unit_m = given(table.unit_m, "unit_m")?;
         let curves = curves_of(given(table.drawing.as_ref(), "drawing")?, unit_m)
@@ -53,7 +53,7 @@ fn tracked(curves: &[Nurbs], table: &ReferenceTable, ability: &Ability) -> Made<
     let table = ReferenceTable { timing: Some(Timing::Fastest), ..table.clone() };
     let heading = match table.heading {
         Some(HeadingName::FollowsTangent) => CurveHeading::Tangent,
-        Some(HeadingName::Fixed) | None => CurveHeading::Given,
+        Some(HeadingName::Given | HeadingName::Fixed | HeadingName::Free) | None => CurveHeading::Given,
     };
     let mut poses = curve::poses(curves, heading, CORNER_RAD);
     if table.heading == Some(HeadingName::Fixed) {
@@ -95,8 +95,26 @@ fn curves_of(data: &str, unit_m: f64) -> Result<Vec<Nurbs>, String> {
     if curves.is_empty() { Err("nothing is drawn in it".into()) } else { Ok(curves) }
 }
 
+/// A drawn way.
+#[derive(Debug)]
+pub(crate) struct Drawing {
+    /// Path data as SVG has them.
+    pub(crate) data: String,
+    /// What one unit of it is, m, where its file says so.
+    pub(crate) unit_m: Option<f64>,
+}
+
+/// The one way in a file: an SVG file's path, or a DXF file's polyline.
+pub(crate) fn read_drawing(text: &str) -> Result<Drawing, String> {
+    if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
+        Ok(Drawing { data: read_svg(text)?, unit_m: None })
+    } else {
+        dxf::read(text)
+    }
+}
+
 /// The data of the one path in an SVG file, with the transformations that it stands in.
-pub(crate) fn read_drawing(text: &str) -> Result<String, String> {
+fn read_svg(text: &str) -> Result<String, String> {
     let document = roxmltree::Document::parse(text).map_err(|error| error.to_string())?;
     let paths: Vec<_> = document.descendants().filter(|node| node.has_tag_name((SVG, "path"))).collect();
     let [path] = paths[..] else {
@@ -197,6 +215,75 @@ mod tests {
         assert!(late.contains("a curve has no times of its own"), "{late}");
     }
 
+    fn duration_s(lines: &str) -> f64 {
+        made(lines).unwrap().duration_s().unwrap()
+    }
+
+    #[test]
+    fn a_free_heading_is_never_slower_and_ends_as_given() {
+        let fastest = "timing = \"fastest\"\n";
+        let points = "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 3], [2, 1, 1, -2], [3, 0, 1, 1.5]]\n";
+        let places =
+            "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 0], [2, 1.9, 0.3, 0], [3, 2.5, 1, 0]]\n";
+        for (motion, given_rad) in [
+            (format!("{points}{fastest}"), 1.5),
+            (format!("{points}{fastest}corner_m = 0.05\n"), 1.5),
+            (format!("{places}{fastest}"), 0.0),
+            (format!("kind = \"holonomic\"\nradius_m = 0.4\n{fastest}"), 0.0),
+            ("kind = \"nurbs\"\ncontrols = [[0, 0, 0], [1, 0, 2.2], [1, 1, 0.3], [0, 1, 0.5]]\n".into(), 0.5),
+            ("kind = \"drawing\"\nunit_m = 0.01\ndrawing = \"m 10 20 h 100 v 50\"\n".into(), 0.0),
+        ] {
+            let free = format!("{motion}heading = \"free\"\n");
+            let [free_s, own_s] = [&free, &motion].map(|lines| duration_s(lines));
+            assert!(free_s <= own_s, "{free_s} s, {own_s} s as given: {motion}");
+            let [x, y, heading_rad] = end(&free);
+            let own = end(&motion);
+            is_near(
+                [x, y, omnibase_platform::wrap_angle_rad(heading_rad - given_rad)],
+                [own[0], own[1], 0.0],
+            );
+        }
+        // Points that turn to and fro, and a circle that turns once, are slowed by that.
+        let gained = |motion: &str| {
+            1.0 - duration_s(&format!("{motion}{fastest}heading = \"free\""))
+                / duration_s(&format!("{motion}{fastest}"))
+        };
+        assert!(gained(points) > 0.05, "{}", gained(points));
+        let circle = "kind = \"holonomic\"\nradius_m = 0.4\n";
+        assert!(gained(circle) > 0.05, "{}", gained(circle));
+        for (lines, expected) in [
+            (format!("{points}heading = \"free\""), "it needs `timing = \"fastest\"`"),
+            (format!("{points}heading = \"follows_tangent\""), "it needs `timing = \"fastest\"`"),
+            ("kind = \"circle\"\nradius_m = 1\nheading = \"free\"".into(), "it needs `timing = \"fastest\"`"),
+        ] {
+            let said = made(&lines).err().unwrap();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn points_are_driven_with_the_heading_that_is_asked_for() {
+        let points = "kind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 1], [2, 1.9, 0.3, 0], [3, 2.5, 1, 0.4]]\n";
+        is_near(end(points), [2.5, 1.0, 0.4]);
+        let of = |heading: &str| {
+            let mut reference = made(&format!("{points}heading = \"{heading}\"")).unwrap();
+            reference.start(&crate::signals::Setpoint::default());
+            reference
+        };
+        let mut fixed = of("fixed");
+        let mut tangent = of("follows_tangent");
+        for part in 1..50 {
+            let at = |reference: &mut dyn crate::stages::Reference| {
+                reference.sample(reference.duration_s().unwrap() * f64::from(part) / 50.0)
+            };
+            assert!(at(&mut *fixed).odom_from_body.heading_rad.abs() < 1e-9);
+            let setpoint = at(&mut *tangent);
+            let twist = setpoint.twist_in_odom;
+            let along_rad = twist.vy_m_s.atan2(twist.vx_m_s) - setpoint.odom_from_body.heading_rad;
+            assert!(omnibase_platform::wrap_angle_rad(along_rad).abs() < 0.04, "{along_rad} at {part}");
+        }
+    }
+
     #[test]
     fn a_drawing_is_driven_in_its_unit_and_turned_up() {
         let drawing =
@@ -225,7 +312,7 @@ mod tests {
     fn a_file_is_read_with_its_transformations() {
         let file = |inside: &str| format!("<svg xmlns=\"http://www.w3.org/2000/svg\">{inside}</svg>");
         let moved = "<g transform=\"translate(5 1)\"><path transform=\"scale(2)\" d=\"M1 1h3\"/></g>";
-        assert_eq!(read_drawing(&file(moved)).unwrap(), "M 7 3 L 13 3");
+        assert_eq!(read_drawing(&file(moved)).unwrap().data, "M 7 3 L 13 3");
         for (inside, expected) in [
             ("", "0 elements `path` of SVG, expected 1"),
             ("<path d=\"M0 0\"/><path d=\"M0 0\"/>", "2 elements `path` of SVG, expected 1"),

@@ -155,4 +155,109 @@ mod tests {
         share(&mut three, &[2.0, 6.0, 6.0], &rims);
         assert_eq!(three, [5.0, 1.0, 1.0]);
     }
+
+    /// Wheels around a body of 40 kg, its centre of mass 0.25 m high, on a floor of friction 0.4.
+    struct Body {
+        rims: Rims,
+        count: usize,
+        /// Where they stand, m.
+        places: Vec<[f64; 2]>,
+    }
+
+    const RADIUS_M: f64 = 0.1;
+
+    impl Body {
+        /// Omni wheels on a circle, tangential.
+        fn round(count: usize) -> Body {
+            let places: Vec<[f64; 2]> = (0..count)
+                .map(|at| (std::f64::consts::TAU * (at as f64 + 0.5) / count as f64).sin_cos())
+                .map(|(sin, cos)| [0.3 * cos, 0.3 * sin])
+                .collect();
+            let mut per_force = [[0.0; 3]; MAX_WHEELS];
+            per_force.iter_mut().zip(&places).for_each(|(row, [x, y])| *row = [-y / 0.3, x / 0.3, 0.3]);
+            Body { rims: Rims { per_force, radius_m: [RADIUS_M; MAX_WHEELS] }, count, places }
+        }
+
+        fn mecanum() -> Body {
+            let places = vec![[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]];
+            Body { rims: mecanum(), count: 4, places }
+        }
+
+        /// What each wheel can give at an acceleration, which shifts loads, N·m.
+        fn most_nm(&self, acceleration: [f64; 2]) -> Vec<f64> {
+            let squares = [0, 1].map(|axis| self.places.iter().map(|place| place[axis].powi(2)).sum::<f64>());
+            let shift = |place: &[f64; 2]| -> f64 {
+                (0..2).map(|axis| acceleration[axis] * place[axis] / squares[axis]).sum()
+            };
+            let load_n = |place| 40.0 * (9.81 / self.count as f64 - 0.25 * shift(place));
+            self.places.iter().map(|place| 0.4 * RADIUS_M * load_n(place).max(1e-6)).collect()
+        }
+
+        /// The greatest acceleration in a direction at which every wheel grips, m/s², as torques are shared.
+        fn most_m_s2(&self, along: [f64; 3], shared: impl Fn(&mut [f64], &[f64])) -> f64 {
+            let (mut grips, mut slips) = (0.0, 20.0);
+            for _ in 0..40 {
+                let a: f64 = 0.5 * (grips + slips);
+                let most = self.most_nm([along[0] * a, along[1] * a]);
+                let mut torques = self.least([40.0 * along[0] * a, 40.0 * along[1] * a, 2.0 * along[2] * a]);
+                shared(&mut torques, &most);
+                let is_gripping = torques.iter().zip(&most).all(|(torque, most)| torque.abs() <= *most);
+                *(if is_gripping { &mut grips } else { &mut slips }) = a;
+            }
+            grips
+        }
+
+        /// The torques of least squares that make a wrench.
+        fn least(&self, wrench: [f64; 3]) -> Vec<f64> {
+            let rows = &self.rims.per_force[..self.count];
+            let normal = [0, 1, 2].map(|a| [0, 1, 2].map(|b| rows.iter().map(|row| row[a] * row[b]).sum()));
+            let solved = solved(normal, wrench).unwrap();
+            rows.iter()
+                .map(|row| RADIUS_M * (0..3).map(|axis| row[axis] * solved[axis]).sum::<f64>())
+                .collect()
+        }
+    }
+
+    /// What docs/control.md shows: `cargo test -p omnibase-robot --lib sharing -- --nocapture`.
+    #[test]
+    fn wheels_grip_at_greater_accelerations_than_by_least_squares_alone() {
+        println!(
+            "wheels              least squares: least, mean   by load where needed: least, mean   gain: mean, most"
+        );
+        for (name, body, gain) in [
+            ("3 omni", Body::round(3), 1.0),
+            ("4 mecanum", Body::mecanum(), 1.1),
+            ("4 omni", Body::round(4), 1.1),
+            ("6 omni", Body::round(6), 1.1),
+            ("8 omni", Body::round(8), 1.1),
+        ] {
+            let mut found: Vec<[f64; 2]> = Vec::new();
+            // Directions over the floor, and turning meanwhile: by so many rad/s² for each m/s².
+            for turn in [0.0, 1.0, -2.0] {
+                for at in 0..72 {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(at) / 72.0).sin_cos();
+                    let alone = body.most_m_s2([cos, sin, turn], |_, _| {});
+                    let ours =
+                        body.most_m_s2([cos, sin, turn], |torques, most| share(torques, most, &body.rims));
+                    assert!(ours > alone * (1.0 - 1e-9), "{name}: {ours} {alone}");
+                    found.push([alone, ours]);
+                }
+            }
+            let least = [0, 1].map(|at| found.iter().map(|pair| pair[at]).fold(f64::INFINITY, f64::min));
+            let mean = [0, 1].map(|at| found.iter().map(|pair| pair[at]).sum::<f64>() / found.len() as f64);
+            let gains: Vec<f64> = found.iter().map(|pair| pair[1] / pair[0]).collect();
+            let most = gains.iter().copied().fold(0.0, f64::max);
+            let mean_gain = gains.iter().sum::<f64>() / gains.len() as f64;
+            println!(
+                "{name:<18} {:>17.2}, {:.2} m/s² {:>23.2}, {:.2} m/s² {:>12.1} %, {:.1} %",
+                least[0],
+                mean[0],
+                least[1],
+                mean[1],
+                100.0 * (mean_gain - 1.0),
+                100.0 * (most - 1.0)
+            );
+            assert!(most >= gain, "{name}: {most}");
+        }
+    }
 }

@@ -81,7 +81,7 @@ impl Grid {
             let count = (FIRST * (pair[1] - pair[0]) / length).ceil().clamp(1.0, FIRST) as usize;
             let (end, end_speed) = looker.look(pair[1], -1.0)?;
             let whole = Interval { length: pair[1] - pair[0], ends: [begin.0, end], share: 1.0 };
-            grid.push_parts(&mut looker, (&whole, count, 1.0))?;
+            grid.push_parts(&mut looker, &whole, count, 1.0)?;
             grid.free.push(end_speed);
             grid.sigma.push(pair[1]);
             if pair[1] < length {
@@ -100,7 +100,9 @@ impl Grid {
     fn push_parts<P: GeometricPath>(
         &mut self,
         looker: &mut Looker<'_, P>,
-        (whole, count, pace): (&Interval, usize, f64),
+        whole: &Interval,
+        count: usize,
+        pace: f64,
     ) -> Result<(), FastestError> {
         let from = self.sigma[self.sigma.len() - 1];
         let length = whole.length / count as f64;
@@ -125,7 +127,8 @@ impl Grid {
         &self,
         path: &P,
         bounds: &PlatformBounds,
-        (acceleration, reached): (&AccelerationBounds, &Reached),
+        acceleration: &AccelerationBounds,
+        reached: &Reached,
     ) -> Result<Vec<usize>, FastestError> {
         let count = self.intervals.len();
         let mut looker = Looker { path, bounds, piece: 0 };
@@ -145,7 +148,7 @@ impl Grid {
             let interval = &self.intervals[at];
             let (bend, most) = looker.look(0.5 * (self.sigma[at] + self.sigma[at + 1]), 1.0)?;
             let ends = [reached.x[at], reached.x[at + 1]];
-            let between = middle.highest(interval, (&bend, most), ends, acceleration).max(0.0).sqrt();
+            let between = middle.highest(interval, &bend, most, ends, acceleration).max(0.0).sqrt();
             let halved_s = interval.length * (1.0 / (speed(at) + between) + 1.0 / (between + speed(at + 1)));
             // What it would take longer by, it exceeds limits by.
             let gain_s = (now_s - halved_s).abs();
@@ -160,7 +163,8 @@ impl Grid {
         &mut self,
         path: &P,
         bounds: &PlatformBounds,
-        (parts, reached): (&[usize], &mut Reached),
+        parts: &[usize],
+        reached: &mut Reached,
     ) -> Result<bool, FastestError> {
         if parts.iter().all(|parts| *parts == 1) {
             return Ok(false);
@@ -178,7 +182,7 @@ impl Grid {
         );
         let mut looker = Looker { path, bounds, piece: 0 };
         for (at, count) in parts.iter().enumerate() {
-            self.push_parts(&mut looker, (&old.intervals[at], *count, old.pace[at]))?;
+            self.push_parts(&mut looker, &old.intervals[at], *count, old.pace[at])?;
             self.free.push(old.free[at + 1]);
             self.sigma.push(old.sigma[at + 1]);
         }
@@ -195,7 +199,7 @@ impl Grid {
     }
 
     /// Into how many parts intervals are split that last longer than the window, where the motion must take longer.
-    pub(super) fn too_long(&self, excesses: &[Excess], (reached, window_s): (&Reached, f64)) -> Vec<usize> {
+    pub(super) fn too_long(&self, excesses: &[Excess], reached: &Reached, window_s: f64) -> Vec<usize> {
         let mut parts = vec![1; self.intervals.len()];
         for at in excesses.iter().flat_map(|excess| self.within(excess.between)) {
             let lasts_s = self.lasts_s(reached, at);
@@ -204,7 +208,8 @@ impl Grid {
         parts
     }
 
-    fn lasts_s(&self, reached: &Reached, at: usize) -> f64 {
+    /// How long an interval takes, s; infinite between two rests.
+    pub(super) fn lasts_s(&self, reached: &Reached, at: usize) -> f64 {
         2.0 * self.intervals[at].length / (reached.x[at].sqrt() + reached.x[at + 1].sqrt())
     }
 

@@ -2,16 +2,27 @@
 
 use std::io::{self, Write};
 
-use omnibase_robot::Registry;
+use omnibase_robot::config::{HeadingName, ReferenceTable};
 use omnibase_robot::dry::{Asked, DryRun, limit_name};
+use omnibase_robot::{Ability, Registry};
 use omnibase_run::LoadedRobot;
 use serde_json::{Value, json};
 
 /// The motion of a robot, planned dry.
 pub(super) fn plan(robot: &LoadedRobot, registry: &Registry) -> anyhow::Result<DryRun> {
     let plan = &robot.plan;
-    let mut reference = registry.make_reference(&plan.reference, &omnibase_robot::Ability::of(plan))?;
+    let mut reference = registry.make_reference(&plan.reference, &Ability::of(plan))?;
     Ok(DryRun::of(plan, &mut *reference)?)
+}
+
+/// How long a motion with a free heading would take with its own, s; `None` for another motion.
+pub(super) fn as_given_s(robot: &LoadedRobot, registry: &Registry) -> anyhow::Result<Option<f64>> {
+    let table = &robot.plan.reference;
+    if table.heading != Some(HeadingName::Free) {
+        return Ok(None);
+    }
+    let given = ReferenceTable { heading: Some(HeadingName::Given), ..table.clone() };
+    Ok(registry.make_reference(&given, &Ability::of(&robot.plan))?.duration_s())
 }
 
 /// What stands in a table of limits.
@@ -19,10 +30,17 @@ fn is_asked(asked: &&Asked) -> bool {
     asked.most.0 > 0.005
 }
 
-pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
+pub(super) fn print(run: &DryRun, as_given_s: Option<f64>, output: &mut dyn Write) -> io::Result<()> {
     let DryRun { duration_s, way_m, friction, .. } = run;
     writeln!(output, "\nThe motion, planned dry")?;
     writeln!(output, "  time                 {duration_s:.3} s for {way_m:.3} m")?;
+    if let Some(given_s) = as_given_s {
+        let sooner_s = given_s - duration_s;
+        writeln!(
+            output,
+            "  heading              free: {sooner_s:.3} s sooner than as given, {given_s:.3} s"
+        )?;
+    }
     writeln!(output, "  grip needed          friction {:.3}, at {:.3} s", friction.0, friction.1)?;
     if let Some(heat) = run.heat {
         let percent = 100.0 * heat;
@@ -46,7 +64,7 @@ pub(super) fn print(run: &DryRun, output: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-pub(super) fn json(run: &DryRun) -> Value {
+pub(super) fn json(run: &DryRun, as_given_s: Option<f64>) -> Value {
     let room =
         |room: Option<(f64, f64)>| room.map(|(room_m, time_s)| json!({ "room_m": room_m, "time_s": time_s }));
     let limits: Vec<Value> = run
@@ -59,7 +77,7 @@ pub(super) fn json(run: &DryRun) -> Value {
         })
         .collect();
     json!({
-        "duration_s": run.duration_s, "way_m": run.way_m,
+        "duration_s": run.duration_s, "as_given_s": as_given_s, "way_m": run.way_m,
         "heat": run.heat, "friction": run.friction.0, "friction_time_s": run.friction.1,
         "fence": room(run.fence_room_m), "obstacles": room(run.obstacle_room_m), "limits": limits,
     })

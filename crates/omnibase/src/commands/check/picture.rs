@@ -82,7 +82,7 @@ fn line(points: &[String], limit: Option<Limit>) -> String {
 }
 
 /// The picture of a robot's motion.
-pub(super) fn svg(plan: &RobotPlan, run: &DryRun) -> String {
+pub(in crate::commands) fn svg(plan: &RobotPlan, run: &DryRun) -> String {
     let strokes = strokes(&run.moments);
     let place = |moment: &Moment| [moment.setpoint.odom_from_body.x_m, moment.setpoint.odom_from_body.y_m];
     let ends = [run.moments.first(), run.moments.last()].into_iter().flatten();

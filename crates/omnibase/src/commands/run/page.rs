@@ -6,6 +6,7 @@ use anyhow::Context;
 use omnibase_measure::Summary;
 use omnibase_record::report::MEASURED;
 use omnibase_record::run::{BEGUN, RunRecorded};
+use omnibase_robot::Registry;
 use omnibase_run::RunError;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -58,8 +59,8 @@ impl Page {
     }
 
     /// Writes the page of a run that is over.
-    pub fn write(mut self) -> anyhow::Result<()> {
-        report::write(&self.recording, &self.path, None).with_context(|| {
+    pub fn write(mut self, registry: &Registry) -> anyhow::Result<()> {
+        report::write(&self.recording, &self.path, registry, None).with_context(|| {
             let stays = if self.recording.exists() { "stays" } else { "was" };
             format!("the page can't be written, the recording {stays} in `{}`", self.recording.display())
         })?;

@@ -5,7 +5,7 @@ use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
 use clap::{Arg, ArgGroup, ArgMatches, Command};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{ReferenceTable, Source, Timing, nearest};
+use omnibase_robot::config::{HeadingName, ReferenceTable, Source, Timing, nearest};
 use omnibase_robot::registry::Kind;
 use omnibase_run::robot_text::read_reference;
 use std::path::Path;
@@ -18,6 +18,7 @@ pub struct ReferenceChoice {
     /// An option and its value.
     motion: Option<(String, String)>,
     timing: Option<Timing>,
+    heading: Option<HeadingName>,
     /// A file with what repeats taught of it.
     correction: Option<String>,
 }
@@ -60,6 +61,15 @@ impl ReferenceChoice {
                     .requires(GROUP)
                     .help("How fast the motion is gone along: by its own times, by longer ones, or as fast as the limits allow"),
             )
+            .arg(
+                Arg::new("heading")
+                    .long("heading")
+                    .help_heading("Motion")
+                    .value_name("HOW")
+                    .value_parser(["given", "fixed", "follows_tangent", "free"])
+                    .requires(GROUP)
+                    .help("How the heading goes along: as the motion has it, as it is at the start, along the way, or as is fastest between its first and last one"),
+            )
     }
 
     /// The command with an option for what repeats taught of the motion.
@@ -85,7 +95,14 @@ impl ReferenceChoice {
             Some("fastest") => Some(Timing::Fastest),
             _ => None,
         };
-        ReferenceChoice { motion: chosen.and_then(value), timing, correction }
+        let heading = match matches.get_one::<String>("heading").map(String::as_str) {
+            Some("given") => Some(HeadingName::Given),
+            Some("fixed") => Some(HeadingName::Fixed),
+            Some("follows_tangent") => Some(HeadingName::FollowsTangent),
+            Some("free") => Some(HeadingName::Free),
+            _ => None,
+        };
+        ReferenceChoice { motion: chosen.and_then(value), timing, heading, correction }
     }
 
     /// Whether the command line says anything of a motion.
@@ -114,6 +131,7 @@ impl ReferenceChoice {
             chosen.file.correction_file = Some(absolute(name)?);
         }
         chosen.file.timing = self.timing.or(chosen.file.timing);
+        chosen.file.heading = self.heading.or(chosen.file.heading);
         Ok(Some(chosen))
     }
 }
@@ -152,7 +170,7 @@ fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use omnibase_robot::config::{EndlessName, HeadingName, Turns};
+    use omnibase_robot::config::{EndlessName, Turns};
 
     fn read(kind: &str, keys: &str) -> anyhow::Result<ReferenceTable> {
         let registry = Registry::with_built_in();
