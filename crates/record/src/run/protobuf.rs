@@ -5,7 +5,8 @@
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Double,
-    /// A whole number of 64 bits without a sign.
+    /// A whole number of 64 bits without a sign, in as many bytes whatever it is: it compresses better than one that is shorter
+    /// where it is small.
     Count,
     Text,
     Bytes,
@@ -17,6 +18,8 @@ pub(crate) enum Kind {
 
 const FIXED64: u32 = 1;
 const LENGTH_DELIMITED: u32 = 2;
+/// The type `fixed64` in a descriptor.
+const COUNT: u64 = 6;
 
 fn push_varint(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
@@ -33,17 +36,14 @@ fn push_tag(bytes: &mut Vec<u8>, number: u32, wire_type: u32) {
 /// Appends field `number` as a double; all 64 bits survive, NaN's too. A zero is left out: it is what a reader takes for a field
 /// that isn't there (proto3).
 pub(crate) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
-    if value.to_bits() == 0 {
-        return;
-    }
-    push_tag(bytes, number, FIXED64);
-    bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+    push_count(bytes, number, value.to_bits());
 }
 
 /// Appends field `number` as a count; a zero is left out, as of a double.
 pub(super) fn push_count(bytes: &mut Vec<u8>, number: u32, value: u64) {
     if value != 0 {
-        push_number(bytes, number, value);
+        push_tag(bytes, number, FIXED64);
+        bytes.extend_from_slice(&value.to_le_bytes());
     }
 }
 
@@ -106,7 +106,7 @@ pub(super) fn field(name: &str, number: u32, kind: &Kind) -> Vec<u8> {
     push_number(&mut field, 4, 1);
     let code = match kind {
         Kind::Double => 1,
-        Kind::Count => 4,
+        Kind::Count => COUNT,
         Kind::Text => 9,
         Kind::Part(_) => 11,
         Kind::Bytes => 12,
@@ -121,9 +121,10 @@ pub(super) fn field(name: &str, number: u32, kind: &Kind) -> Vec<u8> {
 
 /// A field as it stands in a message.
 pub(super) enum Field<'a> {
-    Double(u32, f64),
-    Count(u32, u64),
+    /// The bits of a double, or a count, as the descriptor says.
+    Fixed(u32, u64),
     Bytes(u32, &'a [u8]),
+    Number(u32, u64),
 }
 
 fn take_varint(bytes: &mut &[u8]) -> Option<u64> {
@@ -148,11 +149,11 @@ pub(super) fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Field<'_>> {
         let tag = take_varint(&mut bytes)?;
         let number = u32::try_from(tag >> 3).ok()?;
         match tag & 7 {
-            0 => take_varint(&mut bytes).map(|value| Field::Count(number, value)),
+            0 => take_varint(&mut bytes).map(|value| Field::Number(number, value)),
             1 => {
                 let (raw, rest) = bytes.split_first_chunk::<8>()?;
                 bytes = rest;
-                Some(Field::Double(number, f64::from_bits(u64::from_le_bytes(*raw))))
+                Some(Field::Fixed(number, u64::from_le_bytes(*raw)))
             }
             2 => {
                 let length = usize::try_from(take_varint(&mut bytes)?).ok()?;
@@ -165,27 +166,37 @@ pub(super) fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Field<'_>> {
     })
 }
 
-/// The field names of the first message in a `FileDescriptorSet`.
-pub(super) fn field_names(descriptor: &[u8]) -> Option<Vec<String>> {
-    Some(names_of(inner(inner(descriptor, 1)?, 4)?))
+/// A field of a message, as it is described.
+pub(super) struct Described {
+    pub(super) name: String,
+    /// It is a count, and not a double.
+    pub(super) is_count: bool,
 }
 
-/// The field names of each message that is described in the first one of a `FileDescriptorSet`.
-pub(super) fn field_names_of_parts(descriptor: &[u8]) -> Option<Vec<Vec<String>>> {
+/// The fields of the first message in a `FileDescriptorSet`.
+pub(super) fn described(descriptor: &[u8]) -> Option<Vec<Described>> {
+    Some(described_in(inner(inner(descriptor, 1)?, 4)?))
+}
+
+/// The fields of each message that is described in the first one of a `FileDescriptorSet`.
+pub(super) fn described_parts(descriptor: &[u8]) -> Option<Vec<Vec<Described>>> {
     let message = inner(inner(descriptor, 1)?, 4)?;
     let parts = fields(message).filter_map(|field| match field {
-        Field::Bytes(3, part) => Some(names_of(part)),
+        Field::Bytes(3, part) => Some(described_in(part)),
         _ => None,
     });
     Some(parts.collect())
 }
 
-fn names_of(message: &[u8]) -> Vec<String> {
-    let names = fields(message).filter_map(|field| match field {
-        Field::Bytes(2, data) => Some(String::from_utf8_lossy(inner(data, 1)?).into_owned()),
+fn described_in(message: &[u8]) -> Vec<Described> {
+    let all = fields(message).filter_map(|field| match field {
+        Field::Bytes(2, data) => Some(Described {
+            name: String::from_utf8_lossy(inner(data, 1)?).into_owned(),
+            is_count: fields(data).any(|field| matches!(field, Field::Number(5, COUNT))),
+        }),
         _ => None,
     });
-    names.collect()
+    all.collect()
 }
 
 /// The first field with this number, where it has bytes.

@@ -3,7 +3,7 @@
 use super::mcap_file::{
     CYCLE_TOPIC, DATA_FIELD, EVENT_TOPIC, FIRST_TOPIC_FIELD, METADATA, REST_FIELD, TOPICS, WORDS,
 };
-use super::protobuf::{self, Field};
+use super::protobuf::{self, Described, Field};
 use super::{Due, RunError, RunEvent, RunSchema, Selection, Signal, Topic, words};
 use mcap::McapError;
 use mcap::records::{Record, op};
@@ -213,8 +213,8 @@ enum Content {
 struct Places {
     at: usize,
     width: usize,
-    /// Which of them each field of the message is.
-    fields: Vec<Option<usize>>,
+    /// Which of them each field of the message is, and whether it is a count.
+    fields: Vec<(Option<usize>, bool)>,
 }
 
 impl Places {
@@ -229,13 +229,12 @@ impl Places {
             return;
         }
         for field in protobuf::fields(message) {
-            let (number, value, count) = match field {
-                Field::Double(number, value) => (number, value, value as u64),
-                Field::Count(number, count) => (number, count as f64, count),
-                Field::Bytes(..) => continue,
-            };
-            if let Some(Some(place)) = self.fields.get((number as usize).wrapping_sub(1)) {
-                (values[*place], counts[*place]) = (value, count);
+            if let Field::Fixed(number, bits) = field
+                && let Some((Some(place), is_count)) = self.fields.get((number as usize).wrapping_sub(1))
+            {
+                let value = f64::from_bits(bits);
+                (values[*place], counts[*place]) =
+                    if *is_count { (bits as f64, bits) } else { (value, value as u64) };
             }
         }
     }
@@ -313,10 +312,10 @@ impl<'a> Reading<'a> {
                     }
                     EVENT_TOPIC => Content::Events,
                     _ => {
-                        let names = self.described(channel.schema_id, protobuf::field_names);
+                        let fields = self.described(channel.schema_id, protobuf::described);
                         self.untold += 1;
                         self.has_signals = true;
-                        Content::Signals { places: self.signals(&channel.topic, &names), is_told: false }
+                        Content::Signals { places: self.signals(&channel.topic, &fields), is_told: false }
                     }
                 };
                 self.channels.insert(channel.id, content);
@@ -416,8 +415,8 @@ impl<'a> Reading<'a> {
     }
 
     /// What a schema tells of its fields; nothing where it isn't understood.
-    fn described<T: Default>(&self, schema: u16, names: fn(&[u8]) -> Option<T>) -> T {
-        self.schemas.get(&schema).and_then(|data| names(data)).unwrap_or_default()
+    fn described<T: Default>(&self, schema: u16, fields: fn(&[u8]) -> Option<T>) -> T {
+        self.schemas.get(&schema).and_then(|data| fields(data)).unwrap_or_default()
     }
 
     /// Takes the topics of whole cycles into the schema.
@@ -427,21 +426,22 @@ impl<'a> Reading<'a> {
         }
         self.has_signals = true;
         let topics = metadata.get(TOPICS).map_or("", String::as_str).split('\n');
-        let names = self.described(schema, protobuf::field_names_of_parts);
-        Content::Cycles(topics.zip(&names).map(|(topic, names)| self.signals(topic, names)).collect())
+        let parts = self.described(schema, protobuf::described_parts);
+        Content::Cycles(topics.zip(&parts).map(|(topic, fields)| self.signals(topic, fields)).collect())
     }
 
     /// Takes a topic with its kept signals into the schema.
-    fn signals(&mut self, topic: &str, names: &[String]) -> Places {
+    fn signals(&mut self, topic: &str, described: &[Described]) -> Places {
+        let names: Vec<String> = described.iter().map(|field| field.name.clone()).collect();
         let at = self.run.schema.width();
         let (mut signals, mut fields) = (Vec::new(), Vec::new());
-        for name in names {
+        for (name, Described { is_count, .. }) in names.iter().zip(described) {
             let is_kept = match self.keep {
                 Keep::All | Keep::Times => true,
-                Keep::Signals(is_kept) => is_kept(topic, name, names),
+                Keep::Signals(is_kept) => is_kept(topic, name, &names),
                 Keep::Chosen(selection) => selection.holds(topic, name),
             };
-            fields.push(is_kept.then_some(signals.len()));
+            fields.push((is_kept.then_some(signals.len()), *is_count));
             if is_kept {
                 signals.push(Signal { name: name.clone() });
             }
