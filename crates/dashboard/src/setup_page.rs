@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use axum::extract::State;
 use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
-use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -22,7 +22,7 @@ use tokio::sync::{oneshot, watch};
 use crate::access::{Access, Denied, Right};
 use crate::call::CallResult;
 use crate::connections::{Peer, STUCK};
-use crate::gate::{self, Gate};
+use crate::gate::Gate;
 use crate::page;
 use crate::server::{self, DashboardError};
 use crate::status::Counters;

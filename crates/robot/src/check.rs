@@ -210,6 +210,7 @@ impl Check {
             sources,
             sensors: sensors?,
             kinematics: kinematics?,
+            mass_kg: file.platform.mass_kg,
             limits,
             estimator: estimator?,
             controller: controller?,

@@ -53,6 +53,8 @@ const UNKNOWN_SHARE: f64 = 1.0;
 const KNOWN_SHARE: f64 = 0.5;
 /// Bounds where the file gives none, over the first estimate.
 const UNKNOWN_BOUNDS: [f64; 2] = [0.01, 100.0];
+/// By which part of what its file says an empty platform may weigh less.
+const WEIGHED_SHARE: f64 = 0.05;
 /// Friction of all wheels where the file gives no bound, N.
 const FRICTION_MAX_N: f64 = 100.0;
 /// Friction of wet ice: no floor has less.
@@ -128,6 +130,15 @@ impl FirstEstimates {
             friction_max_n: table.friction_max_n.unwrap_or(FRICTION_MAX_N).max(0.0),
         }
     }
+
+    /// The same of a platform that weighs so much at least, kg.
+    fn at_least(mut self, least_kg: f64) -> Self {
+        let (first, [low, high]) = &mut self.mass;
+        *low = low.max(least_kg);
+        *high = high.max(*low);
+        *first = first.clamp(*low, *high);
+        self
+    }
 }
 
 /// What is known of one wheel.
@@ -167,19 +178,21 @@ struct Floor {
 impl Grip {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         let friction = WheelFriction::new(&plan.kinematics);
-        let first = FirstEstimates::of(&plan.controller);
+        let weighed_kg = (1.0 - WEIGHED_SHARE) * plan.mass_kg.unwrap_or(0.0);
+        let first = FirstEstimates::of(&plan.controller).at_least(weighed_kg);
+        let bounded_kg = plan.controller.mass_bounds_kg.map_or(0.0, |[least, _]| least);
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         Grip {
             identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
-            steady: Steady::new(plan.controller.mass_bounds_kg.map(|[least, _]| least)),
+            steady: Steady::new(weighed_kg.max(bounded_kg)),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
             is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
             wheel_kg: wheel_kg(plan, first.mass.0),
-            told_kg: first.mass.0,
+            told_kg: plan.controller.mass_kg.or(plan.mass_kg).unwrap_or(first.mass.0),
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
@@ -360,10 +373,20 @@ impl Grip {
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
-        let Some(slides) = self.steady.look(&shown, span_s) else { return };
+        let told = self.steady.look(&shown, span_s);
+        let is_told = told.is_some();
+        let any_slides = self.wheels.iter().any(|wheel| wheel.slide.is_some());
+        let missing = if any_slides { self.steady.if_it_slides() } else { None };
+        let Some(slides) = told.or(missing) else { return };
+        self.steady.count();
         let greatest_n = pushes_n.iter().fold(0.0, |most: f64, push_n| most.max(push_n.abs()));
         for ((wheel, row), push_n) in self.wheels.iter_mut().zip(self.kinematics.matrix()).zip(pushes_n) {
-            wheel.slide = wheel.slide.or_else(|| slides.of_wheel(row, push_n, greatest_n));
+            match &mut wheel.slide {
+                // Both tell the same way, and the wheel's own watch knows only what came after its force stayed.
+                Some(slide) => slide.step_m = slide.step_m.max(slides.step_m(row)),
+                None if is_told => wheel.slide = slides.of_wheel(row, push_n, greatest_n),
+                None => {}
+            }
         }
     }
 
@@ -379,6 +402,7 @@ impl Grip {
             push_n: [wrench.fx_n, wrench.fy_n],
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
             speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
+            turn_rad_s: motion.turn_rad_s,
             learnt_kg: mass_kg - SIGMAS * self.identification.mass_sigma_kg(),
         }
     }
@@ -400,7 +424,8 @@ impl Grip {
         let dynamics = self.identification.dynamics();
         let rims = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
         let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
-        let mut is_over = false;
+        let missing = self.steady.if_it_slides();
+        let (mut is_over, mut is_counted) = (false, false);
         for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
@@ -440,7 +465,14 @@ impl Grip {
             if wheel.doubted_ns >= LASTING_NS {
                 wheel.slips = !wheel.slips;
                 (wheel.doubted_ns, wheel.since_ns) = (0, 0);
+                if let Some(slides) = missing.filter(|_| wheel.slips) {
+                    wheel.way_m = wheel.way_m.max(slides.step_m(row));
+                    is_counted = true;
+                }
             }
+        }
+        if is_counted {
+            self.steady.count();
         }
         if is_over {
             self.forget();

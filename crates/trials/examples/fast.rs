@@ -23,15 +23,12 @@ fn main() {
         .map(|(name, motion)| ((*name).to_owned(), (*motion).to_owned()))
         .chain(random)
         .collect();
-    let robots =
-        [("bmm", BMM, false), ("mecanum", MECANUM, false), ("bmm", BMM, true), ("mecanum", MECANUM, true)];
-    for (name, robot, is_weighed) in robots {
-        let told = if is_weighed { ", weighed" } else { "" };
-        println!("\n{name}{told}\n\n{HEADING}");
+    for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
+        println!("\n{name}\n\n{HEADING}");
         for law in ["closed_loop_speed", "adaptive_torque"] {
             for (told, floor) in FLOORS {
                 for (name, motion) in &motions {
-                    let case = Case { robot, law, motion: motion.clone(), told, floor, is_weighed };
+                    let case = Case { robot, law, motion: motion.clone(), told, floor };
                     println!("{}", case.row(name, &case.ride()));
                 }
             }

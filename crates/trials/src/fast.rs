@@ -2,7 +2,7 @@
 
 use omnibase_robot::signals::SafetyReason;
 
-use crate::robots::{weighed_kg, with_payload};
+use crate::robots::with_payload;
 use crate::slip::Slid;
 
 /// A motion on a floor.
@@ -18,8 +18,6 @@ pub struct Case {
     pub told: f64,
     /// The floor's own, static and sliding.
     pub floor: [f64; 2],
-    /// Whether its file tells the least and the most that it weighs.
-    pub is_weighed: bool,
 }
 
 /// Limits that leave the wheels and the floor to bind: those of the platform's speed stay, in m/s and rad/s.
@@ -72,12 +70,7 @@ impl Case {
             let end = text[at..].find('\n').map_or(text.len(), |end| at + end);
             format!("{}{key} = {value:?}{}", &text[..at], &text[end..])
         });
-        let weighed = match self.is_weighed {
-            true => format!("mass_bounds_kg = {:?}\n", weighed_kg(self.robot)),
-            false => String::new(),
-        };
         let text = with_payload(&robot, self.law, 1.0, 0.0);
-        let text = text.replace("[controller]\n", &format!("[controller]\n{weighed}"));
         format!(
             "{text}static_friction = {rests:?}\nsliding_friction = {slides:?}\n[estimator]\ncreep = 0.025\n[grip]\ncentre_of_mass_height_m = 0.25\nfriction = {told:?}\n\
              [reference]\ntiming = \"fastest\"\n{}\n",

@@ -24,12 +24,6 @@ pub fn on_stiff_treads(robot: &str) -> String {
     robot.replace("[controller]\n", &format!("[controller]\n{STIFF_TREADS}"))
 }
 
-/// What a scale shows of a simulated robot within a twentieth, without a load and with one of 200 kg.
-pub fn weighed_kg(robot: &str) -> [f64; 2] {
-    let mass_kg = simulated::description(&crate::plan_of(robot)).machine.body.mass_kg;
-    [0.95 * mass_kg, 1.05 * (mass_kg + 200.0)]
-}
-
 /// A robot with a payload of 100 kg, a control law, and first estimates that are wrong by a factor.
 pub fn loaded(robot: &str, law: &str, factor: f64, reference: &str) -> String {
     with_payload(robot, law, factor, PAYLOAD_KG) + reference

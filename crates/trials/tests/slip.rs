@@ -113,7 +113,7 @@ fn on_a_floor_that_is_told_nothing_slips_and_the_path_is_late_and_true() {
 /// The square with corners cut by 50 mm, as fast as physics allows where the floor has a friction of 0.5.
 fn fast(law: &'static str, floor: [f64; 2]) -> Slid {
     let [_, (_, blended), ..] = fast::MOTIONS;
-    fast::Case { robot: BMM, law, motion: blended.to_owned(), told: 0.5, floor, is_weighed: false }.ride()
+    fast::Case { robot: BMM, law, motion: blended.to_owned(), told: 0.5, floor }.ride()
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn who_is_thrown_off_a_fast_plan_gets_back_onto_it_by_another_one() {
     assert_eq!(name, "square");
     let (robot, law) = (MECANUM, "closed_loop_speed");
     let (motion, floor) = (motion.to_owned(), [0.5, 0.45]);
-    let slid = fast::Case { robot, law, motion, told: 0.5, floor, is_weighed: false }.ride();
+    let slid = fast::Case { robot, law, motion, told: 0.5, floor }.ride();
     assert_eq!(slid.end(), "finished");
     println!("mecanum's square: {:?}", slid.run);
     // 15.3 s and 457 mm behind where it is caught up with at a rate.
@@ -143,10 +143,12 @@ fn who_is_thrown_off_a_fast_plan_gets_back_onto_it_by_another_one() {
 }
 
 #[test]
-fn a_floor_that_has_half_of_what_was_told_stops_the_robot_by_name() {
+fn on_a_floor_that_has_half_of_what_was_told_the_robot_goes_gently_at_once() {
+    // 0.61 m off, and stopped for that, where the file doesn't tell what it weighs.
     let slid = fast("closed_loop_speed", [0.25, 0.2]);
-    assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{}", slid.end());
-    assert!(slid.run.cycles < 3000, "{} ms", slid.run.cycles);
+    let (told_ms, off_m) = slid.told.expect("slip is told");
+    assert!(told_ms < 100 && off_m < 0.005, "{told_ms} ms, {off_m} m");
+    assert!(slid.run.finished && slid.run.true_final_m < 0.03, "{}: {:?}", slid.end(), slid.run);
 }
 
 #[test]
@@ -155,7 +157,7 @@ fn slip_on_a_floor_of_less_friction_than_was_planned_with_is_told_by_its_name() 
     for name in ["square", "blended"] {
         let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
         let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.35, 0.3]);
-        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor, is_weighed: false }.ride();
+        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor }.ride();
         println!("{name}: {slid:?}");
         assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{name}: {}", slid.end());
         assert!(slid.run.cycles < 1200, "{name}: {} ms", slid.run.cycles);
@@ -164,16 +166,38 @@ fn slip_on_a_floor_of_less_friction_than_was_planned_with_is_told_by_its_name() 
     }
 }
 
+/// A motion as fast as a floor of 0.5 allows, on another floor.
+fn on_less(robot: &'static str, name: &str, floor: [f64; 2]) -> fast::Case {
+    let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
+    fast::Case { robot, law: "closed_loop_speed", motion: motion.to_owned(), told: 0.5, floor }
+}
+
 #[test]
 fn slip_in_a_steady_motion_is_told_where_the_file_says_what_the_robot_weighs() {
-    // The motion; its true final error with its mass told, m: 67 and 295 mm without.
-    for (name, most_m) in [("circle", 0.015), ("eight", 0.1)] {
-        let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
-        let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.25, 0.2]);
-        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor, is_weighed: true }.ride();
+    // Its true final error, m: 72, 295 and 722 mm where the file doesn't tell the mass.
+    for (robot, name, most_m) in [(BMM, "circle", 0.015), (BMM, "eight", 0.03), (MECANUM, "eight", 0.06)] {
+        let slid = on_less(robot, name, [0.25, 0.2]).ride();
         println!("{name}: {slid:?}");
         let (told_ms, off_m) = slid.told.expect("slip is told");
-        assert!(told_ms < 100 && off_m < 0.005, "{name}: {told_ms} ms, {off_m} m");
+        let is_at_once = robot == MECANUM || told_ms < 100 && off_m < 0.005;
+        assert!(is_at_once && told_ms < 800, "{name}: {told_ms} ms, {off_m} m");
         assert!(slid.run.true_final_m < most_m, "{name}: {} m", slid.run.true_final_m);
     }
+}
+
+#[test]
+fn what_slid_before_a_word_of_it_stops_the_robot_with_the_word() {
+    // What is missing at first could be a slope's: it is told late, and by then 0.1 m were slid.
+    let slid = on_less(BMM, "eight", [0.35, 0.3]).ride();
+    println!("{slid:?}");
+    assert_eq!(slid.stopped, SafetyReason::WheelSlip);
+    assert!(slid.run.cycles < 900 && slid.run.true_final_m < 0.12, "{slid:?}");
+    // Whose file doesn't tell what it weighs looks light for 1.9 s; it doesn't go on to its end then.
+    let text = on_less(MECANUM, "eight", [0.25, 0.2]).text();
+    let platform = text.split_once("[limits]").map_or("", |(platform, _)| platform);
+    let weighed = platform.lines().find(|line| line.starts_with("mass_kg")).expect("what it weighs");
+    let slid = Slid::of(&text.replacen(&format!("{weighed}\n"), "", 1), false);
+    println!("{slid:?}");
+    assert_eq!(slid.stopped, SafetyReason::WheelSlip);
+    assert!(slid.run.cycles < 2100, "{slid:?}");
 }

@@ -145,6 +145,10 @@ pub struct PlatformTable {
     pub half_width_m: Option<f64>,
     /// The wheels one by one, in the order of the drives.
     pub wheel: Vec<WheelTable>,
+    /// What it weighs without a load, kg, as a scale shows it within a twentieth: wheels that push less than that takes slide;
+    /// default: what is learnt alone.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub mass_kg: Option<f64>,
     /// Corners of the footprint, x and y in base_link, m; its convex hull counts; default: the wheels and their radius.
     pub footprint_m: Option<Vec<[f64; 2]>>,
     /// The layout's own keys.

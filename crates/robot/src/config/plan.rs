@@ -42,6 +42,8 @@ pub struct RobotPlan {
     pub sensors: Vec<SensorPlan>,
     /// Wheels and where they stand.
     pub kinematics: Kinematics,
+    /// What the platform weighs without a load, kg, where its file says so.
+    pub mass_kg: Option<f64>,
     /// Limits.
     pub limits: Limits,
     /// How the pose is estimated.

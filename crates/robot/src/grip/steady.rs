@@ -2,10 +2,12 @@
 //!
 //! Over the floor F = m·a. Where rims show an acceleration for which the lightest that the platform can be would take more force than
 //! its wheels give it, they turn without taking it along. It shows in a steady circle, too, where no force changes its size. The
-//! least is that of the file's bounds, and of what was learnt: a slide makes it look lighter, never heavier.
+//! least is that of the file, and of what was learnt: a slide makes it look lighter, never heavier. A slope that helps looks the same, so
+//! a slide is told where more is missing than slopes explain; then all that was missing before was a slide as well, and it slides until
+//! the floor has made up for the speed that it lacks, or gives it less than it did.
 
 use super::sliding::{FAST_1_S, HELD_M_S, LASTING_S, Slide};
-use super::{GRAVITY_M_S2, LEAST_N};
+use super::{FORGOTTEN_S, GRAVITY_M_S2, LEAST_N};
 use crate::decay::Decay;
 
 /// By which part of what its drives tell a platform's motors may give more.
@@ -13,6 +15,8 @@ const MORE_SHARE: f64 = 0.05;
 /// A slope that may help, over gravity; and with what a mass that was learnt on it is off.
 const SLOPE: f64 = 0.03;
 const LEARNT_SLOPE: f64 = 0.05;
+/// What gets less than this part of what it got while it slid grips.
+const STILL_GIVEN: f64 = 0.5;
 
 /// A low-passed vector in body axes.
 type Vector = [f64; 2];
@@ -25,8 +29,9 @@ pub(super) struct Shown {
     /// What the rims push the floor with, N, and what friction takes of it or adds.
     pub(super) push_n: Vector,
     pub(super) friction_n: Vector,
-    /// How fast the rims say that the platform is, m/s.
+    /// How fast the rims say that the platform is, m/s and rad/s.
     pub(super) speed_m_s: f64,
+    pub(super) turn_rad_s: f64,
     /// The least that was learnt of its mass, kg.
     pub(super) learnt_kg: f64,
 }
@@ -39,10 +44,13 @@ pub(super) struct Steady {
     fast: Decay,
     push_n: Vector,
     friction_n: Vector,
-    /// For how long too little pushes, s, and what that comes to since: a speed over the floor, m/s.
+    /// For how long so little pushes that no slope explains it, s.
     since_s: f64,
-    slides_m_s: f64,
+    /// By how much the rims are faster than the floor if nothing but a slide explains what is missing, m/s, and how far that led, m.
+    ahead_m_s: Vector,
     way_m: f64,
+    /// What the floor gave while something was missing, N.
+    given_n: f64,
 }
 
 /// A platform that slides.
@@ -57,33 +65,42 @@ impl Slides {
     /// Of a wheel whose rim goes by a twist as its row says, and whose motor pushes the floor so, N; `None` where it pushes little
     /// of what the greatest one does.
     pub(super) fn of_wheel(&self, row: &[f64; 3], force_n: f64, greatest_n: f64) -> Option<Slide> {
-        let along = row[0] * self.direction[0] + row[1] * self.direction[1];
+        let along = self.along(row);
         let pushes = along * force_n > 0.0 && force_n.abs() > 0.5 * greatest_n;
-        let part = |value: f64| value * along.abs();
         pushes.then(|| Slide {
-            ahead_m_s: part(self.slide.ahead_m_s).copysign(force_n),
-            step_m: part(self.slide.step_m),
+            ahead_m_s: (self.slide.ahead_m_s * along.abs()).copysign(force_n),
+            step_m: self.step_m(row),
         })
+    }
+
+    /// How far such a wheel slid by it, m.
+    pub(super) fn step_m(&self, row: &[f64; 3]) -> f64 {
+        self.slide.step_m * self.along(row).abs()
+    }
+
+    fn along(&self, row: &[f64; 3]) -> f64 {
+        dot([row[0], row[1]], self.direction)
     }
 }
 
 impl Steady {
-    /// Of a platform that weighs so much at least, kg, as far as anybody tells.
-    pub(super) fn new(least_kg: Option<f64>) -> Self {
+    /// Of a platform that weighs so much at least, kg; 0 where nobody tells.
+    pub(super) fn new(least_kg: f64) -> Self {
         Steady {
-            told_kg: (1.0 - MORE_SHARE) * least_kg.unwrap_or(0.0),
+            told_kg: (1.0 - MORE_SHARE) * least_kg,
             fast: Decay::new(FAST_1_S),
             push_n: Vector::default(),
             friction_n: Vector::default(),
             since_s: 0.0,
-            slides_m_s: 0.0,
+            ahead_m_s: Vector::default(),
             way_m: 0.0,
+            given_n: 0.0,
         }
     }
 
     /// Nothing is known of what was before.
     pub(super) fn forget(&mut self) {
-        *self = Steady { told_kg: self.told_kg, fast: self.fast, ..Steady::new(None) };
+        *self = Steady { told_kg: self.told_kg, fast: self.fast, ..Steady::new(0.0) };
     }
 
     /// Whether the platform slides.
@@ -100,35 +117,73 @@ impl Steady {
         for (old, new) in olds.into_iter().zip(told) {
             *old = std::array::from_fn(|axis| keep * old[axis] + (1.0 - keep) * new[axis]);
         }
+        let mass_kg = self.told_kg.max(learnt_kg);
+        if *speed_m_s < HELD_M_S || mass_kg <= 0.0 {
+            self.grips();
+            return None;
+        }
         let size = omnibase_platform::length(*acceleration);
-        let least_n = |mass_kg: f64, slope: f64| mass_kg * (size - slope * GRAVITY_M_S2);
-        let least_n = least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE));
-        if least_n <= 0.0 || *speed_m_s < HELD_M_S {
-            self.since_s = 0.0;
-            return None;
-        }
-        let direction = acceleration.map(|axis| axis / size);
-        let along = |force_n: Vector| force_n[0] * direction[0] + force_n[1] * direction[1];
+        let direction = if size > 0.0 { acceleration.map(|axis| axis / size) } else { Vector::default() };
+        let push_n = dot(self.push_n, direction);
         // Friction that brakes where the wheels brake.
-        let helps_n = (-along(self.friction_n)).max(0.0);
-        let (push_n, given_n) = (along(self.push_n), along(self.push_n) + helps_n);
+        let helps_n = (-dot(self.friction_n, direction)).max(0.0);
+        let given_n = push_n + helps_n;
         // Who is slowed by wheels while speeding up goes downhill.
-        if push_n < LEAST_N || given_n >= least_n {
+        let is_missing = |least_n: f64| push_n >= LEAST_N && given_n < least_n;
+        if is_missing(mass_kg * size) {
+            self.given_n = given_n;
+        }
+        let (sin, cos) = (span_s * shown.turn_rad_s).sin_cos();
+        let [x, y] = self.ahead_m_s;
+        let carried = [cos * x + sin * y, cos * y - sin * x];
+        let ahead_m_s: Vector = std::array::from_fn(|axis| {
+            let force_n = self.push_n[axis] + helps_n * direction[axis];
+            carried[axis] + span_s * (acceleration[axis] - force_n / mass_kg)
+        });
+        // What slides is pushed where its rims run ahead, and by as much as before.
+        let along_n = dot(self.push_n, ahead_m_s) / omnibase_platform::length(ahead_m_s);
+        self.ahead_m_s = if along_n > STILL_GIVEN * self.given_n { ahead_m_s } else { Vector::default() };
+        let ahead_m_s = omnibase_platform::length(self.ahead_m_s);
+        self.way_m = if ahead_m_s > 0.0 {
+            self.way_m + span_s * ahead_m_s
+        } else {
+            self.way_m * (-span_s / FORGOTTEN_S).exp()
+        };
+        let least_n = |mass_kg: f64, slope: f64| mass_kg * (size - slope * GRAVITY_M_S2);
+        if is_missing(least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE))) {
+            self.since_s += span_s;
+        } else if self.since_s < LASTING_S || ahead_m_s == 0.0 {
             self.since_s = 0.0;
+        }
+        if self.since_s < LASTING_S {
             return None;
         }
-        let given_m_s2 = given_n / self.told_kg.max(learnt_kg);
-        if self.since_s == 0.0 {
-            (self.slides_m_s, self.way_m) = (0.0, 0.0);
-        }
-        self.since_s += span_s;
-        self.slides_m_s += span_s * (size - given_m_s2);
-        self.way_m += span_s * self.slides_m_s;
-        (self.since_s >= LASTING_S).then(|| Slides {
-            direction,
-            slide: Slide { ahead_m_s: self.slides_m_s, step_m: std::mem::take(&mut self.way_m) },
+        let slides = self.if_it_slides();
+        self.count();
+        slides
+    }
+
+    /// What is missing counts as slid.
+    pub(super) fn count(&mut self) {
+        self.way_m = 0.0;
+    }
+
+    /// The slide that explains what is missing and wasn't counted, if it is one: a slope that helps would as well.
+    pub(super) fn if_it_slides(&self) -> Option<Slides> {
+        let ahead_m_s = omnibase_platform::length(self.ahead_m_s);
+        (ahead_m_s > 0.0).then(|| Slides {
+            direction: self.ahead_m_s.map(|axis| axis / ahead_m_s),
+            slide: Slide { ahead_m_s, step_m: self.way_m },
         })
     }
+
+    fn grips(&mut self) {
+        (self.since_s, self.ahead_m_s) = (0.0, Vector::default());
+    }
+}
+
+fn dot(one: Vector, other: Vector) -> f64 {
+    one[0] * other[0] + one[1] * other[1]
 }
 
 #[cfg(test)]
@@ -137,31 +192,72 @@ mod tests {
 
     const PERIOD_S: f64 = 1e-3;
 
-    /// A platform of 70 kg whose file says 66.5 at least, going round in a circle with 3 m/s²: the wheels push as `pushes` makes of what
-    /// that takes. When it was first told, s, and how far its rims were said to have run ahead by 0.5 s, m.
-    fn told(pushes: impl Fn(f64, Vector) -> Vector, learnt_kg: f64) -> Option<(f64, f64)> {
-        let mut steady = Steady::new(Some(66.5));
-        let (mut first, mut way_m, mut acceleration) = (None, 0.0, Vector::default());
+    /// What a platform of 70 kg, 66.5 at least by its file, was said to slide by, and when, whose rims accelerate and whose wheels push
+    /// over half a second as a world says.
+    fn slides(world: impl Fn(f64) -> (Vector, Vector), learnt_kg: f64) -> Vec<(f64, Slide)> {
+        let mut steady = Steady::new(66.5);
+        let mut acceleration = Vector::default();
         let keep = Decay::new(FAST_1_S).kept(PERIOD_S);
-        for cycle in 0..500 {
+        let looked = (0..500).filter_map(|cycle| {
             let t = f64::from(cycle) * PERIOD_S;
-            let (sin, cos) = (4.0 * t).sin_cos();
-            for (old, new) in acceleration.iter_mut().zip([3.0 * cos, 3.0 * sin]) {
+            let (driven, push_n) = world(t);
+            for (old, new) in acceleration.iter_mut().zip(driven) {
                 *old = keep * *old + (1.0 - keep) * new;
             }
+            let (sin, cos) = (4.0 * t).sin_cos();
             let shown = Shown {
                 acceleration,
-                push_n: pushes(t, [210.0 * cos, 210.0 * sin]),
+                push_n,
                 friction_n: [-4.0 * sin, 4.0 * cos],
                 speed_m_s: 0.7,
+                turn_rad_s: 0.0,
                 learnt_kg,
             };
-            if let Some(slides) = steady.look(&shown, PERIOD_S) {
-                first.get_or_insert(t);
-                way_m += slides.slide.step_m;
-            }
-        }
-        first.map(|first| (first, way_m))
+            steady.look(&shown, PERIOD_S).map(|slides| (t, slides.slide))
+        });
+        looked.collect()
+    }
+
+    /// Going round in a circle with 3 m/s²: the wheels push as `pushes` makes of what that takes. When it was first told, s, and how far
+    /// its rims were said to have run ahead by 0.5 s, m.
+    fn told(pushes: impl Fn(f64, Vector) -> Vector, learnt_kg: f64) -> Option<(f64, f64)> {
+        let world = |t: f64| {
+            let (sin, cos) = (4.0 * t).sin_cos();
+            ([3.0 * cos, 3.0 * sin], pushes(t, [210.0 * cos, 210.0 * sin]))
+        };
+        let slides = slides(world, learnt_kg);
+        let way_m = slides.iter().map(|(_, slide)| slide.step_m).sum();
+        slides.first().map(|(first, _)| (*first, way_m))
+    }
+
+    #[test]
+    fn what_was_missing_before_a_slide_was_told_was_one_too() {
+        // 0.25 m/s² of what the least that it weighs takes: a slope could give that. Then 0.6.
+        let world = |t: f64| {
+            let missing = if t < 0.3 { 0.25 } else { 0.6 };
+            ([3.0, 0.0], [0.95 * 66.5 * (3.0 - missing), 0.0])
+        };
+        let (first_s, slide) = slides(world, 0.0)[0];
+        assert!((0.35..0.4).contains(&first_s), "{first_s}");
+        // 0.25 m/s² · (0.32 s)²/2 behind the low-passes, and more.
+        assert!((0.012..0.03).contains(&slide.step_m), "{slide:?}");
+    }
+
+    #[test]
+    fn what_slides_does_so_until_the_floor_has_made_up_for_it_or_gives_less() {
+        let after = |push_n: f64| {
+            let world =
+                move |t: f64| if t < 0.3 { ([3.0, 0.0], [140.0, 0.0]) } else { ([0.0; 2], [push_n, 0.0]) };
+            let slides = slides(world, 0.0);
+            let way_m: f64 = slides.iter().map(|(_, slide)| slide.step_m).sum();
+            (slides.last().expect("it slides").0, way_m)
+        };
+        // 0.3 s of 3 - 2.2 m/s², and what the low-passes are late by, are made up for by 2.2 m/s² in 0.13 s.
+        let (last_s, way_m) = after(140.0);
+        assert!((0.4..0.45).contains(&last_s), "{last_s}");
+        assert!((0.03..0.06).contains(&way_m), "{way_m}");
+        // Rims that nothing pushes any more run with the platform, as soon as the low-passes show it.
+        assert!(after(0.0).0 < 0.38, "{}", after(0.0).0);
     }
 
     #[test]
@@ -185,12 +281,13 @@ mod tests {
         assert_eq!(told(|_, [x, y]| [-0.1 * x, -0.1 * y], 70.0), None);
         // Nobody knows what it weighs.
         for along in [3.0, 0.3] {
-            let mut steady = Steady::new(None);
+            let mut steady = Steady::new(0.0);
             let shown = Shown {
                 acceleration: [along, 0.0],
                 push_n: [2.0, 0.0],
                 friction_n: [0.0; 2],
                 speed_m_s: 0.7,
+                turn_rad_s: 0.0,
                 learnt_kg: -20.0,
             };
             assert!((0..500).all(|_| steady.look(&shown, PERIOD_S).is_none()), "{along}");

@@ -161,5 +161,5 @@ pub(super) const LAYOUT: Sort = Sort {
     table: "platform",
     key: "layout",
     default: None,
-    common: &["layout", "wheel_radius_m", "footprint_m", "custom"],
+    common: &["layout", "wheel_radius_m", "mass_kg", "footprint_m", "custom"],
 };

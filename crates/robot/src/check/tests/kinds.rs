@@ -132,6 +132,16 @@ fn first_estimates_lie_within_their_bounds_under_the_law_that_learns_them() {
 }
 
 #[test]
+fn what_the_platform_weighs_is_more_than_nothing() {
+    let with = |mass_kg: &str| BMM.replacen("mass_kg = 70.0 ", &format!("mass_kg = {mass_kg} "), 1);
+    assert_eq!(check(&with("82.5")).expect("a heavier one").mass_kg, Some(82.5));
+    for mass_kg in ["0.0", "-70.0"] {
+        let told = show(&check(&with(mass_kg)).expect_err(mass_kg));
+        assert!(told.contains("platform.mass_kg") && told.contains("outside its bounds"), "{told}");
+    }
+}
+
+#[test]
 fn own_keys_of_a_kind_are_within_their_bounds() {
     let of = |custom: &str| {
         let text = BMM
