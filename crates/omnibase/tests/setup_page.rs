@@ -192,6 +192,7 @@ fn an_unknown_robot_behind_a_cable_is_set_up_on_the_page() {
             counts: 10_000,
             gear: 5.0,
             turned_encoder: None,
+            brakes: [0; 3],
         };
         let folder = tempfile::tempdir().unwrap();
         let place = |on_blocks: bool| {
