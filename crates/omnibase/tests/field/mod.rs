@@ -175,6 +175,58 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
     assert!(cycle.is_some_and(|(cycle_us, _)| cycle_us.parse::<u32>().unwrap() > 0), "{findings:?}");
 }
 
+/// A switch for its identification, modules in slots, and a SyncManager of 200 bytes of which no PDO tells beside a virtual one over the
+/// registers of the clock: seen by `scan`, and all in OP by `exchange`, over a cable.
+#[test]
+fn identification_modules_and_lengths_without_pdos_are_seen_behind_a_cable() {
+    let Some(namespace) = Namespace::for_test("identification_modules_and_lengths") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let manager = |usage, start, length, control, enable| sii::SyncManager {
+        start,
+        length,
+        control,
+        status: 0,
+        enable,
+        usage,
+    };
+    let mut image = sii::Image {
+        sync_managers: vec![
+            manager(sii::SyncManagerUsage::Inputs, 0x1800, 200, 0x20, sii::SM_ENABLE),
+            manager(sii::SyncManagerUsage::Outputs, 0x0980, 1, 0x64, sii::SM_ENABLE | sii::SM_VIRTUAL),
+        ],
+        general: Some(sii::General::default()),
+        fmmus: vec![sii::FmmuUsage::Inputs],
+        ..sii::Image::default()
+    };
+    image.header.checksum = u16::from(image.header.computed_checksum());
+    std::fs::write(folder.path().join("long.bin"), image.emit()).unwrap();
+    let maker = concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments/maker.xml");
+    let tables = format!(
+        "[[subdevice]]\nkind = \"servo\"\nidentification = 7\n[[subdevice]]\nkind = \"esi\"\nesi = \"{maker}\"\n\
+         device = \"MU-COUPLER\"\nmodules = [\"MU-AI\", \"MU-DO\"]\n[[subdevice]]\nkind = \"sii\"\nsii = \"long.bin\"\n"
+    );
+    let file = folder.path().join("segment.toml");
+    std::fs::write(&file, tables).unwrap();
+    namespace.run(|| {
+        let (_simulator, _) = Simulator::start(&[file.to_str().unwrap()]);
+        let scan = omnibase(&["scan", Namespace::NEAR, "--json"]);
+        let said = text(&scan.stderr);
+        assert!(said.contains("SubDevice 2") && said.contains("the SII says 200 bytes"), "{said}");
+        let found = json(&scan);
+        assert_eq!(found["subdevices"][0]["identification"], 7, "{found}");
+        assert_eq!(
+            found["subdevices"][1]["modules"]["detected"],
+            serde_json::json!([0x101, 0x201]),
+            "{found}"
+        );
+        // Frames that a busy machine answers too late cost the exit code, not the state.
+        let exchange =
+            omnibase(&["exchange", Namespace::NEAR, "--cycles", "20", "--cycle-us", "20000", "--json"]);
+        let found: serde_json::Value = serde_json::from_slice(&exchange.stdout).unwrap_or_default();
+        assert_eq!(found["operational"], true, "{}", text(&exchange.stderr));
+    });
+}
+
 /// A long segment: which cycle fits is told, a shorter one is refused beforehand, and that one works.
 #[test]
 fn the_cycle_that_is_said_to_fit_fits() {
