@@ -273,7 +273,16 @@ fn what_is_no_recording_is_refused_in_words() {
 fn the_page_of_a_run_shows_what_binds_its_planned_motion() {
     let folder = Folder::new("report-planned");
     let page = folder.path("run.html");
-    let ran = omnibase(&["run", "robots/bmm.toml", "--circle", "radius_m=0.2", "--timing", "fastest", "--report", &page]);
+    let ran = omnibase(&[
+        "run",
+        "robots/bmm.toml",
+        "--circle",
+        "radius_m=0.2",
+        "--timing",
+        "fastest",
+        "--report",
+        &page,
+    ]);
     assert!(ran.status.success(), "{}", words(&ran.stderr));
     let html = std::fs::read_to_string(&page).unwrap();
     let (_, planned) = html.split_once("<section id=\"planned\">").expect("a section of the planned motion");

@@ -93,7 +93,9 @@ fn page(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals, planned: Op
         html.push_str(&sections::section("path", "Path", empty));
     } else {
         html.push_str(&page.path());
-        html.extend(planned.map(|svg| sections::section("planned", "Planned motion, and what binds it", svg)));
+        html.extend(
+            planned.map(|svg| sections::section("planned", "Planned motion, and what binds it", svg)),
+        );
         for section in [Page::errors, Page::speeds, Page::wheels] {
             html.push_str(&section(&page));
         }

@@ -143,11 +143,7 @@ impl Reduction {
         self.end_column();
         let RecordedRun { times_ns, values, .. } = self.seen;
         let schema = if self.read.rows == 0 { read.schema.clone() } else { self.piece.schema };
-        Digest {
-            run: RecordedRun { schema, times_ns, values, ..read },
-            planned: None,
-            totals: self.totals,
-        }
+        Digest { run: RecordedRun { schema, times_ns, values, ..read }, planned: None, totals: self.totals }
     }
 }
 

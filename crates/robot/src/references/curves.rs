@@ -222,7 +222,8 @@ mod tests {
     #[test]
     fn a_free_heading_is_never_slower_and_ends_as_given() {
         let fastest = "timing = \"fastest\"\n";
-        let points = "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 3], [2, 1, 1, -2], [3, 0, 1, 1.5]]\n";
+        let points =
+            "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 3], [2, 1, 1, -2], [3, 0, 1, 1.5]]\n";
         let places =
             "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 0], [2, 1.9, 0.3, 0], [3, 2.5, 1, 0]]\n";
         for (motion, given_rad) in [
