@@ -264,8 +264,8 @@ mod tests {
 
     #[test]
     fn points_are_driven_with_the_heading_that_is_asked_for() {
-        let points = "kind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 1], [2, 1.9, 0.3, 0], [3, 2.5, 1, 0.4]]\n";
-        is_near(end(points), [2.5, 1.0, 0.4]);
+        let points = "kind = \"path\"\ntiming = \"fastest\"\npoints = [[0, 0, 0, 0], [1, 1, 0, 1], [2, 1.9, 0.3, 0], [3, 2.6, 0.9, 0.4]]\n";
+        is_near(end(points), [2.6, 0.9, 0.4]);
         let of = |heading: &str| {
             let mut reference = made(&format!("{points}heading = \"{heading}\"")).unwrap();
             reference.start(&crate::signals::Setpoint::default());
