@@ -19,7 +19,7 @@ pub enum Verdict {
 /// Readings that contradict are remembered for so long, s.
 const DOUBT_TIME_S: f64 = 0.3;
 /// The share of readings that contradict, lately, beyond which it isn't.
-const DOUBTED: f64 = 0.54;
+const DOUBTED: f64 = 0.5;
 /// The share from which what it contradicts may be wrong.
 const DOUBTFUL: f64 = 0.2;
 /// For so long it must agree before it is believed again, s.

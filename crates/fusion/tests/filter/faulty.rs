@@ -86,9 +86,8 @@ fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
     let by = match fault {
         Fault::Frozen => return said,
         Fault::Jumping => 1.0,
-        // 50 mm of a place, 0.1 m/s or rad/s of a speed; of a twist, whose noise is greater, 0.15.
+        // 50 mm of a place, 0.1 m/s or rad/s of a speed.
         Fault::Biased if matches!(reading, Reading::Pose { .. }) => 0.05,
-        Fault::Biased if matches!(reading, Reading::Twist(_)) => 0.15,
         Fault::Biased => 0.1,
         _ => 0.0,
     };
