@@ -1,9 +1,10 @@
 //! What becomes of sensors that fail, kind by kind and fault by fault, in companies of others.
 //!
 //! `cargo run --release -p omnibase-fusion --example faults [-- <worlds>]`: 20 by default. After how long the sensor was named at the
-//! latest, as what, and how far the truth was from what was believed at most, in standard deviations of x, y and heading, in all
-//! worlds: in as many without a fault it is what stands first. The motion is even, so that a clock that is off shows by poses alone;
-//! of speeds it is told where the motion changes (`--test filter clocks`).
+//! latest, as what; for which share of the time from the fault on the truth was outside of the ellipsoid of the covariance that holds
+//! it as often as three standard deviations hold one axis (0.27 % of the time where all is right), the mean NEES, and how far
+//! away it was at most, in standard deviations of x, y and heading: without a fault it is what stands first. The motion is even, so
+//! that a clock that is off shows by poses alone; of speeds it is told where the motion changes (`--test filter clocks`).
 
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../tests/filter/faulty.rs"]
@@ -17,8 +18,10 @@ use faulty::{FAULTS, Outcome, companies, drive};
 fn main() {
     let worlds: u64 = std::env::args().nth(1).map_or(20, |text| text.parse().expect("how many worlds"));
     println!("{worlds} worlds of 8 s; the first sensor of each company fails after 5 s\n");
-    println!("| sensor, company | fault | named after s | as | unnamed | others named | truth within σ |");
-    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| sensor, company | fault | named after s | as | unnamed | others named | outside % | NEES | truth within σ |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (name, sensors) in companies() {
         for fault in std::iter::once(None).chain(FAULTS.map(Some)) {
             let all: Vec<Outcome> = std::thread::scope(|scope| {
@@ -38,9 +41,11 @@ fn main() {
             let unnamed = all.iter().filter(|one| one.named.is_none()).count();
             let others = all.iter().filter(|one| one.other.is_some()).count();
             let sigmas = all.iter().map(|one| one.sigmas).fold(0.0, f64::max);
+            let mean = |of: fn(&Outcome) -> f64| all.iter().map(of).sum::<f64>() / worlds as f64;
+            let (outside, nees) = (100.0 * mean(|one| one.outside), mean(|one| one.nees));
             let fault = fault.map_or("none".to_owned(), |fault| format!("{fault:?}"));
             println!(
-                "| {name} | {fault} | {latest_s:.3} | {} | {unnamed} | {others} | {sigmas:.2} |",
+                "| {name} | {fault} | {latest_s:.3} | {} | {unnamed} | {others} | {outside:.2} | {nees:.2} | {sigmas:.2} |",
                 verdicts.join(", ")
             );
         }

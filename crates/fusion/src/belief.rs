@@ -92,6 +92,8 @@ pub struct Innovation<const M: usize> {
     carried: [[f64; STATES]; M],
     /// ν'·S⁻¹·ν: chi² with M degrees of freedom where all is as believed.
     pub nis: f64,
+    /// The diagonal of S: what each number's square was expected to be.
+    pub(crate) expected: [f64; M],
 }
 
 /// How the error of a pose after a step depends on all errors before it.
@@ -162,6 +164,13 @@ impl Carrying {
     }
 }
 
+impl<const M: usize> Innovation<M> {
+    /// By how much the reading is off.
+    pub(crate) fn off(&self) -> [f64; M] {
+        std::array::from_fn(|m| self.difference[m])
+    }
+}
+
 impl Belief {
     /// At a pose, with variances of all errors in their order and the covariance of E.
     pub fn new(map_from_body: Pose2, geometry: &SMatrix<f64, 9, 9>) -> Belief {
@@ -177,6 +186,11 @@ impl Belief {
     /// An error, by its place.
     pub(crate) fn error(&self, place: usize) -> f64 {
         self.errors[place - 3]
+    }
+
+    /// The variance of a place.
+    pub(crate) fn variance(&self, place: usize) -> f64 {
+        self.covariance[place][place]
     }
 
     /// A variance is at least so great.
@@ -281,6 +295,7 @@ impl Belief {
             rows[r].terms().iter().map(|(place, derivative)| derivative * carried[c][*place]).sum::<f64>()
         });
         let expected = (expected + expected.transpose()) * 0.5 + noise;
+        let variances = std::array::from_fn(|m| expected[(m, m)]);
         let inverse = Cholesky::new(expected)?.inverse();
         let difference = SVector::from(difference);
         let nis = difference.dot(&(inverse * difference));
@@ -292,7 +307,7 @@ impl Belief {
                 }
             }
         }
-        nis.is_finite().then_some(Innovation { difference, gain, carried, nis })
+        nis.is_finite().then_some(Innovation { difference, gain, carried, nis, expected: variances })
     }
 
     /// Takes it in.

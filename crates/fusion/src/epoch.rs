@@ -4,6 +4,7 @@
 
 mod clocks;
 mod inertial;
+mod lean;
 mod poses;
 mod rates;
 
@@ -15,6 +16,7 @@ use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
 pub use clocks::Clock;
 pub use inertial::Inertia;
+pub use lean::Lean;
 use rates::Rates;
 
 /// Poses of one epoch; those beyond are left out.
@@ -116,6 +118,8 @@ pub struct Knowledge {
     pub inertia: [Inertia; MAX_RATES],
     /// What is known of the clocks of those that tell speeds.
     pub clocks: [Clock; MAX_RATES],
+    /// What each sensor was off lately.
+    pub leans: [Lean; MAX_SENSORS],
 }
 
 impl Knowledge {

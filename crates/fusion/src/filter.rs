@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Clock, Epoch, Inertia, Knowledge, rates};
+use crate::epoch::{Clock, Epoch, Inertia, Knowledge, Lean, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -145,6 +145,7 @@ impl Filter {
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
             clocks: [Clock::default(); MAX_RATES],
+            leans: [Lean::default(); MAX_SENSORS],
         };
         Filter {
             epoch_ns: EPOCH_NS.max(settings.period_ns),

@@ -19,7 +19,7 @@ pub enum Verdict {
 /// Readings that contradict are remembered for so long, s.
 const DOUBT_TIME_S: f64 = 0.3;
 /// The share of readings that contradict, lately, beyond which it isn't.
-const DOUBTED: f64 = 0.54;
+const DOUBTED: f64 = 0.5;
 /// The share from which what it contradicts may be wrong.
 const DOUBTFUL: f64 = 0.2;
 /// For so long it must agree before it is believed again, s.
@@ -109,6 +109,11 @@ impl Standing {
         self.heard_ns.map_or(f64::INFINITY, |heard_ns| instant_ns.saturating_sub(heard_ns) as f64 * 1e-9)
     }
 
+    /// For how long a reading of an instant tells of it, s.
+    pub(crate) fn since_s(&self, instant_ns: u64) -> f64 {
+        self.silent_s(instant_ns).min(LONGEST_S)
+    }
+
     /// A reading comes, when wheels have driven so far. What they drove before it began to contradict, or while it was silent,
     /// nobody saw.
     pub(crate) fn comes(&mut self, instant_ns: u64, silent_ns: u64, driven_m: f64) {
@@ -149,7 +154,7 @@ impl Standing {
 
     /// A reading of an instant agrees with the others or doesn't; whether it is to be taken in.
     pub(crate) fn judge(&mut self, instant_ns: u64, agrees: bool, fault: Verdict) -> bool {
-        let since_s = self.silent_s(instant_ns).min(LONGEST_S);
+        let since_s = self.since_s(instant_ns);
         self.heard_ns = Some(instant_ns);
         let weight = 1.0 - (-since_s / DOUBT_TIME_S).exp();
         self.doubt += (f64::from(u8::from(!agrees)) - self.doubt) * weight;

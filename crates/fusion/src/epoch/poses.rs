@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
+use super::lean::{OF_POSES_S, share_of};
 use super::{ARM_M, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
 use crate::belief::{Belief, Row, SLIP};
 use crate::sensor::Sensor;
@@ -88,11 +89,19 @@ impl Epoch {
                 }
             }
         }
+        let since_s = known.standings[heard.sensor].since_s(heard.instant_ns);
         let standing = &mut known.standings[heard.sensor];
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
         if standing.judge(heard.instant_ns, agrees, fault) {
+            let lean = &mut known.leans[heard.sensor];
+            lean.take(
+                share_of(since_s, OF_POSES_S),
+                &innovation.off(),
+                &innovation.expected,
+                &innovation.off(),
+            );
+            known.doubt = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
             known.belief.correct(&innovation);
-            known.doubt = [0.0; 2];
             return;
         }
         if !agrees {

@@ -4,6 +4,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
 use super::clocks::sees;
+use super::lean::{OF_SPEEDS_S, share_of};
 use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
 use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
@@ -11,6 +12,10 @@ use crate::standing::Verdict;
 
 /// So much of its noise at most is made up for by means that change less than what they are of.
 const LEFT_OF_NOISE: f64 = 0.5;
+
+/// A gyro's bias is learnt once it is known to this share of what was said of it; before, it may be so many times as great.
+const LEARNT: f64 = 0.5;
+const BIAS_SIGMAS: f64 = 8.0;
 
 /// What an epoch's speeds are compared with.
 #[derive(Clone, Copy)]
@@ -29,6 +34,11 @@ impl Rates<'_> {
     /// Speeds. What a single sensor contradicts is its own fault; what several do, and agree in, is the wheels': they
     /// slip.
     pub(super) fn take(&self, known: &mut Knowledge) {
+        for one in self.heard() {
+            if self.sensors[one.1].kind.is_gyro() {
+                self.begin_bias(one, known);
+            }
+        }
         // By how much each that is believed contradicts the wheels, in body axes.
         let mut off = [None; MAX_RATES];
         let mut numbers = 0;
@@ -72,6 +82,28 @@ impl Rates<'_> {
             }
         }
         self.judge_clocks(known);
+    }
+
+    /// One bias in a thousand is further off than the gate of a reading lets pass, and would be gated for ever: where nothing was
+    /// learnt of it yet, and a second reading is off likewise, it is as uncertain as that.
+    fn begin_bias(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
+        let (rate, place, sum) = one;
+        let sensor = &self.sensors[place];
+        let learnt = LEARNT * LEARNT * sensor.bias_sigma * sensor.bias_sigma;
+        if known.belief.variance(OWN + 2 * rate) < learnt {
+            return;
+        }
+        let (nis, [off, ..]) = self.chi2(one, known);
+        let before = known.standings[place].off.take();
+        if nis <= gate(sensor.kind) || off.abs() > BIAS_SIGMAS * sensor.bias_sigma {
+            return;
+        }
+        let noise = sensor.sigma[0] / f64::from(sum.count).sqrt();
+        if before.is_some_and(|before| (off - before[0]).abs() <= REPEATS_SIGMAS * noise) {
+            known.belief.widen_to(OWN + 2 * rate, off * off);
+        } else {
+            known.standings[place].off = Some([off, 0.0, 0.0]);
+        }
     }
 
     /// Whether a sensor that isn't heard in this epoch tells of turns now, and agrees.
@@ -131,15 +163,38 @@ impl Rates<'_> {
         let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
         let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound, driven_m);
         standing.nis = innovation.nis / M as f64;
+        let since_s = standing.since_s(self.epoch.end_ns);
         let agrees = innovation.nis <= GATES[M - 1] && !repeats;
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
         if standing.judge(self.epoch.end_ns, agrees, fault) {
+            self.lean(place, since_s, &innovation, known);
             known.belief.correct(&innovation);
         } else if !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.
             let off = size(&mean(sum), &expected, sensor.kind);
             known.doubt[0] += off[0] * self.epoch.time_s;
             known.doubt[1] += off[1] * self.epoch.time_s;
+        }
+    }
+
+    /// Takes in what a sensor is off that is believed: where it leans, it may be the wheels that are wrong, or what it says.
+    fn lean<const M: usize>(
+        &self,
+        place: usize,
+        since_s: f64,
+        innovation: &Innovation<M>,
+        known: &mut Knowledge,
+    ) {
+        let sensor = &self.sensors[place];
+        let slip = self.by_twist(sensor, [0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
+        let off: [f64; M] = innovation.off();
+        let off_wheels: [f64; M] = std::array::from_fn(|n| off[n] - slip[n]);
+        let lean = &mut known.leans[place];
+        lean.take(share_of(since_s, OF_SPEEDS_S), &off, &innovation.expected, &off_wheels);
+        if let Some(by) = lean.by() {
+            let [way, turn] = size(&by, &[0.0; 3], sensor.kind);
+            known.doubt[0] += way * self.epoch.time_s;
+            known.doubt[1] += turn * self.epoch.time_s;
         }
     }
 

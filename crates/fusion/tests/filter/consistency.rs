@@ -1,6 +1,6 @@
 //! The error is as great as the covariance says: NEES over many worlds.
 
-use omnibase_fusion::{Filter, Sensor};
+use omnibase_fusion::{Filter, Reading, Sensor, Verdict};
 
 use crate::world::{PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
 
@@ -72,6 +72,33 @@ fn what_a_gyro_is_off_is_as_great_as_expected_however_little_its_noise_is() {
         println!("{sigma}: NIS {nis:.3}");
         assert!((nis - 1.0).abs() < 0.035, "{sigma}: {nis}, of {count} expected 1 within 0.035");
         (sum, count) = (0.0, 0.0);
+    }
+}
+
+/// One gyro in a thousand has a bias beyond what a gate lets pass. It was gated from its first reading on, and for ever.
+#[test]
+fn a_gyro_whose_bias_is_greater_than_was_said_is_believed_and_one_wrong_reading_at_the_beginning_is_not() {
+    for (bias, wrong, expected) in
+        [(0.045, 0.0, Verdict::Good), (0.0, 1.0, Verdict::Good), (0.5, 0.0, Verdict::Contradicts)]
+    {
+        let sensors = [gyro()];
+        let mut world = World::new(2, &sensors);
+        let mut filter = Filter::new(settings(), &sensors);
+        for cycle in 0..8000 {
+            let motion = world.step();
+            filter.advance(world.now_ns, &motion);
+            let Reading::Turn(turn) = world.read(0) else { panic!("a gyro") };
+            let wrong = if cycle < 3 { wrong } else { 0.0 };
+            filter.hear(0, world.now_ns, &Reading::Turn(turn + bias + wrong));
+        }
+        let [.., heading_rad] = error(&filter, world.truth);
+        println!("bias {bias}, {wrong}: {:?}, heading off by {heading_rad}", filter.verdict(0));
+        assert_eq!(
+            filter.verdict(0).0,
+            expected,
+            "bias {bias} rad/s, said to be 0.01; first readings off by {wrong}"
+        );
+        assert!(heading_rad.abs() < 3.0 * filter.estimate().covariance[5].sqrt(), "{bias}: {heading_rad}");
     }
 }
 

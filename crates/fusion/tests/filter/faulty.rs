@@ -3,7 +3,7 @@
 use omnibase_fusion::{Filter, Reading, Sensor, SensorKind, Verdict};
 use omnibase_platform::Pose2;
 
-use crate::world::{World, error, gyro, mouse, settings, tracker};
+use crate::world::{World, error, gyro, mouse, nees, settings, tracker};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
@@ -69,18 +69,25 @@ pub struct Outcome {
     pub named: Option<(f64, Verdict)>,
     /// How far the truth was from what was believed at most, in standard deviations of x, y, heading.
     pub sigmas: f64,
+    /// The share of the time from the fault on in which the truth was outside of the ellipsoid that holds it as often as three
+    /// standard deviations hold one axis, and the mean NEES of that time over its three degrees of freedom.
+    pub outside: f64,
+    pub nees: f64,
     /// Another that was named while the first failed, or any before.
     pub other: Option<usize>,
 }
+
+/// chi² with three degrees of freedom that is exceeded as often as three standard deviations of one axis: by 0.27 %.
+pub const THREE_SIGMA: f64 = 14.16;
+pub const OUTSIDE: f64 = 0.0027;
 
 /// What becomes of a reading.
 fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
     let by = match fault {
         Fault::Frozen => return said,
         Fault::Jumping => 1.0,
-        // 50 mm of a place, 0.1 m/s or rad/s of a speed; of a twist, whose noise is greater, 0.15.
+        // 50 mm of a place, 0.1 m/s or rad/s of a speed.
         Fault::Biased if matches!(reading, Reading::Pose { .. }) => 0.05,
-        Fault::Biased if matches!(reading, Reading::Twist(_)) => 0.15,
         Fault::Biased => 0.1,
         _ => 0.0,
     };
@@ -106,7 +113,8 @@ pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
     let begin_ns = world.now_ns + 5_000_000_000;
     let mut said = [Reading::Turn(0.0); 8];
     let mut heard: Vec<std::collections::VecDeque<Reading>> = vec![Default::default(); sensors.len()];
-    let mut outcome = Outcome { named: None, sigmas: 0.0, other: None };
+    let mut outcome = Outcome { named: None, sigmas: 0.0, outside: 0.0, nees: 0.0, other: None };
+    let mut looks = 0.0;
     for cycle in 0..8000_u64 {
         let motion = world.step();
         filter.advance(world.now_ns, &motion);
@@ -142,14 +150,21 @@ pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
                 outcome.other.get_or_insert(place);
             }
         }
+        // From when it fails on: before, all is as ever.
+        if since_s <= 0.0 {
+            continue;
+        }
         let covariance = filter.estimate().covariance;
         let off = error(&filter, world.truth);
         for (off, variance) in off.iter().zip([covariance[0], covariance[3], covariance[5]]) {
-            // From when it fails on: before, all is as ever.
-            if since_s > 0.0 {
-                outcome.sigmas = outcome.sigmas.max(off.abs() / variance.sqrt());
-            }
+            outcome.sigmas = outcome.sigmas.max(off.abs() / variance.sqrt());
         }
+        let nees = nees(&filter, world.truth);
+        looks += 1.0;
+        outcome.nees += nees;
+        outcome.outside += f64::from(u8::from(3.0 * nees > THREE_SIGMA));
     }
+    outcome.nees /= looks;
+    outcome.outside /= looks;
     outcome
 }
