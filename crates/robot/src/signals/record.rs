@@ -361,8 +361,8 @@ impl CycleRecord {
         v.code("allowed.action", &mut self.allowed.action, SafetyAction::code, SafetyAction::from_code);
         v.code("allowed.reason", &mut self.allowed.reason, SafetyReason::code, SafetyReason::from_code);
         v.u64("allowed.where", "", &mut self.allowed.where_index);
-        for wheel in 0..self.measurements.wheels.min(MAX_WHEELS) {
-            v.prefix = [WHEELS[wheel], ""];
+        for (wheel, name) in WHEELS.into_iter().enumerate().take(self.measurements.wheels) {
+            v.prefix = [name, ""];
             v.drive(&mut self.measurements.drives[wheel]);
             v.f64("slip", "m/s", &mut self.grip.slip_m_s[wheel]);
             v.f64("slipped", "m", &mut self.grip.slipped_m[wheel]);
