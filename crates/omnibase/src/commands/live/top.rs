@@ -312,10 +312,10 @@ mod tests {
                 "1 frames lost",
                 "q: leave",
             ] {
-                assert!(text.contains(word), "{size:?}: {word}:\n{text}");
+                assert!(text.contains(word), "{width}x{height}: {word}:\n{text}");
             }
             assert!(!text.contains("-0.00 "), "{text}");
-            assert_eq!(text.contains("wake-up late"), size.0 > 60, "{text}");
+            assert_eq!(text.contains("wake-up late"), width > 60, "{text}");
         }
     }
 }
