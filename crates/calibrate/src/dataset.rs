@@ -225,7 +225,7 @@ impl Run {
                 return Err(DatasetError::WheelCount { run: run(), step, expected: wheels, found });
             }
             for value in turned_rad.iter() {
-                self.number("step", step, ("turned_rad", *value))?;
+                self.number("step", step, "turned_rad", *value)?;
             }
         }
         self.in_order("step", self.begin_s, self.steps.iter().map(|step| step.end_s))?;
@@ -233,18 +233,18 @@ impl Run {
         self.in_order("pose", f64::NEG_INFINITY, self.poses.iter().map(|pose| pose.instant_s))?;
         self.in_order("place", f64::NEG_INFINITY, self.places.iter().map(|place| place.instant_s))?;
         for (number, turn) in self.turns.iter().enumerate() {
-            self.number("turn", number, ("rate_rad_s", turn.rate_rad_s))?;
+            self.number("turn", number, "rate_rad_s", turn.rate_rad_s)?;
         }
         for (number, pose) in self.poses.iter().enumerate() {
-            self.pose("pose", number, (pose.world_from_sensor, pose.sigma_m))?;
+            self.pose("pose", number, pose.world_from_sensor, pose.sigma_m)?;
             // Infinity says that no heading was measured.
             if pose.sigma_rad.is_nan() || pose.sigma_rad <= 0.0 {
-                return Err(self.not_a_number("pose", number, ("sigma_rad", pose.sigma_rad), true));
+                return Err(self.not_a_number("pose", number, "sigma_rad", pose.sigma_rad, true));
             }
         }
         for (number, place) in self.places.iter().enumerate() {
-            self.pose("place", number, (place.floor_from_base, place.sigma_m))?;
-            self.sigma("place", number, ("sigma_rad", place.sigma_rad))?;
+            self.pose("place", number, place.floor_from_base, place.sigma_m)?;
+            self.sigma("place", number, "sigma_rad", place.sigma_rad)?;
             let (from_s, to_s, found_s) = (self.begin_s, self.end_s(), place.instant_s);
             if !(from_s..=to_s).contains(&found_s) {
                 return Err(DatasetError::Outside {
@@ -274,7 +274,7 @@ impl Run {
     ) -> Result<(), DatasetError> {
         let mut before_s = begin_s;
         for (number, found_s) in instants_s.enumerate() {
-            self.number(what, number, ("its instant", found_s))?;
+            self.number(what, number, "its instant", found_s)?;
             if found_s <= before_s {
                 return Err(DatasetError::Order { run: self.name.clone(), what, number, found_s, before_s });
             }
@@ -283,42 +283,40 @@ impl Run {
         Ok(())
     }
 
-    fn pose(
-        &self,
-        what: &'static str,
-        number: usize,
-        (pose, sigma_m): (Pose2, f64),
-    ) -> Result<(), DatasetError> {
-        for value in [("x_m", pose.x_m), ("y_m", pose.y_m), ("heading_rad", pose.heading_rad)] {
-            self.number(what, number, value)?;
+    fn pose(&self, what: &'static str, number: usize, pose: Pose2, sigma_m: f64) -> Result<(), DatasetError> {
+        for (value, found) in [("x_m", pose.x_m), ("y_m", pose.y_m), ("heading_rad", pose.heading_rad)] {
+            self.number(what, number, value, found)?;
         }
-        self.sigma(what, number, ("sigma_m", sigma_m))
+        self.sigma(what, number, "sigma_m", sigma_m)
     }
 
     fn number(
         &self,
         what: &'static str,
         number: usize,
-        value: (&'static str, f64),
+        value: &'static str,
+        found: f64,
     ) -> Result<(), DatasetError> {
-        if value.1.is_finite() { Ok(()) } else { Err(self.not_a_number(what, number, value, false)) }
+        if found.is_finite() { Ok(()) } else { Err(self.not_a_number(what, number, value, found, false)) }
     }
 
     fn sigma(
         &self,
         what: &'static str,
         number: usize,
-        value: (&'static str, f64),
+        value: &'static str,
+        found: f64,
     ) -> Result<(), DatasetError> {
-        let is_sigma = value.1.is_finite() && value.1 > 0.0;
-        if is_sigma { Ok(()) } else { Err(self.not_a_number(what, number, value, true)) }
+        let is_sigma = found.is_finite() && found > 0.0;
+        if is_sigma { Ok(()) } else { Err(self.not_a_number(what, number, value, found, true)) }
     }
 
     fn not_a_number(
         &self,
         what: &'static str,
         number: usize,
-        (value, found): (&'static str, f64),
+        value: &'static str,
+        found: f64,
         must_be_positive: bool,
     ) -> DatasetError {
         DatasetError::Number { run: self.name.clone(), what, number, value, found, must_be_positive }

@@ -36,7 +36,7 @@ pub fn unseen(solution: &Solution, expected: &Build) -> Vec<Unseen> {
     let mut rest: Vec<DVector<f64>> = dark.map(|at| eigen.eigenvectors.column(at).into_owned()).collect();
     let mut told: Vec<DVector<f64>> = Vec::new();
     let mut list = Vec::new();
-    for (words, amounts) in named(expected, (&unknowns, &sigmas), &names) {
+    for (words, amounts) in named(expected, &unknowns, &sigmas, &names) {
         let mut one = amounts.component_div(&sigmas);
         for known in &told {
             one -= known * known.dot(&one);
@@ -65,7 +65,8 @@ pub fn unseen(solution: &Solution, expected: &Build) -> Vec<Unseen> {
 /// Combinations that have a name, in the order in which they are looked for.
 fn named(
     expected: &Build,
-    (unknowns, sigmas): (&[Unknown], &DVector<f64>),
+    unknowns: &[Unknown],
+    sigmas: &DVector<f64>,
     names: &[String],
 ) -> Vec<(String, DVector<f64>)> {
     let single = |at: usize| DVector::from_fn(unknowns.len(), |row, _| if row == at { 1.0 } else { 0.0 });

@@ -106,7 +106,7 @@ struct Carrying {
 }
 
 impl Carrying {
-    fn new(from: Pose2, to: Pose2, (step, time_s): (BodyStep, f64)) -> Carrying {
+    fn new(from: Pose2, to: Pose2, step: BodyStep, time_s: f64) -> Carrying {
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
         let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
         Carrying {
@@ -239,7 +239,7 @@ impl Belief {
         self.forget_slip(time_s, slip_sigma);
         let truly = self.corrected(step, time_s);
         let to = self.map_from_body.moved_by(truly);
-        let carrying = Carrying::new(self.map_from_body, to, (step, time_s));
+        let carrying = Carrying::new(self.map_from_body, to, step, time_s);
         let rows = carrying.rows::<STATES>(&self.covariance);
         let block = carrying.block(&rows);
         let p = &mut self.covariance;
@@ -256,7 +256,7 @@ impl Belief {
 
     /// The covariance of the pose a little further on, at `to`, after a step that took a time, s: xx, xy, xψ, yy, yψ, ψψ.
     pub fn pose_covariance_at(&self, to: Pose2, step: BodyStep, time_s: f64) -> [f64; 6] {
-        let carrying = Carrying::new(self.map_from_body, to, (step, time_s));
+        let carrying = Carrying::new(self.map_from_body, to, step, time_s);
         // The pose depends on nothing beyond.
         let p = carrying.block(&carrying.rows::<OWN>(&self.covariance));
         [p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2]]

@@ -147,12 +147,7 @@ impl Knowledge {
 
 impl Epoch {
     /// Takes a reading of a sensor in, whose place among those that tell speeds is `rate`; whether there was room.
-    pub(crate) fn hear(
-        &mut self,
-        (sensor, rate): (usize, usize),
-        instant_ns: u64,
-        reading: &Reading,
-    ) -> bool {
+    pub(crate) fn hear(&mut self, sensor: usize, rate: usize, instant_ns: u64, reading: &Reading) -> bool {
         let values = match *reading {
             Reading::Turn(turn) => [turn, 0.0, 0.0],
             Reading::Inertial { turn, acceleration: [x, y] } => [turn, x, y],
@@ -209,7 +204,7 @@ impl Epoch {
             *sigma = sigma.hypot(self.slip_m_s);
         }
         let gain = known.strain(step, self.time_s, self.slip_m_s);
-        self.feel(sensors, (step, gain), known);
+        self.feel(sensors, step, gain, known);
         let truly = known.belief.advance(step, self.time_s, sigma);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();

@@ -231,7 +231,7 @@ impl Filter {
         let heard = &mut self.last_heard_ns[sensor];
         *heard = Some(heard.map_or(instant_ns, |last_ns| last_ns.max(instant_ns)));
         let rate = self.rates[sensor];
-        if !self.at_mut(number).hear((sensor, rate), instant_ns, reading) {
+        if !self.at_mut(number).hear(sensor, rate, instant_ns, reading) {
             self.left_out += 1;
             return false;
         }

@@ -85,7 +85,7 @@ pub(super) fn sees(sensor: &Sensor) -> [bool; 2] {
 
 impl Rates<'_> {
     /// Takes in by how much a sensor's mean is off in its own axes, before it is taken in itself.
-    pub(super) fn watch_clock(&self, (rate, place): (usize, usize), off: [f64; 3], known: &mut Knowledge) {
+    pub(super) fn watch_clock(&self, rate: usize, place: usize, off: [f64; 3], known: &mut Knowledge) {
         let sensor = &self.sensors[place];
         // Against what the wheels say: what was taken for slip may be this very fault.
         let slip = self.by_twist(sensor, [0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));

@@ -82,7 +82,7 @@ impl Inertia {
 impl Epoch {
     /// What accelerations tell of slip, before the step is taken. `gain`: by how much the twist grows in a second, as
     /// wheels tell.
-    pub(super) fn feel(&self, sensors: &[Sensor], (step, gain): (BodyStep, [f64; 3]), known: &mut Knowledge) {
+    pub(super) fn feel(&self, sensors: &[Sensor], step: BodyStep, gain: [f64; 3], known: &mut Knowledge) {
         for (rate, (sensor, kind)) in rates(sensors) {
             if kind != SensorKind::Inertial {
                 continue;
@@ -93,7 +93,7 @@ impl Epoch {
                 known.inertia[rate].before = None;
                 continue;
             }
-            let grown = self.slip(&sensors[sensor], sum, (step, gain), &mut known.inertia[rate]);
+            let grown = self.slip(&sensors[sensor], sum, step, gain, &mut known.inertia[rate]);
             let mut own = known.inertia[rate];
             let was_m_s = own.slip_m_s;
             for (axis, grown_m_s) in grown.unwrap_or_default().into_iter().enumerate() {
@@ -114,7 +114,8 @@ impl Epoch {
         &self,
         sensor: &Sensor,
         sum: &Sum,
-        (step, gain): (BodyStep, [f64; 3]),
+        step: BodyStep,
+        gain: [f64; 3],
         known: &mut Inertia,
     ) -> Option<[f64; 2]> {
         let count = f64::from(sum.count);

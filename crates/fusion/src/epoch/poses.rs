@@ -110,16 +110,18 @@ impl Epoch {
             if known.standings[heard.sensor].is_doubtful() {
                 known.doubt = [known.doubt[0].max(size[0]), known.doubt[1].max(size[1])];
             }
-            self.look_elsewhere((sensor, heard), known, (off, bound), back);
+            self.look_elsewhere(sensor, heard, known, off, bound, back);
         }
     }
 
     /// A platform that was carried while nobody followed its pose: it is where the sensor says all the time.
     fn look_elsewhere(
         &self,
-        (sensor, heard): (&Sensor, &Heard),
+        sensor: &Sensor,
+        heard: &Heard,
         known: &mut Knowledge,
-        (off, bound): ([f64; 3], [f64; 3]),
+        off: [f64; 3],
+        bound: [f64; 3],
         back: Pose2,
     ) {
         let standing = &mut known.standings[heard.sensor];

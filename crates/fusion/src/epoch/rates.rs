@@ -48,7 +48,7 @@ impl Rates<'_> {
             if known.standings[sensor].is_believed() && !is_still {
                 let (nis, own) = self.chi2((rate, sensor, sum), known);
                 let by = in_body(&self.sensors[sensor], own);
-                self.watch_clock((rate, sensor), own, known);
+                self.watch_clock(rate, sensor, own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
                 numbers += numbers_of(self.sensors[sensor].kind);
             }
