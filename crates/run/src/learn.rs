@@ -355,7 +355,7 @@ mod tests {
         let (registry, built) = (Registry::with_built_in(), built(plan));
         let mut learner = Learner::new(plan.reference.duration_s.unwrap());
         let one = |seed| {
-            let driven = rehearsal::drive((&built, plan), Some(learner.next()), &registry, seed).unwrap();
+            let driven = rehearsal::drive(&built, plan, Some(learner.next()), &registry, seed).unwrap();
             (learner.learn(&driven.repeat).unwrap(), driven)
         };
         let rehearsed = (0..repeats).map(one).collect();
