@@ -1,7 +1,5 @@
 //! A segment on the bench: frames written by hand, answers taken apart, firmware made of closures.
 
-use std::ops::RangeInclusive;
-
 use omnibase_ethercat_sim::pdi::{AlEvent, Application, ApplicationFault, Pdi};
 use omnibase_ethercat_sim::{EscConfig, Segment, SubDevice};
 use omnibase_ethercat_wire::frame::{Datagrams, FrameBuilder};
@@ -162,18 +160,11 @@ pub fn sync_manager(start: u16, length: u16, control: u8) -> [u8; 8] {
 }
 
 /// The sixteen registers of an FMMU: logical start, length, its bits, physical start, its bit, type.
-pub fn fmmu(
-    logical: u32,
-    length: u16,
-    bits: RangeInclusive<u8>,
-    physical: u16,
-    physical_bit: u8,
-    kind: u8,
-) -> [u8; 16] {
+pub fn fmmu(logical: u32, length: u16, bits: [u8; 2], physical: u16, physical_bit: u8, kind: u8) -> [u8; 16] {
     let mut registers = [0; 16];
     registers[0..4].copy_from_slice(&logical.to_le_bytes());
     registers[4..6].copy_from_slice(&length.to_le_bytes());
-    (registers[6], registers[7]) = bits.into_inner();
+    (registers[6], registers[7]) = bits.into();
     registers[8..10].copy_from_slice(&physical.to_le_bytes());
     (registers[10], registers[11], registers[12]) = (physical_bit, kind, 1);
     registers

@@ -145,7 +145,7 @@ fn chips_without_read_write_commands_pass_them_on_unchanged() {
             "{command}"
         );
     }
-    bench.fpwr(0x1001, 0x0600, &fmmu(0x1_0000, 1, 0..=7, 0x0F80, 0, 3));
+    bench.fpwr(0x1001, 0x0600, &fmmu(0x1_0000, 1, [0, 7], 0x0F80, 0, 3));
     let lrw = bench.send(Command::Lrw, Address::Logical(0x1_0000), &[0x5A]);
     assert_eq!((lrw.counter, lrw.data[0]), (0, 0x5A));
     assert_eq!(bench.send(Command::Lwr, Address::Logical(0x1_0000), &[0x5A]).counter, 1);

@@ -75,7 +75,7 @@ fn firmware_runs_on_events_that_its_mask_lets_through_and_when_it_asked_to() {
 fn the_watchdog_bites_when_outputs_stop() {
     let mut bench = Bench::single(EscConfig::default(), idle());
     bench.fpwr(0x1001, reg::SM + 16, &sync_manager(0x1000, 4, 0x64));
-    bench.fpwr(0x1001, reg::FMMU, &fmmu(0, 4, 0..=7, 0x1000, 0, 2));
+    bench.fpwr(0x1001, reg::FMMU, &fmmu(0, 4, [0, 7], 0x1000, 0, 2));
     bench.pdi_read(0x0816, 1);
     // 100 us · 10.
     assert_eq!(bench.fpwr(0x1001, reg::WATCHDOG_PROCESS_DATA, &[10, 0]), 1);

@@ -155,8 +155,8 @@ fn configure(bench: &mut Bench, inputs: u16) {
     bench.number(1);
     let managers = [sync_manager(0x1100, 6, 0x64), sync_manager(0x1180, inputs, 0x20)].concat();
     assert_eq!(bench.fpwr(0x1001, reg::SM + 16, &managers), 1);
-    bench.fpwr(0x1001, reg::FMMU, &fmmu(0, 6, 0..=7, 0x1100, 0, 2));
-    bench.fpwr(0x1001, reg::FMMU + 16, &fmmu(6, 6, 0..=7, 0x1180, 0, 1));
+    bench.fpwr(0x1001, reg::FMMU, &fmmu(0, 6, [0, 7], 0x1100, 0, 2));
+    bench.fpwr(0x1001, reg::FMMU + 16, &fmmu(6, 6, [0, 7], 0x1180, 0, 1));
 }
 
 #[test]
