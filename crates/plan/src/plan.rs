@@ -260,14 +260,14 @@ impl<'a> Planner<'a> {
         let disc = self.disc_way(&Search::through(space, &gaps, outer_m).until(until));
         drop(gaps);
         if let Some(way) =
-            disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, [outer_m, inner_m]))
+            disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, outer_m, inner_m))
         {
             return Ok(self.finished(way.clone(), By::Disc));
         }
         // No way is shorter than that of the disc which every heading covers.
         let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32);
         let search = Search::through(space, &gaps, inner_m).until(until);
-        let least = self.least_way([&search, &Search::new(space, &clearance, inner_m).until(until)], inner_m);
+        let least = self.least_way(&search, &Search::new(space, &clearance, inner_m).until(until), inner_m);
         match disc {
             Some(way) if least.as_ref().is_ok_and(|least| length(&way) <= LONGER * least + 1.0) => {
                 Ok(self.finished(way, By::Disc))
@@ -278,7 +278,7 @@ impl<'a> Planner<'a> {
                 }
                 let mut coarse = self.checker.coarse(self.clearance_m);
                 let outer = Search::new(space, &clearance, outer_m).until(until);
-                let turning = match Turning::new(space, &mut coarse, [outer, search], outer_m) {
+                let turning = match Turning::new(space, &mut coarse, outer, search, outer_m) {
                     Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
                     None if disc.is_none() => {
                         return Err(PlanError::TooLarge { found: space.clearance().len() });
@@ -299,7 +299,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Whether turning could hardly make a disc's way shorter: it is nearly straight, or the footprint is nearly a disc.
-    fn is_near_straight(&self, way: &[Pose2], [outer_m, inner_m]: [f64; 2]) -> bool {
+    fn is_near_straight(&self, way: &[Pose2], outer_m: f64, inner_m: f64) -> bool {
         let straight = self.ends[0].distance_m(self.ends[1]);
         outer_m - inner_m <= NEARLY_DISC * inner_m || length(way) <= LONGER * straight + 1.0
     }
@@ -359,7 +359,12 @@ impl<'a> Planner<'a> {
     }
 
     /// The length in cells of the way of the disc that every heading covers, or why there is none.
-    fn least_way(&self, [search, by_centres]: [&Search<'_>; 2], inner_m: f64) -> Result<f64, PlanError> {
+    fn least_way(
+        &self,
+        search: &Search<'_>,
+        by_centres: &Search<'_>,
+        inner_m: f64,
+    ) -> Result<f64, PlanError> {
         let map = &self.task.space.map;
         let cells = self.ends.map(|pose| {
             let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);

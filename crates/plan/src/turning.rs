@@ -72,7 +72,8 @@ impl<'a, 'c> Turning<'a, 'c> {
     pub fn new(
         space: &Space,
         checker: &'c mut Checker<'a>,
-        [outer, inner]: [Search<'c>; 2],
+        outer: Search<'c>,
+        inner: Search<'c>,
         outer_m: f64,
     ) -> Option<Self> {
         let cells = space.clearance().len();
