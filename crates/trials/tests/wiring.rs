@@ -6,7 +6,7 @@ use omnibase_trials::wiring::{Case, Fault, LAWS, Named, PATHS};
 /// Robots as their files say.
 const ROBOTS: u64 = 60;
 /// So many of sixty wheels that are wired backwards, four by five paths by three laws, are named at least.
-const LEAST_OF_60: u32 = 52;
+const LEAST_OF_60: u32 = 51;
 /// A robot that is named later went astray, m.
 const FAR_M: f64 = 1.0;
 

@@ -52,7 +52,7 @@ fn kinds_and_their_keys_are_told_by_the_registry() {
     }
     let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap();
     assert!(line("* mass_kg").ends_with("First estimate of the mass, kg. Allowed: above 0."), "{text}");
-    assert!(line("heading").ends_with("Allowed: fixed, follows_tangent."), "{text}");
+    assert!(line("heading").ends_with("Allowed: given, fixed, follows_tangent, free."), "{text}");
     assert!(line("turns").ends_with("Allowed: above 0, or endless."), "{text}");
     let shape = help.split("--ellipse <KEY=VALUE,...>").nth(1).unwrap().trim_start();
     let shape = shape.split_whitespace().collect::<Vec<_>>().join(" ");

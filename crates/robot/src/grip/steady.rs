@@ -12,8 +12,8 @@ use crate::decay::Decay;
 
 /// By which part of what its drives tell a platform's motors may give more.
 const MORE_SHARE: f64 = 0.05;
-/// A slope that may help, over gravity; and with what a mass that was learnt on it is off.
-const SLOPE: f64 = 0.03;
+/// A slope of 3 % that may help, with what friction is off, over gravity; and with what a mass that was learnt on it is off.
+const SLOPE: f64 = 0.04;
 const LEARNT_SLOPE: f64 = 0.05;
 /// What gets less than this part of what it got while it slid grips.
 const STILL_GIVEN: f64 = 0.5;
@@ -168,10 +168,10 @@ impl Steady {
         self.way_m = 0.0;
     }
 
-    /// The slide that explains what is missing and wasn't counted, if it is one: a slope that helps would as well.
+    /// The slide that explains what is missing and wasn't counted; `None` while a slope would explain it as well.
     pub(super) fn if_it_slides(&self) -> Option<Slides> {
         let ahead_m_s = omnibase_platform::length(self.ahead_m_s);
-        (ahead_m_s > 0.0).then(|| Slides {
+        (ahead_m_s > 0.0 && self.since_s > 0.0).then(|| Slides {
             direction: self.ahead_m_s.map(|axis| axis / ahead_m_s),
             slide: Slide { ahead_m_s, step_m: self.way_m },
         })
