@@ -12,9 +12,11 @@ use crate::decay::Decay;
 
 /// By which part of what its drives tell a platform's motors may give more.
 const MORE_SHARE: f64 = 0.05;
-/// A slope of 3 % that may help, with what friction is off, over gravity; and with what a mass that was learnt on it is off.
-const SLOPE: f64 = 0.04;
+/// A slope that may help, over gravity; and with what a mass that was learnt on it is off.
+const SLOPE: f64 = 0.03;
 const LEARNT_SLOPE: f64 = 0.05;
+/// Of a gentler motion what friction is off hides more than the masses' tolerances give, m/s².
+const GENTLE_M_S2: f64 = 1.0;
 /// What gets less than this part of what it got while it slid grips.
 const STILL_GIVEN: f64 = 0.5;
 
@@ -149,7 +151,9 @@ impl Steady {
         } else {
             self.way_m * (-span_s / FORGOTTEN_S).exp()
         };
-        let least_n = |mass_kg: f64, slope: f64| mass_kg * (size - slope * GRAVITY_M_S2);
+        let least_n = |mass_kg: f64, slope: f64| {
+            if size > GENTLE_M_S2 { mass_kg * (size - slope * GRAVITY_M_S2) } else { 0.0 }
+        };
         if is_missing(least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE))) {
             self.since_s += span_s;
         } else if self.since_s < LASTING_S || ahead_m_s == 0.0 {
