@@ -19,7 +19,7 @@ fn references(file: &RecordedRun) -> Vec<u32> {
 #[test]
 fn a_later_file_carries_the_references_in_use_and_next_and_none_that_was_replaced_or_refused() {
     let run = played(9.0, |hands: &mut Hands| {
-        hands.file_bytes = Some(240_000);
+        hands.file_bytes = Some(200_000);
         hands.send(0.5, Client::Page(1), Ask::Robot(RequestKind::Enable));
         hands.alive(0.4, 9.0, Client::Page(1));
         let load = |live: &Live| {
@@ -52,6 +52,6 @@ fn a_later_file_carries_the_references_in_use_and_next_and_none_that_was_replace
         );
     }
     assert!(run.later_files.iter().any(|file| starts_s(file) > 2.6));
-    // Those that were loaded in it.
-    assert_eq!(loaded_in[0], Vec::from_iter(1..=10), "{loaded_in:?}");
+    // Those that were loaded in it, and what a writer that is late was told before it ended.
+    assert!(loaded_in[0].starts_with(&Vec::from_iter(1..=10)), "{loaded_in:?}");
 }
