@@ -64,7 +64,7 @@ pub use sdo_writes::SdoWriteRule;
 pub(crate) use sdo_writes::owner;
 pub use sensor_tables::*;
 pub use simulation_tables::*;
-pub use source::{Locations, Source, nearest};
+pub use source::{Locations, Source, choice_names, nearest};
 pub use source_tables::*;
 pub(crate) use torque_limit::TORQUE_LIMIT_OBJECTS;
 pub use torque_limit::{TorqueLimit, TorqueLimitTold};

@@ -35,6 +35,8 @@ class Link {
     this.socket.onmessage = this.socket.onclose = null;
     this.socket.close();
     button.letGo();
+    // Another program may be at the other end, and ask something else.
+    answered = null;
     setTimeout(() => this.connect(), AGAIN_MS);
   }
 
@@ -128,6 +130,8 @@ class Button {
 
 let over = null;
 let shown = null;
+/** What was answered on this connection, until something else is asked: said again, for a line that was full took nothing. */
+let answered = null;
 const button = new Button();
 const link = new Link((message) => ("stamp" in message ? tick(message) : "steps" in message && show(message)));
 
@@ -161,9 +165,6 @@ function show(message) {
   ask(message.question);
   draw(message.platform, message.question?.choices ?? []);
 }
-
-/** What was answered, until something else is asked: said again, for a line that was full or lost took nothing. */
-let answered = null;
 
 function ask(question) {
   const form = at("question"), number = question?.number ?? null;

@@ -80,8 +80,8 @@ pub struct McapRun<W: Write + Seek> {
     writer: mcap::Writer<Measured<W>>,
     /// Signals of each topic.
     topics: Vec<usize>,
-    /// Words that replay a row.
-    words: usize,
+    /// What the words are that replay a row.
+    words: Vec<Word>,
     /// Of each signal that is a count: its word.
     counts: Vec<Option<usize>>,
     /// Where only some signals are recorded they replay nothing.
@@ -177,7 +177,7 @@ impl<W: Write + Seek> McapRun<W> {
         let mut run = McapRun {
             writer,
             topics: schema.topics.iter().map(|topic| topic.signals.len()).collect(),
-            words: schema.words.len(),
+            words: schema.words.clone(),
             counts,
             is_replayed,
             cycles,
@@ -200,7 +200,7 @@ impl<W: Write + Seek> McapRun<W> {
         }
         self.message.clear();
         let (words, _) = raw.as_chunks::<8>();
-        let is_words = self.words > 0 && raw.len() == 8 * self.words;
+        let is_words = words::are_told(&self.words, values, raw);
         if self.is_replayed && !is_words {
             protobuf::push_bytes(&mut self.message, DATA_FIELD, raw);
         }

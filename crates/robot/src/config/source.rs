@@ -383,6 +383,12 @@ fn expected_types(schema: &Value) -> Vec<&str> {
     }
 }
 
+/// The names by which a file has a choice of this type, in their order.
+pub fn choice_names<T: JsonSchema>() -> Vec<String> {
+    let schema = schema_for!(T).to_value();
+    choices(&schema).into_iter().map(str::to_owned).collect()
+}
+
 /// Names that a value can have.
 fn choices(schema: &Value) -> Vec<&str> {
     if let Some(names) = schema.get("enum").and_then(Value::as_array) {

@@ -3,11 +3,14 @@
 use crate::WrongUsage;
 use crate::robot_file::parse_change;
 use anyhow::{Context, bail};
+use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgGroup, ArgMatches, Command};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{HeadingName, ReferenceTable, Source, Timing, nearest};
+use omnibase_robot::config::{HeadingName, ReferenceTable, Source, Timing, choice_names, nearest};
 use omnibase_robot::registry::Kind;
 use omnibase_run::robot_text::read_reference;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
 use std::path::Path;
 
 const GROUP: &str = "motion";
@@ -57,7 +60,7 @@ impl ReferenceChoice {
                     .long("timing")
                     .help_heading("Motion")
                     .value_name("HOW")
-                    .value_parser(["as_given", "stretched", "fastest"])
+                    .value_parser(PossibleValuesParser::new(choice_names::<Timing>()))
                     .requires(GROUP)
                     .help("How fast the motion is gone along: by its own times, by longer ones, or as fast as the limits allow"),
             )
@@ -66,7 +69,7 @@ impl ReferenceChoice {
                     .long("heading")
                     .help_heading("Motion")
                     .value_name("HOW")
-                    .value_parser(["given", "fixed", "follows_tangent", "free"])
+                    .value_parser(PossibleValuesParser::new(choice_names::<HeadingName>()))
                     .requires(GROUP)
                     .help("How the heading goes along: as the motion has it, as it is at the start, along the way, or as is fastest between its first and last one"),
             )
@@ -89,20 +92,12 @@ impl ReferenceChoice {
         let chosen = matches.get_one::<clap::Id>(GROUP).map(clap::Id::as_str);
         let value = |option: &str| Some((option.to_owned(), matches.get_one::<String>(option)?.clone()));
         let correction = matches.try_get_one::<String>("correction").ok().flatten().cloned();
-        let timing = match matches.get_one::<String>("timing").map(String::as_str) {
-            Some("as_given") => Some(Timing::AsGiven),
-            Some("stretched") => Some(Timing::Stretched),
-            Some("fastest") => Some(Timing::Fastest),
-            _ => None,
-        };
-        let heading = match matches.get_one::<String>("heading").map(String::as_str) {
-            Some("given") => Some(HeadingName::Given),
-            Some("fixed") => Some(HeadingName::Fixed),
-            Some("follows_tangent") => Some(HeadingName::FollowsTangent),
-            Some("free") => Some(HeadingName::Free),
-            _ => None,
-        };
-        ReferenceChoice { motion: chosen.and_then(value), timing, heading, correction }
+        ReferenceChoice {
+            motion: chosen.and_then(value),
+            timing: choice(matches, "timing"),
+            heading: choice(matches, "heading"),
+            correction,
+        }
     }
 
     /// Whether the command line says anything of a motion.
@@ -134,6 +129,13 @@ impl ReferenceChoice {
         chosen.file.heading = self.heading.or(chosen.file.heading);
         Ok(Some(chosen))
     }
+}
+
+/// What was chosen by one of the names that a file has for it.
+fn choice<'a, T: Deserialize<'a>>(matches: &'a ArgMatches, option: &str) -> Option<T> {
+    let name = matches.get_one::<String>(option)?.as_str();
+    let name: serde::de::value::StrDeserializer<'_, serde::de::value::Error> = name.into_deserializer();
+    T::deserialize(name).ok()
 }
 
 /// The keys of a kind.

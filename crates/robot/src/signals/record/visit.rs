@@ -22,7 +22,7 @@ pub(super) enum Slot<'a> {
 pub(super) type NameOf<'a> = &'a dyn Fn(u64) -> Option<String>;
 
 /// A channel's name, of three parts; who doesn't ask for its text pays nothing for it.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub(super) struct Name<'a>([&'a str; 3]);
 
 impl std::fmt::Display for Name<'_> {
