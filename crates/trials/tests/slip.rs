@@ -85,6 +85,26 @@ fn what_grips_is_not_said_to_slip() {
     }
 }
 
+/// By the files as they are shipped, which tell what the robots weigh.
+#[test]
+fn a_slope_of_three_percent_is_not_said_to_make_wheels_slip() {
+    for robot in [BMM, MECANUM] {
+        for direction_rad in [0.0, 1.6, 3.1] {
+            for motion in [
+                "kind = \"circle\"\nradius_m = 0.4\nduration_s = 6.3",
+                "kind = \"circle\"\nradius_m = 0.4\nduration_s = 7.0",
+                "kind = \"eight\"\nhalf_length_m = 0.8\ntiming = \"fastest\"",
+            ] {
+                let slope =
+                    format!("[simulation]\nslope_rad = 0.03\nslope_direction_rad = {direction_rad:?}\n");
+                let robot = robot.replace("[simulation]\n", &slope);
+                let slid = Slid::of(&format!("{robot}\n[reference]\n{motion}\n"), false);
+                assert!(slid.run.finished && slid.told.is_none(), "{direction_rad} rad, {motion}: {slid:?}");
+            }
+        }
+    }
+}
+
 /// A floor of which the robot's file tells as much as a sliding wheel gets.
 fn told(friction: f64) -> String {
     format!("\n[grip]\nfriction = {:?}\ncentre_of_mass_height_m = 0.6\n", 0.9 * friction)
@@ -147,8 +167,8 @@ fn on_a_floor_that_has_half_of_what_was_told_the_robot_goes_gently_at_once() {
     // 0.61 m off, and stopped for that, where the file doesn't tell what it weighs.
     let slid = fast("closed_loop_speed", [0.25, 0.2]);
     let (told_ms, off_m) = slid.told.expect("slip is told");
-    assert!(told_ms < 100 && off_m < 0.005, "{told_ms} ms, {off_m} m");
-    assert!(slid.run.finished && slid.run.true_final_m < 0.03, "{}: {:?}", slid.end(), slid.run);
+    assert!(told_ms < 120 && off_m < 0.005, "{told_ms} ms, {off_m} m");
+    assert!(slid.run.finished && slid.run.true_final_m < 0.05, "{}: {:?}", slid.end(), slid.run);
 }
 
 #[test]
@@ -179,7 +199,7 @@ fn slip_in_a_steady_motion_is_told_where_the_file_says_what_the_robot_weighs() {
         let slid = on_less(robot, name, [0.25, 0.2]).ride();
         println!("{name}: {slid:?}");
         let (told_ms, off_m) = slid.told.expect("slip is told");
-        let is_at_once = robot == MECANUM || told_ms < 100 && off_m < 0.005;
+        let is_at_once = robot == MECANUM || told_ms < 120 && off_m < 0.005;
         assert!(is_at_once && told_ms < 800, "{name}: {told_ms} ms, {off_m} m");
         assert!(slid.run.true_final_m < most_m, "{name}: {} m", slid.run.true_final_m);
     }

@@ -16,7 +16,7 @@ const MORE_SHARE: f64 = 0.05;
 const SLOPE: f64 = 0.03;
 const LEARNT_SLOPE: f64 = 0.05;
 /// Of a gentler motion what friction is off hides more than the masses' tolerances give, m/s².
-const GENTLE_M_S2: f64 = 1.0;
+const GENTLE_M_S2: f64 = 1.5;
 /// What gets less than this part of what it got while it slid grips.
 const STILL_GIVEN: f64 = 0.5;
 
