@@ -135,6 +135,10 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         let end = loop {
             let held = key.cycle(hand.key());
             cycles += 1;
+            if held && !was_held {
+                // Who holds the key saw what the drive failed by before.
+                enabling.acknowledge();
+            }
             was_held |= held;
             if key.is_gone() {
                 break JogEnd::Gone;
@@ -158,7 +162,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                     jog.enabled_cycles += 1;
                     jog.moving_cycles += u32::from(speed != 0);
                 }
-                Progress::Stopped(problem) => break JogEnd::Drive(problem.to_string()),
+                Progress::Stopped(problem) if was_held => break JogEnd::Drive(problem.to_string()),
                 _ => {}
             }
             jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);

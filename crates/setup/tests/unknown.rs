@@ -198,6 +198,22 @@ fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
     assert_eq!(found.record.legs.len(), 1);
 }
 
+/// A drive that failed keeps its fault; who answers "again" and holds the key acknowledges it.
+#[test]
+fn a_drive_that_failed_is_enabled_again_by_who_holds_the_key() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    for (part, asked) in [("SubDevice 1 turns", "again 1"), ("a metre AHEAD", "drive ahead")] {
+        let found = unknown::set_up_failing(&robot, part, &mut |question| {
+            (question.id == "floor").then(|| said("drive"))
+        })
+        .unwrap();
+        let times = found.asked.iter().filter(|(id, _)| id == asked).count();
+        assert_eq!(times, 1, "{part}: {:?}", found.record.log);
+        assert_eq!(found.record.legs.len(), 1, "{part}");
+        assert_eq!(unknown::differences(&robot, &found.text), Vec::<String>::new(), "{part}");
+    }
+}
+
 /// A brake that holds, one that slips, one that was never heard, all turned by the same hand: the first alone is called tested.
 #[test]
 fn a_brake_is_opened_with_a_held_key_and_pushed_while_nothing_is_enabled() {

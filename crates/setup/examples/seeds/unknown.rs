@@ -29,6 +29,9 @@ const GEARS: [f64; 4] = [1.0, 5.0, 10.0, 12.5];
 const PUSHED_PER_MILLE: i16 = 200;
 /// Cycles after which the emergency stop is pressed.
 const PRESSED_AT: u32 = 400;
+/// Cycles after which a drive fails, and by what (CiA 402, 0x603F).
+const FAILS_AT: u32 = 600;
+const OVERCURRENT: u16 = 0x2310;
 
 /// How a robot really is.
 #[derive(Clone, Debug, PartialEq)]
@@ -132,6 +135,8 @@ struct Person<'a> {
     from: [f64; 3],
     /// When the key is let go on the floor, once.
     lets_go_at: Option<u32>,
+    /// A drive fails once while the key is held for what is told so.
+    fails_while: Option<&'static str>,
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
@@ -272,6 +277,11 @@ impl Hand for Person<'_> {
         if self.what.contains("emergency stop") && self.cycles == PRESSED_AT {
             self.to_all(&ApplicationFault::SafeTorqueOff(true));
         }
+        if self.cycles == FAILS_AT && self.fails_while.is_some_and(|part| self.what.contains(part)) {
+            self.fails_while = None;
+            let fault = ApplicationFault::DriveFault(OVERCURRENT);
+            self.world.borrow().injector.as_ref().expect("the segment is open").inject(1, fault.into());
+        }
         if self.what.contains("the robot") && self.lets_go_at == Some(self.cycles) {
             self.lets_go_at = None;
             return Key::LetGo;
@@ -313,6 +323,19 @@ pub fn set_up_letting_go(
     set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
 }
 
+/// As [`set_up`]; the drive at position 1 fails once while the key is held for what is told so, and keeps its fault until that is
+/// acknowledged.
+#[allow(dead_code, reason = "in the example no drive fails")]
+pub fn set_up_failing(
+    robot: &Unknown,
+    fails_while: &'static str,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Result<Found, String> {
+    let circumstances =
+        Circumstances { fails_while: Some(fails_while), has_memory: true, ..Circumstances::default() };
+    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
+}
+
 /// As [`set_up`], by drives that remember what is written into their EEPROM, and show it once they were switched off and on.
 /// `back_up` keeps what was there before; whose was kept, or wasn't.
 #[allow(dead_code, reason = "the example writes no EEPROM")]
@@ -335,6 +358,8 @@ pub fn set_up_with_memory(
 #[derive(Clone, Copy, Default)]
 struct Circumstances {
     lets_go_at: Option<u32>,
+    fails_while: Option<&'static str>,
+    /// What drives know outlives whoever opened the bus, until the robot is put down.
     has_memory: bool,
 }
 
@@ -353,7 +378,7 @@ impl Link for SharedLink {
 
 fn set_up_in(
     robot: &Unknown,
-    Circumstances { lets_go_at, has_memory }: Circumstances,
+    Circumstances { lets_go_at, fails_while, has_memory }: Circumstances,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
@@ -361,8 +386,12 @@ fn set_up_in(
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
     let mut kept: Option<(Rc<RefCell<SimLink>>, VirtualClock)> = None;
+    let mut was_on_floor = false;
     let mut open = move || -> Result<(Box<dyn Link>, VirtualClock), String> {
         let mut world = opened.borrow_mut();
+        if std::mem::replace(&mut was_on_floor, world.on_floor) != world.on_floor {
+            kept = None;
+        }
         if let Some((link, clock)) = &kept {
             return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
         }
@@ -382,6 +411,7 @@ fn set_up_in(
         before: [0.0; 3],
         from: [0.0; 3],
         lets_go_at,
+        fails_while,
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),

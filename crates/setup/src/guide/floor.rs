@@ -9,7 +9,7 @@ use omnibase_ethercat::wire::Clock;
 use omnibase_platform::{PerWheel, Pose2, Twist2, Wheel};
 use omnibase_robot::config::RobotPlan;
 use omnibase_robot::estimators::covariance_settings;
-use omnibase_robot::signals::{CycleTime, Frame, Phase, StopCategory};
+use omnibase_robot::signals::{CycleRecord, CycleTime, Frame, Phase, SafetyReason, StopCategory};
 use omnibase_robot::{ProcessImage, Registry, Request, RequestKind, Robot};
 use omnibase_session::session::Session;
 
@@ -110,6 +110,18 @@ fn is_enabled_by(plan: &RobotPlan, image: &mut impl ProcessImage) -> bool {
         }
         false
     })
+}
+
+/// Why the robot stopped, and which drive did that by what.
+fn stopped(plan: &RobotPlan, record: &CycleRecord) -> String {
+    let reason = record.stop_reason.text();
+    let wheel = record.stop_where as usize;
+    match (plan.drives.get(wheel), record.measurements.present().get(wheel)) {
+        (Some(drive), Some(said)) if record.stop_reason == SafetyReason::Drive => {
+            format!("the robot stopped: {reason}: {}, {}", drive.name, said.error)
+        }
+        _ => format!("the robot stopped: {reason}"),
+    }
 }
 
 /// How far it went of what was told: along its way, or round.
@@ -334,6 +346,7 @@ impl<C: Clock> Guide<'_, C> {
         let (mut index, mut begun, mut was_held, mut turned_rad, mut cycles) = (0, None, false, 0.0, 0u32);
         let mut next_kept = cycles_of(KEPT_S);
         let mut request = None;
+        let (mut was_enabled, mut is_acknowledged) = (false, false);
         loop {
             let (exchange, times) = session.exchange()?;
             index += times.periods;
@@ -347,6 +360,7 @@ impl<C: Clock> Guide<'_, C> {
             // What was wished while it was held counts no more once it isn't.
             let asked =
                 if held { asked } else { was_held.then_some(RequestKind::Stop(StopCategory::RemoveTorque)) };
+            let acknowledges = asked == Some(RequestKind::Acknowledge);
             let asked =
                 asked.map(|kind| Request { kind, valid_until_ns: time.now_ns + 2 * plan.bus.cycle_ns });
             let record = *robot.compute(time, exchange, asked, session.image());
@@ -369,10 +383,12 @@ impl<C: Clock> Guide<'_, C> {
                 drive.words = if drive.has_arrived { "driven" } else { "the key was let go" }.to_owned();
                 break;
             }
-            if record.phase == Phase::Fault {
-                drive.words = format!("the robot stopped: {:?}", record.stop_reason);
+            was_enabled |= matches!(record.phase, Phase::Holding | Phase::Tracking);
+            if record.phase == Phase::Fault && (was_enabled || is_acknowledged) {
+                drive.words = stopped(&plan, &record);
                 break;
             }
+            is_acknowledged |= acknowledges;
             if cycles > cycles_of(if was_held { WAITING_S + LONGEST_S } else { WAITING_S }) {
                 if was_held {
                     let (phase, answer) = (record.phase, record.answer);
@@ -382,6 +398,8 @@ impl<C: Clock> Guide<'_, C> {
             }
             request = match record.phase {
                 Phase::Disabled if !drive.has_arrived => Some(RequestKind::Enable),
+                // Who holds the key saw what a drive failed by before.
+                Phase::Fault => Some(RequestKind::Acknowledge),
                 Phase::Holding | Phase::Tracking if !drive.has_arrived => {
                     Some(RequestKind::Velocity { twist: way.twist, frame: Frame::Body })
                 }
