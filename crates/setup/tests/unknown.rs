@@ -3,8 +3,9 @@
 #[path = "../examples/seeds/unknown.rs"]
 mod unknown;
 
+use omnibase_robot::config::BusPlace;
 use omnibase_setup::{Answer, Question, Step};
-use unknown::{Unknown, differences, drive_square, set_up};
+use unknown::{Unknown, differences, drive_square, set_up, set_up_named};
 
 fn robot() -> Unknown {
     Unknown {
@@ -83,6 +84,47 @@ fn parameters_are_written_and_stored_where_that_is_wished() {
     let count = |words: &str| found.record.log.iter().filter(|line| line.contains(words)).count();
     assert_eq!(count(": stored (0x1010)"), 2, "{:?}", found.record.log);
     assert!(count(" written: ") >= 3 && count(" and reads back ") == 0, "{:?}", found.record.log);
+}
+
+/// What a switch shows is taken where nobody else's shows the same; who shares a number is told with whom.
+#[test]
+fn a_switch_finds_a_drive_that_has_its_number_alone() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let by_switch = |numbers: [u16; 3]| {
+        let places = numbers.map(BusPlace::Identification);
+        set_up_named(&robot, places, &mut |question| question.id.starts_with("name ").then(|| said("switch")))
+            .unwrap()
+    };
+    let found = by_switch([7, 8, 9]);
+    for number in [7, 8, 9] {
+        assert!(found.text.contains(&format!("identification = {number} ")), "{}", found.text);
+    }
+    let found = by_switch([7, 8, 7]);
+    assert!(found.text.contains("identification = 8 ") && !found.text.contains("identification = 7"));
+    assert_eq!(found.text.matches("\nposition = ").count(), 2, "{}", found.text);
+    let told = found.told.join("\n");
+    for text in
+        ["the switch of SubDevice 2 shows the same number", "the switch of SubDevice 0 shows the same"]
+    {
+        assert!(told.contains(text), "{told}");
+    }
+}
+
+/// Two drives with one alias, as used ones come: each gets another, and the file is right.
+#[test]
+fn an_alias_that_two_drives_have_is_written_anew() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let places = [5, 6, 5].map(BusPlace::Alias);
+    let found =
+        set_up_named(&robot, places, &mut |question| question.id.starts_with("name ").then(|| said("alias")))
+            .unwrap();
+    let named: Vec<&str> =
+        found.asked.iter().map(|(id, _)| id.as_str()).filter(|id| id.starts_with("name ")).collect();
+    assert_eq!(named, ["name 0", "name 2"]);
+    for alias in [1, 6, 3] {
+        assert!(found.text.contains(&format!("alias = {alias} ")), "{}", found.text);
+    }
+    assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
 }
 
 /// A drive that loses its torque by itself isn't called stopped: it is noted and asked again.

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_ethercat_sim::{Fault, Injector, SimLink, VirtualClock, in_process};
-use omnibase_robot::config::RobotPlan;
+use omnibase_robot::config::{BusPlace, RobotPlan};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::run::{Progress, Setup};
@@ -336,6 +336,17 @@ pub fn set_up_failing(
     set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
 }
 
+/// As [`set_up`], by drives that have these aliases in their EEPROMs, or switches that show these numbers; positions are the wheels'.
+#[allow(dead_code, reason = "the example's drives have no names")]
+pub fn set_up_named(
+    robot: &Unknown,
+    places: [BusPlace; 3],
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Result<Found, String> {
+    let circumstances = Circumstances { places: Some(places), has_memory: true, ..Circumstances::default() };
+    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
+}
+
 /// As [`set_up`], by drives that remember what is written into their EEPROM, and show it once they were switched off and on.
 /// `back_up` keeps what was there before; whose was kept, or wasn't.
 #[allow(dead_code, reason = "the example writes no EEPROM")]
@@ -359,6 +370,8 @@ pub fn set_up_with_memory(
 struct Circumstances {
     lets_go_at: Option<u32>,
     fails_while: Option<&'static str>,
+    /// What the wheels' drives are named by already.
+    places: Option<[BusPlace; 3]>,
     /// What drives know outlives whoever opened the bus, until the robot is put down.
     has_memory: bool,
 }
@@ -378,7 +391,7 @@ impl Link for SharedLink {
 
 fn set_up_in(
     robot: &Unknown,
-    Circumstances { lets_go_at, fails_while, has_memory }: Circumstances,
+    Circumstances { lets_go_at, fails_while, places, has_memory }: Circumstances,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
@@ -395,8 +408,12 @@ fn set_up_in(
         if let Some((link, clock)) = &kept {
             return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
         }
-        let (mut segment, machine) =
-            simulated::segment(&world.robot.plan(!world.on_floor)).map_err(|error| error.to_string())?;
+        let mut plan = world.robot.plan(!world.on_floor);
+        plan.drives
+            .iter_mut()
+            .zip(places.into_iter().flatten())
+            .for_each(|(drive, place)| drive.place = place);
+        let (mut segment, machine) = simulated::segment(&plan).map_err(|error| error.to_string())?;
         (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
         world.lay_hands();
         let (link, clock) = in_process(segment);

@@ -1,5 +1,6 @@
 //! What each drive is found by wherever it is plugged in: an alias in its EEPROM, or its identification switch.
 
+use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions};
 
@@ -30,10 +31,19 @@ impl<C: Clock> Guide<'_, C> {
             let Some(wheel) = drive.wheel.clone() else { continue };
             let has = bus.subdevices().get(usize::from(drive.position));
             let (alias, shown) = has.map_or((None, None), |one| (one.alias, one.identification));
+            let others = |is_its: &dyn Fn(&SubDevice) -> bool| {
+                let others = bus.subdevices().iter().filter(|one| one.position != drive.position);
+                others.filter(|one| is_its(one)).map(|one| one.position).next()
+            };
             if let Some(alias) = alias {
-                self.hand.tell(&format!("{wheel}: its drive has alias {alias}"));
-                self.record.drives[number].alias = Some(alias);
-                continue;
+                let Some(other) = others(&|one| one.alias == Some(alias)) else {
+                    self.hand.tell(&format!("{wheel}: its drive has alias {alias}"));
+                    self.record.drives[number].alias = Some(alias);
+                    continue;
+                };
+                let text = format!("{wheel}: its drive has alias {alias}, as SubDevice {other} has");
+                self.hand.tell(&text);
+                self.record.found(text);
             }
             let mut choices = vec!["alias".to_owned()];
             let mut text = format!("{wheel}: write an alias into its drive's EEPROM");
@@ -47,10 +57,12 @@ impl<C: Clock> Guide<'_, C> {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "alias" => {}
                 Ok(choice) if choice == "switch" => {
-                    if bus.subdevices().iter().filter(|one| one.identification == shown).count() > 1 {
-                        self.record.found(format!(
-                            "{wheel}: another SubDevice's switch shows the same number: found by position"
-                        ));
+                    if let Some(other) = others(&|one| one.identification == shown) {
+                        let text = format!(
+                            "{wheel}: the switch of SubDevice {other} shows the same number: found by its position"
+                        );
+                        self.hand.tell(&text);
+                        self.record.found(text);
                         continue;
                     }
                     self.record.drives[number].identification = shown;
