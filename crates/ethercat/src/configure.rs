@@ -9,9 +9,10 @@ use crate::config::{DcConfig, ExpectedIdentity, LrwPermission, Match, Presence, 
 use crate::error::{Mismatch, SetUpError};
 use crate::fmmu;
 use crate::image::{ClockUse, CycleFit, ImagePlan, Member, PlanError};
-use crate::mailbox::{Mailbox, UnusableMailbox};
+use crate::mailbox::{Mailbox, MailboxError, Operation, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
+use crate::modules;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
 use crate::subdevice::{Activation, SubDevice, SyncManager};
@@ -320,7 +321,25 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
             *mailbox = runner.into_mailbox();
         }
-        results.into_iter().filter_map(Result::err).try_for_each(|error| self.without(error))
+        results.into_iter().filter_map(Result::err).try_for_each(|mut error| {
+            self.look_into_slot(&mut error);
+            self.without(error)
+        })
+    }
+
+    /// Which module is in the slot, where the one that was asked for is refused.
+    fn look_into_slot(&mut self, error: &mut StartUpError) {
+        let StartUpError { position, cause: StartUpFailure::Sdo { operation, error, detected, .. } } = error
+        else {
+            return;
+        };
+        if let (Operation::Download { object, .. }, MailboxError::Aborted { .. }) = (operation, error)
+            && object.index == modules::CONFIGURED
+            && let Ok(found) = self.read_modules(*position)
+        {
+            let slot = usize::from(object.subindex);
+            *detected = found.and_then(|found| found.detected.get(slot.checked_sub(1)?).copied());
+        }
     }
 
     /// Reads the PDO maps of those that speak CoE; the others have them from their SII.

@@ -62,6 +62,8 @@ pub enum StartUpFailure {
         operation: Operation,
         /// Why it failed.
         error: MailboxError,
+        /// The module that is in the slot (0xF050), where another one was asked for (0xF030).
+        detected: Option<u32>,
         /// Where it was asked.
         origin: Option<Arc<str>>,
     },
@@ -154,8 +156,11 @@ impl fmt::Display for StartUpError {
                 write!(f, "SDO {object} was asked, but the SubDevice has no CoE mailbox")?;
                 origin
             }
-            StartUpFailure::Sdo { operation, error, origin } => {
+            StartUpFailure::Sdo { operation, error, detected, origin } => {
                 write!(f, "{operation}: {error}")?;
+                if let Some(ident) = detected {
+                    write!(f, "; the slot holds module 0x{ident:08x}")?;
+                }
                 origin
             }
             StartUpFailure::ReadBack { object, written, read, refusal, origin } => {

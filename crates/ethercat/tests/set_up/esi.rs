@@ -135,6 +135,7 @@ fn other_modules_than_stand_in_the_slots_are_refused() {
         panic!("the wrong module was taken");
     };
     assert!(refusal.contains("f030:01 aborted: 0x06090030"), "{refusal}");
+    assert!(refusal.contains("; the slot holds module 0x00000101"), "{refusal}");
 }
 
 #[test]

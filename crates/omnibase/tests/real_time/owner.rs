@@ -44,6 +44,15 @@ fn a_planned_run_is_seen_changed_and_stopped_by_its_own_user_and_led_by_nobody()
             assert!(text.contains("0.5"), "{text}");
             let (code, text) = said(runtime, &["top", "--once"]);
             assert!(code == Some(0) && text.contains("bmm"), "{text}");
+            // Who would write into its devices gets no hand on its interface.
+            for write in [
+                &["foe", "write", Namespace::NEAR, "1", &robot][..],
+                &["eeprom", "alias", Namespace::NEAR, "1", "7"],
+                &["setup", Namespace::NEAR, "--robot", &robot, "-o", "/dev/null/none.toml"],
+            ] {
+                let (code, text) = said(runtime, write);
+                assert!(code == Some(1) && text.contains("is in use by process"), "{write:?}: {text}");
+            }
             // Nobody leads it but its plan.
             for call in [&["call", "enable"][..], &["call", "pause"], &["call", "go_to", "pose=[1,0,0]"]] {
                 let (code, text) = said(runtime, call);
