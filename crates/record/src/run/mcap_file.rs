@@ -28,6 +28,8 @@ pub(super) const METADATA: &str = "omnibase";
 /// Key of the wall clock at the run's time 0, ns since 1970, in the description of a recording.
 pub const BEGUN: &str = "begun_unix_ns";
 
+/// Level 1 saves 1.6 % and takes a third longer. (The writer wants it without a sign, and hands its bits on.)
+const ZSTD_LEVEL: i32 = -1;
 /// Bytes of records after which a chunk ends.
 const CHUNK_BYTES: u64 = 768 * 1024;
 /// Time of the run after which a chunk ends, ns: what is lost where the process is killed.
@@ -136,8 +138,7 @@ impl<W: Write + Seek> McapRun<W> {
         let options = mcap::WriteOptions::new()
             .library("omnibase")
             .compression(Some(mcap::Compression::Zstd))
-            // What a higher one saves (3 %) isn't worth its time; the recorder's thread is the only one.
-            .compression_level(1)
+            .compression_level(ZSTD_LEVEL.cast_unsigned())
             .compression_threads(0)
             // Chunks end where a row does.
             .chunk_size(None);

@@ -41,9 +41,27 @@ pub(crate) fn push_double(bytes: &mut Vec<u8>, number: u32, value: f64) {
 
 /// Appends field `number` as a count; a zero is left out, as of a double.
 pub(super) fn push_count(bytes: &mut Vec<u8>, number: u32, value: u64) {
-    if value != 0 {
-        push_tag(bytes, number, FIXED64);
-        bytes.extend_from_slice(&value.to_le_bytes());
+    if value == 0 {
+        return;
+    }
+    // Most of a recording is made of these: each at once.
+    let word = value.to_le_bytes();
+    match number << 3 | FIXED64 {
+        key @ ..0x80 => {
+            let mut field = [key as u8; 9];
+            field[1..].copy_from_slice(&word);
+            bytes.extend_from_slice(&field);
+        }
+        key @ ..0x4000 => {
+            let mut field = [key as u8 | 0x80; 10];
+            field[1] = (key >> 7) as u8;
+            field[2..].copy_from_slice(&word);
+            bytes.extend_from_slice(&field);
+        }
+        _ => {
+            push_tag(bytes, number, FIXED64);
+            bytes.extend_from_slice(&word);
+        }
     }
 }
 
@@ -205,4 +223,25 @@ pub(super) fn inner(message: &[u8], wanted: u32) -> Option<&[u8]> {
         Field::Bytes(number, data) if number == wanted => Some(data),
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_of_any_number_is_read_back_and_a_zero_left_out() {
+        for number in [1, 15, 16, 2047, 2048, 300_000] {
+            let mut bytes = Vec::new();
+            push_double(&mut bytes, number, -0.1);
+            push_double(&mut bytes, number, 0.0);
+            push_count(&mut bytes, number, u64::MAX);
+            let mut plain = Vec::new();
+            for value in [(-0.1f64).to_bits(), u64::MAX] {
+                push_tag(&mut plain, number, FIXED64);
+                plain.extend_from_slice(&value.to_le_bytes());
+            }
+            assert_eq!(bytes, plain, "{number}");
+        }
+    }
 }

@@ -165,8 +165,13 @@ impl RunSink {
         rest[..last.len()].copy_from_slice(last);
         let rest = (!last.is_empty()).then_some(&rest);
         let packed = whole.iter().chain(rest).map(|word| u64::from_le_bytes(*word));
-        if let Ok(chunk) = self.ring.write_chunk_uninit(length) {
-            chunk.fill_from_iter(head.into_iter().chain(words).chain(packed));
+        if let Ok(mut chunk) = self.ring.write_chunk(length) {
+            let (first, second) = chunk.as_mut_slices();
+            let mut room = Room { first, second };
+            room.put(head.into_iter());
+            room.put(words);
+            room.put(packed);
+            chunk.commit_all();
         }
     }
 
@@ -174,6 +179,26 @@ impl RunSink {
     fn drop(&mut self, kind: u64) {
         if kind == EVENT {
             self.count.events_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Room in the ring, in two pieces where it goes round.
+struct Room<'a> {
+    first: &'a mut [u64],
+    second: &'a mut [u64],
+}
+
+impl Room<'_> {
+    /// Puts words into it; there is room for them.
+    fn put(&mut self, mut words: impl Iterator<Item = u64>) {
+        for piece in [&mut self.first, &mut self.second] {
+            let mut filled = 0;
+            for (slot, word) in piece.iter_mut().zip(words.by_ref()) {
+                *slot = word;
+                filled += 1;
+            }
+            *piece = &mut std::mem::take(piece)[filled..];
         }
     }
 }
@@ -353,8 +378,9 @@ fn drain(
             take(&mut ring, count + length.div_ceil(8), &mut words);
             values.clear();
             values.extend(words[..count].iter().map(|word| f64::from_bits(*word)));
-            bytes.clear();
-            words[count..].iter().for_each(|word| bytes.extend_from_slice(&word.to_le_bytes()));
+            bytes.resize(8 * (words.len() - count), 0);
+            let whole = bytes.as_chunks_mut::<8>().0.iter_mut();
+            whole.zip(&words[count..]).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
             bytes.truncate(length);
             if head & 0xFF == EVENT {
                 writers.event(&RunEvent { time_ns, text: String::from_utf8_lossy(&bytes).into_owned() })?;

@@ -226,3 +226,18 @@ fn chosen_signals_are_read_back_without_the_bytes_that_replay() {
     assert!(text.starts_with("time_s wheels.a wheels.c\n0.000000000 1e0 3e0\n"), "{text}");
     remove(&files);
 }
+
+/// Whatever goes round the end of the ring stands in both pieces, in order.
+#[test]
+fn words_fill_both_pieces_of_the_room() {
+    for split in 0..=6 {
+        let mut ring = [0; 6];
+        let (first, second) = ring.split_at_mut(split);
+        let mut room = super::Room { first, second };
+        room.put([1, 2].into_iter());
+        room.put([].into_iter());
+        room.put([3, 4, 5].into_iter());
+        room.put([6].into_iter());
+        assert_eq!(ring, [1, 2, 3, 4, 5, 6], "{split}");
+    }
+}
