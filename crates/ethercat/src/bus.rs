@@ -146,6 +146,8 @@ pub struct Bus<L, C> {
     pub(crate) mailboxes: Vec<Option<Mailbox>>,
     /// How long a frame takes there and back, as the clocks measured it.
     pub(crate) propagation: Option<core::time::Duration>,
+    /// What the error counters showed before the scan cleared them, by position; empty where all were zero.
+    pub(crate) counters_before: Vec<Vec<u8>>,
 }
 
 impl<L: Link, C: Clock> Bus<L, C> {
@@ -160,6 +162,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             unusable: Unusable::IsError,
             mailboxes: Vec::new(),
             propagation: None,
+            counters_before: Vec::new(),
         }
     }
 

@@ -15,6 +15,7 @@ use crate::state::{Application, StateChange};
 use crate::subdevice::{DcClock, DcWidth, Esc, Port, SubDevice};
 use crate::topology;
 use crate::transaction::{Access, Expect, Target};
+use crate::trouble;
 use crate::wire::bytes::u16_at;
 use crate::wire::sii::{self, Image};
 use crate::wire::{AlState, Clock, Link, LinkError, register};
@@ -53,6 +54,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
     pub fn scan(&mut self) -> Result<&[SubDevice], SetUpError> {
         self.subdevices.clear();
         self.warnings.clear();
+        self.counters_before.clear();
         match self.find_all() {
             Err(SetUpError::Link(LinkError::Down)) => Err(SetUpError::NoSubDevices(NoSubDevices::LinkDown)),
             Err(other) => Err(other),
@@ -64,6 +66,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.count()?;
         self.open_ports()?;
         let count = self.count()?;
+        self.keep_counters(count)?;
         self.reset_to_init(count)?;
         if self.transactor.link.ring().is_some() {
             self.turn_at(count - 1)?;
@@ -168,6 +171,28 @@ impl<L: Link, C: Clock> Bus<L, C> {
             &[RING_PORT_CLOSED],
         )])?;
         self.transactor.pause(PORT_PAUSE);
+        Ok(())
+    }
+
+    /// What the error counters show before they are cleared: damage that comes now and then was counted there.
+    fn keep_counters(&mut self, count: u16) -> Result<(), SetUpError> {
+        let what = "reading the error counters";
+        let length = trouble::COUNTERS;
+        let all = Access::broadcast_read(what, register::RX_ERROR_COUNTERS, length, Expect::Any);
+        // All of them, or-ed: zeros nearly always. Nothing of this is worth a scan that fails.
+        match self.transactor.perform_one(all) {
+            Ok(all) if all.data.iter().any(|byte| *byte != 0) => {}
+            Ok(_) | Err(SetUpError::Access(_)) => return Ok(()),
+            Err(other) => return Err(other),
+        }
+        for position in 0..count {
+            let read = Access::read_at(what, position, register::RX_ERROR_COUNTERS, length);
+            self.counters_before.push(match self.transactor.perform_one(read) {
+                Ok(Access { data, .. }) => data,
+                Err(SetUpError::Access(_)) => Vec::new(),
+                Err(other) => return Err(other),
+            });
+        }
         Ok(())
     }
 

@@ -17,7 +17,25 @@ const FRAMES: u32 = 200;
 /// Bytes of each of them: long ones meet more.
 const BYTES: usize = 256;
 /// Bytes from 0x0300 to the lost-link counters' end.
-const COUNTERS: usize = 0x14;
+pub(crate) const COUNTERS: usize = 0x14;
+
+/// When something was counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Counted {
+    /// Since the scan began.
+    Now,
+    /// Before it: since the SubDevice was powered, or a MainDevice took the segment and cleared its counters.
+    Before,
+}
+
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Counted::Now => "since the scan began",
+            Counted::Before => "before this scan (since it was powered, or the last program began)",
+        })
+    }
+}
 
 /// Something that is wrong with a segment, or will be.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,8 +52,10 @@ pub enum Trouble {
         signs: u8,
         /// Who is at the other end.
         neighbour: String,
+        /// When.
+        counted: Counted,
     },
-    /// A link was lost since the scan began.
+    /// A link was lost.
     LostLink {
         /// The SubDevice.
         position: u16,
@@ -43,6 +63,8 @@ pub enum Trouble {
         port: u8,
         /// How often.
         times: u8,
+        /// When.
+        counted: Counted,
     },
     /// A cable is plugged in, and no frames pass there.
     Closed {
@@ -84,14 +106,14 @@ pub enum Trouble {
 impl fmt::Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::Damaged { position, port, frames, signs, neighbour } => write!(
+            Trouble::Damaged { position, port, frames, signs, neighbour, counted } => write!(
                 f,
                 "SubDevice {position}: {frames} damaged frames ({signs} invalid signs) arrived first at its port {port}, from \
-                 {neighbour}: that cable, its plugs, its shield or the port there; change the cable first"
+                 {neighbour}, {counted}: that cable, its plugs, its shield or the port there; change the cable first"
             ),
-            Trouble::LostLink { position, port, times } => write!(
+            Trouble::LostLink { position, port, times, counted } => write!(
                 f,
-                "SubDevice {position}: its port {port} lost the link {times} times since the scan began: a loose plug, or a \
+                "SubDevice {position}: its port {port} lost the link {times} times {counted}: a loose plug, or a \
                  neighbour whose supply comes and goes"
             ),
             Trouble::Closed { position, port } => write!(
@@ -155,26 +177,40 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 Err(other) => return Err(other),
             }
             let [counters, status] = reads;
-            trouble.extend(self.of_one(number, &counters.data, status.data.first().copied().unwrap_or(1)));
+            let before = self.counters_before.get(number).map_or(&[][..], Vec::as_slice);
+            trouble.extend(self.counted(number, before, Counted::Before));
+            trouble.extend(self.counted(number, &counters.data, Counted::Now));
+            trouble.extend(self.of_one(number, status.data.first().copied().unwrap_or(1)));
         }
         Ok(trouble)
     }
 
-    fn of_one(&self, number: usize, counters: &[u8], status: u8) -> Vec<Trouble> {
+    /// What the counters of one tell.
+    fn counted(&self, number: usize, counters: &[u8], counted: Counted) -> Vec<Trouble> {
+        let one = &self.subdevices[number];
+        let position = one.position;
+        let of = |at: usize| counters.get(at).copied().unwrap_or(0);
+        let mut trouble = Vec::new();
+        for port in 0..4u8 {
+            let at = usize::from(port);
+            let (frames, signs, times) = (of(2 * at), of(2 * at + 1), of(0x10 + at));
+            if frames > 0 || signs > 0 {
+                let neighbour = self.neighbour(one, port);
+                trouble.push(Trouble::Damaged { position, port, frames, signs, neighbour, counted });
+            }
+            if times > 0 {
+                trouble.push(Trouble::LostLink { position, port, times, counted });
+            }
+        }
+        trouble
+    }
+
+    fn of_one(&self, number: usize, status: u8) -> Vec<Trouble> {
         let one = &self.subdevices[number];
         let position = one.position;
         let mut trouble = Vec::new();
         for port in 0..4u8 {
-            let at = usize::from(port);
-            let (frames, signs, times) = (counters[2 * at], counters[2 * at + 1], counters[0x10 + at]);
-            if frames > 0 || signs > 0 {
-                let neighbour = self.neighbour(one, port);
-                trouble.push(Trouble::Damaged { position, port, frames, signs, neighbour });
-            }
-            if times > 0 {
-                trouble.push(Trouble::LostLink { position, port, times });
-            }
-            let seen = &one.ports[at];
+            let seen = &one.ports[usize::from(port)];
             if seen.link && !seen.communicates && seen.kind != PortKind::None {
                 trouble.push(Trouble::Closed { position, port });
             }

@@ -22,8 +22,8 @@ use crate::{Direction, FrameSink, PcapngWriter, WhenFull};
 
 /// What is written behind the moment in which something went wrong, ns.
 const BEHIND_NS: u64 = 1_000_000_000;
-/// The most files: what goes wrong all the time says nothing new.
-const MOST_FILES: u32 = 10;
+/// The most files before the run's end: what goes wrong all the time says nothing new.
+const MOST_FILES: usize = 10;
 /// An unanswered frame is one that is older than this when others come back, ns.
 const UNANSWERED_NS: u64 = 100_000_000;
 /// Datagrams whose counters are remembered; more aren't judged.
@@ -34,7 +34,7 @@ const AL_ERROR: u16 = AlState::ERROR;
 /// How frames are kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeepFrames {
-    /// Where they are written; a second file is called `x-2.pcapng`, and so on.
+    /// Where they are written; a second file is called `x-2.pcapng`, and so on. A file that is there already is left alone.
     pub path: PathBuf,
     /// What the interface is called there.
     pub interface: String,
@@ -56,13 +56,18 @@ pub struct LastFrames {
 pub struct Kept {
     /// Files that were written, and what went wrong first in each.
     pub files: Vec<(PathBuf, String)>,
+    /// How often more went wrong than there are files for.
+    pub untold: u32,
     /// Frames that found the ring between the threads full.
     pub dropped: u64,
 }
 
 impl LastFrames {
-    /// Starts the thread; the second value is the sink for the cyclic thread.
+    /// Starts the thread; the second value is the sink for the cyclic thread. Where no file can be made that is told now, not when
+    /// it is needed.
     pub fn start(keep: KeepFrames) -> io::Result<(LastFrames, Box<dyn FrameSink + Send>)> {
+        let (_, path) = next_file(&keep.path, 1)?;
+        std::fs::remove_file(path)?;
         let dropped = Arc::new(AtomicU64::new(0));
         let (sink, ring) = ring_sink(dropped.clone(), keep.when_full);
         let told = Arc::new(AtomicBool::new(false));
@@ -100,6 +105,8 @@ struct Keeper {
     awaited: VecDeque<(u64, [u8; 2])>,
     /// What went wrong, and when what follows is enough.
     incident: Option<(String, u64)>,
+    /// The number of the next file.
+    number: u32,
     kept: Kept,
 }
 
@@ -112,6 +119,7 @@ impl Keeper {
             counters: HashMap::new(),
             awaited: VecDeque::new(),
             incident: None,
+            number: 1,
             kept: Kept::default(),
         }
     }
@@ -139,7 +147,10 @@ impl Keeper {
         self.frames.push_back(entry);
         let is_enough = |until: u64| now >= until || until - now > 2 * BEHIND_NS;
         if let Some((words, _)) = self.incident.take_if(|(_, until)| is_enough(*until)) {
-            self.write(words)?;
+            match self.kept.files.len() < MOST_FILES {
+                true => self.write(words)?,
+                false => self.kept.untold += 1,
+            }
         }
         Ok(())
     }
@@ -193,12 +204,9 @@ impl Keeper {
     }
 
     fn write(&mut self, words: String) -> io::Result<()> {
-        let number = self.kept.files.len() as u32 + 1;
-        if number > MOST_FILES {
-            return Ok(());
-        }
-        let path = numbered(&self.keep.path, number);
-        let mut writer = PcapngWriter::new(BufWriter::new(File::create(&path)?), &self.keep.interface)?;
+        let (file, path) = next_file(&self.keep.path, self.number)?;
+        self.number += 1;
+        let mut writer = PcapngWriter::new(BufWriter::new(file), &self.keep.interface)?;
         for entry in &self.frames {
             writer.write(entry.unix_ns, entry.direction, &entry.frame)?;
         }
@@ -215,6 +223,22 @@ impl Keeper {
         }
         Ok(self.kept)
     }
+}
+
+/// The first file from this number on that isn't there yet, and its path.
+fn next_file(path: &Path, first: u32) -> io::Result<(File, PathBuf)> {
+    for number in first.. {
+        let path = numbered(path, number);
+        match File::create_new(&path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => {
+                let words =
+                    |error: io::Error| io::Error::new(error.kind(), format!("`{}`: {error}", path.display()));
+                return Ok((made.map_err(words)?, path));
+            }
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
 }
 
 /// `x.pcapng`, `x-2.pcapng` and so on.
@@ -304,6 +328,37 @@ mod tests {
             assert!((7_000_000_000..7_050_000_000).contains(&last), "{name}: {last}");
             std::fs::remove_file(path).unwrap();
         }
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_refused_at_once_and_what_is_there_is_left_alone() {
+        let folder = std::env::temp_dir().join(format!("omnibase-{}-incidents", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let keep = |path: PathBuf| KeepFrames {
+            path,
+            interface: "eth1".into(),
+            seconds: Duration::from_secs(2),
+            when_full: WhenFull::Wait,
+        };
+        let nowhere = folder.join("none/x.pcapng");
+        let refused = LastFrames::start(keep(nowhere.clone())).err().expect("no such folder").to_string();
+        assert!(refused.contains(nowhere.to_str().unwrap()), "{refused}");
+        let path = folder.join("x.pcapng");
+        std::fs::write(&path, "of an earlier run").unwrap();
+        let (frames, mut sink) = LastFrames::start(keep(path.clone())).unwrap();
+        // Each second something else goes wrong, more often than there are files for, and at the end once more.
+        for cycle in 0..300u64 {
+            let counter = if cycle % 15 == 14 { 2 } else { 3 };
+            sink.record(cycle * 100_000_000, Direction::Inbound, &frame(0, counter)).unwrap();
+        }
+        frames.wrong();
+        drop(sink);
+        let kept = frames.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "of an earlier run");
+        assert_eq!(kept.files.len(), MOST_FILES + 1, "{:?}", kept.files);
+        assert_eq!(kept.files[0].0, folder.join("x-2.pcapng"));
+        assert!(kept.untold > 5, "{}", kept.untold);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -291,7 +291,17 @@ fn damaged_frames_are_told_by_port_and_neighbour() {
         panic!("{trouble:?}")
     };
     let words = damaged.to_string();
-    assert!(words.contains("arrived first at its port 0, from SubDevice 0 (its port 1)"), "{words}");
+    assert!(words.contains("arrived first at its port 0, from SubDevice 0 (its port 1), since"), "{words}");
+    // The next scan tells what was counted before it, once.
+    bus.scan().unwrap();
+    let told = |bus: &mut Bus<_, _>| {
+        let trouble = bus.look_for_trouble().unwrap();
+        trouble.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    };
+    let words = told(&mut bus);
+    assert!(words.contains("SubDevice 1: 5 damaged frames") && words.contains("before this scan"), "{words}");
+    bus.scan().unwrap();
+    assert_eq!(told(&mut bus), "");
 }
 
 /// Who fell silent since the scan is told, and those before it are looked at all the same.

@@ -176,7 +176,7 @@ pub fn run(
         progress: &progress,
     };
     let cycle = Duration::from_nanos(robot.plan.bus.cycle_ns);
-    let (ran, share) = std::thread::scope(|scope| {
+    let ran = std::thread::scope(|scope| {
         // Drawing may block: not in the thread of the cycle.
         let shown = (!is_operated).then(|| scope.spawn(|| show(&progress, stop)));
         let ended = EndedAtLast(&progress);
@@ -197,7 +197,17 @@ pub fn run(
             warn("the progress bar died");
         }
         anyhow::Ok((ran?, share))
-    })?;
+    });
+    let (ran, share) = match ran {
+        Ok(ran) => ran,
+        Err(failure) => {
+            // It never came to a cycle: what the bus said is all that there is.
+            if let Err(untold) = frames.map_or(Ok(()), |frames| tell_frames(frames, true)) {
+                error(format_args!("{}", crate::words(&untold)));
+            }
+            return Err(failure);
+        }
+    };
     page.iter_mut().for_each(Page::keep);
     // A try in simulation leaves what the real robot found.
     let is_try = arguments.simulated && robot.plan.run.interface.is_some();
@@ -223,18 +233,14 @@ pub fn run(
         }
         lost = recorded.failure;
     }
-    if let Some(frames) = frames {
-        if ran.ended.is_err() || (!ran.finished && !is_operated) {
-            frames.wrong();
-        }
-        tell_frames(frames)?;
-    }
+    let is_wrong = ran.ended.is_err() || (!ran.finished && !is_operated);
+    let frames = frames.map_or(Ok(()), |frames| tell_frames(frames, is_wrong));
     let told = arguments.tell(&summary, output);
     drop(operated);
     let page = page.map_or(Ok(()), |page| page.write(registry));
     let lost = lost.map(|failure| anyhow::Error::from(failure).context("the recording ended early"));
     // Each is said, why the run ended early before why its page can't be; the last is the command's own.
-    let failures = [told.err(), ran.ended.err().map(Into::into), lost, page.err()];
+    let failures = [told.err(), ran.ended.err().map(Into::into), lost, frames.err(), page.err()];
     let mut failures: Vec<anyhow::Error> = failures.into_iter().flatten().collect();
     if let Some(last) = failures.pop() {
         failures.iter().for_each(|failure| error(format_args!("{}", crate::words(failure))));
@@ -358,7 +364,8 @@ impl Arguments {
             interface: self.interface.clone().unwrap_or_else(|| "simulated".to_owned()),
             seconds: Duration::from_secs(self.frames_s.into()),
             when_full: if self.interface.is_some() { WhenFull::Drop } else { WhenFull::Wait },
-        })?;
+        })
+        .context("--frames")?;
         let clock = Box::new(way.clock.clone());
         let link = Box::new(RecordingLink::new(way.link, clock, unix_offset_ns, sink));
         Ok((Connection { link, ..way }, Some(frames)))
@@ -412,14 +419,23 @@ impl Arguments {
     }
 }
 
-/// Says which files hold the frames of what went wrong.
-fn tell_frames(frames: LastFrames) -> anyhow::Result<()> {
+/// Says which files hold the frames of what went wrong, the run's own end with them.
+fn tell_frames(frames: LastFrames, is_wrong: bool) -> anyhow::Result<()> {
+    if is_wrong {
+        frames.wrong();
+    }
     let kept = frames.finish().context("--frames")?;
     if kept.files.is_empty() {
         note("--frames: nothing went wrong, nothing was written");
     }
     for (path, words) in &kept.files {
         note(format_args!("--frames: {}: {words}", path.display()));
+    }
+    if kept.untold > 0 {
+        warn(format_args!(
+            "--frames: {} times more something went wrong, without a file of its own",
+            kept.untold
+        ));
     }
     if kept.dropped > 0 {
         warn(format_args!("--frames: {} frames found no room and are missing", kept.dropped));
