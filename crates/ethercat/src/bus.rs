@@ -40,6 +40,13 @@ pub enum Warning {
         /// Who has it.
         positions: Vec<u16>,
     },
+    /// The switches of several SubDevices show the same number, so that none of them can be found by it.
+    DuplicateIdentification {
+        /// The number.
+        identification: u16,
+        /// Whose switches show it.
+        positions: Vec<u16>,
+    },
     /// Frames enter a SubDevice at another port than 0: its cables are swapped.
     EntersAtPort {
         /// The SubDevice.
@@ -92,6 +99,12 @@ impl fmt::Display for Warning {
                     f,
                     "alias 0x{alias:04x} belongs to SubDevices {positions:?}: none can be found by it; give all but one another \
                      (`omnibase eeprom alias`)"
+                )
+            }
+            Warning::DuplicateIdentification { identification, positions } => {
+                write!(
+                    f,
+                    "identification {identification} is shown by SubDevices {positions:?}: none of them can be found by it"
                 )
             }
             Warning::EntersAtPort { position, port } => {

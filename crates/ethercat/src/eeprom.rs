@@ -257,7 +257,8 @@ impl SiiReader {
                 | sii::CATEGORY_RX_PDO
                 | sii::CATEGORY_DC
         );
-        if !needed {
+        let is_cut = end > self.limit();
+        if !needed && !is_cut {
             self.part = Part::Skip { end };
             return;
         }
@@ -265,6 +266,11 @@ impl SiiReader {
         put_u16(&mut header, 0, kind);
         put_u16(&mut header, 2, words as u16);
         self.image.extend_from_slice(&header);
+        if !needed {
+            // It leads out of the EEPROM: whoever makes sense of the image sees that, and nothing can follow it.
+            self.outcome = Some(Ok(()));
+            return;
+        }
         self.part = Part::CategoryBody { end };
     }
 

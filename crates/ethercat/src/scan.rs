@@ -1,6 +1,7 @@
 //! Finding the SubDevices: reset, count, addresses, controllers, EEPROMs, topology.
 
 use alloc::borrow::ToOwned;
+use alloc::collections::BTreeMap;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -109,7 +110,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             });
         }
         self.read_identifications()?;
-        self.warn_of_duplicate_aliases();
+        self.warn_of_duplicates();
         Ok(())
     }
 
@@ -371,16 +372,24 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(images)
     }
 
-    fn warn_of_duplicate_aliases(&mut self) {
-        let mut aliases: Vec<u16> = self.subdevices.iter().filter_map(|one| one.alias).collect();
-        aliases.sort_unstable();
-        let mut duplicates: Vec<u16> =
-            aliases.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0]).collect();
-        duplicates.dedup();
-        for alias in duplicates {
-            let having = self.subdevices.iter().filter(|one| one.alias == Some(alias));
-            let positions = having.map(|one| one.position).collect();
+    fn warn_of_duplicates(&mut self) {
+        for (alias, positions) in self.shared(|one| one.alias) {
             self.warnings.push(Warning::DuplicateAlias { alias, positions });
         }
+        for (identification, positions) in self.shared(|one| one.identification) {
+            self.warnings.push(Warning::DuplicateIdentification { identification, positions });
+        }
+    }
+
+    /// Numbers that several SubDevices have, and who.
+    fn shared(&self, number: impl Fn(&SubDevice) -> Option<u16>) -> BTreeMap<u16, Vec<u16>> {
+        let mut having: BTreeMap<u16, Vec<u16>> = BTreeMap::new();
+        for one in &self.subdevices {
+            if let Some(number) = number(one) {
+                having.entry(number).or_default().push(one.position);
+            }
+        }
+        having.retain(|_, positions| positions.len() > 1);
+        having
     }
 }

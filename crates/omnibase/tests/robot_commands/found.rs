@@ -139,9 +139,61 @@ fn a_scan_becomes_tables_that_a_robots_file_takes() {
     };
     let lacking = problems(&folder, &file(&tables)).unwrap();
     assert!(lacking.contains("counts_per_revolution"), "{lacking}");
-    let filled = tables.replace("# counts_per_revolution", "counts_per_revolution");
+    let filled = tables
+        .replace("# counts_per_revolution", "counts_per_revolution")
+        .replace("# gear_ratio", "gear_ratio");
     assert_eq!(problems(&folder, &file(&filled)), None, "{filled}");
     let terminals = words(&omnibase(&["scan", "sim:segments/mixed-tree.toml", "--toml"]).stdout);
     assert!(terminals.contains("kind = \"ignore\"") && terminals.contains("kind = \"io\""), "{terminals}");
     assert!(Path::new(&root()).join("docs/guides/any-device.md").is_file());
+}
+
+/// What two have can find neither; a switch finds as an alias does; modules, a drive that doesn't tell its profile and an EEPROM that
+/// leads out of itself are told in the tables themselves.
+#[test]
+fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
+    use omnibase_ethercat::wire::sii;
+    let folder = Folder::new("scan-toml-odd");
+    let mut cut = sii::Image::default();
+    cut.header.checksum = u16::from(cut.header.computed_checksum());
+    let mut bytes = cut.emit();
+    // A category of 60 KiB in place of the end of all.
+    bytes.truncate(sii::HEADER);
+    bytes.extend_from_slice(&[0x00, 0x01, 0x00, 0x78]);
+    bytes.resize(2048, 0);
+    std::fs::write(folder.path("cut.bin"), bytes).unwrap();
+    let maker = root().join("segments/maker.xml");
+    let segment = folder.path("segment.toml");
+    let servo = |more: &str| format!("[[subdevice]]\nkind = \"servo\"\n{more}\n");
+    let text = [
+        servo("alias = 7"),
+        servo("alias = 7"),
+        servo("identification = 5"),
+        servo("identification = 6"),
+        servo("identification = 6"),
+        format!(
+            "[[subdevice]]\nkind = \"esi\"\nesi = \"{}\"\ndevice = \"MU-COUPLER\"\nmodules = [\"MU-AI\", \"MU-DO\"]\n",
+            maker.display()
+        ),
+        "[[subdevice]]\nkind = \"sii\"\nsii = \"cut.bin\"\n".to_owned(),
+    ]
+    .concat();
+    std::fs::write(&segment, text).unwrap();
+    let output = omnibase(&["scan", &format!("sim:{}", segment), "--toml"]);
+    let tables = words(&output.stdout);
+    for expected in [
+        "# WARNING: alias 0x0007 belongs to SubDevices [0, 1]",
+        "# WARNING: identification 6 is shown by SubDevices [3, 4]",
+        "position = 0 ",
+        "others have its alias 7, too",
+        "identification = 5 ",
+        "other switches show its 6, too",
+        "object = \"0xF030.1\", type = \"u32\", value = 257",
+        "# WARNING: SubDevice 6: EEPROM: ",
+        "category 256 announces 61440 bytes",
+        "# WARNING: its EEPROM is damaged",
+    ] {
+        assert!(tables.contains(expected), "{expected}\n{tables}\n{}", words(&output.stderr));
+    }
+    assert!(!tables.contains("\nalias = "), "{tables}");
 }

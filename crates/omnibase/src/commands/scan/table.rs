@@ -2,6 +2,7 @@
 
 use crate::robot_table::{RobotTable, TO_FILL, plain_name};
 use crate::target::AnyBus;
+use omnibase_ethercat::Warning;
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{Direction, MappedObject, MappedPdo, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -9,11 +10,13 @@ use omnibase_ethercat::wire::sii;
 
 /// Device type (0x1000) of drives: the profile's number in its lower half.
 const DRIVES: u32 = 402;
+const CONTROL_WORD: u16 = 0x6040;
+const STATUS_WORD: u16 = 0x6041;
 /// Objects that the cycle of a wheel needs, with direction, bits and what they are.
 const NEEDED: [(Direction, u16, u8, &str); 4] = [
-    (Direction::Outputs, 0x6040, 16, "control word"),
+    (Direction::Outputs, CONTROL_WORD, 16, "control word"),
     (Direction::Outputs, 0x6060, 8, "mode of operation"),
-    (Direction::Inputs, 0x6041, 16, "status word"),
+    (Direction::Inputs, STATUS_WORD, 16, "status word"),
     (Direction::Inputs, 0x6064, 32, "position"),
 ];
 /// Bits of 0x6502: cyclic synchronous velocity and torque.
@@ -27,6 +30,9 @@ pub fn of(bus: &mut AnyBus) -> String {
     let mut text = String::from(
         "# Written by `omnibase scan --toml`. Lines marked FILL IN are what no bus tells: measure them, take their `# ` away.\n",
     );
+    for warning in bus.warnings() {
+        text.push_str(&format!("# WARNING: {warning}.\n"));
+    }
     let mut names = Vec::new();
     for position in 0..bus.subdevices().len() as u16 {
         let one = bus.subdevices()[usize::from(position)].clone();
@@ -53,7 +59,10 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
         return table.text().to_owned();
     }
     let speaks_coe = one.mailbox.is_some_and(|mailbox| mailbox.speaks_coe());
-    let is_drive = speaks_coe && read(bus, one, 0x1000, 0).is_some_and(|kind| kind & 0xFFFF == DRIVES);
+    let maps = [Direction::Outputs, Direction::Inputs].map(|direction| pdos(one, direction));
+    let tells_profile = speaks_coe && read(bus, one, 0x1000, 0).is_some_and(|kind| kind & 0xFFFF == DRIVES);
+    let is_drive =
+        tells_profile || is_mapped(&maps[0], CONTROL_WORD, 16) && is_mapped(&maps[1], STATUS_WORD, 16);
     let protocols = one.mailbox.map_or(0, |mailbox| mailbox.protocols);
     for (bit, name) in [(sii::PROTOCOL_SOE, "SoE"), (sii::PROTOCOL_EOE, "EoE")] {
         if protocols & bit != 0 {
@@ -63,19 +72,22 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
     table.head(if is_drive { "[[drive]]" } else { "[[device]]" });
     let name = plain_name(&one.name, if is_drive { "wheel" } else { "device" }, names);
     table.line(&format!("name = \"{name}\""), "choose your own; of a drive: its wheel");
-    match one.alias {
-        Some(alias) => table.line(&format!("alias = {alias}"), "found by it wherever it is plugged in"),
-        None => table
-            .line(&format!("position = {}", one.position), "it has no alias: the order of the cable counts"),
-    }
-    let maps = [Direction::Outputs, Direction::Inputs].map(|direction| pdos(one, direction));
+    place(bus, one, &mut table);
     if is_drive {
         table.line(
             "device = \"cia402\"",
-            "profile 402 (0x1000); `omnibase check --kinds` lists what is known better",
+            if tells_profile {
+                "profile 402 (0x1000); `omnibase check --kinds` lists what is known better"
+            } else {
+                "its map has control and status word of profile 402, though 0x1000 doesn't tell it"
+            },
         );
     } else if maps.iter().all(Vec::is_empty) {
-        table.line("kind = \"ignore\"", "it has no process data");
+        let is_damaged = |warning: &Warning| matches!(warning, Warning::Eeprom { position, .. } if *position == one.position);
+        if bus.warnings().iter().any(is_damaged) {
+            table.comment("WARNING: its EEPROM is damaged: what it has of process data isn't known.");
+        }
+        table.line("kind = \"ignore\"", "it names no process data");
     } else {
         table.line("kind = \"io\"", "inputs and outputs");
     }
@@ -91,9 +103,55 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
     if is_drive {
         drive(bus, one, &maps, &mut table);
     } else {
+        modules(bus, one, &mut table);
         signals(&maps, &mut table);
     }
     table.text().to_owned()
+}
+
+/// What it is found by: an alias or a switch that it has alone, else its position.
+fn place(bus: &AnyBus, one: &SubDevice, table: &mut RobotTable) {
+    let is_own = |is_its: &dyn Fn(&SubDevice) -> bool| {
+        bus.subdevices().iter().filter(|other| is_its(other)).count() == 1
+    };
+    let (alias, identification) = (one.alias, one.identification);
+    if let Some(alias) = alias.filter(|_| is_own(&|other| other.alias == alias)) {
+        return table.line(&format!("alias = {alias}"), "found by it wherever it is plugged in");
+    }
+    if let Some(number) = identification.filter(|_| is_own(&|other| other.identification == identification)) {
+        return table.line(
+            &format!("identification = {number}"),
+            "shown by its switch: found by it wherever it is plugged in",
+        );
+    }
+    let reason = match (alias, identification) {
+        (Some(alias), _) => format!("others have its alias {alias}, too: the order of the cable counts"),
+        (None, Some(number)) => {
+            format!("other switches show its {number}, too: the order of the cable counts")
+        }
+        (None, None) => "it has no alias: the order of the cable counts".to_owned(),
+    };
+    table.line(&format!("position = {}", one.position), &reason);
+}
+
+/// Which modules are in its slots, so that others are refused.
+fn modules(bus: &mut AnyBus, one: &SubDevice, table: &mut RobotTable) {
+    let Ok(Some(found)) = bus.read_modules(one.position) else { return };
+    if found.detected.iter().all(|ident| *ident == 0) {
+        return;
+    }
+    table.line("parameters = [", "written at the start, in PRE-OP");
+    table.line("  { object = \"0xF030\", type = \"u8\", value = 0 },", "the list of modules is emptied");
+    for (slot, ident) in (1..).zip(&found.detected) {
+        let line = format!("  {{ object = \"0xF030.{slot}\", type = \"u32\", value = {ident} }},");
+        table.line(&line, &format!("slot {slot}: module 0x{ident:08x} is there now (0xF050)"));
+    }
+    let count = found.detected.len();
+    table.line(
+        &format!("  {{ object = \"0xF030\", type = \"u8\", value = {count} }},"),
+        "how many modules there are",
+    );
+    table.line("]", "");
 }
 
 /// PDOs of a direction, as they are mapped now.
@@ -159,9 +217,9 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
                 format!("0x6091: {motor} of the motor, {shaft} of the shaft; MEASURE: turn the wheel once");
             table.line(&format!("gear_ratio = {ratio:?}"), &reason);
         }
-        None => table.line(
+        None => table.left_to_fill(
             "gear_ratio = 1.0",
-            "MEASURE: turns of the motor per turn of the wheel; 0x6091 doesn't tell",
+            "turns of the motor per turn of the wheel; 0x6091 doesn't tell",
         ),
     }
     match rated_torque {
