@@ -6,6 +6,7 @@ use omnibase_ethercat_wire::HostTime;
 use omnibase_ethercat_wire::bytes::{put_u16, put_u32, u16_at, u64_at};
 use omnibase_ethercat_wire::register as reg;
 use std::io::{self, ErrorKind, Read, Write};
+use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -83,10 +84,22 @@ enum Look {
 }
 
 impl SocketApplication {
-    /// Listens at `path`, which must not exist yet and is removed in the end.
+    /// Listens at `path`, which is removed in the end. What stands there is left alone, but a socket at which nobody listens any
+    /// more, as a killed simulator leaves it.
     pub fn bind(path: impl AsRef<Path>, pace: Pace) -> io::Result<Self> {
         let path = path.as_ref().to_path_buf();
-        let listener = UnixListener::bind(&path)?;
+        let is_left = || {
+            let is_socket = std::fs::symlink_metadata(&path).is_ok_and(|found| found.file_type().is_socket());
+            let refused = |error: &io::Error| error.kind() == ErrorKind::ConnectionRefused;
+            is_socket && UnixStream::connect(&path).is_err_and(|error| refused(&error))
+        };
+        let listener = match UnixListener::bind(&path) {
+            Err(error) if error.kind() == ErrorKind::AddrInUse && is_left() => {
+                std::fs::remove_file(&path)?;
+                UnixListener::bind(&path)?
+            }
+            bound => bound?,
+        };
         listener.set_nonblocking(true)?;
         Ok(SocketApplication { listener, path, pace, firmware: None })
     }
@@ -324,6 +337,20 @@ fn event_mask(pdi: &mut dyn Pdi) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_socket_that_a_killed_simulator_left_is_taken_over_and_nothing_else_is() {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-left.pdi", std::process::id()));
+        drop(UnixListener::bind(&path).unwrap());
+        let listening = SocketApplication::bind(&path, Pace::Free).unwrap();
+        let refused = |path: &Path| SocketApplication::bind(path, Pace::Free).err().map(|error| error.kind());
+        assert_eq!(refused(&path), Some(ErrorKind::AddrInUse), "somebody listens there");
+        drop(listening);
+        std::fs::write(&path, "no socket").unwrap();
+        assert_eq!(refused(&path), Some(ErrorKind::AddrInUse));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "no socket");
+        std::fs::remove_file(&path).unwrap();
+    }
 
     /// A chip whose AL request is acknowledged by any read.
     struct Chip {

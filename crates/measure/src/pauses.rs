@@ -67,12 +67,9 @@ impl Pauses {
         }
         if is_lost && own_ns <= self.cycle_ns / 2 {
             self.silent_ns += self.cycle_ns * times.periods.max(1);
-            if self.silent_ns == self.cycle_ns * times.periods.max(1) {
-                self.other.pauses += 1;
-            }
-            self.other.longest_ns = self.other.longest_ns.max(self.silent_ns);
-        } else {
-            self.silent_ns = 0;
+        } else if self.silent_ns > 0 {
+            // A silence without an end is no pause.
+            self.other.take(std::mem::take(&mut self.silent_ns));
         }
     }
 
@@ -82,8 +79,8 @@ impl Pauses {
         let mut lines = Vec::new();
         if self.own.pauses > 0 {
             lines.push(format!(
-                "this program was paused {} times, up to {}: it got no CPU. Ask for real time (--realtime), and let \
-                 `omnibase doctor` measure this machine's pauses",
+                "this program was paused {} times, up to {}: it got no CPU. Ask for real time (--realtime) where \
+                 that isn't done yet, and let `omnibase doctor` measure this machine's pauses",
                 self.own.pauses,
                 microseconds(self.own.longest_ns)
             ));
@@ -135,5 +132,8 @@ mod tests {
         pauses.take(&times(20, 7_900), true);
         assert_eq!(pauses.own, Side { pauses: 2, longest_ns: 7_000_000 });
         assert_eq!(pauses.other.pauses, 1);
+        // Who answered has died: that is no pause to be borne.
+        (0..500).for_each(|_| pauses.take(&times(20, 900), true));
+        assert_eq!(pauses.other, Side { pauses: 1, longest_ns: 5_000_000 });
     }
 }

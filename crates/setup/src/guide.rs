@@ -137,21 +137,24 @@ pub(crate) fn who(vendor_id: u32, product_code: u32, serial: u32) -> String {
 pub(crate) struct Leave;
 
 /// Which numbers are an answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Range {
-    AboveZero,
+    Within(f64, f64),
     Any,
 }
 
 impl Range {
     fn holds(self, number: f64) -> bool {
-        number.is_finite() && (self == Range::Any || number > 0.0)
+        match self {
+            Range::Within(least, most) => (least..=most).contains(&number),
+            Range::Any => number.is_finite(),
+        }
     }
 
-    fn words(self) -> &'static str {
+    fn words(self) -> String {
         match self {
-            Range::AboveZero => "a number above 0",
-            Range::Any => "a number",
+            Range::Within(least, most) => format!("a number from {least} to {most}"),
+            Range::Any => "a number".to_owned(),
         }
     }
 }
@@ -242,8 +245,14 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     /// A number above zero, asked again until it is one.
-    pub(crate) fn number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
-        self.number_of(id, text, default, Range::AboveZero)
+    pub(crate) fn number(
+        &mut self,
+        id: String,
+        text: String,
+        default: f64,
+        [least, most]: [f64; 2],
+    ) -> Result<f64, Leave> {
+        self.number_of(id, text, default, Range::Within(least, most))
     }
 
     /// Any number, asked again until it is one.

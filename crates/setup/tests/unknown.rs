@@ -86,6 +86,20 @@ fn parameters_are_written_and_stored_where_that_is_wished() {
     assert!(count(" written: ") >= 3 && count(" and reads back ") == 0, "{:?}", found.record.log);
 }
 
+/// Numbers that no eye counts and no gear has are asked again.
+#[test]
+fn absurd_numbers_are_refused() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let mut absurd = vec!["1e-300", "1e300", "nan", "-1"];
+    let found =
+        set_up(&robot, &mut |question| (question.id == "turns 0").then(|| absurd.pop().map(said)).flatten())
+            .unwrap();
+    let refused =
+        found.told.iter().filter(|text| text.starts_with("expected a number from 0.01 to 1000")).count();
+    assert_eq!(refused, 4, "{:?}", found.told);
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new());
+}
+
 /// What a switch shows is taken where nobody else's shows the same; who shares a number is told with whom.
 #[test]
 fn a_switch_finds_a_drive_that_has_its_number_alone() {

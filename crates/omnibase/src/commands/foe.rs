@@ -95,9 +95,12 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     let mut bus = place.open()?;
     let operation = Operation::WriteFile(access);
     place.transfer(&mut bus, operation, content.clone()).with_context(|| {
-        format!(
-            "SubDevice {position} may be without firmware now and wait for it: leave its power on and give the same command again"
-        )
+        let left = if place.pre_op {
+            "may have a part of that file now"
+        } else {
+            "may be without firmware now and wait for it: leave its power on"
+        };
+        format!("SubDevice {position} {left}; give the same command again")
     })?;
     let compared = if *no_compare {
         Err("not asked for".to_owned())
@@ -115,6 +118,9 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let ReadArguments { place, file } = arguments;
+    // Known before the device is brought to BOOT.
+    let kept = File::create_new(file).and_then(|_| std::fs::remove_file(file));
+    kept.with_context(|| format!("writing `{}`", file.display()))?;
     let access = place.access(file)?;
     let mut bus = place.open()?;
     let operation = Operation::ReadFile(access);

@@ -36,7 +36,9 @@ use std::time::Duration;
 ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar, or the page's button, is held,
 at a tenth of its rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal or page
 that is gone, stops it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
-emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. What was
+emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. With --lines
+each line is a JSON object. Out: {\"tell\": text}, {\"question\": {id, text, choices, default}}, {\"hold\": what}; in: {\"answer\": text},
+{\"key\": true} for each beat of the held key, {\"key\": false} where it is let go, {\"leave\": true}. What was
 found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
@@ -92,7 +94,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         (0.01..=5.0).contains(&speed),
         "--wheel-speed-rad-s {speed}: expected 0.01 to 5, for somebody must see it"
     );
-    anyhow::ensure!((1..=500).contains(&arguments.torque_per_mille), "--torque-per-mille: expected 1 to 500");
+    let torque = arguments.torque_per_mille;
+    anyhow::ensure!((1..=500).contains(&torque), "--torque-per-mille {torque}: expected 1 to 500");
     let base = std::fs::read_to_string(&arguments.robot)
         .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
@@ -109,9 +112,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let wished = Wished {
         cycle: Duration::from_nanos(plan.bus.cycle_ns),
         wheel_speed_rad_s: speed,
-        torque_per_mille: arguments.torque_per_mille,
+        torque_per_mille: torque,
         ..Wished::new(base)
     };
+    // What can't be kept is better known before anything turns.
+    write_whole(&state, record.to_json())?;
     let mut open = || -> Result<(Box<dyn Link>, AnyClock), String> {
         let cable =
             arguments.manners.enter(&arguments.target, Port::Socket).map_err(|error| format!("{error:#}"))?;

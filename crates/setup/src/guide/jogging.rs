@@ -23,6 +23,10 @@ const STOPPED_WITHIN_S: f64 = 30.0;
 const ROUNDS: u32 = 3;
 /// Over what time a jog comes to its speed, s: it begins at a 64th of it, for nobody knows the encoder yet.
 const RAMP_S: f64 = 5.0;
+/// What an eye counts, gears and encoders have: least and most.
+const TURNS: [f64; 2] = [0.01, 1000.0];
+const GEARS: [f64; 2] = [1e-3, 1e5];
+const COUNTS: [f64; 2] = [1.0, 4_294_967_295.0];
 /// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
 const CREEP_TURNS: f64 = 0.005;
 
@@ -293,8 +297,12 @@ impl<C: Clock> Guide<'_, C> {
         );
         let way =
             self.choose(format!("way {position}"), text, &["forward", "backward"].map(str::to_owned))?;
-        let turns =
-            self.number(format!("turns {position}"), format!("how many turns did {wheel} make?"), 1.0)?;
+        let turns = self.number(
+            format!("turns {position}"),
+            format!("how many turns did {wheel} make?"),
+            1.0,
+            TURNS,
+        )?;
         let counts = jog.travel_counts as f64;
         let forward = (way == "forward") == (counts > 0.0);
         let seen_counts = counts.abs() / turns;
@@ -330,13 +338,13 @@ impl<C: Clock> Guide<'_, C> {
             "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",
             told.0 * told.1
         );
-        let gear = self.number(format!("gear {position}"), text, told.1)?;
+        let gear = self.number(format!("gear {position}"), text, told.1, GEARS)?;
         let of_motor = seen_counts / gear;
         let likely = likely_resolution(of_motor).map_or(of_motor.round(), f64::from);
         let text = format!(
             "with it the motor has {of_motor:.0} counts per turn: how many exactly (the encoder's data sheet)?"
         );
-        let counts = self.number(format!("counts {position}"), text, likely)?;
+        let counts = self.number(format!("counts {position}"), text, likely, COUNTS)?;
         Ok((counts.round().clamp(1.0, f64::from(u32::MAX)) as u32, gear))
     }
 

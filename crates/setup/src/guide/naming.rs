@@ -115,7 +115,8 @@ impl<C: Clock> Guide<'_, C> {
         let position = self.record.drives[number].position;
         loop {
             let text = "which alias (1 to 65535)?".to_owned();
-            let said = self.number(format!("alias {position}"), text, likely.into())?;
+            let said =
+                self.number(format!("alias {position}"), text, likely.into(), [1.0, f64::from(u16::MAX)])?;
             let alias = said as u16;
             if f64::from(alias) == said && is_free(alias) {
                 return Ok(alias);
