@@ -1,4 +1,4 @@
-//! A way in the shortest time that the platform's limits allow, from rest to rest, with a bounded jerk.
+//! A way in the shortest time that the platform's limits allow, with a bounded jerk: from rest to rest, or passing its ends with speeds.
 //!
 //! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of time: its path is
 //! the same, its acceleration continuous, its jerk at most twice the acceleration over the window. Where the mean exceeds a limit,
@@ -7,10 +7,12 @@
 mod bounds;
 mod free;
 mod grid;
+mod runs;
 mod smooth;
 
 pub use bounds::{Heat, Limit, PlatformBounds};
 pub use free::Turned;
+pub use runs::{Passing, WayEnd, WithRuns};
 
 use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
@@ -26,6 +28,8 @@ pub struct FastestTrajectory<P> {
     progress: Progress,
     /// Times where derivatives may jump, s.
     breaks_s: Vec<f64>,
+    /// When it passes the ends of its way with a speed, s.
+    passes_s: [Option<f64>; 2],
 }
 
 /// Why a way has no fastest motion.
@@ -42,6 +46,19 @@ pub enum FastestError {
         /// The way's length in σ.
         length: f64,
     },
+    /// An end of the way can't be passed so fast.
+    #[error("its {end} can't be passed at {asked_m_s} m/s: the limits leave {found_m_s:.3} m/s there")]
+    NoSpeed {
+        /// Which end.
+        end: WayEnd,
+        /// The speed that was asked for, m/s.
+        asked_m_s: f64,
+        /// The speed of the motion that was found for it, m/s.
+        found_m_s: f64,
+    },
+    /// The way turns there without leading anywhere.
+    #[error("the way turns on the spot at its {0}: nothing is passed there")]
+    OnTheSpot(WayEnd),
     /// A motion beyond any use.
     #[error("it takes {found_s} s, expected at most {LONGEST_S} s")]
     TooLong {
@@ -74,7 +91,12 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         }
         let window_s = bounds.first_window_s(&grid.intervals, &reached.x);
-        let mut found = FastestTrajectory { path, progress: Progress::default(), breaks_s: Vec::new() };
+        let mut found = FastestTrajectory {
+            path,
+            progress: Progress::default(),
+            breaks_s: Vec::new(),
+            passes_s: [None; 2],
+        };
         reached.is_new.fill(true);
         let mut calm: f64 = 0.0;
         let mut round = 0;
@@ -188,5 +210,9 @@ impl<P: GeometricPath> Trajectory for FastestTrajectory<P> {
 
     fn breaks_s(&self) -> Vec<f64> {
         self.breaks_s.clone()
+    }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        self.passes_s
     }
 }
