@@ -16,7 +16,7 @@ const CLEARANCE_M: f64 = 0.03;
 /// Plans in each room.
 const EACH: usize = 20;
 /// Of the rooms one in so many is solved for the disc by its visibility graph.
-const GRAPHS: usize = 10;
+const GRAPHS: usize = 20;
 /// One room in so many has a wall across it with a door that the long robot passes with one heading alone.
 const DOORS: usize = 2;
 /// The door's width, m.

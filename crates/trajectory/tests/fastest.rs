@@ -401,11 +401,14 @@ fn a_way_is_passed_with_speeds_between_two_rests() {
         Box::new(PiecewisePath::through(&turning, JOINING).unwrap()),
     ];
     for (number, way) in ways.iter().enumerate() {
-        for bounds in [PlatformBounds::new(LIMITS), with_wheels()] {
+        let slow = PlatformBounds::new(Limits { jerk_m_s3: 10.0, angular_jerk_rad_s3: 20.0, ..LIMITS });
+        for bounds in [PlatformBounds::new(LIMITS), with_wheels(), slow] {
             for (start_m_s, end_m_s) in [(0.5, 0.6), (0.0, 0.6), (0.4, 0.0), (0.05, 0.3)] {
                 let motion =
                     FastestTrajectory::passing(way, Passing { start_m_s, end_m_s }, &bounds).unwrap();
-                assert!(loads(&motion, &bounds) < 1.003, "{number}: {}", loads(&motion, &bounds));
+                // Where the way's third derivative jumps between two looks, a small jerk is exceeded by two hundredths.
+                let most = if bounds.limits.jerk_m_s3 < LIMITS.jerk_m_s3 { 1.03 } else { 1.003 };
+                assert!(loads(&motion, &bounds) < most, "{number}: {}", loads(&motion, &bounds));
                 // No acceleration jumps where a run begins.
                 for time_s in motion.breaks_s().into_iter().chain(motion.passes_s().into_iter().flatten()) {
                     let [before, after] =

@@ -28,6 +28,7 @@ pub(super) struct Excess {
 }
 
 /// The grid along a path, and its limits.
+#[derive(Clone)]
 pub(super) struct Grid {
     /// σ at the points.
     pub(super) sigma: Vec<f64>,

@@ -3,10 +3,10 @@
 //! A run goes on as the way ends: its bend fades to nothing, then it is straight, and the heading turns on in proportion. It is passed
 //! no faster than the end of the way beside it, and so for half a window of the mean within the way: so the mean has that speed at the end.
 
+use super::smooth::Progress;
 use super::{FastestError, FastestTrajectory, PlatformBounds};
 use crate::geometry::GeometricPath;
 use crate::reach::{self, Interval};
-use crate::trajectory::Trajectory;
 
 /// Speeds along x and y with which a motion passes the ends of its way, m/s; 0: it rests there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -168,6 +168,15 @@ impl<P: GeometricPath> WithRuns<P> {
         self.runs[end as usize].as_ref()
     }
 
+    /// When a progress passes each end with a run beyond it, s, and what part of its speed it has there.
+    fn passed(&self, progress: &Progress) -> [Option<(f64, f64)>; 2] {
+        let ends = self.ends();
+        WayEnd::BOTH.map(|end| {
+            let time_s = progress.time_s(ends[end as usize]);
+            Some((time_s, progress.at(time_s)[1] / self.run(end)?.rate))
+        })
+    }
+
     /// σ at the ends of the way.
     fn ends(&self) -> [f64; 2] {
         let begin = self.run(WayEnd::Start).map_or(0.0, |run| run.length);
@@ -234,16 +243,14 @@ impl<P: GeometricPath> FastestTrajectory<WithRuns<P>> {
         let asked = [speeds.start_m_s, speeds.end_m_s];
         let run = |end: WayEnd| Run::new(&path, end, asked[end as usize], bounds);
         let runs = [run(WayEnd::Start)?, run(WayEnd::End)?];
-        let mut found = FastestTrajectory::new(WithRuns { path, runs }, bounds)?;
-        for (end, sigma) in WayEnd::BOTH.into_iter().zip(found.path.ends()) {
+        let mut found = FastestTrajectory::that(WithRuns { path, runs }, bounds, |way, progress| {
+            way.passed(progress).into_iter().flatten().all(|(_, met)| met >= 1.0 - MET)
+        })?;
+        for (end, passed) in WayEnd::BOTH.into_iter().zip(found.path.passed(&found.progress)) {
+            let Some((time_s, met)) = passed else { continue };
             let asked_m_s = asked[end as usize];
-            if asked_m_s == 0.0 {
-                continue;
-            }
-            let time_s = found.progress.time_s(sigma);
-            let found_m_s = found.sample(time_s).twist_in_odom.speed_m_s();
-            if found_m_s < asked_m_s * (1.0 - MET) {
-                return Err(FastestError::NoSpeed { end, asked_m_s, found_m_s });
+            if met < 1.0 - MET {
+                return Err(FastestError::NoSpeed { end, asked_m_s, found_m_s: met * asked_m_s });
             }
             found.passes_s[end as usize] = Some(time_s);
         }
