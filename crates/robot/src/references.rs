@@ -300,8 +300,8 @@ fn is_free(table: &ReferenceTable) -> bool {
 
 /// Some headings, and speeds at the ends, come with the fastest motion alone.
 fn needs_fastest(table: &ReferenceTable, names: &[HeadingName]) -> Made<()> {
-    let speeds = SPEEDS.into_iter().zip([table.start_speed_m_s, table.end_speed_m_s]);
-    for (key, _) in speeds.filter(|(_, speed)| speed.is_some()) {
+    let mut speeds = SPEEDS.into_iter().zip([table.start_speed_m_s, table.end_speed_m_s]);
+    if let Some((key, _)) = speeds.find(|(_, speed)| speed.is_some()) {
         let reason = "a way is passed with a speed of one's own by `timing = \"fastest\"` alone";
         return Err(Problem::refused(key, reason).into());
     }
