@@ -157,8 +157,9 @@ fn with_a_limit_on_jerk_the_time_is_the_optimum() {
 #[test]
 fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
     let count = std::env::var("OMNIBASE_COPP_PATHS").map_or(COPP_PATHS, |text| text.parse().unwrap());
-    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth: up to 1.3 % were seen.
-    for (jerk, asked) in [([40.0, 80.0], 1.0), ([10.0, 20.0], 1.5)] {
+    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth: up to 1.6 % were seen in 28
+    // paths. In the mean it is below: the means are tried shorter for that.
+    for (jerk, asked) in [([40.0, 80.0], 1.0), ([10.0, 20.0], 2.5)] {
         let Some(times_s) = compared(&COPP, count, Some(jerk)) else { return };
         let more = times_s.iter().map(|[own_s, found_s]| 100.0 * (own_s / found_s - 1.0));
         let mut more: Vec<f64> = more.collect();
@@ -171,6 +172,6 @@ fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
             more.len(),
             more[0]
         );
-        assert!(most < asked, "{most} %");
+        assert!(most < asked && mean < -0.2, "{most} %, {mean} % in the mean");
     }
 }
