@@ -15,8 +15,12 @@ const CELL_M: f64 = 0.05;
 const CLEARANCE_M: f64 = 0.03;
 /// Plans in each room.
 const EACH: usize = 20;
-/// Of the rooms of discs, one in so many is solved by its visibility graph.
-const GRAPHS: usize = 10;
+/// Of the rooms one in so many is solved for the disc by its visibility graph.
+const GRAPHS: usize = 20;
+/// One room in so many has a wall across it with a door that the long robot passes with one heading alone.
+const DOORS: usize = 2;
+/// The door's width, m.
+const DOOR_M: [f64; 2] = [0.66, 1.0];
 
 /// What this thread has had of a processor, ms: others at work on this machine don't count.
 fn used_ms() -> f64 {
@@ -54,6 +58,22 @@ fn blocks(random: &mut Random) -> Vec<Block> {
                 .to_vec()
         })
         .collect()
+}
+
+/// A wall across the room in any direction, and the door in it.
+fn wall(random: &mut Random) -> [Block; 2] {
+    let middle = [random.between(2.5, ROOM_M[0] - 2.5), random.between(2.0, ROOM_M[1] - 2.0)];
+    let half_m = 0.5 * random.between(DOOR_M[0], DOOR_M[1]);
+    let (sin, cos) = random.between(0.0, std::f64::consts::PI).sin_cos();
+    let (half_width_m, end_m) = (random.between(0.03, 0.15), ROOM_M[0] + ROOM_M[1]);
+    [1.0, -1.0].map(|side| {
+        let corners =
+            [[half_m, -half_width_m], [end_m, -half_width_m], [end_m, half_width_m], [half_m, half_width_m]];
+        corners
+            .map(|[x, y]| [side * x, side * y])
+            .map(|[x, y]| [middle[0] + cos * x - sin * y, middle[1] + sin * x + cos * y])
+            .to_vec()
+    })
 }
 
 fn cross(o: Point, a: Point, b: Point) -> f64 {
@@ -230,24 +250,30 @@ fn main() {
         "no way ms",
         "length over best: mean / 99 % / most"
     );
-    for (name, footprint, is_disc) in &robots {
-        let mut row = Row::default();
-        let mut random = Random(17);
-        let rooms = count / robots.len() / EACH;
-        for number in 0..rooms {
-            let blocks = blocks(&mut random);
-            let mut map = Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M)
-                .expect("a room");
-            blocks.iter().for_each(|block| map.block_polygon(block));
-            let space = Space::new(map);
-            let graph = (*is_disc && number % GRAPHS == 0)
+    let mut rows = robots.each_ref().map(|_| Row::default());
+    let rooms = count / robots.len() / EACH;
+    for number in 0..rooms {
+        let mut random = Random(17 + number as u64);
+        let mut blocks = blocks(&mut random);
+        if number % DOORS == 1 {
+            blocks.extend(wall(&mut random));
+        }
+        let mut map =
+            Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M).expect("a room");
+        blocks.iter().for_each(|block| map.block_polygon(block));
+        let space = Space::new(map);
+        // All robots in each room: a run that is ended has looked at all of them.
+        for ((_, footprint, is_disc), row) in robots.iter().zip(&mut rows) {
+            let graph = (*is_disc && number % GRAPHS < DOORS)
                 .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
-            let scene = Scene { space, footprint, blocks, graph };
-            let plans: Vec<Plan> = (0..EACH).filter_map(|_| ask(&mut row, &mut random, &scene)).collect();
+            let scene = Scene { number, space: &space, footprint, blocks: &blocks, graph };
+            let plans: Vec<Plan> = (0..EACH).filter_map(|_| ask(row, &mut random, &scene)).collect();
             if let Some(file) = &mut file {
                 scene.write(file, &plans).expect("the file can be written");
             }
         }
+    }
+    for ((name, ..), row) in robots.iter().zip(&mut rows) {
         row.times_ms.sort_by(f64::total_cmp);
         row.ratios.sort_by(f64::total_cmp);
         let ms = |share| percentile(&row.times_ms, share);
@@ -331,9 +357,11 @@ fn cold() {
 
 /// A room and who drives in it.
 struct Scene<'a> {
-    space: Space,
+    /// The room's number.
+    number: usize,
+    space: &'a Space,
     footprint: &'a Footprint,
-    blocks: Vec<Block>,
+    blocks: &'a [Block],
     /// The shortest ways of a disc in it, where they are asked for.
     graph: Option<Graph>,
 }
@@ -356,7 +384,7 @@ impl Scene<'_> {
 
 /// One plan between two free poses of a room, where there is one.
 fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
-    let Scene { space, footprint, blocks, graph } = scene;
+    let Scene { number, space, footprint, blocks, graph } = scene;
     let mut checker = space.checker(footprint, CLEARANCE_M);
     let mut free = || {
         // A crowded room may have no place: then whatever comes is told to be blocked.
@@ -398,7 +426,10 @@ fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
             if let Some(best) = best.filter(|best| *best > 0.2) {
                 row.ratios.push(plan.length_m / best);
                 if plan.length_m > 1.01 * best {
-                    eprintln!("{:.3} of {best:.3} m: {from:?} to {to:?}, {:?}", plan.length_m, plan.by);
+                    eprintln!(
+                        "room {number}: {:.3} of {best:.3} m: {from:?} to {to:?}, {:?}",
+                        plan.length_m, plan.by
+                    );
                 }
             }
             Some(plan)

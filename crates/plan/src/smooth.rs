@@ -12,8 +12,10 @@ const ROUNDS: usize = 60;
 const LONGER: f64 = 1.004;
 /// Rounds of tightening: the pieces of a way, and then pieces half as long.
 pub(crate) const TIGHTENINGS: [usize; 2] = [12, 4];
-/// Points that would move by less than this stay, in cells.
+/// Points of a way that would move by less than this stay while it is drawn taut, in cells.
 const STILL: f64 = 2e-3;
+/// And those of a band while it bends back: slow waves along it go on for ever, and what they move is less than is driven.
+const STILL_IN_BAND: f64 = 5e-3;
 
 /// The points of a way in cells, evenly between its turns; a heading changes evenly along each piece.
 pub(crate) fn divided(way: &[Pose2], spacing: f64, turn_length: f64) -> Vec<Pose2> {
@@ -113,7 +115,7 @@ pub(crate) fn smooth(points: &mut [Pose2], checker: &mut Checker<'_>) {
             let here = points[at];
             let wished = bent_back(points, at);
             let moves = (wished.x_m - here.x_m).hypot(wished.y_m - here.y_m);
-            if moves + (wished.heading_rad - here.heading_rad).abs() < STILL {
+            if moves + (wished.heading_rad - here.heading_rad).abs() < STILL_IN_BAND {
                 continue;
             }
             let free = [1.0, 0.4].into_iter().map(|part| between(&here, &wished, part)).find(|wished| {

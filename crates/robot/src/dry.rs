@@ -65,6 +65,17 @@ impl Moment {
     }
 }
 
+/// An end of a way that is passed with a speed, between rest and the way or the way and rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passed {
+    /// When, s.
+    pub time_s: f64,
+    /// The speed there, m/s.
+    pub speed_m_s: f64,
+    /// How long the run is that leads onto the way or on from it, m.
+    pub run_m: f64,
+}
+
 /// What a limit is asked of by a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
@@ -88,6 +99,8 @@ pub struct DryRun {
     pub duration_s: f64,
     /// Its way over the floor, m.
     pub way_m: f64,
+    /// Its start and its end, where it passes them with a speed.
+    pub passed: [Option<Passed>; 2],
     /// Moment by moment.
     pub moments: Vec<Moment>,
     /// Limit by limit.
@@ -114,6 +127,7 @@ impl DryRun {
         let mut run = DryRun {
             duration_s,
             way_m: 0.0,
+            passed: [None; 2],
             moments: Vec::with_capacity(count as usize + 1),
             asked: Vec::new(),
             friction: (0.0, 0.0),
@@ -143,6 +157,7 @@ impl DryRun {
                 least(&mut run.obstacle_room_m, room_m, time_s);
             }
         }
+        run.passed = run.passed_ends(reference);
         for asked in &mut run.asked {
             asked.share /= run.moments.len() as f64;
         }
@@ -150,6 +165,25 @@ impl DryRun {
             other.share.total_cmp(&one.share).then(other.most.0.total_cmp(&one.most.0))
         });
         Ok(run)
+    }
+
+    fn passed_ends(&self, reference: &dyn Reference) -> [Option<Passed>; 2] {
+        // To the nearest look.
+        let at = |time_s: f64| self.moments.partition_point(|moment| moment.time_s < time_s);
+        let length_m = |moments: &[Moment]| -> f64 {
+            let pairs = moments.windows(2).map(|pair| (pair[0].setpoint, pair[1].setpoint));
+            pairs.map(|(from, to)| from.odom_from_body.distance_m(to.odom_from_body)).sum()
+        };
+        let [start_s, end_s] = reference.passes_s();
+        let passed = |time_s: Option<f64>, run: &dyn Fn(usize) -> f64| {
+            let time_s = time_s?;
+            let speed_m_s = reference.preview(time_s)?.twist_in_odom.speed_m_s();
+            Some(Passed { time_s, speed_m_s, run_m: run(at(time_s)) })
+        };
+        [
+            passed(start_s, &|at| length_m(&self.moments[..=at.min(self.moments.len() - 1)])),
+            passed(end_s, &|at| length_m(&self.moments[at.min(self.moments.len())..])),
+        ]
     }
 
     /// What a moment takes of every limit.
@@ -235,6 +269,19 @@ mod tests {
         let (room_m, at_s) = run.fence_room_m.unwrap();
         assert!((1.0..1.7).contains(&room_m) && at_s <= run.duration_s, "{room_m} at {at_s}");
         assert_eq!(run.obstacle_room_m, None);
+    }
+
+    #[test]
+    fn ends_that_are_passed_are_told_with_their_runs() {
+        let line = "\n[reference]\nkind = \"path\"\ntiming = \"fastest\"\nend_speed_m_s = 0.6\n\
+                    points = [[0, 0, 0, 0], [1, 3, 0, 0]]\n";
+        let run = dry(line);
+        let [None, Some(end)] = run.passed else { panic!("{:?}", run.passed) };
+        assert!((end.speed_m_s - 0.6).abs() < 3e-3, "{end:?}");
+        // v²/2a at 1.5 m/s², a tenth and what the jerk takes.
+        let least_m = 0.6 * 0.6 / 3.0;
+        assert!((least_m..1.1 * least_m + 0.04).contains(&end.run_m), "{end:?}");
+        assert!((run.way_m - 3.0 - end.run_m).abs() < 0.01 && end.time_s < run.duration_s, "{end:?}");
     }
 
     #[test]

@@ -7,9 +7,10 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::curve;
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
-    Corrected, Correction, CurveHeading, FastestTrajectory, GeometricPath, Heading, InPlatformAxes,
-    Interpolation, Joining, Nurbs, PathPoint, PathPoints, PathPointsError, PiecewisePath, Placed,
-    PointTrajectory, Shape, ShapeError, ShapePath, ShapeTrajectory, SpeedRule, Trajectory,
+    Corrected, Correction, CurveHeading, FastestError, FastestTrajectory, GeometricPath, Heading,
+    InPlatformAxes, Interpolation, Joining, Nurbs, Passing, PathPoint, PathPoints, PathPointsError,
+    PiecewisePath, Placed, PointTrajectory, Shape, ShapeError, ShapePath, ShapeTrajectory, SpeedRule,
+    Trajectory,
 };
 
 pub(crate) use curves::{Drawing, read_drawing};
@@ -25,6 +26,9 @@ use crate::stages::{PlannedFor, Reference};
 
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
+
+/// The keys of speeds with which ends are passed.
+const SPEEDS: [&str; 2] = ["start_speed_m_s", "end_speed_m_s"];
 
 /// The keys of what repeats taught.
 const CORRECTION: [&str; 2] = ["correction", "correction_file"];
@@ -92,7 +96,7 @@ pub fn register(registry: &mut Registry) {
         });
     for shape in SHAPES {
         let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame"];
-        let further = further.into_iter().chain(CORRECTION);
+        let further = further.into_iter().chain(SPEEDS).chain(CORRECTION);
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, ability| {
             Tracked::new(shape.trajectory(table, ability)?, table, ability)
@@ -112,6 +116,7 @@ pub fn register(registry: &mut Registry) {
                 optional("frame"),
             ]
             .into_iter()
+            .chain(SPEEDS.map(optional))
             .chain(CORRECTION.map(optional))
             .collect(),
         },
@@ -157,7 +162,7 @@ impl ShapeKind {
                 (None, Turns::Count(turns)) => {
                     let way = ShapePath { shape, heading, turns };
                     let own = fastest(way, table, ability)?;
-                    Ok(if is_free(table) { freely(own, &way, ability) } else { own })
+                    if is_free(table) { freely(own, [&way; 2], table, ability) } else { Ok(own) }
                 }
             };
         }
@@ -263,12 +268,12 @@ fn fastest_through(
     let joining = Joining { radius_m, corner_rad: CORNER_RAD, tolerance_m: table.corner_m.unwrap_or(0.0) };
     let reason = "all of them are the same pose: there is no way to go fast along";
     let way = PiecewisePath::through(poses, joining).ok_or_else(|| Problem::refused("points", reason))?;
-    let own = fastest(way, table, ability)?;
+    let own = fastest(way.clone(), table, ability)?;
     let unturned = is_free(table).then(|| PiecewisePath::through(&unturned(poses), joining)).flatten();
-    Ok(match unturned {
-        Some(way) => freely(own, &way, ability),
-        None => own,
-    })
+    match unturned {
+        Some(unturned) => freely(own, [&way, &unturned], table, ability),
+        None => Ok(own),
+    }
 }
 
 /// A way through places in the shortest time, with the heading along it.
@@ -293,8 +298,13 @@ fn is_free(table: &ReferenceTable) -> bool {
     table.heading == Some(HeadingName::Free)
 }
 
-/// Some headings come with the fastest motion alone.
+/// Some headings, and speeds at the ends, come with the fastest motion alone.
 fn needs_fastest(table: &ReferenceTable, names: &[HeadingName]) -> Made<()> {
+    let mut speeds = SPEEDS.into_iter().zip([table.start_speed_m_s, table.end_speed_m_s]);
+    if let Some((key, _)) = speeds.find(|(_, speed)| speed.is_some()) {
+        let reason = "a way is passed with a speed of one's own by `timing = \"fastest\"` alone";
+        return Err(Problem::refused(key, reason).into());
+    }
     if table.heading.is_some_and(|heading| names.contains(&heading)) {
         let reason = "such a heading is planned together with the times: it needs `timing = \"fastest\"`";
         return Err(Problem::refused("heading", reason).into());
@@ -302,18 +312,21 @@ fn needs_fastest(table: &ReferenceTable, names: &[HeadingName]) -> Made<()> {
     Ok(())
 }
 
-/// A motion along a way with the heading that makes it fastest, from that of a motion's beginning to that of its end; that motion
-/// itself where none is faster.
-fn freely(
+/// A motion along the second of two ways with the heading that makes it fastest, from that of the first one's beginning to that of its
+/// end; the motion along the first one itself where none is faster.
+fn freely<P: GeometricPath + Clone + Send + 'static>(
     own: AnyTrajectory,
-    way: &(impl GeometricPath + Clone + Send + 'static),
+    [way, unturned]: [&P; 2],
+    table: &ReferenceTable,
     ability: &Ability,
-) -> AnyTrajectory {
-    let ends_rad = [0.0, own.duration_s()].map(|time_s| own.sample(time_s).odom_from_base.heading_rad);
-    match FastestTrajectory::with_free_heading(way, ends_rad, &ability.bounds) {
-        Ok(free) if free.duration_s() < own.duration_s() => Box::new(free),
-        _ => own,
-    }
+) -> Made<AnyTrajectory> {
+    let ends_rad = [0.0, way.length()].map(|sigma| way.sample(sigma, 0.0)[2][0]);
+    let Ok(free) = FastestTrajectory::with_free_heading(unturned, ends_rad, &ability.bounds) else {
+        return Ok(own);
+    };
+    // Its ends were sought at rest.
+    let free = fastest(free.path().clone(), table, ability);
+    Ok(free.ok().filter(|free| free.duration_s() < own.duration_s()).unwrap_or(own))
 }
 
 /// A way in the shortest time that the limits allow.
@@ -326,8 +339,16 @@ fn fastest(
         let reason = "the fastest motion is planned in `start` or `odom`";
         return Err(Problem::refused("frame", reason).into());
     }
-    let motion =
-        FastestTrajectory::new(way, &ability.bounds).map_err(|error| Problem::refused("timing", error))?;
+    let [start_m_s, end_m_s] =
+        [table.start_speed_m_s, table.end_speed_m_s].map(|speed_m_s| speed_m_s.unwrap_or(0.0));
+    let motion = FastestTrajectory::passing(way, Passing { start_m_s, end_m_s }, &ability.bounds);
+    let motion = motion.map_err(|error| {
+        let key = match error {
+            FastestError::NoSpeed { end, .. } | FastestError::OnTheSpot(end) => SPEEDS[end as usize],
+            _ => "timing",
+        };
+        Problem::refused(key, error)
+    })?;
     Ok(Box::new(motion))
 }
 
@@ -366,6 +387,7 @@ struct Tracked {
     /// What is in it of repeats.
     correction: Option<Correction>,
     duration_s: f64,
+    passes_s: [Option<f64>; 2],
     planned_for: Option<PlannedFor>,
     frame: PathFrame,
     /// The trajectory's own first and last pose; without an end it has no last.
@@ -376,7 +398,7 @@ struct Tracked {
 impl Tracked {
     /// A reference that follows a trajectory in the frame that a table asks for.
     fn new(trajectory: AnyTrajectory, table: &ReferenceTable, ability: &Ability) -> Made<Self> {
-        let duration_s = trajectory.duration_s();
+        let (duration_s, passes_s) = (trajectory.duration_s(), trajectory.passes_s());
         let correction = correction(duration_s, table)?;
         let trajectory: AnyTrajectory = match &correction {
             Some(correction) => Box::new(Corrected::new(trajectory, correction.clone())),
@@ -390,7 +412,7 @@ impl Tracked {
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Tracked { placed, correction, duration_s, planned_for, frame, first, last })
+        Ok(Tracked { placed, correction, duration_s, passes_s, planned_for, frame, first, last })
     }
 
     /// Where it begins from a pose.
@@ -436,6 +458,10 @@ impl Reference for Tracked {
 
     fn duration_s(&self) -> Option<f64> {
         self.duration_s.is_finite().then_some(self.duration_s)
+    }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        self.passes_s
     }
 
     fn planned_for(&self) -> Option<PlannedFor> {

@@ -239,6 +239,11 @@ pub trait Reference: Send {
         None
     }
 
+    /// When it passes the start and the end of what was asked for with a speed, s; `None` where it rests there.
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        [None; 2]
+    }
+
     /// What it was planned for; `None` where it wasn't planned by what wheels, motors and floor bear.
     fn planned_for(&self) -> Option<PlannedFor> {
         None

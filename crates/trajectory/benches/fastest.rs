@@ -1,4 +1,4 @@
-//! Prints what planning costs, by points and limits.
+//! Prints what planning costs, by points and limits: CPU time, and how much memory it takes at its most.
 //!
 //! `cargo bench -p omnibase-trajectory`
 
@@ -61,19 +61,31 @@ fn mean_ms(runs: usize, mut run: impl FnMut()) -> f64 {
     (cpu_ms() - begun_ms) / runs as f64
 }
 
+/// The most memory that this process has had since `is_anew`, MB.
+fn peak_mb(is_anew: bool) -> f64 {
+    if is_anew {
+        std::fs::write("/proc/self/clear_refs", "5").unwrap();
+    }
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse::<f64>().unwrap() / 1024.0
+}
+
 fn main() {
-    println!("| what | points | limits | CPU ms | motion s |\n|---|---|---|---|---|");
+    println!("| what | points | limits | CPU ms | memory MB | motion s |\n|---|---|---|---|---|---|");
     let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
     for (name, bounds) in [("platform", PlatformBounds::new(LIMITS)), ("wheels, grip, heat", wheels())] {
         for count in [20, 80, 1000, 10_000, 100_000] {
             let poses: Vec<Pose2> = (0..count).map(pose).collect();
             let mut duration_s = 0.0;
             let runs = (20_000 / count).max(1);
+            let before_mb = peak_mb(true);
             let ms = mean_ms(runs, || {
                 let path = PiecewisePath::through(&poses, joining).unwrap();
                 duration_s = FastestTrajectory::new(path, &bounds).unwrap().duration_s();
             });
-            println!("| fastest | {count} | {name} | {ms:.2} | {duration_s:.3} |");
+            let mb = peak_mb(false) - before_mb;
+            println!("| fastest | {count} | {name} | {ms:.2} | {mb:.1} | {duration_s:.3} |");
         }
     }
     for count in [20, 1000, 64_000, 1_000_000] {
@@ -82,8 +94,10 @@ fn main() {
         for (name, interpolation) in [("smooth", Interpolation::Smooth), ("quintic", Interpolation::Quintic)]
         {
             let runs = (20_000 / count).max(1);
+            let before_mb = peak_mb(true);
             let ms = mean_ms(runs, || assert!(limits::plan(&points, interpolation, &LIMITS).is_ok()));
-            println!("| as given, {name} | {count} | platform | {ms:.2} | {count} |");
+            let mb = peak_mb(false) - before_mb;
+            println!("| as given, {name} | {count} | platform | {ms:.2} | {mb:.1} | {count} |");
         }
     }
 }

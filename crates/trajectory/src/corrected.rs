@@ -139,6 +139,10 @@ impl<T: Trajectory> Trajectory for Corrected<T> {
         breaks_s.dedup();
         breaks_s
     }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        self.trajectory.passes_s()
+    }
 }
 
 #[cfg(test)]

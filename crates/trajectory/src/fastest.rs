@@ -1,20 +1,22 @@
-//! A way in the shortest time that the platform's limits allow, from rest to rest, with a bounded jerk.
+//! A way in the shortest time that the platform's limits allow, with a bounded jerk: from rest to rest, or passing its ends with speeds.
 //!
 //! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of time: its path is
 //! the same, its acceleration continuous, its jerk at most twice the acceleration over the window. Where the mean exceeds a limit,
-//! for it looks past bends, the limits are lowered there and the progress is found again.
+//! for it looks past bends, the limits are lowered there and the progress is found again. Where the mean costs much, shorter windows are tried.
 
 mod bounds;
 mod free;
 mod grid;
+mod runs;
 mod smooth;
 
 pub use bounds::{Heat, Limit, PlatformBounds};
 pub use free::Turned;
+pub use runs::{Passing, WayEnd, WithRuns};
 
 use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
-use crate::reach::{Reached, Unreachable};
+use crate::reach::{AccelerationBounds, Reached, Unreachable};
 use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 use grid::{Excess, Grid};
 use smooth::Progress;
@@ -26,6 +28,8 @@ pub struct FastestTrajectory<P> {
     progress: Progress,
     /// Times where derivatives may jump, s.
     breaks_s: Vec<f64>,
+    /// When it passes the ends of its way with a speed, s.
+    passes_s: [Option<f64>; 2],
 }
 
 /// Why a way has no fastest motion.
@@ -42,6 +46,19 @@ pub enum FastestError {
         /// The way's length in σ.
         length: f64,
     },
+    /// An end of the way can't be passed so fast.
+    #[error("its {end} can't be passed at {asked_m_s} m/s: the limits leave {found_m_s:.3} m/s there")]
+    NoSpeed {
+        /// Which end.
+        end: WayEnd,
+        /// The speed that was asked for, m/s.
+        asked_m_s: f64,
+        /// The speed of the motion that was found for it, m/s.
+        found_m_s: f64,
+    },
+    /// The way turns there without leading anywhere.
+    #[error("the way turns on the spot at its {0}: nothing is passed there")]
+    OnTheSpot(WayEnd),
     /// A motion beyond any use.
     #[error("it takes {found_s} s, expected at most {LONGEST_S} s")]
     TooLong {
@@ -56,32 +73,54 @@ const ROUNDS: usize = 16;
 const FIRST_ROUNDS: usize = 2;
 /// What a limit may be exceeded by before a round, over itself; the last stretch takes it away.
 const NEAR: f64 = 1e-3;
+/// A window that lasts longer than this part of the motion is tried shorter, each time by this factor.
+const LONG_WINDOW: f64 = 0.02;
+const SHORTER: f64 = 0.8;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
-impl<P: GeometricPath> FastestTrajectory<P> {
-    /// The fastest motion along a path.
-    pub fn new(path: P, bounds: &PlatformBounds) -> Result<FastestTrajectory<P>, FastestError> {
+/// What a motion is smoothed from: the fastest progress without regard to jerk.
+struct Start {
+    grid: Grid,
+    reached: Reached,
+    acceleration: AccelerationBounds,
+    /// The window whose mean keeps the jerk without lowering limits but at bends, s.
+    window_s: f64,
+}
+
+impl Start {
+    fn new(path: &impl GeometricPath, bounds: &PlatformBounds) -> Result<Start, FastestError> {
         let acceleration = bounds.acceleration();
-        let mut grid = Grid::new(&path, bounds)?;
+        let mut grid = Grid::new(path, bounds)?;
         let mut reached = Reached::new(grid.intervals.len());
         reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         for _ in 0..ROUNDS {
-            let parts = grid.unresolved(&path, bounds, &acceleration, &reached)?;
-            if !grid.split(&path, bounds, &parts, &mut reached)? {
+            let parts = grid.unresolved(path, bounds, &acceleration, &reached)?;
+            if !grid.split(path, bounds, &parts, &mut reached)? {
                 break;
             }
             reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
         }
         let window_s = bounds.first_window_s(&grid.intervals, &reached.x);
-        let mut found = FastestTrajectory { path, progress: Progress::default(), breaks_s: Vec::new() };
         reached.is_new.fill(true);
+        Ok(Start { grid, reached, acceleration, window_s })
+    }
+
+    /// The mean over a window, with limits lowered so that it keeps them all.
+    fn smoothed(
+        &self,
+        path: &impl GeometricPath,
+        bounds: &PlatformBounds,
+        window_s: f64,
+    ) -> Result<Progress, FastestError> {
+        let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
         let mut calm: f64 = 0.0;
         let mut round = 0;
-        let excess = loop {
-            found.progress = Progress::new(&grid.sigma, &reached.x, window_s);
-            if found.progress.duration_s().is_nan() || found.progress.duration_s() > LONGEST_S {
-                return Err(FastestError::TooLong { found_s: found.progress.duration_s() });
+        loop {
+            let mut found = FastestTrajectory::of(path, Progress::new(&grid.sigma, &reached.x, window_s));
+            let duration_s = found.duration_s();
+            if duration_s.is_nan() || duration_s > LONGEST_S {
+                return Err(FastestError::TooLong { found_s: duration_s });
             }
             round += 1;
             let is_near = grid.near(&reached, window_s);
@@ -91,22 +130,55 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             let hot = if round == 1 || is_kept { found.too_hot(bounds) } else { Vec::new() };
             most = hot.iter().map(|excess| excess.pace).fold(most, f64::max);
             if most <= 1.0 + NEAR || round == ROUNDS {
-                break most;
+                found.progress.stretch(most);
+                return Ok(found.progress);
             }
             if round > FIRST_ROUNDS {
                 excesses.iter_mut().for_each(|excess| excess.pace *= excess.pace);
             }
             let parts = grid.too_long(&excesses, &reached, window_s);
-            grid.split(&found.path, bounds, &parts, &mut reached)?;
+            grid.split(path, bounds, &parts, &mut reached)?;
             let before = grid.pace.clone();
             grid.lower(&excesses, &before);
             grid.slow(&hot, &before);
             grid.apply(&mut reached);
-            reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
-        };
-        found.progress.stretch(excess);
-        found.breaks_s = found.progress.times_s().to_vec();
-        Ok(found)
+            reached.solve(&grid.intervals, &grid.most, &self.acceleration, [0.0, 0.0])?;
+        }
+    }
+}
+
+impl<P: GeometricPath> FastestTrajectory<P> {
+    /// The fastest motion along a path.
+    pub fn new(path: P, bounds: &PlatformBounds) -> Result<FastestTrajectory<P>, FastestError> {
+        FastestTrajectory::that(path, bounds, |_, _| true)
+    }
+
+    /// The fastest motion along a path, but a shorter mean is taken only where its progress is as it must be.
+    fn that(
+        path: P,
+        bounds: &PlatformBounds,
+        is_so: impl Fn(&P, &Progress) -> bool,
+    ) -> Result<FastestTrajectory<P>, FastestError> {
+        let start = Start::new(&path, bounds)?;
+        let mut progress = start.smoothed(&path, bounds, start.window_s)?;
+        // Where the jerk is small, the mean costs time: a shorter one costs less, until limits are lowered by more than that for it.
+        let mut window_s = SHORTER * start.window_s;
+        while window_s > LONG_WINDOW * progress.duration_s() {
+            match start.smoothed(&path, bounds, window_s) {
+                Ok(found) if found.duration_s() < progress.duration_s() && is_so(&path, &found) => {
+                    progress = found;
+                }
+                _ => break,
+            }
+            window_s *= SHORTER;
+        }
+        Ok(FastestTrajectory::of(path, progress))
+    }
+
+    /// The motion that a progress makes along a path.
+    fn of(path: P, progress: Progress) -> FastestTrajectory<P> {
+        let breaks_s = progress.times_s().to_vec();
+        FastestTrajectory { path, progress, breaks_s, passes_s: [None; 2] }
     }
 
     /// Where the motion exceeds limits, and by how much longer the whole would have to take to keep them. Only near what is new
@@ -188,5 +260,9 @@ impl<P: GeometricPath> Trajectory for FastestTrajectory<P> {
 
     fn breaks_s(&self) -> Vec<f64> {
         self.breaks_s.clone()
+    }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        self.passes_s
     }
 }

@@ -22,6 +22,11 @@ pub trait GeometricPath {
 
     /// The joints of its pieces with beginning and end, rising: only there may derivatives jump.
     fn breaks(&self) -> Vec<f64>;
+
+    /// How fast σ may rise at a place at most, whatever else the limits allow, 1/s.
+    fn most_rate(&self, _sigma: f64) -> f64 {
+        f64::INFINITY
+    }
 }
 
 impl<T: GeometricPath + ?Sized> GeometricPath for &T {
@@ -40,6 +45,10 @@ impl<T: GeometricPath + ?Sized> GeometricPath for &T {
     fn breaks(&self) -> Vec<f64> {
         (**self).breaks()
     }
+
+    fn most_rate(&self, sigma: f64) -> f64 {
+        (**self).most_rate(sigma)
+    }
 }
 
 impl<T: GeometricPath + ?Sized> GeometricPath for Box<T> {
@@ -57,6 +66,10 @@ impl<T: GeometricPath + ?Sized> GeometricPath for Box<T> {
 
     fn breaks(&self) -> Vec<f64> {
         (**self).breaks()
+    }
+
+    fn most_rate(&self, sigma: f64) -> f64 {
+        (**self).most_rate(sigma)
     }
 }
 

@@ -8,7 +8,7 @@
 //! - [`corrected`]: [`Corrected`], a motion with what repeats taught added to it.
 //! - [`geometry`]: ways without times ([`GeometricPath`]): smooth through points, corners cut within a tolerance.
 //! - [`curve`]: B-splines of any degree with weights ([`Nurbs`]), as points of a way.
-//! - [`fastest`]: a way in the shortest time ([`FastestTrajectory`]), with a free heading too; [`reach`] below it.
+//! - [`fastest`]: a way in the shortest time ([`FastestTrajectory`]), with a free heading too, and passing its ends with speeds; [`reach`] below it.
 //! - [`point_to_point`]: [`PointToPoint`], from any state to any in the shortest time.
 //! - [`limits`]: [`Limits`], what a trajectory needs ([`Peaks`]), refusal beforehand, and retiming.
 //! - [`limiter`]: [`TwistLimiter`] holds speed, acceleration and jerk in every cycle, whatever is commanded.
@@ -36,7 +36,7 @@ pub mod trajectory;
 
 pub use corrected::{Corrected, Correction, CorrectionError};
 pub use curve::{CurveHeading, Nurbs, NurbsError};
-pub use fastest::{FastestError, FastestTrajectory, PlatformBounds, Turned};
+pub use fastest::{FastestError, FastestTrajectory, Passing, PlatformBounds, Turned};
 pub use geometry::{GeometricPath, Joining, PiecewisePath, ShapePath};
 pub use interpolation::{Interpolation, PointTrajectory, SpeedRule};
 pub use limiter::{LimitedTwist, TwistLimiter};

@@ -52,6 +52,11 @@ pub trait Trajectory {
     fn breaks_s(&self) -> Vec<f64> {
         vec![0.0, self.duration_s()]
     }
+
+    /// When it passes the start and the end of its way with a speed, in s; `None` where it rests there.
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        [None; 2]
+    }
 }
 
 impl<T: Trajectory + ?Sized> Trajectory for Box<T> {
@@ -65,6 +70,10 @@ impl<T: Trajectory + ?Sized> Trajectory for Box<T> {
 
     fn breaks_s(&self) -> Vec<f64> {
         (**self).breaks_s()
+    }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        (**self).passes_s()
     }
 }
 
@@ -120,5 +129,9 @@ impl<T: Trajectory> Trajectory for Placed<T> {
 
     fn breaks_s(&self) -> Vec<f64> {
         self.trajectory.breaks_s().into_iter().map(|time_s| time_s * self.stretch).collect()
+    }
+
+    fn passes_s(&self) -> [Option<f64>; 2] {
+        self.trajectory.passes_s().map(|time_s| Some(time_s? * self.stretch))
     }
 }

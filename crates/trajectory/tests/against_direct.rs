@@ -6,7 +6,7 @@ mod python_tools;
 
 use omnibase_trajectory::{FastestTrajectory, GeometricPath, Limits, PlatformBounds, Trajectory};
 use python_tools::python;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -126,9 +126,13 @@ fn compared(witness: &Witness, count: usize, jerk: Option<[f64; 2]>) -> Option<V
     writeln!(stdin, "{}", lines.join("\n")).unwrap();
     drop(stdin);
     let output = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
-    let found: Vec<f64> = output.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found: Vec<Value> = output.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(found.len(), count, "{output}");
-    Some(own_s.into_iter().zip(found).map(|(own_s, found_s)| [own_s, found_s]).collect())
+    // Where no optimum is found, its reason is in its place.
+    let both = |(own_s, found): (f64, &Value)| Some([own_s, found.as_f64()?]);
+    let times_s: Vec<[f64; 2]> = own_s.into_iter().zip(&found).filter_map(both).collect();
+    assert!(10 * times_s.len() > 9 * count, "{output}");
+    Some(times_s)
 }
 
 fn differ_little(times_s: Option<Vec<[f64; 2]>>) {
@@ -153,7 +157,8 @@ fn with_a_limit_on_jerk_the_time_is_the_optimum() {
 #[test]
 fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
     let count = std::env::var("OMNIBASE_COPP_PATHS").map_or(COPP_PATHS, |text| text.parse().unwrap());
-    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth: up to 1.8 % were seen.
+    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth: up to 1.6 % were seen in 28
+    // paths. In the mean it is below: the means are tried shorter for that.
     for (jerk, asked) in [([40.0, 80.0], 1.0), ([10.0, 20.0], 2.5)] {
         let Some(times_s) = compared(&COPP, count, Some(jerk)) else { return };
         let more = times_s.iter().map(|[own_s, found_s]| 100.0 * (own_s / found_s - 1.0));
@@ -167,6 +172,6 @@ fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
             more.len(),
             more[0]
         );
-        assert!(most < asked, "{most} %");
+        assert!(most < asked && mean < -0.2, "{most} %, {mean} % in the mean");
     }
 }

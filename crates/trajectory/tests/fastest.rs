@@ -2,11 +2,11 @@
 
 use omnibase_platform::Pose2;
 use omnibase_trajectory::fastest::Heat;
-use omnibase_trajectory::fastest::Limit;
+use omnibase_trajectory::fastest::{FastestError, Limit, WayEnd};
 use omnibase_trajectory::reach::{self, AccelerationBounds, Bend, Interval, Plane};
 use omnibase_trajectory::{
-    FastestTrajectory, GeometricPath, Heading, Joining, Limits, PiecewisePath, PlatformBounds, Shape,
-    ShapePath, Trajectory,
+    FastestTrajectory, GeometricPath, Heading, Joining, Limits, Passing, PiecewisePath, PlatformBounds,
+    Shape, ShapePath, Trajectory,
 };
 
 const LIMITS: Limits = Limits {
@@ -182,8 +182,8 @@ impl GeometricPath for InPieces<'_> {
     }
 }
 
-#[test]
-fn the_grid_costs_less_than_half_a_percent() {
+/// A robot on three wheels that may be fast, and grip.
+fn with_wheels() -> PlatformBounds {
     let mut wheels =
         PlatformBounds::new(Limits { speed_m_s: 1.5, acceleration_m_s2: 6.0, jerk_m_s3: 400.0, ..LIMITS });
     for wheel in 0..3 {
@@ -194,6 +194,12 @@ fn the_grid_costs_less_than_half_a_percent() {
             wheels.planes.push((Limit::Grip, Plane { normal, most: 91.0, ..Plane::default() }));
         }
     }
+    wheels
+}
+
+#[test]
+fn the_grid_costs_less_than_half_a_percent() {
+    let wheels = with_wheels();
     let round = |count: usize, step: f64| -> Vec<Pose2> {
         let phi = |at: usize| step * at as f64;
         let pose = |phi: f64| Pose2::new(2.0 * phi.sin(), 1.5 * (1.3 * phi).cos(), 0.4 * (0.7 * phi).sin());
@@ -381,4 +387,118 @@ fn a_free_heading_turns_no_more_than_it_gains() {
     let free = FastestTrajectory::with_free_heading(&tangent, [0.0, std::f64::consts::TAU], &bounds).unwrap();
     assert!((free.duration_s() / fixed_s - 1.0).abs() < 1e-3, "{} s, {fixed_s} s", free.duration_s());
     assert!(free.sample(free.duration_s()).odom_from_base.heading_rad.abs() < 1e-9);
+}
+
+#[test]
+fn a_way_is_passed_with_speeds_between_two_rests() {
+    let turning = [[0.0, 0.0, 0.0], [0.6, 0.1, 0.3], [1.1, 0.6, 0.9], [1.8, 0.7, 1.3]]
+        .map(|[x, y, heading]| Pose2::new(x, y, heading));
+    let circle = |heading| ShapePath { shape: Shape::Circle { radius_m: 0.8 }, heading, turns: 0.7 };
+    let ways: [Box<dyn GeometricPath>; 4] = [
+        Box::new(line(3.0)),
+        Box::new(circle(Heading::Fixed)),
+        Box::new(circle(Heading::FollowsTangent)),
+        Box::new(PiecewisePath::through(&turning, JOINING).unwrap()),
+    ];
+    for (number, way) in ways.iter().enumerate() {
+        let slow = PlatformBounds::new(Limits { jerk_m_s3: 10.0, angular_jerk_rad_s3: 20.0, ..LIMITS });
+        for bounds in [PlatformBounds::new(LIMITS), with_wheels(), slow] {
+            for (start_m_s, end_m_s) in [(0.5, 0.6), (0.0, 0.6), (0.4, 0.0), (0.05, 0.3)] {
+                let motion =
+                    FastestTrajectory::passing(way, Passing { start_m_s, end_m_s }, &bounds).unwrap();
+                // Where the way's third derivative jumps between two looks, a small jerk is exceeded by two hundredths.
+                let most = if bounds.limits.jerk_m_s3 < LIMITS.jerk_m_s3 { 1.03 } else { 1.003 };
+                assert!(loads(&motion, &bounds) < most, "{number}: {}", loads(&motion, &bounds));
+                // No acceleration jumps where a run begins.
+                for time_s in motion.breaks_s().into_iter().chain(motion.passes_s().into_iter().flatten()) {
+                    let [before, after] =
+                        [-1e-7, 1e-7].map(|off_s| motion.sample(time_s + off_s).acceleration_in_odom);
+                    let step = (after.vx_m_s - before.vx_m_s).hypot(after.vy_m_s - before.vy_m_s);
+                    assert!(step < 2.1e-7 * bounds.limits.jerk_m_s3, "{number}: {step} m/s² at {time_s}");
+                }
+                let rests = [0.0, motion.duration_s()].map(|time_s| motion.sample(time_s).twist_in_odom);
+                assert!(rests.iter().all(|twist| twist.speed_m_s() < 1e-6 && twist.w_rad_s.abs() < 1e-6));
+                let asked_m_s = [start_m_s, end_m_s];
+                for (asked_m_s, at, passed_s) in [(0, 0.0), (1, way.length())]
+                    .map(|(end, at)| (asked_m_s[end], at, motion.passes_s()[end]))
+                {
+                    assert_eq!(passed_s.is_some(), asked_m_s > 0.0);
+                    let Some(passed_s) = passed_s else { continue };
+                    let setpoint = motion.sample(passed_s);
+                    let found_m_s = setpoint.twist_in_odom.speed_m_s();
+                    assert!((found_m_s / asked_m_s - 1.0).abs() < 2e-3, "{number}: {found_m_s} {asked_m_s}");
+                    let [x, y, heading] = way.sample(at, 0.0).map(|axis| axis[0]);
+                    let Pose2 { x_m, y_m, heading_rad } = setpoint.odom_from_base;
+                    assert!((x_m - x).hypot(y_m - y) < 1e-6 && (heading_rad - heading).abs() < 1e-6);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn runs_are_short_and_cost_little() {
+    let bounds = PlatformBounds::new(LIMITS);
+    let passing = Passing { start_m_s: 0.5, end_m_s: 0.8 };
+    let motion = FastestTrajectory::passing(line(3.0), passing, &bounds).unwrap();
+    let [Some(begin_s), Some(end_s)] = motion.passes_s() else { panic!("it passes both ends") };
+    // The optimum without a limit on jerk, and the half windows for which the speeds are held.
+    let lost_s = (0.5_f64.powi(2) + 0.2_f64.powi(2)) / (2.0 * 1.5);
+    let taken_s = end_s - begin_s - (3.0 + lost_s);
+    assert!((0.0..0.06).contains(&taken_s), "{taken_s} s longer than the optimum");
+    // v²/2a, what the jerk takes, and a tenth.
+    for (time_s, x_m, speed_m_s) in [(0.0, 0.0, 0.5), (motion.duration_s(), 3.0, 0.8_f64)] {
+        let run_m = (motion.sample(time_s).odom_from_base.x_m - x_m).abs();
+        let least_m = speed_m_s.powi(2) / 3.0;
+        assert!((least_m..1.1 * least_m + speed_m_s * 0.06).contains(&run_m), "{run_m} m, {least_m} m");
+    }
+}
+
+#[test]
+fn every_speed_that_the_limits_leave_is_met() {
+    let share = 0.98;
+    let limits = Limits {
+        speed_m_s: share * LIMITS.speed_m_s,
+        acceleration_m_s2: share * LIMITS.acceleration_m_s2,
+        jerk_m_s3: share * LIMITS.jerk_m_s3,
+        ..LIMITS
+    };
+    let bounds = PlatformBounds::new(limits);
+    for at in 1..=19 {
+        let speed_m_s = 0.05 * f64::from(at);
+        for ends in [[0.0, 1.0], [1.0, 0.0], [1.0, 1.0]] {
+            let [start_m_s, end_m_s] = ends.map(|part| part * speed_m_s);
+            let passing = Passing { start_m_s, end_m_s };
+            let motion = FastestTrajectory::passing(line(3.0), passing, &bounds);
+            assert!(motion.is_ok(), "{passing:?}: {}", motion.unwrap_err());
+        }
+    }
+}
+
+#[test]
+fn what_the_limits_dont_leave_is_refused_with_what_they_do() {
+    let bounds = PlatformBounds::new(LIMITS);
+    let passing = |start_m_s, end_m_s| Passing { start_m_s, end_m_s };
+    let fast = FastestTrajectory::passing(line(3.0), passing(0.0, 1.3), &bounds).unwrap_err();
+    let FastestError::NoSpeed { end: WayEnd::End, asked_m_s: 1.3, found_m_s } = fast else {
+        panic!("{fast:?}")
+    };
+    assert!((found_m_s - 1.0).abs() < 0.01, "{found_m_s}");
+    // From rest no faster than √2as on a way of 0.1 m; what is found is possible.
+    let way = || line(0.1);
+    let short = FastestTrajectory::passing(way(), passing(0.0, 0.8), &bounds).unwrap_err();
+    let FastestError::NoSpeed { end: WayEnd::End, found_m_s, .. } = short else { panic!("{short:?}") };
+    assert!((0.35..0.55).contains(&found_m_s), "{found_m_s}");
+    FastestTrajectory::passing(way(), passing(0.0, 0.9 * found_m_s), &bounds).unwrap();
+    // A circle of 0.2 m is passed at √ar.
+    let circle = ShapePath { shape: Shape::Circle { radius_m: 0.2 }, heading: Heading::Fixed, turns: 1.0 };
+    let bent = FastestTrajectory::passing(circle, passing(0.9, 0.0), &bounds).unwrap_err();
+    let FastestError::NoSpeed { end: WayEnd::Start, found_m_s, .. } = bent else { panic!("{bent:?}") };
+    assert!((0.4..0.55).contains(&found_m_s), "{found_m_s}");
+    let turn = PiecewisePath::through(&[Pose2::default(), Pose2::new(0.0, 0.0, 1.0)], JOINING).unwrap();
+    let spot = FastestTrajectory::passing(turn, passing(0.0, 0.2), &bounds).unwrap_err();
+    assert_eq!(spot, FastestError::OnTheSpot(WayEnd::End));
+    for speed_m_s in [f64::NAN, f64::INFINITY, -0.1] {
+        assert!(FastestTrajectory::passing(line(3.0), passing(0.0, speed_m_s), &bounds).is_err());
+    }
 }

@@ -72,6 +72,12 @@ pub struct ReferenceTable {
     /// How far the fastest way through points may cut their corners, m; default: 0, it stops at them.
     #[schemars(extend("minimum" = 0.0))]
     pub corner_m: Option<f64>,
+    /// Speed with which the fastest motion passes the start of its way, m/s; a run from rest leads onto it; default: 0, it rests there.
+    #[schemars(extend("minimum" = 0.0))]
+    pub start_speed_m_s: Option<f64>,
+    /// Speed with which it passes the end of its way, m/s; a run to rest leads on from it; default: 0, it rests there.
+    #[schemars(extend("minimum" = 0.0))]
+    pub end_speed_m_s: Option<f64>,
     /// Where its coordinates begin; default: `start`.
     pub frame: Option<PathFrame>,
     /// The reference's own keys.

@@ -7,7 +7,7 @@ use crate::ability::Ability;
 use crate::config::{HeadingName, Problem, ReferenceTable, Timing};
 use crate::registry::{Kind, Made, Registry, given, needed, optional};
 
-use super::{AnyTrajectory, CORNER_RAD, CORRECTION, Tracked, dxf, fastest_through};
+use super::{AnyTrajectory, CORNER_RAD, CORRECTION, SPEEDS, Tracked, dxf, fastest_through};
 
 /// Without a degree a spline bends smoothly.
 const CUBIC: u32 = 3;
@@ -19,7 +19,7 @@ pub(super) const TURN_COUNTS_M: f64 = 0.02;
 pub(super) fn register(registry: &mut Registry) {
     let further = ["heading", "timing", "corner_m", "frame"];
     let keys = |own: &[crate::registry::Key]| {
-        let further = further.into_iter().chain(CORRECTION).map(optional);
+        let further = further.into_iter().chain(SPEEDS).chain(CORRECTION).map(optional);
         own.iter().cloned().chain(further).collect()
     };
     let spline = [needed("controls"), optional("degree"), optional("weights"), optional("knots")];
@@ -258,6 +258,51 @@ mod tests {
             ("kind = \"circle\"\nradius_m = 1\nheading = \"free\"".into(), "it needs `timing = \"fastest\"`"),
         ] {
             let said = made(&lines).err().unwrap();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn ends_are_passed_with_the_speed_that_is_asked_for() {
+        let speeds = "start_speed_m_s = 0.3\nend_speed_m_s = 0.4\n";
+        let points = "kind = \"path\"\npoints = [[0, 0, 0, 0], [1, 1, 0.1, 0.3], [2, 1.9, 0.4, 0.5]]\n";
+        for motion in [
+            format!("{points}timing = \"fastest\"\n"),
+            format!("{points}timing = \"fastest\"\nheading = \"free\"\n"),
+            format!("{points}timing = \"fastest\"\nheading = \"follows_tangent\"\n"),
+            "kind = \"holonomic\"\nradius_m = 0.6\nturns = 0.6\ntiming = \"fastest\"\n".into(),
+            "kind = \"nurbs\"\ncontrols = [[0, 0, 0], [1, 0, 0.2], [1, 1, 0.3]]\ndegree = 2\n".into(),
+            "kind = \"drawing\"\nunit_m = 0.01\ndrawing = \"m 10 20 h 100 v 50\"\n".into(),
+        ] {
+            let mut reference = made(&format!("{motion}{speeds}")).unwrap();
+            reference.start(&crate::signals::Setpoint::default());
+            let [Some(start_s), Some(end_s)] = reference.passes_s() else { panic!("{motion}") };
+            let mut at = |time_s: f64| reference.sample(time_s);
+            for (time_s, speed_m_s) in [(start_s, 0.3), (end_s, 0.4)] {
+                let found_m_s = at(time_s).twist_in_odom.speed_m_s();
+                assert!((found_m_s / speed_m_s - 1.0).abs() < 2e-3, "{found_m_s} at {time_s}: {motion}");
+            }
+            // From rest to rest, and the way between its ends is the one without runs.
+            let [from, to] = [at(start_s), at(end_s)].map(|setpoint| setpoint.odom_from_body);
+            let way = from.inverse().then(to);
+            let of_way = end(&motion);
+            if !motion.contains("free") {
+                is_near([way.x_m, way.y_m, way.heading_rad], of_way);
+            }
+            let duration_s = reference.duration_s().unwrap();
+            for time_s in [0.0, duration_s] {
+                assert!(reference.sample(time_s).twist_in_odom.speed_m_s() < 1e-6, "{motion}");
+            }
+        }
+        for (lines, expected) in [
+            (format!("{points}{speeds}"), "start_speed_m_s: a way is passed"),
+            ("kind = \"circle\"\nradius_m = 1\nend_speed_m_s = 0.2".into(), "end_speed_m_s: a way is passed"),
+            (
+                format!("{points}timing = \"fastest\"\nend_speed_m_s = 1.2"),
+                "end_speed_m_s: its end can't be passed at 1.2 m/s: the limits leave",
+            ),
+        ] {
+            let said = made(&lines).err().unwrap_or_else(|| panic!("{lines}"));
             assert!(said.contains(expected), "{said}");
         }
     }

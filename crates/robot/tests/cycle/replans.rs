@@ -472,3 +472,42 @@ fn a_path_may_begin_behind_a_platform_that_moves_along_it_and_not_beside_it() {
     robot.until_it_holds();
     assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::TooFar);
 }
+
+/// A straight way along x in odom that is passed with speeds at its ends.
+fn passed(from_m: f64, to_m: f64, speeds_m_s: [Option<f64>; 2]) -> ReferenceTable {
+    let points = vec![[0.0, from_m, 0.0, 0.0], [1.0, to_m, 0.0, 0.0]];
+    let [start_speed_m_s, end_speed_m_s] = speeds_m_s;
+    ReferenceTable { start_speed_m_s, end_speed_m_s, ..path(points, PathFrame::Odom) }
+}
+
+#[test]
+fn a_way_that_ends_with_a_speed_stops_behind_it_where_nothing_follows_and_goes_over_where_something_does() {
+    let speed_m_s = 0.5;
+    for follows in [false, true] {
+        let mut robot = Watched::new(CIRCLE);
+        let first = passed(0.0, 1.5, [None, Some(speed_m_s)]);
+        assert_eq!(robot.load(1, &first), RequestAnswer::Taken);
+        assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+        while robot.before.setpoint.odom_from_body.x_m < 1.5 {
+            robot.step(None);
+        }
+        let at_end_m_s = robot.before.setpoint.twist_in_odom.speed_m_s();
+        assert!((at_end_m_s / speed_m_s - 1.0).abs() < 0.01, "{at_end_m_s}");
+        if follows {
+            let next = passed(1.5, 3.0, [Some(speed_m_s), None]);
+            assert_eq!(robot.load(2, &next), RequestAnswer::Taken);
+            robot.slowest_m_s = f64::INFINITY;
+            assert_eq!(robot.ask(RequestKind::Track), RequestAnswer::Taken);
+            while robot.before.setpoint.odom_from_body.x_m < 2.0 {
+                robot.step(None);
+            }
+            assert!(robot.slowest_m_s > 0.6 * speed_m_s, "{}", robot.slowest_m_s);
+            assert!((robot.until_it_holds().x_m - 3.0).abs() < 1e-6);
+        } else {
+            // v²/2a, a tenth and what the jerk takes.
+            let run_m = robot.until_it_holds().x_m - 1.5;
+            let least_m = speed_m_s * speed_m_s / (2.0 * robot.bench.plan.limits.acceleration_m_s2);
+            assert!((least_m..1.1 * least_m + 0.04).contains(&run_m), "{run_m} m, at least {least_m}");
+        }
+    }
+}

@@ -28,6 +28,7 @@ pub(super) struct Excess {
 }
 
 /// The grid along a path, and its limits.
+#[derive(Clone)]
 pub(super) struct Grid {
     /// σ at the points.
     pub(super) sigma: Vec<f64>,
@@ -52,7 +53,7 @@ impl<P: GeometricPath> Looker<'_, P> {
         let (bend, speed) = self.bounds.look(&self.path.sample_near(sigma, side, &mut self.piece));
         let size = bend.rate.iter().map(|rate| rate.abs()).sum::<f64>();
         if size > 0.0 && size.is_finite() && bend.curve.iter().all(|curve| curve.is_finite()) {
-            return Ok((bend, speed));
+            return Ok((bend, speed.min(self.path.most_rate(sigma).powi(2))));
         }
         Err(FastestError::NoDirection { at: sigma, length: self.path.length() })
     }

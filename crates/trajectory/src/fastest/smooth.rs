@@ -10,6 +10,8 @@ pub(super) struct Progress {
 
 /// A speed below this part of the greatest is rest.
 const REST: f64 = 1e-9;
+/// Joints that only rounding parts are one, over their time: what lies between them would have a jerk of rounding alone.
+const SAME_TIME: f64 = 1e-12;
 
 impl Progress {
     /// From σ and σ̇² at the points of a grid, with a constant σ̈ between them; where it rests it waits for the window.
@@ -65,6 +67,19 @@ impl Progress {
 
     pub(super) fn times_s(&self) -> &[f64] {
         &self.times_s
+    }
+
+    /// When it is at σ, s.
+    pub(super) fn time_s(&self, sigma: f64) -> f64 {
+        let piece = self.values.partition_point(|values| values[0] <= sigma).saturating_sub(1);
+        let end_s = self.times_s.get(piece + 1).copied().unwrap_or(self.duration_s());
+        let mut span = [0.0, end_s - self.times_s[piece]];
+        // Within a piece σ rises: halved to the last bit.
+        for _ in 0..f64::MANTISSA_DIGITS {
+            let middle = 0.5 * (span[0] + span[1]);
+            span[usize::from(ahead(self.values[piece], middle)[0] > sigma)] = middle;
+        }
+        self.times_s[piece] + span[0]
     }
 
     /// How many cubics it has.
@@ -128,7 +143,7 @@ fn mean(times_s: &[f64], rates: &[f64], window_s: f64) -> Progress {
         let [newer, older] = [(time_s, new), (time_s - window_s, old)];
         let second = (rate(newer.0, newer.1) - rate(older.0, older.1)) / window_s;
         match joints.last() {
-            Some((last_s, _)) if time_s - last_s <= f64::EPSILON * time_s => {}
+            Some((last_s, _)) if time_s - last_s <= SAME_TIME * time_s => {}
             _ => joints.push((time_s, second)),
         }
         if new < count && times_s[new] <= time_s {

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use omnibase_robot::config::{HeadingName, ReferenceTable};
-use omnibase_robot::dry::{Asked, DryRun, limit_name};
+use omnibase_robot::dry::{Asked, DryRun, Passed, limit_name};
 use omnibase_robot::{Ability, Registry};
 use omnibase_run::LoadedRobot;
 use serde_json::{Value, json};
@@ -30,6 +30,9 @@ fn is_asked(asked: &&Asked) -> bool {
     asked.most.0 > 0.005
 }
 
+/// The ends of a way, in words.
+const ENDS: [&str; 2] = ["start", "end"];
+
 pub(super) fn print(run: &DryRun, as_given_s: Option<f64>, output: &mut dyn Write) -> io::Result<()> {
     let DryRun { duration_s, way_m, friction, .. } = run;
     writeln!(output, "\nThe motion, planned dry")?;
@@ -39,6 +42,14 @@ pub(super) fn print(run: &DryRun, as_given_s: Option<f64>, output: &mut dyn Writ
         writeln!(
             output,
             "  heading              free: {sooner_s:.3} s sooner than as given, {given_s:.3} s"
+        )?;
+    }
+    for (end, passed) in ENDS.into_iter().zip(&run.passed) {
+        let Some(Passed { time_s, speed_m_s, run_m }) = passed else { continue };
+        let run = if end == ENDS[0] { "from" } else { "to" };
+        writeln!(
+            output,
+            "  passes its {end:<9} at {time_s:.3} s with {speed_m_s:.3} m/s; a run of {run_m:.3} m {run} rest"
         )?;
     }
     writeln!(output, "  grip needed          friction {:.3}, at {:.3} s", friction.0, friction.1)?;
@@ -67,6 +78,12 @@ pub(super) fn print(run: &DryRun, as_given_s: Option<f64>, output: &mut dyn Writ
 pub(super) fn json(run: &DryRun, as_given_s: Option<f64>) -> Value {
     let room =
         |room: Option<(f64, f64)>| room.map(|(room_m, time_s)| json!({ "room_m": room_m, "time_s": time_s }));
+    let passed = |passed: Option<Passed>| {
+        passed.map(
+            |passed| json!({ "time_s": passed.time_s, "speed_m_s": passed.speed_m_s, "run_m": passed.run_m }),
+        )
+    };
+    let [start, end] = run.passed.map(passed);
     let limits: Vec<Value> = run
         .asked
         .iter()
@@ -77,7 +94,7 @@ pub(super) fn json(run: &DryRun, as_given_s: Option<f64>) -> Value {
         })
         .collect();
     json!({
-        "duration_s": run.duration_s, "as_given_s": as_given_s, "way_m": run.way_m,
+        "duration_s": run.duration_s, "as_given_s": as_given_s, "way_m": run.way_m, "start": start, "end": end,
         "heat": run.heat, "friction": run.friction.0, "friction_time_s": run.friction.1,
         "fence": room(run.fence_room_m), "obstacles": room(run.obstacle_room_m), "limits": limits,
     })
