@@ -1,8 +1,10 @@
 //! A device as it is plugged together: with modules in its slots.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use crate::dictionary::OdObject;
+use crate::image;
 use crate::model::{Device, InitCommand, Module, Pdo, SlotIndex, Slots, SmUse};
 
 /// The object that is told which modules are configured (ETG.5001).
@@ -51,6 +53,18 @@ pub enum AssemblyError {
         module: String,
         /// Its class.
         class: String,
+    },
+    /// A module is to be told to the device and its file doesn't say as what.
+    #[error(
+        "the file has no ModuleIdent of {module} in slot {slot} that can be read, and {device} is to be told it"
+    )]
+    NoIdent {
+        /// The device's type.
+        device: String,
+        /// Slot, from 1.
+        slot: usize,
+        /// The module's type.
+        module: String,
     },
     /// An index would be beyond 0xFFFF.
     #[error("in slot {slot} the index 0x{index:04X} would count up beyond 0xFFFF")]
@@ -116,6 +130,48 @@ pub enum Doubt {
         /// The SyncManager.
         sync_manager: u8,
     },
+    /// A PDO of an index that another one has, too: the second one is left out.
+    SamePdo {
+        /// The PDO.
+        pdo: u16,
+        /// Line of the one that is left out.
+        line: u32,
+    },
+    /// Modules in two slots have a PDO or an object in common.
+    SameIndices {
+        /// Slots, from 1.
+        slots: [usize; 2],
+        /// The PDO or the object that is mapped.
+        index: u16,
+    },
+    /// Numbers of a PDO can't be read: what it maps isn't known.
+    UnclearPdo {
+        /// The PDO.
+        pdo: u16,
+        /// Its line.
+        line: u32,
+    },
+    /// A command without data.
+    NoData {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+    },
+    /// A command that writes a whole object at once.
+    CompleteAccess {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+    },
+    /// What belongs into the EEPROM is longer than the file says that it is.
+    EepromTooSmall {
+        /// Bytes by the file.
+        says: u32,
+        /// Bytes of the content.
+        needs: usize,
+    },
     /// Commands of protocols that aren't spoken here.
     ForeignCommands {
         /// How many.
@@ -161,6 +217,27 @@ impl fmt::Display for Doubt {
                     "0x{pdo:04X} is assigned to SyncManager {sync_manager}, which the file doesn't have for its direction"
                 )
             }
+            Doubt::SamePdo { pdo, line } => {
+                write!(f, "0x{pdo:04X} stands there twice: the one of line {line} is left out")
+            }
+            Doubt::SameIndices { slots: [one, other], index } => write!(
+                f,
+                "the modules in slots {one} and {other} both have 0x{index:04X}: the file doesn't tell them apart"
+            ),
+            Doubt::UnclearPdo { pdo, line } => {
+                write!(f, "numbers of 0x{pdo:04X} in line {line} can't be read: what it maps isn't known")
+            }
+            Doubt::NoData { line, index } => {
+                write!(f, "the command of line {line} to 0x{index:04X} has no data: it isn't sent")
+            }
+            Doubt::CompleteAccess { line, index } => write!(
+                f,
+                "the command of line {line} writes the whole of 0x{index:04X} at once (complete access), which `parameters` can't do: it isn't sent; write its entries one by one where the device takes them so"
+            ),
+            Doubt::EepromTooSmall { says, needs } => write!(
+                f,
+                "its file says that the EEPROM has {says} bytes, and what belongs into it takes {needs}: it doesn't fit"
+            ),
             Doubt::ForeignCommands { count } => {
                 write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")
             }
@@ -201,11 +278,16 @@ impl<'a> Assembly<'a> {
                 let (module, class) = (module.type_name.clone(), module.class.clone());
                 return Err(AssemblyError::WrongClass { device: name(), slot, classes, module, class });
             }
-            let pdos = module.rx_pdos.iter().chain(&module.tx_pdos);
-            let indices = pdos
-                .flat_map(|pdo| std::iter::once(pdo.index).chain(pdo.entries.iter().map(|one| one.index)));
-            let index = |index: SlotIndex| assembly.shifted(index, slot, slots.index_increment).is_none();
-            if let Some(wrong) = indices.into_iter().find(|one| index(*one)) {
+            if slots.download_idents && module.ident.is_none() {
+                return Err(AssemblyError::NoIdent {
+                    device: name(),
+                    slot,
+                    module: module.type_name.clone(),
+                });
+            }
+            let too_far = indices_of(module, slots)
+                .find(|(index, increment)| assembly.shifted(*index, slot, *increment).is_none());
+            if let Some((wrong, _)) = too_far {
                 return Err(AssemblyError::Index { slot, index: wrong.index });
             }
         }
@@ -259,6 +341,8 @@ impl<'a> Assembly<'a> {
         let managers = &self.device.sync_managers;
         let first = managers.iter().position(|one| one.usage == usage).map(|number| number as u8);
         let all = self.pdos(outputs);
+        // Those that are chosen, and those that these exclude, each with who does.
+        let (mut indices, mut barred) = (BTreeSet::new(), BTreeMap::new());
         let (mut chosen, mut doubts): (Vec<Pdo>, Vec<Doubt>) = (Vec::new(), Vec::new());
         for pdo in &all {
             let index = pdo.index.index;
@@ -274,16 +358,23 @@ impl<'a> Assembly<'a> {
                 doubts.push(Doubt::WrongSyncManager { pdo: index, sync_manager });
                 continue;
             }
-            let bars =
-                |one: &Pdo, other: &Pdo| one.excludes.iter().any(|index| index.index == other.index.index);
-            let barred = chosen.iter().find(|one| bars(one, pdo) || bars(pdo, one));
-            if let Some(stays) = barred {
-                doubts.push(Doubt::Excluded { stays: stays.index.index, left_out: index });
+            if indices.contains(&index) {
+                doubts.push(Doubt::SamePdo { pdo: index, line: pdo.line });
                 continue;
             }
-            if chosen.iter().any(|one| one.index.index == index) {
+            let excludes = || pdo.excludes.iter().map(|one| one.index);
+            let stays = barred.get(&index).copied().or_else(|| excludes().find(|one| indices.contains(one)));
+            if let Some(stays) = stays {
+                doubts.push(Doubt::Excluded { stays, left_out: index });
                 continue;
             }
+            if pdo.is_unclear() {
+                doubts.push(Doubt::UnclearPdo { pdo: index, line: pdo.line });
+            }
+            indices.insert(index);
+            excludes().for_each(|one| {
+                barred.entry(one).or_insert(index);
+            });
             chosen.push(Pdo { sync_manager: Some(sync_manager), ..pdo.clone() });
         }
         if chosen.is_empty() && !all.is_empty() {
@@ -349,8 +440,7 @@ impl<'a> Assembly<'a> {
             self.device.slots.as_ref().map_or((0, 0), |slots| (slots.index_increment, slots.pdo_increment));
         for (slot, module) in (1..).zip(&self.modules) {
             for object in &module.dictionary {
-                let is_pdo = (0x1600..=0x1BFF).contains(&object.index.index);
-                let increment = if is_pdo { increments.1 } else { increments.0 };
+                let increment = if object.is_pdo() { increments.1 } else { increments.0 };
                 let index = self.place(object.index, slot, increment);
                 objects.push(OdObject { index, ..object.clone() });
             }
@@ -388,6 +478,26 @@ impl<'a> Assembly<'a> {
         doubts
     }
 
+    /// Slots whose modules' PDOs or mapped objects have the same indices: each pair of slots once.
+    fn same_indices(&self) -> Vec<Doubt> {
+        let (mut first, mut pairs) = (BTreeMap::new(), BTreeMap::new());
+        let Some(slots) = &self.device.slots else { return Vec::new() };
+        for (slot, module) in (1..).zip(&self.modules) {
+            let pdos = module.rx_pdos.iter().chain(&module.tx_pdos);
+            for pdo in pdos.map(|pdo| self.place_pdo(pdo, slot, slots)) {
+                let objects = pdo.entries.iter().filter(|entry| !entry.is_gap());
+                let objects = objects.map(|entry| (entry.index.index, Some(entry.subindex)));
+                for key in std::iter::once((pdo.index.index, None)).chain(objects) {
+                    let other = *first.entry(key).or_insert(slot);
+                    if other != slot {
+                        pairs.entry([other, slot]).or_insert(key.0);
+                    }
+                }
+            }
+        }
+        pairs.into_iter().map(|(slots, index)| Doubt::SameIndices { slots, index }).collect()
+    }
+
     /// What somebody should look at.
     pub fn doubts(&self) -> Vec<Doubt> {
         let mut doubts = self.default_pdos(true).1;
@@ -398,7 +508,21 @@ impl<'a> Assembly<'a> {
         if count > 0 {
             doubts.push(Doubt::ForeignCommands { count });
         }
+        doubts.extend(self.same_indices());
+        let says = self.device.eeprom.as_ref().map_or(0, |eeprom| eeprom.byte_size);
+        let needs = image::content_bytes(self.device);
+        if says != 0 && needs > says as usize {
+            doubts.push(Doubt::EepromTooSmall { says, needs });
+        }
         doubts.extend(self.too_long());
+        for Command { command, .. } in self.commands().iter().filter(|one| one.is_for_pre_op()) {
+            let (line, index) = (command.line, command.index.index);
+            if command.data.is_empty() {
+                doubts.push(Doubt::NoData { line, index });
+            } else if command.complete_access {
+                doubts.push(Doubt::CompleteAccess { line, index });
+            }
+        }
         for Command { command, .. } in self.commands().iter().filter(|one| !one.is_for_pre_op()) {
             let transitions = command.transitions.join(", ");
             doubts.push(Doubt::OtherTransition { line: command.line, transitions });
@@ -412,6 +536,27 @@ impl Command {
     pub fn is_for_pre_op(&self) -> bool {
         self.command.transitions.iter().any(|transition| transition == "PS" || transition == "IP")
     }
+
+    /// Whether a robot's file can have it sent as one of a SubDevice's `parameters`.
+    pub fn is_parameter(&self) -> bool {
+        self.is_for_pre_op() && !self.command.complete_access && !self.command.data.is_empty()
+    }
+}
+
+/// Every index of a module, with how far it counts up from slot to slot.
+fn indices_of<'a>(module: &'a Module, slots: &Slots) -> impl Iterator<Item = (SlotIndex, u16)> + use<'a> {
+    let (objects, pdos) = (slots.index_increment, slots.pdo_increment);
+    let of_pdos = module.rx_pdos.iter().chain(&module.tx_pdos).flat_map(move |pdo| {
+        let own = std::iter::once(pdo.index).chain(pdo.excludes.iter().copied()).map(move |one| (one, pdos));
+        own.chain(pdo.entries.iter().map(move |entry| (entry.index, objects)))
+    });
+    let of_objects = module
+        .dictionary
+        .iter()
+        .map(move |object| (object.index, if object.is_pdo() { pdos } else { objects }));
+    let coe = module.mailbox.as_ref().and_then(|mailbox| mailbox.coe.as_ref());
+    let of_commands = coe.into_iter().flat_map(|coe| &coe.commands).map(move |one| (one.index, objects));
+    of_pdos.chain(of_objects).chain(of_commands)
 }
 
 /// How many modules fit.

@@ -79,6 +79,13 @@ pub struct OdObject {
     pub entries: Vec<OdEntry>,
 }
 
+impl OdObject {
+    /// Whether it is the map of a PDO: its index counts up with the slot as PDOs do.
+    pub(crate) fn is_pdo(&self) -> bool {
+        (0x1600..=0x1BFF).contains(&self.index.index)
+    }
+}
+
 #[derive(Clone, Debug, Default)]
 struct Type {
     bits: u32,

@@ -1,5 +1,6 @@
 //! A whole file.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
@@ -7,15 +8,13 @@ use roxmltree::{Document, ParsingOptions};
 
 use crate::model::{Device, Module, Vendor};
 use crate::notes::Notes;
-use crate::xml::Element;
-use crate::{read, slots, texts};
+use crate::xml::{Element, Lines};
+use crate::{bounds, encoding, read, slots, texts};
 
 /// The largest file that is read, bytes. Makers' largest have some 20 MB.
 pub const SIZE_LIMIT: u64 = 64 << 20;
 /// The most elements, texts and comments of a file: a node takes some 50 bytes of memory.
 pub const NODE_LIMIT: u32 = 4_000_000;
-/// The deepest nesting. The standard's deepest element is some 15 deep.
-const DEPTH_LIMIT: usize = 64;
 
 /// Why a file can't be read at all.
 #[derive(Debug, thiserror::Error)]
@@ -29,11 +28,19 @@ pub enum EsiError {
         /// The most.
         limit: u64,
     },
-    /// It isn't text in UTF-8.
-    #[error("it is no text in UTF-8: byte {at} can't be read; save it as UTF-8")]
-    NotUtf8 {
+    /// It isn't text in the code that it is said to be in.
+    #[error("it is no text in {code}: byte {at} can't be read; save it as UTF-8")]
+    NotText {
+        /// The code.
+        code: &'static str,
         /// Where the first wrong byte is, from 0.
         at: usize,
+    },
+    /// It declares a code that isn't read.
+    #[error("its encoding {name} isn't read here; save it as UTF-8")]
+    Encoding {
+        /// The code's name, quoted.
+        name: String,
     },
     /// It isn't XML, or has more of something than is read.
     #[error("it is no XML that can be read: {text}")]
@@ -42,11 +49,28 @@ pub enum EsiError {
         text: String,
     },
     /// Elements stand too deep in one another.
-    #[error("line {line}: elements stand more than {DEPTH_LIMIT} deep in one another")]
+    #[error("line {line}: elements stand more than {limit} deep in one another")]
     TooDeep {
+        /// How deep they may stand.
+        limit: usize,
         /// Line, from 1.
         line: u32,
     },
+    /// It has more of something than is read.
+    #[error("line {line}: there are more than {limit} {what}, which is as many as an ESI file may have here")]
+    TooMany {
+        /// Of what.
+        what: &'static str,
+        /// The most.
+        limit: usize,
+        /// Line, from 1.
+        line: u32,
+    },
+    /// It has more elements, texts and comments than are read.
+    #[error(
+        "it has more than {NODE_LIMIT} elements, texts and comments, which is as many as an ESI file may have here"
+    )]
+    TooManyNodes,
     /// It is XML of another kind.
     #[error("it is no ESI file: expected the element EtherCATInfo or EtherCATModule, found {found}")]
     OtherDocument {
@@ -85,17 +109,16 @@ impl EsiFile {
         if bytes.len() as u64 > SIZE_LIMIT {
             return Err(EsiError::TooLarge { limit: SIZE_LIMIT });
         }
-        let text =
-            std::str::from_utf8(bytes).map_err(|error| EsiError::NotUtf8 { at: error.valid_up_to() })?;
+        let text = encoding::decode(bytes)?;
+        bounds::check(&text)?;
         let options =
             ParsingOptions { allow_dtd: false, nodes_limit: NODE_LIMIT, ..ParsingOptions::default() };
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let document = Document::parse_with_options(text, options).map_err(|error| {
-            let error = error.to_string();
-            EsiError::Xml { text: error.chars().take(300).collect() }
+        let document = Document::parse_with_options(&text, options).map_err(|error| match error {
+            roxmltree::Error::NodesLimitReached => EsiError::TooManyNodes,
+            error => EsiError::Xml { text: error.to_string().chars().take(300).collect() },
         })?;
-        let root = Element(document.root_element());
-        check_depth(root)?;
+        let lines = Lines::of(&text);
+        let root = Element { node: document.root_element(), lines: &lines };
         if !matches!(root.name(), "EtherCATInfo" | "EtherCATModule") {
             let found = crate::xml::quoted(root.name());
             return Err(EsiError::OtherDocument { found });
@@ -118,6 +141,12 @@ impl EsiFile {
                 _ => child.skip(&mut notes),
             }
         }
+        if self.vendor.id.is_none() && !self.devices.is_empty() {
+            root.problem(
+                "the vendor has no Id that can be read: nobody can tell its devices on the bus",
+                &mut notes,
+            );
+        }
         self.notes = notes;
     }
 
@@ -133,6 +162,7 @@ impl EsiFile {
     }
 
     fn read_descriptions(&mut self, descriptions: Element, notes: &mut Notes) {
+        let mut lines = BTreeMap::new();
         for child in descriptions.children() {
             match child.name() {
                 "Groups" => {
@@ -146,7 +176,22 @@ impl EsiFile {
                 "Devices" => {
                     for device in child.children() {
                         match device.name() {
-                            "Device" => self.devices.push(read::device(device, notes)),
+                            "Device" => {
+                                let read = read::device(device, notes);
+                                let numbers = (read.product_code, read.revision);
+                                match lines.get(&numbers).filter(|_| read.product_code.is_some()) {
+                                    Some(line) => {
+                                        let text = format!(
+                                            "product code and revision are those of the device of line {line}, which is meant by them"
+                                        );
+                                        device.problem(text, notes);
+                                    }
+                                    None => {
+                                        lines.insert(numbers, read.line);
+                                    }
+                                }
+                                self.devices.push(read);
+                            }
                             _ => device.skip(notes),
                         }
                     }
@@ -158,45 +203,29 @@ impl EsiFile {
     }
 }
 
-/// Refuses what stands too deep: reading goes down by calls.
-fn check_depth(root: Element) -> Result<(), EsiError> {
-    let (mut node, mut depth) = (root.0, 1);
-    loop {
-        if depth > DEPTH_LIMIT {
-            return Err(EsiError::TooDeep { line: Element(node).line() });
-        }
-        if let Some(child) = node.first_child() {
-            (node, depth) = (child, depth + 1);
-            continue;
-        }
-        while node.next_sibling().is_none() || node == root.0 {
-            if node == root.0 {
-                return Ok(());
-            }
-            let Some(parent) = node.parent() else { return Ok(()) };
-            (node, depth) = (parent, depth - 1);
-        }
-        let Some(next) = node.next_sibling() else { return Ok(()) };
-        node = next;
-    }
-}
-
 impl EsiFile {
     /// The device of this type or name, or of `product:revision` (numbers as in the file, `0x` or decimal).
     ///
-    /// Where several revisions have the name, the newest one is meant that no other one asked for by number.
+    /// Where several revisions of a product have the name, the newest one is meant; several products are told apart by number
+    /// alone. Of two with the same numbers the first one is meant.
     pub fn device(&self, wanted: &str) -> Result<&Device, String> {
         let numbers = wanted.split_once(':').and_then(|(product, revision)| {
             Some((crate::xml::parse_number(product)?, crate::xml::parse_number(revision)?))
         });
         let is_meant = |device: &&Device| match numbers {
             Some((product, revision)) => {
-                device.product_code.map(i64::from) == Some(product) && i64::from(device.revision) == revision
+                device.product_code.map(i64::from) == Some(product)
+                    && device.revision.map(i64::from) == Some(revision)
             }
             None => device.type_name == wanted || device.names.all().iter().any(|(_, name)| name == wanted),
         };
-        let found = self.devices.iter().filter(is_meant).max_by_key(|device| device.revision);
-        found.ok_or_else(|| {
+        let found: Vec<&Device> = self.devices.iter().filter(is_meant).collect();
+        if let Some(other) = found.iter().find(|device| device.product_code != found[0].product_code) {
+            let (one, other) = (found[0].numbers(), other.numbers());
+            return Err(format!("several products are called \"{wanted}\": say {one} or {other}"));
+        }
+        // Of equal ones the last of the iterator is taken.
+        found.into_iter().rev().max_by_key(|device| device.revision).ok_or_else(|| {
             let mut known: Vec<&str> = self.devices.iter().map(|device| device.type_name.as_str()).collect();
             known.dedup();
             format!("no device of the file is called \"{wanted}\"; it has {}", known.join(", "))

@@ -26,6 +26,13 @@ pub fn eeprom(device: &Device, vendor_id: u32) -> Image {
     with_modules(&Assembly { device, modules: Vec::new() }, vendor_id)
 }
 
+/// Bytes of what stands in the EEPROM of the device, whatever size its file gives.
+pub fn content_bytes(device: &Device) -> usize {
+    let mut image = eeprom(device, 0);
+    image.header.size_kibit_less_one = 0;
+    image.emit().len()
+}
+
 /// The same with the PDOs of its modules: no EEPROM has them, the device makes them of its modules.
 pub fn with_modules(assembly: &Assembly, vendor_id: u32) -> Image {
     let device = assembly.device;
@@ -110,7 +117,7 @@ fn header(device: &Device, vendor_id: u32) -> Header {
     let identity = Identity {
         vendor_id,
         product_code: device.product_code.unwrap_or(0),
-        revision: device.revision,
+        revision: device.revision.unwrap_or(0),
         serial: 0,
     };
     let mut header = Header {

@@ -6,11 +6,14 @@
 //! - [`Assembly`]: a device with modules in its slots; which PDOs count, what is written at which transition.
 //! - [`image`]: the SII (EEPROM) image that follows from a device.
 //!
-//! Files are bounded: [`SIZE_LIMIT`] bytes, [`NODE_LIMIT`] nodes, no document type (so no entities of their own).
+//! Files are bounded: [`SIZE_LIMIT`] bytes, [`NODE_LIMIT`] nodes, 256 attributes in one element, 64 elements deep, no document
+//! type (so no entities of their own). They are UTF-8, UTF-16 with its mark, ISO 8859-1 or Windows-1252.
 #![forbid(unsafe_code)]
 
 mod assembly;
+mod bounds;
 mod dictionary;
+mod encoding;
 mod file;
 pub mod image;
 mod mailbox;

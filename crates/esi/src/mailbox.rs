@@ -8,6 +8,8 @@ use crate::xml::{Element, quoted};
 
 /// Longest data of a command, bytes.
 const DATA_LIMIT: usize = 4096;
+/// Commands of a device or module.
+const COMMAND_LIMIT: usize = 4096;
 
 /// A mailbox.
 pub(crate) fn read(element: Element, notes: &mut Notes) -> Mailbox {
@@ -64,6 +66,13 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
     };
     for child in element.children() {
         match child.name() {
+            "InitCmd" if coe.commands.len() == COMMAND_LIMIT => {
+                child.problem(
+                    format!("there are more than {COMMAND_LIMIT} commands: the rest is left out"),
+                    notes,
+                );
+                break;
+            }
             "InitCmd" => coe.commands.extend(command(child, notes)),
             _ => child.skip(notes),
         }
@@ -73,6 +82,7 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
 
 /// A command; `None` where it can't be sent.
 fn command(element: Element, notes: &mut Notes) -> Option<InitCommand> {
+    let before = notes.told();
     element.attributes(&["CompleteAccess"], notes);
     let complete_access = element.is("CompleteAccess", notes);
     let mut command = InitCommand { line: element.line(), complete_access, ..InitCommand::default() };
@@ -101,9 +111,11 @@ fn command(element: Element, notes: &mut Notes) -> Option<InitCommand> {
             _ => child.skip(notes),
         }
     }
-    let whole = !command.transitions.is_empty() && command.index.index != 0 && data.is_some();
+    let is_read = notes.told() == before;
+    let whole = is_read && !command.transitions.is_empty() && command.index.index != 0 && data.is_some();
     if !whole {
-        element.problem("the command lacks a transition, an index or data: it is left out", notes);
+        let what = if is_read { "lacks a transition, an index or data" } else { "can't be read whole" };
+        element.problem(format!("the command {what}: it is left out"), notes);
     }
     command.data = data.unwrap_or_default();
     whole.then_some(command)

@@ -24,8 +24,8 @@ pub struct Device {
     pub type_name: String,
     /// Product code.
     pub product_code: Option<u32>,
-    /// Revision; 0 where none is given.
-    pub revision: u32,
+    /// Revision.
+    pub revision: Option<u32>,
     /// Names in languages.
     pub names: Names,
     /// Revisions that this one replaces, as (product code where another, revision).
@@ -175,6 +175,8 @@ pub struct PdoEntry {
     pub name: Names,
     /// Type by name, as `UINT`; empty where none is given.
     pub data_type: String,
+    /// A number of it can't be read: it isn't known what stands there.
+    pub is_unclear: bool,
 }
 
 /// A mailbox.
@@ -251,6 +253,8 @@ pub struct DcMode {
     pub sync0: SyncTimes,
     /// SYNC1.
     pub sync1: SyncTimes,
+    /// A number of it can't be read.
+    pub is_unclear: bool,
 }
 
 /// Times of a SYNC event.
@@ -343,6 +347,18 @@ pub struct Module {
     pub dictionary: Vec<OdObject>,
 }
 
+impl Device {
+    /// `product:revision` as it is asked for, a question mark for what the file doesn't say.
+    pub fn numbers(&self) -> String {
+        format!("{}:{}", number(self.product_code), number(self.revision))
+    }
+}
+
+/// A number of 32 bits in hexadecimal; a question mark where the file has none that can be read.
+pub fn number(number: Option<u32>) -> String {
+    number.map_or("?".to_owned(), |number| format!("0x{number:08x}"))
+}
+
 impl PdoEntry {
     /// Whether it fills space only.
     pub fn is_gap(&self) -> bool {
@@ -356,6 +372,11 @@ impl PdoEntry {
 }
 
 impl Pdo {
+    /// Whether some of it can't be read: its map isn't known.
+    pub fn is_unclear(&self) -> bool {
+        self.entries.iter().any(|entry| entry.is_unclear)
+    }
+
     /// Sum of its entries' bits.
     pub fn bits(&self) -> u32 {
         self.entries.iter().map(|entry| u32::from(entry.bits)).sum()

@@ -54,6 +54,8 @@ pub struct Notes {
     pub problems: Vec<Problem>,
     /// Paths and problems beyond those that are kept.
     pub beyond: u32,
+    /// Problems, kept or not.
+    told: u32,
 }
 
 impl Notes {
@@ -79,7 +81,13 @@ impl Notes {
         }
     }
 
+    /// How many problems were told until now: more than before where something that was read meanwhile is wrong.
+    pub(crate) fn told(&self) -> u32 {
+        self.told
+    }
+
     pub(crate) fn problem(&mut self, make: impl FnOnce() -> Problem) {
+        self.told = self.told.saturating_add(1);
         if self.problems.len() < PROBLEM_LIMIT {
             self.problems.push(make());
         } else {

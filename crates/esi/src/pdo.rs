@@ -7,6 +7,8 @@ use crate::xml::Element;
 
 /// Entries of a PDO: as many as its subindices can count.
 const ENTRY_LIMIT: usize = 254;
+/// PDOs of one direction of a device or module: as many indices as the profile has for them are 512.
+const PDO_LIMIT: usize = 2048;
 
 /// An index that may count up with the slot.
 pub(crate) fn slot_index(element: Element, notes: &mut Notes) -> SlotIndex {
@@ -20,8 +22,20 @@ pub(crate) fn slot_index(element: Element, notes: &mut Notes) -> SlotIndex {
     SlotIndex { index: element.u16(notes).unwrap_or(0), depends_on_slot: element.is("DependOnSlot", notes) }
 }
 
+/// One more PDO of a list.
+pub(crate) fn add(element: Element, pdos: &mut Vec<Pdo>, notes: &mut Notes) {
+    if pdos.len() < PDO_LIMIT {
+        pdos.extend(read(element, notes));
+    } else {
+        element.problem(
+            format!("there are more than {PDO_LIMIT} PDOs of one direction: this one is left out"),
+            notes,
+        );
+    }
+}
+
 /// A PDO; `None` where it has no index.
-pub(crate) fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
+fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
     element.attributes(&["Sm", "Fixed", "Mandatory", "Virtual"], notes);
     let sync_manager = element.attribute_number("Sm", 0..=31, notes).map(|number| number as u8);
     let mut pdo = Pdo {
@@ -60,7 +74,7 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
 
 fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
     element.attributes(&[], notes);
-    let mut entry = PdoEntry::default();
+    let (mut entry, before) = (PdoEntry::default(), notes.told());
     for child in element.children() {
         match child.name() {
             "Index" => entry.index = slot_index(child, notes),
@@ -75,5 +89,6 @@ fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
     if entry.bits == 0 && !entry.is_gap() {
         element.problem("the entry has no length of 1 to 255 bits", notes);
     }
+    entry.is_unclear = notes.told() != before;
     entry
 }

@@ -45,6 +45,9 @@ pub(crate) fn device(element: Element, notes: &mut Notes) -> Device {
     if device.product_code.is_none() {
         element.problem("the device has no product code: nobody can tell it on the bus", notes);
     }
+    if device.revision.is_none() {
+        element.problem("the device has no revision: nobody can tell it from older ones", notes);
+    }
     device
 }
 
@@ -56,7 +59,9 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
             let mut number =
                 |name| child.attribute_number(name, 0..=0xFFFF_FFFF, notes).map(|number| number as u32);
             let (product, revision) = (number("ProductCode"), number("RevisionNo"));
-            device.hides.push((product, revision.unwrap_or(0)));
+            if product.is_some() || child.attribute("ProductCode").is_none() {
+                device.hides.extend(revision.map(|revision| (product, revision)));
+            }
         }
         "Name" => name(child, &mut device.names, notes),
         "Info" => info(child, device, notes),
@@ -64,8 +69,8 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
         "Profile" => dictionary::profile(child, &mut device.profiles, &mut device.dictionary, notes),
         "Fmmu" => device.fmmus.push(fmmu(child, notes)),
         "Sm" => device.sync_managers.push(sync_manager(child, notes)),
-        "RxPdo" => device.rx_pdos.extend(pdo::read(child, notes)),
-        "TxPdo" => device.tx_pdos.extend(pdo::read(child, notes)),
+        "RxPdo" => pdo::add(child, &mut device.rx_pdos, notes),
+        "TxPdo" => pdo::add(child, &mut device.tx_pdos, notes),
         "Mailbox" => device.mailbox = Some(mailbox::read(child, notes)),
         "Dc" => clocks(child, device, notes),
         "Slots" => device.slots = Some(slots::read(child, notes)),
@@ -81,7 +86,7 @@ fn identity(element: Element, device: &mut Device, notes: &mut Notes) {
     let mut number =
         |name| element.attribute_number(name, 0..=0xFFFF_FFFF, notes).map(|number| number as u32);
     device.product_code = number("ProductCode");
-    device.revision = number("RevisionNo").unwrap_or(0);
+    device.revision = number("RevisionNo");
 }
 
 fn info(element: Element, device: &mut Device, notes: &mut Notes) {
@@ -215,7 +220,7 @@ fn clocks(element: Element, device: &mut Device, notes: &mut Notes) {
             mode.skip(notes);
             continue;
         }
-        let mut read = model::DcMode::default();
+        let (mut read, before) = (model::DcMode::default(), notes.told());
         for child in mode.children() {
             match child.name() {
                 "Name" => read.name = short(child.text()),
@@ -228,6 +233,7 @@ fn clocks(element: Element, device: &mut Device, notes: &mut Notes) {
                 _ => child.skip(notes),
             }
         }
+        read.is_unclear = notes.told() != before;
         device.dc_modes.push(read);
     }
 }

@@ -96,8 +96,8 @@ fn module(element: Element, notes: &mut Notes) -> Module {
                 module.class = short(child.attribute("ModuleClass").unwrap_or_default().to_owned());
             }
             "Name" => name(child, &mut module.names, notes),
-            "RxPdo" => module.rx_pdos.extend(pdo::read(child, notes)),
-            "TxPdo" => module.tx_pdos.extend(pdo::read(child, notes)),
+            "RxPdo" => pdo::add(child, &mut module.rx_pdos, notes),
+            "TxPdo" => pdo::add(child, &mut module.tx_pdos, notes),
             "Mailbox" => module.mailbox = Some(mailbox::read(child, notes)),
             "Profile" => dictionary::profile(child, &mut profiles, &mut module.dictionary, notes),
             _ => child.skip(notes),

@@ -68,31 +68,53 @@ const PATH_LIMIT: usize = 400;
 /// Longest text that is quoted, characters.
 const QUOTED: usize = 60;
 
-/// An element, and the notes that are taken while it is read.
+/// Where the lines of a text begin: looked through once, not for each element whose line is told.
+pub(crate) struct Lines(Vec<usize>);
+
+impl Lines {
+    /// The lines of a text.
+    pub fn of(text: &str) -> Self {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        Lines(std::iter::once(0).chain(ends.map(|(at, _)| at + 1)).collect())
+    }
+
+    /// The line, from 1, in which a byte of the text stands.
+    fn at(&self, byte: usize) -> u32 {
+        self.0.partition_point(|start| *start <= byte) as u32
+    }
+}
+
+/// An element of a document.
 #[derive(Clone, Copy)]
-pub(crate) struct Element<'a, 'input>(pub Node<'a, 'input>);
+pub(crate) struct Element<'a, 'input> {
+    /// The element.
+    pub node: Node<'a, 'input>,
+    /// The document's lines.
+    pub lines: &'a Lines,
+}
 
 impl<'a, 'input> Element<'a, 'input> {
     /// Its name.
     pub fn name(self) -> &'a str {
-        self.0.tag_name().name()
+        self.node.tag_name().name()
     }
 
-    /// Its line, from 1. Counts through the whole document: for what is told, not for every element.
+    /// Its line, from 1.
     pub fn line(self) -> u32 {
-        self.0.document().text_pos_at(self.0.range().start).row
+        self.lines.at(self.node.range().start)
     }
 
     fn path(self) -> String {
         let mut names: Vec<&str> =
-            self.0.ancestors().filter(Node::is_element).map(|one| one.tag_name().name()).collect();
+            self.node.ancestors().filter(Node::is_element).map(|one| one.tag_name().name()).collect();
         names.reverse();
         names.join("/").chars().take(PATH_LIMIT).collect()
     }
 
     /// The elements in it.
     pub fn children(self) -> impl Iterator<Item = Element<'a, 'input>> {
-        self.0.children().filter(Node::is_element).map(Element)
+        let lines = self.lines;
+        self.node.children().filter(Node::is_element).map(move |node| Element { node, lines })
     }
 
     /// The first element in it of this name.
@@ -103,13 +125,13 @@ impl<'a, 'input> Element<'a, 'input> {
     /// Its text without white space at the ends.
     pub fn text(self) -> String {
         let parts: Vec<&str> =
-            self.0.children().filter(Node::is_text).filter_map(|text| text.text()).collect();
+            self.node.children().filter(Node::is_text).filter_map(|text| text.text()).collect();
         parts.concat().trim().to_owned()
     }
 
     /// An attribute of it as text.
     pub fn attribute(self, name: &str) -> Option<&'a str> {
-        self.0.attributes().find(|attribute| attribute.name() == name).map(|attribute| attribute.value())
+        self.node.attributes().find(|attribute| attribute.name() == name).map(|attribute| attribute.value())
     }
 
     /// Notes that nobody here reads it.
@@ -130,7 +152,7 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// Notes every attribute but those that are read.
     pub fn attributes(self, read: &[&str], notes: &mut Notes) {
-        for attribute in self.0.attributes().filter(|attribute| !read.contains(&attribute.name())) {
+        for attribute in self.node.attributes().filter(|attribute| !read.contains(&attribute.name())) {
             let why = if UNUSED.contains(&attribute.name()) { Why::Unused } else { Why::Unknown };
             notes.skip(why, format!("{}/@{}", self.path(), attribute.name()), || self.line());
         }

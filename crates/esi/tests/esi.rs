@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use omnibase_esi::model::SmUse;
-use omnibase_esi::{Assembly, AssemblyError, EsiError, EsiFile, Why, image};
+use omnibase_esi::{Assembly, AssemblyError, Doubt, EsiError, EsiFile, Why, image};
 use omnibase_ethercat_wire::sii::{Image, SyncManagerUsage};
 
 const MADE_UP: &str = include_str!("../../../segments/maker.xml");
@@ -33,7 +33,7 @@ fn a_device_has_everything_that_its_file_says() {
     let servo = &file.devices[0];
     assert_eq!(
         (servo.type_name.as_str(), servo.product_code, servo.revision),
-        ("MU-SERVO", Some(0x0402), 0x1_0000)
+        ("MU-SERVO", Some(0x0402), Some(0x1_0000))
     );
     assert_eq!((servo.names.english(), servo.names.in_language(1031)), ("Servo drive", "Servoantrieb"));
     assert_eq!(servo.hides, [(None, 1)]);
@@ -127,8 +127,10 @@ fn what_is_wrong_is_told_with_its_line_and_the_rest_is_read() {
         "line 7: EtherCATInfo/Descriptions/Devices/Device/RxPdo: the PDO has no index: it is left out",
         "line 8: EtherCATInfo/Descriptions/Devices/Device/Mailbox/CoE/InitCmd/Transition: expected two of the letters I, P, S, O, B, found \"XY\"",
         "line 8: EtherCATInfo/Descriptions/Devices/Device/Mailbox/CoE/InitCmd/Data: expected at most 4096 bytes in hexadecimal, found \"0G\"",
-        "line 8: EtherCATInfo/Descriptions/Devices/Device/Mailbox/CoE/InitCmd: the command lacks a transition, an index or data: it is left out",
+        "line 8: EtherCATInfo/Descriptions/Devices/Device/Mailbox/CoE/InitCmd: the command can't be read whole: it is left out",
         "line 3: EtherCATInfo/Descriptions/Devices/Device: the device has no product code: nobody can tell it on the bus",
+        "line 3: EtherCATInfo/Descriptions/Devices/Device: the device has no revision: nobody can tell it from older ones",
+        "line 1: EtherCATInfo: the vendor has no Id that can be read: nobody can tell its devices on the bus",
     ];
     assert_eq!(told, expected);
     let unread: Vec<(String, u32)> = file.notes.unread().map(|one| (one.path, one.line)).collect();
@@ -141,7 +143,8 @@ fn files_that_would_hurt_are_refused_by_name() {
     let refusal = |text: &[u8]| EsiFile::parse(text).unwrap_err().to_string();
     assert!(refusal(b"").starts_with("it is no XML"), "{}", refusal(b""));
     assert!(refusal(b"<EtherCATInfo><Vendor>").starts_with("it is no XML"));
-    assert_eq!(refusal(b"\xFF\xFEx"), "it is no text in UTF-8: byte 0 can't be read; save it as UTF-8");
+    assert_eq!(refusal(b"\xFF\xFEx"), "it is no text in UTF-16: byte 2 can't be read; save it as UTF-8");
+    assert_eq!(refusal(b"<a>\xFC</a>"), "it is no text in UTF-8: byte 3 can't be read; save it as UTF-8");
     assert!(
         refusal(b"<html/>").ends_with("expected the element EtherCATInfo or EtherCATModule, found \"html\"")
     );
@@ -191,4 +194,183 @@ fn real_makers_files_are_read_whole() {
         }
     }
     assert_eq!((devices, modules, pdos, commands), (27, 84, 128, 168));
+}
+
+/// A device of made-up numbers with these elements.
+fn with_device(elements: &str) -> EsiFile {
+    let text = format!(
+        "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device>\n\
+        <Type ProductCode=\"2\" RevisionNo=\"3\">A</Type><Sm StartAddress=\"#x1000\">Outputs</Sm>\n{elements}\n\
+        </Device></Devices></Descriptions></EtherCATInfo>"
+    );
+    EsiFile::parse(text.as_bytes()).unwrap()
+}
+
+fn doubts(file: &EsiFile) -> Vec<String> {
+    Assembly::new(&file.devices[0], Vec::new()).unwrap().doubts().iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn a_number_that_cannot_be_read_is_never_a_fact() {
+    let entry = |text: &str| format!("<RxPdo Sm=\"0\"><Index>#x1600</Index><Entry>{text}</Entry></RxPdo>");
+    let whole = "<Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen>";
+    assert!(!with_device(&entry(whole)).devices[0].rx_pdos[0].is_unclear());
+    for wrong in [whole.replace(">8<", ">300<"), whole.replace(">1<", ">300<"), whole.replace("#x7000", "#x")]
+    {
+        let file = with_device(&entry(&wrong));
+        assert!(file.devices[0].rx_pdos[0].is_unclear() && !file.notes.problems.is_empty(), "{wrong}");
+        let told = "numbers of 0x1600 in line 3 can't be read: what it maps isn't known";
+        assert_eq!(doubts(&file), [told], "{wrong}");
+    }
+    let mode = |activate: &str| {
+        let file =
+            with_device(&format!("<Dc><OpMode><AssignActivate>{activate}</AssignActivate></OpMode></Dc>"));
+        file.devices[0].dc_modes[0].is_unclear
+    };
+    assert!(!mode("#x300") && mode("#x30000"));
+    let commands = |subindex: &str, data: &str| {
+        let file = with_device(&format!(
+            "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>{subindex}</SubIndex>\
+            <Data>{data}</Data></InitCmd></CoE></Mailbox>"
+        ));
+        file.devices[0].mailbox.as_ref().unwrap().coe.as_ref().unwrap().commands.len()
+    };
+    // A wrong subindex would be another object.
+    assert_eq!((commands("1", "03"), commands("300", "03"), commands("1", "030")), (1, 0, 0));
+    let file = with_device("<HideType RevisionNo=\"#x1\"/><HideType RevisionNo=\"x\"/>");
+    assert_eq!(file.devices[0].hides, [(None, 1)]);
+    let made_up = MADE_UP.replace("ModuleIdent=\"#x00000101\"", "");
+    let file = EsiFile::parse(made_up.as_bytes()).unwrap();
+    let refusal = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap_err();
+    assert!(matches!(refusal, AssemblyError::NoIdent { slot: 1, .. }), "{refusal}");
+}
+
+#[test]
+fn what_stands_there_twice_is_told_and_the_first_one_is_meant() {
+    let device =
+        |line: &str| format!("<Device><Type ProductCode=\"2\" RevisionNo=\"3\">{line}</Type></Device>\n");
+    let text = |devices: &str| {
+        format!(
+            "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices>\n{devices}</Devices></Descriptions></EtherCATInfo>"
+        )
+    };
+    let file = EsiFile::parse(text(&(device("A") + &device("B"))).as_bytes()).unwrap();
+    assert_eq!(file.device("2:3").unwrap().type_name, "A");
+    let told = "product code and revision are those of the device of line 2, which is meant by them";
+    assert_eq!((file.notes.problems.len(), file.notes.problems[0].text.as_str()), (1, told));
+    let products = device("A") + &device("A").replace("\"2\"", "\"4\"");
+    let file = EsiFile::parse(text(&products).as_bytes()).unwrap();
+    let refusal = file.device("A").unwrap_err();
+    let told = "several products are called \"A\": say 0x00000002:0x00000003 or 0x00000004:0x00000003";
+    assert_eq!(refusal, told);
+    let revisions = device("A") + &device("A").replace("\"3\"", "\"4\"");
+    let file = EsiFile::parse(text(&revisions).as_bytes()).unwrap();
+    assert_eq!((file.device("A").unwrap().revision, file.notes.problems.len()), (Some(4), 0));
+
+    let pdo = "<RxPdo Sm=\"0\"><Index>#x1600</Index></RxPdo>\n";
+    let told = "0x1600 stands there twice: the one of line 4 is left out";
+    assert_eq!(doubts(&with_device(&format!("{pdo}{pdo}"))), [told]);
+}
+
+#[test]
+fn modules_whose_indices_do_not_count_up_are_told() {
+    let same = MADE_UP.replace("SlotIndexIncrement=\"16\"", "SlotIndexIncrement=\"0\"");
+    let told = |text: &str| -> Vec<String> {
+        let file = EsiFile::parse(text.as_bytes()).unwrap();
+        let modules = vec![&file.modules[0], &file.modules[1], &file.modules[0]];
+        let assembly = Assembly::new(&file.devices[2], modules).unwrap();
+        let doubts = assembly.doubts().into_iter().filter(|one| matches!(one, Doubt::SameIndices { .. }));
+        doubts.map(|one| one.to_string()).collect()
+    };
+    assert_eq!(told(MADE_UP), Vec::<String>::new());
+    let both = "the modules in slots 1 and 3 both have 0x6000: the file doesn't tell them apart";
+    assert_eq!(told(&same), [both]);
+    // PDOs count up by their own increment, and beyond 0xFFFF nothing does.
+    let far = MADE_UP.replace("SlotPdoIncrement=\"1\"", "SlotPdoIncrement=\"#x1000\"");
+    let file = EsiFile::parse(far.replace("#x1A00", "#xFA00").as_bytes()).unwrap();
+    let refusal = Assembly::new(&file.devices[2], vec![&file.modules[0], &file.modules[0]]).unwrap_err();
+    assert_eq!(refusal, AssemblyError::Index { slot: 2, index: 0xFA00 });
+}
+
+#[test]
+fn commands_that_no_parameter_can_say_are_told() {
+    let command = |more: &str, data: &str| {
+        format!(
+            "<InitCmd{more}><Transition>PS</Transition><Index>#x8000</Index><Data>{data}</Data></InitCmd>\n"
+        )
+    };
+    let all = command("", "") + &command(" CompleteAccess=\"1\"", "0102") + &command("", "03");
+    let file = with_device(&format!("<Mailbox><CoE>{all}</CoE></Mailbox>"));
+    let told = [
+        "the command of line 3 to 0x8000 has no data: it isn't sent",
+        "the command of line 4 writes the whole of 0x8000 at once (complete access), which `parameters` can't do: it isn't sent; write its entries one by one where the device takes them so",
+    ];
+    assert_eq!(doubts(&file), told);
+    let assembly = Assembly::new(&file.devices[0], Vec::new()).unwrap();
+    let sent: Vec<u32> =
+        assembly.commands().iter().filter(|one| one.is_parameter()).map(|one| one.command.line).collect();
+    assert_eq!(sent, [5]);
+}
+
+#[test]
+fn an_eeprom_that_is_too_small_is_told() {
+    let told = |bytes: u32| doubts(&with_device(&format!("<Eeprom><ByteSize>{bytes}</ByteSize></Eeprom>")));
+    assert_eq!(told(2048), Vec::<String>::new());
+    assert!(
+        told(64)[0].starts_with("its file says that the EEPROM has 64 bytes, and what belongs into it takes")
+    );
+}
+
+#[test]
+fn files_in_makers_other_codes_are_read() {
+    let name = "Gr\u{fc}\u{df}e \u{2013} \u{20ac}";
+    let text = |code: &str| {
+        format!(
+            "<?xml version=\"1.0\" encoding=\"{code}\"?><EtherCATInfo><Vendor><Id>1</Id><Name>{name}</Name></Vendor></EtherCATInfo>"
+        )
+    };
+    let vendor = |bytes: &[u8]| EsiFile::parse(bytes).unwrap().vendor.name.english().to_owned();
+    let western = |code: &str| -> Vec<u8> {
+        let byte = |letter| match letter {
+            '\u{2013}' => 0x96,
+            '\u{20ac}' => 0x80,
+            letter => u8::try_from(letter).unwrap(),
+        };
+        text(code).chars().map(byte).collect()
+    };
+    assert_eq!(vendor(&western("ISO-8859-1")), name);
+    assert_eq!(vendor(&western("windows-1252")), name);
+    assert_eq!(vendor(text("UTF-8").as_bytes()), name);
+    assert_eq!(vendor(&[&[0xEF, 0xBB, 0xBF], text("utf-8").as_bytes()].concat()), name);
+    let units = |bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+        std::iter::once(0xFEFF).chain(text("UTF-16").encode_utf16()).flat_map(bytes).collect()
+    };
+    assert_eq!(vendor(&units(u16::to_le_bytes)), name);
+    assert_eq!(vendor(&units(u16::to_be_bytes)), name);
+    let refusal = EsiFile::parse(text("Shift_JIS").as_bytes()).unwrap_err().to_string();
+    assert_eq!(refusal, "its encoding \"Shift_JIS\" isn't read here; save it as UTF-8");
+}
+
+#[test]
+fn many_devices_and_attributes_take_no_more_than_their_share() {
+    // Each device's line is told. Counted from the top of the file, that would be 20,000 x 10,000 lines of 100 bytes.
+    let device = "<Device><Type ProductCode=\"2\" RevisionNo=\"#xNUMBER\">A device of which there are many in a file</Type></Device>\n";
+    let mut text = String::from("<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices>\n");
+    for number in 0..20_000 {
+        text += &device.replace("NUMBER", &format!("{number:x}"));
+    }
+    text += "</Devices></Descriptions></EtherCATInfo>";
+    let file = EsiFile::parse(text.as_bytes()).unwrap();
+    assert_eq!(file.devices.len(), 20_000);
+    assert!((2..).zip(&file.devices).all(|(line, device)| device.line == line));
+
+    let attributes =
+        |count: usize| -> String { (0..count).map(|number| format!(" a{number}=\"'>\"")).collect() };
+    let element =
+        |count: usize| format!("<EtherCATInfo>\n<!-- <a> --><a{}/></EtherCATInfo>", attributes(count));
+    assert!(EsiFile::parse(element(256).as_bytes()).is_ok());
+    let refusal = |text: String| EsiFile::parse(text.as_bytes()).unwrap_err().to_string();
+    let told = "line 2: there are more than 256 attributes in one element, which is as many as an ESI file may have here";
+    assert_eq!(refusal(element(257)), told);
+    assert_eq!(refusal(element(1_000_000).replace("/></EtherCATInfo>", "")), told);
 }

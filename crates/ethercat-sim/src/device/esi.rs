@@ -6,12 +6,16 @@ use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
 use crate::segment_file::EsiDevice;
 use omnibase_esi::model::{ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
-use omnibase_esi::{Assembly, Command, EsiFile, image};
+use omnibase_esi::{Assembly, Command, Doubt, EsiFile, image};
 use std::path::Path;
 
 /// Objects of the communication profile that the image makes and the file's aren't taken for: identity, assignments.
 const OWN: [core::ops::RangeInclusive<u16>; 4] =
     [0x1000..=0x1018, 0x1600..=0x17FF, 0x1A00..=0x1BFF, 0x1C00..=0x1C33];
+/// Device type: its low 16 bits are the number of the profile.
+const DEVICE_TYPE: u16 = 0x1000;
+/// Profile of drives (CiA 402).
+const DRIVES: u32 = 402;
 /// Which modules are configured, and which are there (ETG.5001).
 const CONFIGURED_MODULES: u16 = 0xF030;
 const DETECTED_MODULES: u16 = 0xF050;
@@ -32,6 +36,10 @@ pub(crate) fn build(wanted: &EsiDevice, base_dir: &Path, piece: &Piece) -> Resul
     };
     let modules = wanted.modules.iter().map(module).collect::<Result<Vec<_>, String>>()?;
     let assembly = Assembly::new(device, modules).map_err(|error| error.to_string())?;
+    let unclear = assembly.doubts().into_iter().find(|doubt| matches!(doubt, Doubt::UnclearPdo { .. }));
+    if let Some(doubt) = unclear {
+        return Err(format!("{}: {doubt}", device.type_name));
+    }
     Ok(from_assembly(&assembly, file.vendor.id.unwrap_or(0), piece).sub_device)
 }
 
@@ -52,7 +60,18 @@ pub fn from_assembly(assembly: &Assembly, vendor_id: u32, piece: &Piece) -> Gene
         make_room(&command, &mut objects);
     }
     let image = image::with_modules(assembly, vendor_id);
-    Generic::assemble(&image, bytes, piece, More { objects, modules: idents })
+    let device_type = device_type(assembly);
+    Generic::assemble(&image, bytes, piece, More { objects, modules: idents, device_type })
+}
+
+/// Object 0x1000 as the file's dictionary has it, else the number of its profile: a drive's where it is one of several.
+fn device_type(assembly: &Assembly) -> u32 {
+    let objects = assembly.objects();
+    let written = objects.iter().find(|object| object.index.index == DEVICE_TYPE);
+    let written = written.and_then(|object| object.entries.first()?.default.first_chunk());
+    let profiles = &assembly.device.profiles;
+    let profile = profiles.iter().find(|profile| **profile == DRIVES).or(profiles.first());
+    written.map_or(profile.map_or(0, |profile| profile & 0xFFFF), |bytes| u32::from_le_bytes(*bytes))
 }
 
 fn module_lists(idents: &[u32]) -> [Object; 2] {

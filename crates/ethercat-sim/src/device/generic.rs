@@ -42,7 +42,7 @@ impl Generic {
     /// The same with more objects behind its mailbox; those that it has anyway stay as they are.
     pub fn with_objects(bytes: &[u8], piece: &Piece, more: Vec<Object>) -> Result<Self, ImageTooShort> {
         let (image, _) = Image::parse(bytes)?;
-        Ok(Generic::assemble(&image, bytes.to_vec(), piece, More { objects: more, modules: Vec::new() }))
+        Ok(Generic::assemble(&image, bytes.to_vec(), piece, More { objects: more, ..More::default() }))
     }
 
     /// A device that behaves as `image` says and has `bytes` in its EEPROM.
@@ -51,7 +51,7 @@ impl Generic {
             personalize(image, piece, &mut bytes);
         }
         let process_data = process_sync_managers(image);
-        let mut objects = objects(image, piece, &process_data);
+        let mut objects = objects(image, piece, &process_data, more.device_type);
         for object in more.objects {
             match objects.iter_mut().find(|known| known.index == object.index) {
                 Some(known) => known.add_missing(object),
@@ -110,6 +110,8 @@ pub(super) struct More {
     pub objects: Vec<Object>,
     /// Idents of the modules in its slots: the only ones that 0xF030 takes.
     pub modules: Vec<u32>,
+    /// Object 0x1000, of which no image tells: the number of a profile in its low 16 bits.
+    pub device_type: u32,
 }
 
 /// The object that is told which modules are configured.
@@ -192,13 +194,18 @@ fn port_descriptor(image: &Image) -> u8 {
     })
 }
 
-fn objects(image: &Image, piece: &Piece, process_data: &[ProcessSyncManager]) -> Vec<Object> {
+fn objects(
+    image: &Image,
+    piece: &Piece,
+    process_data: &[ProcessSyncManager],
+    device_type: u32,
+) -> Vec<Object> {
     let mut identity = image.header.identity;
     if piece.serial != 0 {
         identity.serial = piece.serial;
     }
     let mut objects = standard::nameplate_objects(&Nameplate {
-        device_type: 0,
+        device_type,
         name: image.name().unwrap_or_default(),
         hardware_version: String::new(),
         software_version: String::new(),

@@ -5,8 +5,12 @@ mod json;
 mod table;
 
 use crate::Outcome;
-use anyhow::Context;
+use crate::progress::{note, warn};
+use anyhow::{Context, ensure};
+use omnibase_esi::model::number;
 use omnibase_esi::{Assembly, Device, EsiFile, Module, image};
+use std::collections::BTreeSet;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +27,8 @@ use std::path::{Path, PathBuf};
   omnibase esi maker.xml --device MU-IO --sii io.bin          the EEPROM's image that follows
 
 A device is named by its type, by a name of it, or by product:revision. Exit code 1 where something in a file is
-wrong; what can be read is shown all the same.")]
+wrong; what can be read is shown all the same. With --device, what is wrong or isn't understood in the files is told
+on stderr.")]
 pub struct Arguments {
     /// The maker's file; modules may stand in further ones.
     #[arg(value_name = "FILE", required = true)]
@@ -43,7 +48,7 @@ pub struct Arguments {
     /// Print a segment file with the device, for `simulate` and `sim:`.
     #[arg(long, requires = "device", conflicts_with = "json")]
     segment: bool,
-    /// Write the image of the device's EEPROM to this file.
+    /// Write the image of the device's EEPROM to this file, which mustn't exist yet.
     #[arg(long, value_name = "FILE", requires = "device")]
     sii: Option<PathBuf>,
     /// Print one JSON object.
@@ -69,10 +74,18 @@ impl Files {
     /// A device with the modules of these names in its slots.
     fn assembly<'a>(&'a self, device: &'a Device, slots: &[String]) -> anyhow::Result<Assembly<'a>> {
         let module = |name: &String| {
-            let found = self.all().find_map(|file| file.module(device, name));
-            found.with_context(|| {
+            let own = device.slots.iter().flat_map(|slots| &slots.modules);
+            let mut called = own.chain(self.modules()).filter(|module| module.type_name == *name);
+            let found = called.next().with_context(|| {
                 format!("no module is called \"{name}\" in the files: `--modules` lists them")
-            })
+            })?;
+            for other in called.filter(|other| other.ident != found.ident) {
+                let (one, other) = (number(found.ident), number(other.ident));
+                warn(format_args!(
+                    "modules of the idents {one} and {other} are called \"{name}\": the former is taken"
+                ));
+            }
+            Ok(found)
         };
         let modules = slots.iter().map(module).collect::<anyhow::Result<Vec<_>>>()?;
         Ok(Assembly::new(device, modules)?)
@@ -81,13 +94,23 @@ impl Files {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let mut given = BTreeSet::new();
+    for path in &arguments.files {
+        let real = path.canonicalize().with_context(|| format!("`{}`", path.display()))?;
+        ensure!(given.insert(real), "`{}` is given twice", path.display());
+    }
     let read = |path: &PathBuf| EsiFile::read(path).with_context(|| format!("`{}`", path.display()));
     let mut files = arguments.files.iter().map(read);
     let first = files.next().context("no file is given")??;
     let files = Files { first, others: files.collect::<anyhow::Result<_>>()? };
     let sound = files.all().all(|file| file.notes.problems.is_empty());
     match &arguments.device {
-        Some(name) => one(arguments, &files, name, output)?,
+        Some(name) => {
+            for (path, file) in arguments.files.iter().zip(files.all()) {
+                explain::told(path, &file.notes, &mut std::io::stderr())?;
+            }
+            one(arguments, &files, name, output)?;
+        }
         None if arguments.json => {
             serde_json::to_writer_pretty(&mut *output, &json::files(&files))?;
             writeln!(output)?;
@@ -104,23 +127,44 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 /// One device, in the form that is asked for.
 fn one(arguments: &Arguments, files: &Files, name: &str, output: &mut dyn Write) -> anyhow::Result<()> {
     let device = files.first.device(name).map_err(anyhow::Error::msg)?;
+    let revisions = files.first.devices.iter().filter(|one| one.type_name == *name).count();
+    if revisions > 1 {
+        note(format_args!(
+            "{revisions} revisions are called \"{name}\": the newest, {}, is taken",
+            number(device.revision)
+        ));
+    }
     let assembly = files.assembly(device, &arguments.slots)?;
-    let vendor = files.first.vendor.id.unwrap_or(0);
     if let Some(path) = &arguments.sii {
-        std::fs::write(path, image::eeprom(device, vendor).emit())
-            .with_context(|| format!("writing `{}`", path.display()))?;
+        let identity =
+            files.first.vendor.id.filter(|_| device.product_code.is_some() && device.revision.is_some());
+        let vendor = identity.with_context(|| {
+            format!("its file doesn't say who {} is: vendor, product code or revision", device.type_name)
+        })?;
+        keep(path, &image::eeprom(device, vendor).emit())?;
+    }
+    if arguments.sii.is_some() || arguments.segment {
+        for doubt in assembly.doubts() {
+            warn(doubt);
+        }
     }
     if arguments.toml {
         write!(output, "{}", table::of(&files.first, &assembly))?;
     } else if arguments.segment {
         write!(output, "{}", segment(arguments, device)?)?;
     } else if arguments.json {
-        serde_json::to_writer_pretty(&mut *output, &json::assembly(&assembly))?;
+        serde_json::to_writer_pretty(&mut *output, &json::one(files, &assembly))?;
         writeln!(output)?;
     } else if arguments.sii.is_none() {
         explain::device(&files.first, &assembly, output)?;
     }
     Ok(())
+}
+
+/// A new file: what is there is left alone, be it the maker's own.
+fn keep(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let kept = File::create_new(path).and_then(|mut file| file.write_all(bytes));
+    kept.with_context(|| format!("writing `{}`: nothing that exists is written over", path.display()))
 }
 
 /// A segment file with the device alone. Paths don't depend on where the file is put.
@@ -130,15 +174,19 @@ fn segment(arguments: &Arguments, device: &Device) -> anyhow::Result<String> {
         let text = path.into_os_string().into_string();
         Ok(format!("{:?}", text.map_err(|_| anyhow::anyhow!("the path isn't UTF-8"))?))
     };
-    let wanted = format!("0x{:08X}:0x{:08X}", device.product_code.unwrap_or(0), device.revision);
+    let has_numbers = device.product_code.is_some() && device.revision.is_some();
+    let wanted = if has_numbers { device.numbers() } else { device.type_name.clone() };
     let mut text = format!(
-        "# {} as its maker's file says.\n[[subdevice]]\nkind = \"esi\"\nesi = {}\ndevice = \"{wanted}\"\n",
+        "# {} as its maker's file says.\n[[subdevice]]\nkind = \"esi\"\nesi = {}\ndevice = {wanted:?}\n",
         device.type_name.replace(char::is_control, " "),
         path(&arguments.files[0])?
     );
     if !arguments.slots.is_empty() {
         let others = arguments.files[1..].iter().map(|one| path(one)).collect::<anyhow::Result<Vec<_>>>()?;
-        text += &format!("modules = {:?}\nmodule_files = [{}]\n", arguments.slots, others.join(", "));
+        text += &format!("modules = {:?}\n", arguments.slots);
+        if !others.is_empty() {
+            text += &format!("module_files = [{}]\n", others.join(", "));
+        }
     }
     Ok(text)
 }

@@ -67,12 +67,109 @@ fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
 }
 
 #[test]
+fn what_is_wrong_with_a_makers_file_is_told_with_each_form_of_a_device() {
+    let folder = Folder::new("esi-wrong");
+    let made_up = std::fs::read_to_string(root().join("segments/maker.xml")).unwrap();
+    let wrong = [
+        ("<Id>#x0F0F</Id>", "<Id/>"),
+        ("RevisionNo=\"#x00010000\"", "RevisionNo=\"#x 0001 0000\""),
+        ("<AssignActivate>#x0300<", "<AssignActivate>#x30000<"),
+        ("<Data>0300</Data>", "<Data>030</Data>"),
+        ("<BitLen>32</BitLen><Name>Target velocity", "<BitLen>300</BitLen><Name>Target velocity"),
+        ("<GroupType>Drives</GroupType>", "<GroupType>Drives</GroupType><Wheel/>"),
+    ];
+    let text = wrong.iter().fold(made_up, |text, (right, wrong)| text.replacen(right, wrong, 1));
+    let path = folder.path("wrong.xml");
+    std::fs::write(&path, text).unwrap();
+    let told = [
+        "Vendor/Id: expected a number",
+        "attribute RevisionNo: expected a number",
+        "AssignActivate: expected a number from 0 to 65535, found \"#x30000\"",
+        "InitCmd/Data: expected at most 4096 bytes in hexadecimal, found \"030\"",
+        "BitLen: expected a number from 0 to 255, found \"300\"",
+        "/Device/Wheel",
+    ];
+    let mut tables = Vec::new();
+    let image = folder.path("image.bin");
+    for form in [&[][..], &["--toml"], &["--segment"], &["--json"], &["--sii", &image]] {
+        let output = omnibase(&[&["esi", &path, "--device", "MU-SERVO"], form].concat());
+        assert_eq!(output.status.code(), Some(1), "{form:?}");
+        let stderr = words(&output.stderr);
+        for expected in told {
+            assert!(stderr.contains(expected), "{form:?}: {expected}\n{stderr}");
+        }
+        tables.push(words(&output.stdout));
+    }
+    for expected in told.map(|one| one.rsplit(": ").next().unwrap().replace('"', "\\\"")) {
+        assert!(tables[3].contains(&expected), "{expected}\n{}", tables[3]);
+    }
+    let table = &tables[1];
+    for expected in [
+        "# vendor_id = \"?\"",
+        "# revision = \"?\"",
+        "pad:8 ? 6071:16",
+        "FILL IN what",
+        "has a number that can't be read",
+    ] {
+        assert!(table.contains(expected), "{expected}\n{table}");
+    }
+    assert!(!table.contains("\"0x0\"") && !table.contains("without SYNC"), "{table}");
+    assert!(tables[0].contains("vendor ?, product 0x00000402, revision ?"), "{}", tables[0]);
+    assert!(!Path::new(&image).exists(), "an image without a revision was written");
+}
+
+#[test]
+fn files_are_neither_written_over_nor_read_twice() {
+    let folder = Folder::new("esi-kept");
+    let file = "segments/maker.xml";
+    let copy = folder.path("maker.xml");
+    std::fs::copy(root().join(file), &copy).unwrap();
+    let output = omnibase(&["esi", &copy, "--device", "MU-IO", "--sii", &copy]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        words(&output.stderr).contains("nothing that exists is written over"),
+        "{}",
+        words(&output.stderr)
+    );
+    assert_eq!(std::fs::read(&copy).unwrap(), std::fs::read(root().join(file)).unwrap());
+    let image = folder.path("io.bin");
+    assert_eq!(esi(&[file, "--device", "MU-IO", "--sii", &image]), "");
+    assert_eq!(std::fs::read(&image).unwrap().len(), 2048);
+    let small = folder.path("small.xml");
+    let text = std::fs::read_to_string(&copy).unwrap();
+    std::fs::write(&small, text.replace("<ByteSize>2048<", "<ByteSize>64<")).unwrap();
+    let output = omnibase(&["esi", &small, "--device", "MU-IO", "--sii", &folder.path("small.bin")]);
+    assert!(
+        words(&output.stderr).contains("its file says that the EEPROM has 64 bytes"),
+        "{}",
+        words(&output.stderr)
+    );
+    let output = omnibase(&["esi", file, file, "--modules"]);
+    assert!(
+        words(&output.stderr).contains("`segments/maker.xml` is given twice"),
+        "{}",
+        words(&output.stderr)
+    );
+}
+
+#[test]
+fn a_makers_drive_is_found_as_one() {
+    let folder = Folder::new("esi-drive");
+    let segment = esi(&["segments/maker.xml", "--device", "MU-SERVO", "--segment"]);
+    let path = folder.path("segment.toml");
+    std::fs::write(&path, segment).unwrap();
+    let tables = words(&omnibase(&["scan", &format!("sim:{path}"), "--toml"]).stdout);
+    assert!(tables.contains("[[drive]]"), "{tables}");
+}
+
+#[test]
 fn a_makers_device_is_simulated_and_brought_to_op() {
     let folder = Folder::new("esi-segment");
     let slots = ["--slot", "MU-AI", "--slot", "MU-DO"];
     for arguments in [&["--device", "MU-IO"][..], &[&["--device", "MU-COUPLER"], &slots[..]].concat()] {
         let segment = esi(&[&["segments/maker.xml", "--segment"], arguments].concat());
         let path = folder.path("segment.toml");
+        assert!(!segment.contains("module_files"), "{segment}");
         std::fs::write(&path, segment).unwrap();
         let output = omnibase(&["exchange", &format!("sim:{path}"), "--cycles", "10"]);
         assert!(words(&output.stdout).contains("operational             yes"), "{}", words(&output.stderr));

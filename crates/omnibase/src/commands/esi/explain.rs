@@ -1,18 +1,19 @@
 //! Files and devices in words.
 
 use super::table::{coe_words, synchronisation};
-use omnibase_esi::model::{Pdo, SmUse};
+use omnibase_esi::model::{Pdo, SmUse, number};
 use omnibase_esi::{Assembly, EsiFile, Module, Notes, Why};
 use std::io::{self, Write};
 use std::path::Path;
 
 /// Paths of what isn't read that are shown of each sort.
 const SHOWN: usize = 40;
+/// What nobody here knows.
+const UNKNOWN: (Why, &str) = (Why::Unknown, "NOT UNDERSTOOD, so nothing follows from it");
 
 /// A file: its devices, modules where asked, what isn't read.
 pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Write) -> io::Result<()> {
-    let vendor = file.vendor.id.map_or("no number".to_owned(), |id| format!("0x{id:08x}"));
-    writeln!(output, "{}: {} (vendor {vendor})", path.display(), file.vendor.name)?;
+    writeln!(output, "{}: {} (vendor {})", path.display(), file.vendor.name, number(file.vendor.id))?;
     for reference in &file.references {
         writeln!(output, "    refers to {reference}: give that file, too, where modules of it are meant")?;
     }
@@ -20,14 +21,13 @@ pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Wr
         writeln!(output, "    {} devices", file.devices.len())?;
     }
     for device in &file.devices {
-        let product = device.product_code.unwrap_or(0);
         let mut words = Vec::new();
         if device.profiles.contains(&402) {
             words.push("drive (CiA 402)".to_owned());
         }
         let [outputs, inputs] = [true, false].map(|outputs| {
             let assembly = Assembly { device, modules: Vec::new() };
-            assembly.default_pdos(outputs).0.iter().map(Pdo::bits).sum::<u32>()
+            bits(&assembly.default_pdos(outputs).0)
         });
         words.push(format!("{outputs} bits out, {inputs} in"));
         if device.mailbox.as_ref().is_some_and(|mailbox| mailbox.coe.is_some()) {
@@ -41,9 +41,9 @@ pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Wr
         }
         writeln!(
             output,
-            "    {:<20} 0x{product:08x}:0x{:08x}  {}  [{}]",
+            "    {:<20} {}  {}  [{}]",
             device.type_name,
-            device.revision,
+            device.numbers(),
             device.names,
             words.join("; ")
         )?;
@@ -62,27 +62,40 @@ pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Wr
         )?;
     }
     for module in modules.into_iter().filter(|_| with_modules) {
-        let bits = |pdos: &[Pdo]| pdos.iter().map(Pdo::bits).sum::<u32>();
-        let ident = module.ident.unwrap_or(0);
         writeln!(
             output,
-            "    {:<20} ident 0x{ident:08x}  class {:<8} {}  [{} bits out, {} in]",
+            "    {:<20} ident {}  class {:<8} {}  [{} bits out, {} in]",
             module.type_name,
+            number(module.ident),
             module.class,
             module.names,
             bits(&module.rx_pdos),
             bits(&module.tx_pdos)
         )?;
     }
-    notes(&file.notes, output)
+    notes(&file.notes, &[UNKNOWN, (Why::Unused, "known and not needed here")], output)
 }
 
-/// What isn't read of a file, and what is wrong in it.
-fn notes(notes: &Notes, output: &mut dyn Write) -> io::Result<()> {
-    for (why, words) in [
-        (Why::Unknown, "NOT UNDERSTOOD, so nothing follows from it"),
-        (Why::Unused, "known and not needed here"),
-    ] {
+/// Bits of PDOs; a question mark where some can't be read.
+fn bits(pdos: &[Pdo]) -> String {
+    if pdos.iter().any(Pdo::is_unclear) {
+        return "?".to_owned();
+    }
+    pdos.iter().map(Pdo::bits).sum::<u32>().to_string()
+}
+
+/// What is wrong in a file or isn't understood, beneath the file's name; nothing where all is well.
+pub fn told(path: &Path, of_file: &Notes, output: &mut dyn Write) -> io::Result<()> {
+    if !of_file.problems.is_empty() || of_file.unread().any(|one| one.why == Why::Unknown) {
+        writeln!(output, "{}:", path.display())?;
+        notes(of_file, &[UNKNOWN], output)?;
+    }
+    Ok(())
+}
+
+/// What isn't read of a file for these reasons, and what is wrong in it.
+fn notes(notes: &Notes, reasons: &[(Why, &str)], output: &mut dyn Write) -> io::Result<()> {
+    for (why, words) in reasons.iter().copied() {
         let all: Vec<_> = notes.unread().filter(|one| one.why == why).collect();
         if all.is_empty() {
             continue;
@@ -109,12 +122,12 @@ fn notes(notes: &Notes, output: &mut dyn Write) -> io::Result<()> {
 pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {
     let device = assembly.device;
     writeln!(output, "{}: {}, {}", device.type_name, device.names, file.vendor.name)?;
-    let product = device.product_code.unwrap_or(0);
-    let vendor = file.vendor.id.unwrap_or(0);
     writeln!(
         output,
-        "identity       vendor 0x{vendor:08x}, product 0x{product:08x}, revision 0x{:08x}",
-        device.revision
+        "identity       vendor {}, product {}, revision {}",
+        number(file.vendor.id),
+        number(device.product_code),
+        number(device.revision)
     )?;
     for (product, revision) in &device.hides {
         let product = product.map_or(String::new(), |product| format!("product 0x{product:08x}, "));
@@ -184,8 +197,8 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
         )?;
     }
     for (slot, module) in (1..).zip(&assembly.modules) {
-        let ident = module.ident.unwrap_or(0);
-        writeln!(output, "slot {slot:<9} {} (ident 0x{ident:08x}), {}", module.type_name, module.names)?;
+        let ident = number(module.ident);
+        writeln!(output, "slot {slot:<9} {} (ident {ident}), {}", module.type_name, module.names)?;
     }
     pdos(assembly, output)?;
     for command in assembly.commands() {
@@ -229,10 +242,12 @@ fn pdos(assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {
                 "{kind} {:04x}     {}, {assigned}, {} bits{flags}{excludes}",
                 pdo.index.index,
                 pdo.name,
-                pdo.bits()
+                bits(std::slice::from_ref(&pdo))
             )?;
             for entry in &pdo.entries {
-                if entry.is_gap() {
+                if entry.is_unclear {
+                    writeln!(output, "    ?       can't be read: {}", entry.name)?;
+                } else if entry.is_gap() {
                     writeln!(output, "    gap     {:>3} bits", entry.bits)?;
                 } else {
                     writeln!(

@@ -11,6 +11,18 @@ pub fn files(files: &Files) -> Value {
 }
 
 fn file(file: &EsiFile) -> Value {
+    let mut value = json!({
+        "vendor": { "id": file.vendor.id, "name": file.vendor.name.english() },
+        "references": file.references,
+        "devices": file.devices.iter().map(device).collect::<Vec<_>>(),
+        "modules": file.modules.iter().map(module).collect::<Vec<_>>(),
+    });
+    extend(&mut value, notes(file));
+    value
+}
+
+/// What isn't read of a file and what is wrong in it.
+fn notes(file: &EsiFile) -> Value {
     let unread = file.notes.unread().map(|one| {
         let why = if one.why == Why::Unknown { "unknown" } else { "unused" };
         json!({ "path": one.path, "line": one.line, "count": one.count, "why": why })
@@ -18,13 +30,16 @@ fn file(file: &EsiFile) -> Value {
     let problems = file.notes.problems.iter();
     let problems = problems.map(|one| json!({ "path": one.path, "line": one.line, "text": one.text }));
     json!({
-        "vendor": { "id": file.vendor.id, "name": file.vendor.name.english() },
-        "references": file.references,
-        "devices": file.devices.iter().map(device).collect::<Vec<_>>(),
-        "modules": file.modules.iter().map(module).collect::<Vec<_>>(),
         "unread": unread.collect::<Vec<_>>(),
         "problems": problems.collect::<Vec<_>>(),
+        "beyond": file.notes.beyond,
     })
+}
+
+fn extend(value: &mut Value, more: Value) {
+    if let (Value::Object(value), Value::Object(more)) = (value, more) {
+        value.extend(more);
+    }
 }
 
 fn device(device: &Device) -> Value {
@@ -48,8 +63,14 @@ fn module(module: &Module) -> Value {
     })
 }
 
-/// A device with its modules.
-pub fn assembly(assembly: &Assembly) -> Value {
+/// A device with its modules, and the notes of every file.
+pub fn one(files: &Files, of: &Assembly) -> Value {
+    let mut value = assembly(of);
+    extend(&mut value, json!({ "files": files.all().map(notes).collect::<Vec<_>>() }));
+    value
+}
+
+fn assembly(assembly: &Assembly) -> Value {
     let mut value = device(assembly.device);
     let commands = assembly.commands().into_iter().map(|one| {
         let source = match one.source {
@@ -64,7 +85,9 @@ pub fn assembly(assembly: &Assembly) -> Value {
             "data": one.command.data,
             "comment": one.command.comment,
             "source": source,
+            "complete_access": one.command.complete_access,
             "sent_in_pre_op": one.is_for_pre_op(),
+            "is_parameter": one.is_parameter(),
         })
     });
     let more = json!({
@@ -78,14 +101,12 @@ pub fn assembly(assembly: &Assembly) -> Value {
             "enabled": one.enabled, "virtual": one.is_virtual, "op_only": one.op_only,
         })).collect::<Vec<_>>(),
         "dc_modes": assembly.device.dc_modes.iter().map(|one| json!({
-            "name": one.name, "description": one.description.english(), "assign_activate": one.assign_activate,
+            "name": one.name, "description": one.description.english(), "assign_activate": one.assign_activate, "unclear": one.is_unclear,
             "sync0": { "cycle_ns": one.sync0.cycle_ns, "factor": one.sync0.factor, "shift_ns": one.sync0.shift_ns },
             "sync1": { "cycle_ns": one.sync1.cycle_ns, "factor": one.sync1.factor, "shift_ns": one.sync1.shift_ns },
         })).collect::<Vec<_>>(),
     });
-    if let (Value::Object(value), Value::Object(more)) = (&mut value, more) {
-        value.extend(more);
-    }
+    extend(&mut value, more);
     value
 }
 
@@ -96,7 +117,7 @@ fn pdos(assembly: &Assembly, outputs: bool) -> Vec<Value> {
         let entries = pdo.entries.iter().map(|entry| {
             json!({
                 "index": entry.index.index, "subindex": entry.subindex, "bits": entry.bits,
-                "name": entry.name.english(), "type": entry.data_type,
+                "name": entry.name.english(), "type": entry.data_type, "unclear": entry.is_unclear,
             })
         });
         json!({

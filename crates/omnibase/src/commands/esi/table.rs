@@ -34,7 +34,7 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
         &format!("{TO_FILL}: its place on the bus, as `omnibase scan` shows it; or `alias`"),
     );
     let maps = [assembly.default_pdos(true).0, assembly.default_pdos(false).0];
-    let commands: Vec<Command> = assembly.commands().into_iter().filter(Command::is_for_pre_op).collect();
+    let commands: Vec<Command> = assembly.commands().into_iter().filter(Command::is_parameter).collect();
     if is_drive {
         table.line("device = \"cia402\"", "its profile is 402; --kinds lists devices that are known better");
     } else if maps.iter().all(Vec::is_empty) && commands.is_empty() {
@@ -42,16 +42,18 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
     } else {
         table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
     }
-    let vendor = file.vendor.id.unwrap_or(0);
-    table.line(
-        &format!("vendor_id = \"0x{vendor:X}\""),
+    identity(
+        "vendor_id",
+        file.vendor.id,
         &format!("{}: another maker's is refused", file.vendor.name),
+        &mut table,
     );
-    let product = device.product_code.unwrap_or(0);
-    table.line(&format!("product_code = \"0x{product:X}\""), &device.type_name);
-    table.line(
-        &format!("revision = \"0x{:X}\"", device.revision),
+    identity("product_code", device.product_code, &device.type_name, &mut table);
+    identity(
+        "revision",
+        device.revision,
         "this file's: leave the line out where a newer one fits too",
+        &mut table,
     );
     for (key, pdos) in [("outputs", &maps[0]), ("inputs", &maps[1])] {
         pdo_lines(key, pdos, device, &mut table);
@@ -63,6 +65,14 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
         signals(&maps, &mut table);
     }
     table.text().to_owned()
+}
+
+/// A number of its identity.
+fn identity(key: &str, number: Option<u32>, reason: &str, table: &mut RobotTable) {
+    match number {
+        Some(number) => table.line(&format!("{key} = \"0x{number:X}\""), reason),
+        None => table.left_to_fill(&format!("{key} = \"?\""), "its maker's file has none that can be read"),
+    }
 }
 
 /// What the file says that a robot's file has no key for.
@@ -106,6 +116,9 @@ fn hints(device: &Device, table: &mut RobotTable) {
 /// A mode of synchronisation in words, and what follows for `[bus]`.
 pub fn synchronisation(mode: &DcMode) -> String {
     let name = if mode.name.is_empty() { mode.description.english() } else { &mode.name };
+    if mode.is_unclear {
+        return format!("\"{name}\" has a number that can't be read: LOOK AT THIS in the maker's file");
+    }
     let sync = |times: &omnibase_esi::model::SyncTimes, of: &str| {
         let cycle = match (times.cycle_ns, times.factor) {
             (0, Some(factor)) if factor < 0 => format!("{of} / {}", -factor),
@@ -131,9 +144,10 @@ pub fn synchronisation(mode: &DcMode) -> String {
     }
 }
 
-/// A PDO's map as a robot's file has it.
+/// A PDO's map as a robot's file has it; what can't be read is a question mark, which no robot's file takes.
 fn map(pdo: &Pdo) -> String {
     let entry = |entry: &PdoEntry| match (entry.is_gap(), entry.subindex) {
+        _ if entry.is_unclear => "?".to_owned(),
         (true, _) => format!("pad:{}", entry.bits),
         (_, 0) => format!("{:04X}:{}", entry.index.index, entry.bits),
         (_, subindex) => format!("{:04X}.{subindex}:{}", entry.index.index, entry.bits),
@@ -150,6 +164,9 @@ fn pdo_lines(key: &str, pdos: &[Pdo], device: &Device, table: &mut RobotTable) {
         let configurable =
             device.mailbox.as_ref().and_then(|one| one.coe.as_ref()).is_some_and(|coe| coe.pdo_config);
         let mut reasons = vec![format!("{}, SyncManager {}", pdo.name, pdo.sync_manager.unwrap_or(0))];
+        if pdo.is_unclear() {
+            reasons.insert(0, format!("{TO_FILL} what its maker's file has a number for that can't be read"));
+        }
         let flags = [
             (pdo.mandatory, "mandatory"),
             (pdo.fixed || !configurable, "its entries can't be changed"),
@@ -258,6 +275,10 @@ fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
             let name = plain_name(entry.name.english(), key, &mut taken);
             let object = format!("{:04X}.{}", entry.index.index, entry.subindex);
             let line = match signal_type(entry) {
+                _ if entry.is_unclear => {
+                    table.comment(&format!("  {name}: {TO_FILL}, a number of it can't be read"));
+                    continue;
+                }
                 _ if number >= SIGNALS => format!("  # {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some("bool") => format!("  {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
