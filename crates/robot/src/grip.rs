@@ -95,6 +95,8 @@ pub(crate) struct Grip {
     shown: [f64; 3],
     /// Standard deviations of v̂.
     sigma: [f64; 3],
+    /// The most that a wheel pushes the floor with, over its load.
+    felt: f64,
     /// `None` before any wheel slipped, in this run or one that is remembered.
     floor: Option<Floor>,
 }
@@ -201,6 +203,7 @@ impl Grip {
             acceleration: [0.0; 3],
             shown: [0.0; 3],
             sigma: [0.0; 3],
+            felt: 0.0,
             floor: plan
                 .grip
                 .remembered
@@ -426,6 +429,7 @@ impl Grip {
         let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
         let missing = self.steady.if_it_slides();
         let (mut is_over, mut is_counted) = (false, false);
+        self.felt = 0.0;
         for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
@@ -442,6 +446,10 @@ impl Grip {
                 true => wheel.ahead_m_s.abs() < 0.5 * least_m_s,
             };
             let step_m = wheel.ahead_m_s.abs() * span_s;
+            // What slid since its first motion looks light, and as if it rubbed.
+            let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg.max(self.told_kg));
+            let given = (force_n + rubs_n).abs() / pressed_n;
+            self.felt = self.felt.max(given);
             if wheel.slips {
                 wheel.since_ns += span_ns;
                 wheel.way_m += step_m;
@@ -452,10 +460,7 @@ impl Grip {
                 is_over |= wheel.since_ns > LONGEST_NS;
             } else if let Some(slide) = wheel.slide {
                 wheel.way_m += slide.step_m;
-                // What slid since its first motion looks light, and as if it rubbed.
-                let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg.max(self.told_kg));
-                let given_n = (force_n + rubs_n).abs();
-                self.floor = Some(Floor::seen(self.floor, given_n / pressed_n, span_s));
+                self.floor = Some(Floor::seen(self.floor, given, span_s));
             } else if is_ahead {
                 wheel.way_m += step_m;
             } else if wheel.way_m != 0.0 {
@@ -485,6 +490,7 @@ impl Grip {
             mass_sigma_kg: self.identification.mass_sigma_kg(),
             slip_m_s: self.wheels.map(|wheel| wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s)),
             slipped_m: self.wheels.map(|wheel| if wheel.is_loose() { wheel.way_m } else { 0.0 }),
+            felt: self.felt,
             friction: self.floor.map(|floor| floor.coefficient),
             friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),
         }

@@ -60,6 +60,13 @@ impl RobotPlan {
                 LONGEST_CYCLE_NS / 1000
             ));
         }
+        if let (Some(least_kg), Some(begins_kg)) = (self.mass_kg, self.controller.mass_kg)
+            && begins_kg < least_kg
+        {
+            doubts.push(format!(
+                "controller.mass_kg = {begins_kg} kg: less than the robot without a load, platform.mass_kg = {least_kg} kg; which was weighed?"
+            ));
+        }
         let most_m_s = self.reached_m_s();
         if most_m_s < limits.speed_m_s {
             doubts.push(format!(

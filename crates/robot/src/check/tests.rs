@@ -233,6 +233,11 @@ fn what_is_probably_not_meant_is_warned_of() {
             "limits.speed_m_s = 1.6 m/s: wheels of limits.wheel_speed_rad_s = 15 rad/s reach 1.5",
         ),
         ("cycle_us = 1000", "cycle_us = 1100", "bus.cycle_us = 1100: few drives take it"),
+        (
+            "mass_kg = 70.0            # w",
+            "mass_kg = 80.0 # w",
+            "controller.mass_kg = 70 kg: less than the robot",
+        ),
     ] {
         let found = doubts(from, to);
         assert!(found.iter().any(|doubt| doubt.starts_with(setting)), "{to}: {found:?}");

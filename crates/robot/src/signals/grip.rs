@@ -54,6 +54,8 @@ pub struct GripReport {
     pub slip_m_s: [f64; MAX_WHEELS],
     /// How far each wheel slipped lately, m, this time and within two seconds before; 0 where it grips.
     pub slipped_m: [f64; MAX_WHEELS],
+    /// The most that a wheel pushes the floor with, over its load, whether it slips or not.
+    pub felt: f64,
     /// Force that the floor gave a wheel while it slipped, over its load; `None` where none has slipped yet.
     pub friction: Option<f64>,
     /// The standard deviation of that.

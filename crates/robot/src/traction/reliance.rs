@@ -1,5 +1,6 @@
 //! The friction that is counted on: what the estimate supports, less after each slip, more with each metre of grip.
 
+use super::PLANNED;
 use crate::config::GripPlan;
 use crate::signals::GripReport;
 
@@ -11,8 +12,9 @@ const LEAST: f64 = 0.01;
 const ENOUGH: f64 = 1.5;
 /// Where a wheel slips though less was counted on than it seems to get, something else is wrong: so much less is.
 const LESS: f64 = 0.8;
-/// A floor is known where it was felt: what is counted on grows to e times as much on so many metres of grip, m. Each slip
-/// doubles them, up to the second; on a floor that is as good as any they are the first again.
+/// A floor is known where it was felt: what is counted on grows to e times as much on so many metres of grip, m, on which a wheel needs
+/// all that motions are planned with, and on more by the square of the part that it needs. Each slip doubles them, up to the second; on
+/// a floor that is as good as any they are the first again.
 const RENEWED_M: [f64; 2] = [3.0, 48.0];
 
 /// What an estimate with its standard deviation supports.
@@ -63,8 +65,10 @@ impl Reliance {
             return;
         }
         self.slip = None;
-        if let Some(found) = self.found.filter(|_| way_m.is_finite()) {
-            let found = found * (1.0 + way_m / self.renewed_m);
+        if let Some(found) = self.found.filter(|_| way_m.is_finite() && grip.felt.is_finite()) {
+            // What asks for little shows little.
+            let shown = (grip.felt / (PLANNED * found)).clamp(0.0, 1.0);
+            let found = found * (1.0 + shown * shown * way_m / self.renewed_m);
             self.found = Some(found).filter(|found| *found < ENOUGH);
             if self.found.is_none() {
                 self.renewed_m = RENEWED_M[0];
@@ -99,11 +103,17 @@ mod tests {
         report
     }
 
-    /// Metres of grip until so much is counted on.
-    fn metres_until(reliance: &mut Reliance, enough: impl Fn(Option<f64>) -> bool) -> f64 {
+    /// Wheels that grip and push so much of their load.
+    fn grips(felt: f64) -> GripReport {
+        GripReport { felt, ..Default::default() }
+    }
+
+    /// Metres of grip until so much is counted on, while a wheel needs so much of what motions are planned with.
+    fn metres_until(reliance: &mut Reliance, part: f64, enough: impl Fn(Option<f64>) -> bool) -> f64 {
         let mut way_m = 0.0;
         while !enough(reliance.friction()) {
-            reliance.look(&GripReport::default(), 1e-3);
+            let felt = reliance.found.map_or(0.0, |found| part * PLANNED * found);
+            reliance.look(&grips(felt), 1e-3);
             way_m += 1e-3;
             assert!(way_m < 1000.0);
         }
@@ -137,15 +147,34 @@ mod tests {
     fn one_patch_is_forgotten_on_the_way_and_each_further_slip_makes_that_longer() {
         let mut reliance = Reliance::new(&nothing());
         reliance.look(&slips(0.1, 0.01), 1e-3);
-        let first_m = metres_until(&mut reliance, |friction| friction.is_none());
+        let first_m = metres_until(&mut reliance, 1.0, |friction| friction.is_none());
         // ln(1.5 / 0.0836) times 3 m.
         assert!((first_m - 8.66).abs() < 0.05, "{first_m}");
         reliance.look(&slips(0.1, 0.01), 1e-3);
         let past = |friction: Option<f64>| friction.is_none_or(|friction| friction > 0.1);
-        let before_m = metres_until(&mut reliance, past);
+        let before_m = metres_until(&mut reliance, 1.0, past);
         reliance.look(&slips(0.1, 0.01), 1e-3);
-        let again_m = metres_until(&mut reliance, past);
+        let again_m = metres_until(&mut reliance, 1.0, past);
         assert!((again_m / before_m - 2.0).abs() < 0.5, "{before_m} then {again_m}");
+    }
+
+    #[test]
+    fn who_asks_little_of_a_floor_learns_little_of_it() {
+        let metres = |part: f64| {
+            let mut reliance = Reliance::new(&nothing());
+            reliance.look(&slips(0.1, 0.01), 1e-3);
+            metres_until(&mut reliance, part, |friction| friction.is_none_or(|friction| friction > 0.2))
+        };
+        let all_m = metres(1.0);
+        assert!((metres(0.5) / all_m - 4.0).abs() < 0.01, "{all_m}");
+        // What is felt beyond that tells no more.
+        assert_eq!(metres(2.0), all_m);
+        let mut reliance = Reliance::new(&nothing());
+        reliance.look(&slips(0.1, 0.0), 1e-3);
+        for felt in [0.0, -1.0, f64::NAN] {
+            reliance.look(&grips(felt), 10.0);
+        }
+        assert_eq!(reliance.friction(), Some(0.1));
     }
 
     #[test]
@@ -166,7 +195,7 @@ mod tests {
         assert_eq!(reliance.friction(), Some(0.3));
         reliance.look(&slips(0.1, 0.0), 1e-3);
         assert_eq!(reliance.friction(), Some(0.1));
-        assert!(metres_until(&mut reliance, |friction| friction == Some(0.3)) < 10.0);
+        assert!(metres_until(&mut reliance, 1.0, |friction| friction == Some(0.3)) < 10.0);
         let floor = RememberedFloor { friction: 0.2, friction_sigma: 0.02 };
         let reliance = Reliance::new(&GripPlan { remembered: Some(floor), ..nothing() });
         assert!((reliance.friction().expect("remembered") - 0.1671).abs() < 1e-9);
