@@ -45,10 +45,11 @@ fn a_planned_run_is_seen_changed_and_stopped_by_its_own_user_and_led_by_nobody()
             let (code, text) = said(runtime, &["top", "--once"]);
             assert!(code == Some(0) && text.contains("bmm"), "{text}");
             // Who would write into its devices gets no hand on its interface.
+            let file = runtime.join("none.toml");
             for write in [
                 &["foe", "write", Namespace::NEAR, "1", &robot][..],
                 &["eeprom", "alias", Namespace::NEAR, "1", "7"],
-                &["setup", Namespace::NEAR, "--robot", &robot, "-o", "/dev/null/none.toml"],
+                &["setup", Namespace::NEAR, "--robot", &robot, "-o", file.to_str().unwrap()],
             ] {
                 let (code, text) = said(runtime, write);
                 assert!(code == Some(1) && text.contains("is in use by process"), "{write:?}: {text}");

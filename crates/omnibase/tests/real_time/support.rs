@@ -17,7 +17,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// What a test needs whose machine is busy with other things and pauses any program for hundreds of milliseconds: drives
 /// that take outputs whenever they come (with SYNC0 an SGDV bears five cycles without, and no more can be set), a
 /// second's patience of the robot and more of the drives.
-pub const PATIENT: [&str; 10] = [
+pub const PATIENT: [&str; 12] = [
     "--set",
     "bus.cycle_us=4000",
     "--set",
@@ -26,6 +26,9 @@ pub const PATIENT: [&str; 10] = [
     "bus.synchronisation=sync_manager_event",
     "--set",
     "safety.lost_exchanges_tolerated=250",
+    // Drives that go on by themselves in a pause, and are told another speed after it, make wheels slip.
+    "--set",
+    "safety.slip_m=0.5",
     "--set",
     "safety.drive_watchdog_us=1500000",
 ];
