@@ -130,13 +130,13 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             unheld_cycles: 0,
         };
         let mut speeds = [0.0; WINDOW_CYCLES];
-        let (mut lost, mut ramp, mut cycles, mut was_held) = (0, 0, 0u32, false);
+        let (mut lost, mut ramp, mut cycles, mut was_held, mut is_told) = (0, 0, 0u32, false, false);
         let mut last = self.inputs().position;
         let end = loop {
             let held = key.cycle(hand.key());
             cycles += 1;
             if held && !was_held {
-                // Who holds the key saw what the drive failed by before.
+                // What it failed by before was told.
                 enabling.acknowledge();
             }
             was_held |= held;
@@ -163,6 +163,10 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                     jog.moving_cycles += u32::from(speed != 0);
                 }
                 Progress::Stopped(problem) if was_held => break JogEnd::Drive(problem.to_string()),
+                Progress::Stopped(problem) if !is_told => {
+                    hand.tell(&format!("{problem}; whoever holds the key acknowledges that"));
+                    is_told = true;
+                }
                 _ => {}
             }
             jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);

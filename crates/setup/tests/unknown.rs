@@ -5,7 +5,7 @@ mod unknown;
 
 use omnibase_robot::config::BusPlace;
 use omnibase_setup::{Answer, Question, Step};
-use unknown::{Unknown, differences, drive_square, set_up, set_up_named};
+use unknown::{Circumstances, Found, Unknown, differences, drive_square, set_up, set_up_in};
 
 fn robot() -> Unknown {
     Unknown {
@@ -22,6 +22,15 @@ fn robot() -> Unknown {
 fn once(id: &'static str, answer: Answer) -> impl FnMut(&Question) -> Option<Answer> {
     let mut left = Some(answer);
     move |question| if question.id == id { left.take() } else { None }
+}
+
+/// A set-up under these circumstances, by who keeps every EEPROM.
+fn set_up_where(
+    circumstances: Circumstances,
+    robot: &Unknown,
+    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
+) -> Found {
+    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(())).unwrap()
 }
 
 fn said(text: &str) -> Answer {
@@ -105,9 +114,9 @@ fn absurd_numbers_are_refused() {
 fn a_switch_finds_a_drive_that_has_its_number_alone() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let by_switch = |numbers: [u16; 3]| {
-        let places = numbers.map(BusPlace::Identification);
-        set_up_named(&robot, places, &mut |question| question.id.starts_with("name ").then(|| said("switch")))
-            .unwrap()
+        let places = Some(numbers.map(BusPlace::Identification));
+        let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+        set_up_where(named, &robot, &mut |question| question.id.starts_with("name ").then(|| said("switch")))
     };
     let found = by_switch([7, 8, 9]);
     for number in [7, 8, 9] {
@@ -128,10 +137,10 @@ fn a_switch_finds_a_drive_that_has_its_number_alone() {
 #[test]
 fn an_alias_that_two_drives_have_is_written_anew() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
-    let places = [5, 6, 5].map(BusPlace::Alias);
+    let places = Some([5, 6, 5].map(BusPlace::Alias));
+    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
     let found =
-        set_up_named(&robot, places, &mut |question| question.id.starts_with("name ").then(|| said("alias")))
-            .unwrap();
+        set_up_where(named, &robot, &mut |question| question.id.starts_with("name ").then(|| said("alias")));
     let named: Vec<&str> =
         found.asked.iter().map(|(id, _)| id.as_str()).filter(|id| id.starts_with("name ")).collect();
     assert_eq!(named, ["name 0", "name 2"]);
@@ -239,11 +248,9 @@ fn whoever_never_answers_is_left_and_nothing_moves() {
 #[test]
 fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
-    let found = unknown::set_up_letting_go(&robot, 4000, &mut |question| match question.id.as_str() {
-        "floor" => Some(said("drive")),
-        _ => None,
-    })
-    .unwrap();
+    let lets_go = Circumstances { lets_go_at: Some(4000), ..Circumstances::default() };
+    let found =
+        set_up_where(lets_go, &robot, &mut |question| (question.id == "floor").then(|| said("drive")));
     let driven: Vec<&String> =
         found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
     assert_eq!(driven.len(), 2, "{driven:?}");
@@ -259,10 +266,11 @@ fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
 fn a_drive_that_failed_is_enabled_again_by_who_holds_the_key() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
     for (part, asked) in [("SubDevice 1 turns", "again 1"), ("a metre AHEAD", "drive ahead")] {
-        let found = unknown::set_up_failing(&robot, part, &mut |question| {
-            (question.id == "floor").then(|| said("drive"))
-        })
-        .unwrap();
+        let fails = Circumstances { fails_while: Some(part), has_memory: true, ..Circumstances::default() };
+        let found =
+            set_up_where(fails, &robot, &mut |question| (question.id == "floor").then(|| said("drive")));
+        let is_told = |text: &&String| text.ends_with("acknowledges that");
+        assert_eq!(found.told.iter().filter(is_told).count(), 1, "{part}: {:?}", found.told);
         let times = found.asked.iter().filter(|(id, _)| id == asked).count();
         assert_eq!(times, 1, "{part}: {:?}", found.record.log);
         assert_eq!(found.record.legs.len(), 1, "{part}");
@@ -317,11 +325,14 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
         "alias 1" => Some(said("77")),
         _ => None,
     };
-    let (found, backups) = unknown::set_up_with_memory(&robot, &mut name, &mut |position| match position {
-        0 => Err("no room".to_owned()),
-        _ => Ok(()),
-    });
-    let found = found.unwrap();
+    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let mut backups = Vec::new();
+    let mut back_up = |position: u16, bytes: &[u8]| {
+        assert!(bytes.len() >= 128, "the whole of it");
+        backups.push(position);
+        if position == 0 { Err("no room".to_owned()) } else { Ok(()) }
+    };
+    let found = set_up_in(&robot, remembers, &mut name, &mut back_up).unwrap();
     assert_eq!(backups, [0, 1]);
     assert!(found.text.contains("alias = 77"), "{}", found.text);
     assert_eq!(found.text.matches("alias = ").count(), 1, "{}", found.text);
@@ -331,15 +342,10 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
         "{findings}"
     );
     // A drive that wasn't switched off shows its old one: it is found by its position.
-    let (found, _) = unknown::set_up_with_memory(
-        &robot,
-        &mut |question| match question.id.as_str() {
-            "power" => Some(said("")),
-            _ => name(question),
-        },
-        &mut |_| Ok(()),
-    );
-    let found = found.unwrap();
+    let found = set_up_where(remembers, &robot, &mut |question| match question.id.as_str() {
+        "power" => Some(said("")),
+        _ => name(question),
+    });
     assert!(!found.text.contains("alias = "), "{}", found.text);
     assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
 }

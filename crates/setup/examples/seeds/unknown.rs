@@ -312,68 +312,17 @@ pub fn set_up(
     set_up_in(robot, Circumstances::default(), otherwise, &mut |_, _| Ok(()))
 }
 
-/// As [`set_up`]; in its first drive on the floor the key is let go after so many cycles.
-#[allow(dead_code, reason = "the example lets nothing go")]
-pub fn set_up_letting_go(
-    robot: &Unknown,
-    lets_go_at: u32,
-    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
-) -> Result<Found, String> {
-    let circumstances = Circumstances { lets_go_at: Some(lets_go_at), ..Circumstances::default() };
-    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
-}
-
-/// As [`set_up`]; the drive at position 1 fails once while the key is held for what is told so, and keeps its fault until that is
-/// acknowledged.
-#[allow(dead_code, reason = "in the example no drive fails")]
-pub fn set_up_failing(
-    robot: &Unknown,
-    fails_while: &'static str,
-    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
-) -> Result<Found, String> {
-    let circumstances =
-        Circumstances { fails_while: Some(fails_while), has_memory: true, ..Circumstances::default() };
-    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
-}
-
-/// As [`set_up`], by drives that have these aliases in their EEPROMs, or switches that show these numbers; positions are the wheels'.
-#[allow(dead_code, reason = "the example's drives have no names")]
-pub fn set_up_named(
-    robot: &Unknown,
-    places: [BusPlace; 3],
-    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
-) -> Result<Found, String> {
-    let circumstances = Circumstances { places: Some(places), has_memory: true, ..Circumstances::default() };
-    set_up_in(robot, circumstances, otherwise, &mut |_, _| Ok(()))
-}
-
-/// As [`set_up`], by drives that remember what is written into their EEPROM, and show it once they were switched off and on.
-/// `back_up` keeps what was there before; whose was kept, or wasn't.
-#[allow(dead_code, reason = "the example writes no EEPROM")]
-pub fn set_up_with_memory(
-    robot: &Unknown,
-    otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
-    back_up: &mut dyn FnMut(u16) -> Result<(), String>,
-) -> (Result<Found, String>, Vec<u16>) {
-    let circumstances = Circumstances { has_memory: true, ..Circumstances::default() };
-    let mut asked = Vec::new();
-    let found = set_up_in(robot, circumstances, otherwise, &mut |position, bytes| {
-        assert!(bytes.len() >= 128, "the whole of it");
-        asked.push(position);
-        back_up(position)
-    });
-    (found, asked)
-}
-
 /// What else is so.
 #[derive(Clone, Copy, Default)]
-struct Circumstances {
-    lets_go_at: Option<u32>,
-    fails_while: Option<&'static str>,
-    /// What the wheels' drives are named by already.
-    places: Option<[BusPlace; 3]>,
-    /// What drives know outlives whoever opened the bus, until the robot is put down.
-    has_memory: bool,
+pub struct Circumstances {
+    /// In its first drive on the floor the key is let go after so many cycles.
+    pub lets_go_at: Option<u32>,
+    /// The drive at position 1 fails once while the key is held for what is told so.
+    pub fails_while: Option<&'static str>,
+    /// What the wheels' drives are named by already: aliases in their EEPROMs, or switches.
+    pub places: Option<[BusPlace; 3]>,
+    /// What drives know (faults, EEPROMs) outlives whoever opened the bus, until the robot is put down.
+    pub has_memory: bool,
 }
 
 /// A link that several buses have one after the other.
@@ -389,7 +338,8 @@ impl Link for SharedLink {
     }
 }
 
-fn set_up_in(
+/// As [`set_up`], under these circumstances; `back_up` keeps an EEPROM before it is written.
+pub fn set_up_in(
     robot: &Unknown,
     Circumstances { lets_go_at, fails_while, places, has_memory }: Circumstances,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,

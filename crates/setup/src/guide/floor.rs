@@ -384,9 +384,15 @@ impl<C: Clock> Guide<'_, C> {
                 break;
             }
             was_enabled |= matches!(record.phase, Phase::Holding | Phase::Tracking);
-            if record.phase == Phase::Fault && (was_enabled || is_acknowledged) {
-                drive.words = stopped(&plan, &record);
-                break;
+            if record.phase == Phase::Fault {
+                let words = stopped(&plan, &record);
+                if was_enabled || is_acknowledged {
+                    drive.words = words;
+                    break;
+                }
+                if !acknowledges {
+                    self.hand.tell(&format!("{words}; the held key acknowledges that"));
+                }
             }
             is_acknowledged |= acknowledges;
             if cycles > cycles_of(if was_held { WAITING_S + LONGEST_S } else { WAITING_S }) {
@@ -398,7 +404,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             request = match record.phase {
                 Phase::Disabled if !drive.has_arrived => Some(RequestKind::Enable),
-                // Who holds the key saw what a drive failed by before.
+                // By a drive that failed before: it was told.
                 Phase::Fault => Some(RequestKind::Acknowledge),
                 Phase::Holding | Phase::Tracking if !drive.has_arrived => {
                     Some(RequestKind::Velocity { twist: way.twist, frame: Frame::Body })
